@@ -41,7 +41,7 @@ def read_film(path: str | Path, settings: Iterable[str] = (), text: str | None =
         if not isinstance(name, str):
             continue
         try:
-            shot = _shot(path.parent / f"{name}.yaml", source.place(where), settings)
+            shot = _shot(path.parent, name, source.place(where), settings)
         except (ShotError, MissingInputError) as error:
             failed.append(error)
             continue
@@ -59,7 +59,8 @@ def read_film(path: str | Path, settings: Iterable[str] = (), text: str | None =
             problems.append((("shots", index, "frames"), str(error)))
     title = Card(str(source.get("title") or ""), seconds=_title_seconds(source.get("title_seconds")))
     if rate:
-        problems += _dissolves(entries, title.length(rate) if title.title else 0, rate)
+        dissolves = list(_dissolves(entries, title.length(rate) if title.title else 0, rate))
+        problems += dict(reversed(dissolves)).items()  # the first of each place
     missing = list(_missing_sound(source, path.parent))
     problems += [] if missing else _unreadable_sound(source, path.parent)
     document = validated(source, FilmDocument, problems, missing, failed)
@@ -76,12 +77,16 @@ def read_film(path: str | Path, settings: Iterable[str] = (), text: str | None =
     )
 
 
-def _shot(file: Path, place: str, settings: tuple[str, ...]) -> Shot:
+def _shot(folder: Path, name: str, place: str, settings: tuple[str, ...]) -> Shot:
     """Read a shot of an edit. Raises ShotError, and MissingInputError with its place in the edit."""
+    file = folder / f"{name}.yaml"
     if is_there(file):
         return read_shot(file, settings=settings)
-    known = sorted(f.stem for f in file.parent.glob("*.yaml") if not is_edit(f) and f.name != DEFAULTS)
-    hint = suggestion(file.stem, known) if known else "There are none."
+    known = sorted(f.stem for f in folder.glob("*.yaml") if not is_edit(f) and f.name != DEFAULTS)
+    hint = suggestion(name, known) if known else "There are none."
+    bare = name.rpartition("/")[2].removesuffix(".yaml")
+    if bare in known:
+        hint = f"Write {bare}, its name without folder and suffix."
     raise MissingInputError(f"{place}: there is no shot {shown(file)}. {hint}")
 
 

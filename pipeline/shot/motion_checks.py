@@ -177,7 +177,7 @@ def ratio(source: YamlSource) -> Iterator[Problem]:
     yield (
         at_shortest if len(at_shortest) > 2 else at_longest if len(at_longest) > 2 else at_shortest,
         f"min_edge_length {shortest:g} is {shortest / longest:.0%} of max_edge_length {longest:g}; "
-        f"it must be below 50% (P13), or splitting and collapsing undo each other. "
+        f"it must be below 50%, or splitting and collapsing undo each other. "
         f"Try {DEFAULT_RATIO * longest:.3g}.",
     )
 
@@ -215,7 +215,10 @@ def resample(source: YamlSource) -> Iterator[Problem]:
     kind = next((kind for kind in ("cloud", "net") if isinstance(subject, dict) and kind in subject), None)
     written = source.get("resample")
     if kind is None and isinstance(source.data, dict) and "resample" not in source.data:
-        yield (), "resample is missing; it has no default. Add `resample: …`."
+        yield (
+            ("resample",),
+            "resample is missing; it has no default. Add `resample: {max_edge_length: 0.05}`.",
+        )
     elif kind is not None and written not in (None, "off"):
         fact = "points of a cloud have no edges" if kind == "cloud" else "the points of a net keep their rows"
         yield ("resample",), f"{fact}, and are not resampled. Write resample: off, or leave it out."

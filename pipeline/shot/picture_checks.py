@@ -8,17 +8,18 @@ from typing import Any
 from pipeline.errors import suggestion
 from pipeline.shot.documents.fields import is_number
 from pipeline.shot.documents.lights_and_stage import ENVIRONMENTS
+from pipeline.shot.yaml.plain_text import listed
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.measure import Measure
 from render.scene.quality import MIN_ADAPTIVE_SAMPLES, QUALITIES
 
-ALTERNATIVES = (
-    ("focal_length", "field_of_view"),
-    ("dolly", "distance"),
-    *(("position", name) for name in ("azimuth", "elevation", "orbit", "distance", "dolly")),
-)
+ALTERNATIVES = {
+    "focal_length": ("field_of_view",),
+    "dolly": ("distance",),
+    "position": ("azimuth", "elevation", "orbit", "distance", "dolly"),
+}
 """Settings of a camera that exclude each other."""
 
 _IS_OPEN = (
@@ -70,12 +71,15 @@ def camera(source: YamlSource) -> Iterator[Problem]:
     if not isinstance(written, dict):
         return
     given = [name for name, value in written.items() if value is not None]
-    for one, other in ALTERNATIVES:
-        if one in given and other in given:
+    for one, alternatives in ALTERNATIVES.items():
+        others = [name for name in alternatives if name in given]
+        if one in given and others:
+            verb, remove = ("sets", "one of them") if len(others) == 1 else ("set", one)
+            lines = listed(f"`{name}:`" for name in others)
             yield (
                 ("camera", one),
-                f"{one} and {other} set the same thing in two ways; a camera has one of them. Take one out, "
-                f"or, if {other} is inherited, write `{other}:` with nothing after it.",
+                f"{one} sets what {listed(others)} {verb} too. Remove {remove}, or write {lines} with "
+                "nothing after it if inherited.",
             )
 
 

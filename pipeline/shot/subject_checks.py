@@ -75,17 +75,29 @@ def _measures(
 ) -> Iterator[Problem]:
     unknown = [m for m in given if m in MEASURES and m not in measures]
     yield from (((*where, m), f"{m} is no measure of a {name}. {suggestion(m, measures)}") for m in unknown)
-    size = given.get("size")
-    if isinstance(size, list) and "size" in measures and len(size) != np.size(measures["size"]):
-        wanted = np.size(measures["size"])
-        yield (
-            (*where, "size"),
-            f"size of a {name} has {plural(wanted, 'number')}, not {len(size)}. Write all of them.",
-        )
+    size, wanted = given.get("size"), np.size(measures.get("size", ()))
+    if wanted and (fault := _size_fault(size, wanted)):
+        yield (*where, "size"), f"size of a {name} has {plural(wanted, 'number')}{fault}"
     elif not unknown:
         known = {m: given[m] for m in measures if m in given}
         if all(_has_form(value, measures[m]) for m, value in known.items()):
             yield from _contradictions(where, name, known)
+
+
+def _size_fault(size: Any, wanted: int) -> str | None:
+    """Return the end of the message about a size with another number of sides; None for a good one."""
+    if is_number(size):
+        return f", not one. Write {[size] * wanted}."
+    if not isinstance(size, list):
+        return None
+    if len(size) == 1 and isinstance(size[0], list):
+        return f", in one pair of brackets. Write {size[0]}."
+    return None if len(size) == wanted else f", not {len(size)}. Write {_filled(size, wanted)}."
+
+
+def _filled(size: list[Any], wanted: int) -> str:
+    """Return a size with the right number of sides; further ones are like the last."""
+    return str([*size, *[size[-1] if size else 1] * wanted][:wanted])
 
 
 def _has_form(value: Any, default: Measure) -> bool:

@@ -41,11 +41,21 @@ class CorruptImageError(RenderError):
     exit_code = 1
 
 
-def suggestion(word: object, names: Iterable[str], cutoff: float = 0.6) -> str:
+MOST_LISTED = 20
+"""Most names that a suggestion lists."""
+
+
+def suggestion(word: object, names: Iterable[str], cutoff: float = 0.66, listing: str = "") -> str:
     """Return the remedy for an unknown name: `Did you mean 'vortex'?`, or the names there are.
 
-    cutoff  similarity that a name needs to be proposed, 0 to 1
+    cutoff   similarity that a name needs to be proposed, 0 to 1
+    listing  a sentence that says where to find the names if they are more than MOST_LISTED
     """
     known = list(names)
-    close = get_close_matches(str(word), known, n=1, cutoff=cutoff)
-    return f"Did you mean {close[0]!r}?" if close else f"There are: {', '.join(known)}."
+    spelt = str(word).strip().lower().replace("-", "_").replace(" ", "_")
+    close = [spelt] if spelt in known else get_close_matches(str(word), known, n=1, cutoff=cutoff)
+    if close:
+        return f"Did you mean {close[0]!r}?"
+    if len(known) <= MOST_LISTED:
+        return f"There are: {', '.join(known)}."
+    return f"There are {len(known)}, such as {', '.join(known[:3])}. {listing}".rstrip()

@@ -92,7 +92,7 @@ def test_the_first_shot_may_dissolve_from_the_title(folder: Path) -> None:
             "",
             r"film\.yaml:4:15: .*dissolve is -3; it must be at least 0",
         ),
-        ("  - A\n  - {shot: B, dissolve: 1.5}", "", r"film\.yaml:4:15: .*whole number"),
+        ("  - A\n  - {shot: B, dissolve: 1.5}", "", r"film\.yaml:4:15: .* 1\.5 is no count of frames"),
         ("  - A\n  - {card: Two, second: 3}", "", r"film\.yaml:4:17: second is not known.*'seconds'"),
         ("  - A\n  - {card: 2}", "", r"film\.yaml:4:6: .*card is 2; it must be text"),
         (

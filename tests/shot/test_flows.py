@@ -175,7 +175,7 @@ BAD = [
      ["6:54: flows.0.within.region.sphere.radius.keys.9 is 0; it must be above 0"]),
     ("within: {region: {sphere: {radius: 1}, falloff: -1}, flows: []}",
      ["6:44: flows.0.within.region.falloff is -1; it must be at least 0",
-      "6:58: flows.0.within.flows has 0 items; it must have at least 1"]),
+      "6:58: flows.0.within.flows is empty; it must have 1 or more items. Write them, or remove the name."]),
     ("within: {region: {falloff: 1}, flows: [{votex: }]}",
      ["6:14: flows.0.within.region: a region is one of sphere, box, half_space, capsule, cylinder, mesh, "
       "and this has none. Write one.",
@@ -205,9 +205,9 @@ BAD = [
     ("within: {reion: {}, flows: {vortex: }}",
      ["6:5: region is missing under flows.0.within; it has no default. Add `region: …`.",
       "6:14: reion is not known under flows.0.within. Did you mean 'region'?",
-      "6:25: flows.0.within.flows is a mapping; it must be a list. Write it as [a, b, c]."]),
+      "6:25: flows.0.within.flows: each flow begins with a dash. Write - vortex:."]),
     ("reversed:", ["6:5: flows is missing under flows.0.reversed; it has no default. Add `flows: …`."]),
-    ("sum:", ["6:5: flows.0.sum has 0 items; it must have at least 1"]),
+    ("sum:", ["6:5: flows.0.sum is empty; it must have 1 or more items. Write them, or remove the name."]),
 ]  # fmt: skip
 
 

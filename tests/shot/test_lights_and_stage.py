@@ -137,7 +137,7 @@ BOX = "radiance: 9, position: [0, 4, 4]"
         ("lights: {intensity: {kee: 2}}", "a.yaml:5:22: kee is no light here. Did you mean 'key'?"),
         ("lights: {sun: {}, intensity: {key: 2}}", "key is no light here."),
         ("lights: {intensity: -1}", "lights.intensity is -1; it must be at least 0"),
-        ("lights: {softboxes: []}", "it must have at least 1"),
+        ("lights: {softboxes: []}", "it must have 1 or more items"),
         (f"lights: {{softboxes: [{{{BOX}, width: 0}}]}}", "width is 0; it must be above 0"),
         (f"lights: {{softboxes: [{{{BOX}, target: [0, 4, 4]}}]}}", "5:22: a softbox stands at its own"),
         ("lights: {softboxes: [{radiance: [9, -1, 9], position: [0, 4, 4]}]}", "is -1; it must be at"),

@@ -109,7 +109,7 @@ def test_a_material_of_mitsuba_is_written_out_with_what_it_holds(folder: Path) -
             "axis, which box does not use",
         ),
         ("{material: clay, colour: a.png, projection: {kind: planr}}", "Did you mean 'planar'?"),
-        ("{colour: [1, 1, 1]}", "look has neither material nor bsdf"),
+        ("{colour: [1, 1, 1]}", "look names no material. Add material: clay, or bsdf."),
         (f"{{material: clay, bsdf: {{{GOLD}}}}}", "look has both material and bsdf"),
         (f"{{colour: [1, 1, 1], bsdf: {{{GOLD}}}}}", "look has colour beside bsdf"),
         ("{bsdf: {alpha: 2}}", "a.yaml:5:8: a material of Mitsuba is a mapping with a type"),

@@ -142,7 +142,7 @@ def test_the_surface_of_a_net_is_fine_unless_the_shot_says_otherwise(folder: Pat
         ),
         (
             f"{{net: {ROWS.replace('3.0, 0.0, 4.0', '3.0, 0.0')}}}",
-            "subject.net.4.3 has 2 items; it must have at",
+            "subject.net.4.3: [3.0, 0.0] has 2 numbers; it must have",
         ),
         (f"{{net: {ROWS}, closed: row}}", "'row' is no way to close a net. Did you mean 'rows'?"),
         ("{net: {solid: tube}, rows: 3}", "subject.rows is 3; it must be at least 4"),
@@ -178,7 +178,7 @@ def test_points_are_not_resampled_and_a_shot_that_wants_it_is_told(folder: Path,
 
 def test_a_surface_says_how_it_is_resampled(folder: Path) -> None:
     assert told(folder, "{solid: box}") == [
-        "a.yaml:1:1: resample is missing; it has no default. Add `resample: …`."
+        "a.yaml:1:1: resample is missing; it has no default. Add `resample: {max_edge_length: 0.05}`."
     ]
 
 

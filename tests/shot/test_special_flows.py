@@ -109,7 +109,7 @@ WRONG = [
     ),
     ('formula: ["-y", "x + os", "0"]', "6:26: os is not known here. Did you mean 'cos'?"),
     ("formula: {velocity: [y, 'k * open(1)', 0], with: {k: 1}}", "6:34: open is no function here"),
-    ("formula: -y, x, 0", "formula is '-y, x, 0'; it must be three of them. Write them as [-y, x, 0]."),
+    ("formula: -y, x, 0", "formula is '-y, x, 0'; it must be a list of three. Write [-y, x, 0]."),
     ("formula: [x, y]", "formula has 2 items; it must have at least 3"),
     ("formula: {velocity: [x, y, z], with: {sin: 1}}", "'sin' cannot name a number"),
     (

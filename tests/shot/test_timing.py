@@ -114,8 +114,8 @@ BAD = [
     ("strength: {keys: {1: 0, .nan: 3}}",
      "6:38: key nan is no time; write a frame, such as 12, or seconds, such as 0.5s"),
     ("strength: {keys: {1: 0, 2: 4s}}",
-     "6:38: flows.0.vortex.strength.keys.2 is '4s'; it must be a number. "
-     "Write it plainly, without quotes or units."),
+     "6:38: flows.0.vortex.strength.keys.2 is '4s'; it must be a number, without quotes "
+     "or units. Write 4."),
     ("strength: {keys: {1: 0, 2: 1}, after: pingpong}",
      "6:45: flows.0.vortex.strength.after: 'pingpong' is no extrapolation. Did you mean 'ping_pong'?"),
     ("strength: {keys: {1: 0, 9: {value: 2, left: [-2, 1]}}}",

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from pipeline.errors import suggestion
+from pipeline.shot.documents.colours import HEX_PATTERN, is_hex, linear_of
 from pipeline.shot.documents.fields import is_number
 from pipeline.shot.yaml.lookup import digest_of_file, is_there, shown
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
@@ -49,7 +51,7 @@ def bsdf_of(bsdf: dict[str, Any], context: ParseContext) -> Bsdf:
 
     def with_textures(part: Any) -> Any:
         if not isinstance(part, dict):
-            return part
+            return linear_of(part) if is_hex(part) else part
         plugin = {name: with_textures(value) for name, value in part.items()}
         if "filename" in plugin:
             path = context.file(plugin["filename"])
@@ -119,17 +121,21 @@ def _value(value: Any, kind: str, where: Where, folder: Path) -> Iterator[Proble
     if isinstance(value, dict) and kind == "texture":
         yield from _plugin(value, where, folder, "texture", tuple(TEXTURES))
         return
-    is_colour = isinstance(value, list) and len(value) == 3 and all(is_number(part) for part in value)
+    is_colour = re.fullmatch(HEX_PATTERN, value) if isinstance(value, str) else _is_triple(value)
     fits = {
         "number": is_number(value),
         "bool": isinstance(value, bool),
         "text": isinstance(value, str),
         "index": is_number(value) or isinstance(value, str),
         "file": isinstance(value, str),
-        "texture": is_number(value) or is_colour,
+        "texture": is_number(value) or bool(is_colour),
     }
     if not fits[kind]:
         yield where, f"{where[-1]} must be {_KINDS[kind]}."
+
+
+def _is_triple(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 3 and all(is_number(part) for part in value)
 
 
 def _file(plugin: dict[str, Any], where: Where, folder: Path) -> Iterator[Problem]:

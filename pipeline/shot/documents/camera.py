@@ -34,6 +34,7 @@ from pipeline.shot.documents.fields import (
     Positive,
     Triple,
     ZeroToOne,
+    is_written_number,
     one_of,
     optional,
 )
@@ -53,14 +54,14 @@ SafeArea = Annotated[str, one_of(SAFE_AREAS, "safe area")]
 Margin = Annotated[float, Field(ge=0, lt=0.5)]
 MarginField = Annotated[
     Margin | Keyed[Margin] | OverTime | SafeArea,
-    ByForm(lambda value: 3 if isinstance(value, str) else curve_form(value)),
+    ByForm(lambda value: 3 if isinstance(value, str) and not is_written_number(value) else curve_form(value)),
     within(Bounds(0.0, math.nextafter(0.5, 0.0), "at 0 or above and below 0.5")),
 ]
 
 
 def _focus_form(value: Any) -> int:
     """Return which member of `FocusField` a focus is: a distance, a place or `subject`."""
-    if isinstance(value, str):
+    if isinstance(value, str) and not is_written_number(value):
         return 6
     kind = curve_form(value)
     if kind == 1 and isinstance(value.get("keys"), dict):
@@ -85,6 +86,8 @@ FocusField = Annotated[
 
 class CameraDocument(Document):
     """The camera. An empty value counts as left out, so that a shot can undo a value that it inherits."""
+
+    example = "{azimuth: 20}"
 
     azimuth: NumberField | None = Field(
         default=-30.0,
@@ -201,6 +204,8 @@ def _degrees(low: float, high: float, usual: str) -> AfterValidator:
 
 
 class ShutterDocument(Document):
+    example = "{angle: 180}"
+
     angle: Annotated[NumberField, _degrees(0.0, 360.0, "180, which film cameras have")] = Field(
         default=180.0, description="opening of the shutter; 360 is a whole frame, 0 no blur (degrees)"
     )

@@ -1,15 +1,16 @@
 """Values that change over time in a shot file: a constant, keys, or a formula."""
 
 import math
+import re
 from typing import Annotated, Any, Generic, NamedTuple, TypeVar, cast, get_args
 
-from pydantic import AfterValidator, Field, ValidationInfo
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from pipeline.errors import UsageError
 from pipeline.flow.easing import BEZIER, EASINGS, Handle
 from pipeline.flow.keyframes import Extrapolation, FormulaCurve, Keyframes
 from pipeline.flow.parameters import Curve, Number, Values, VectorParameter
-from pipeline.formula import TIME
+from pipeline.formula import TIME, Expression, FormulaError
 from pipeline.shot.clock import TIME_PATTERN, Clock
 from pipeline.shot.documents.fields import (
     MAPPING_IS_SECOND,
@@ -22,11 +23,14 @@ from pipeline.shot.documents.fields import (
     Triple,
     ZeroToOne,
     formula_over,
+    is_number,
+    is_written_number,
     one_of,
     optional,
     vector,
 )
-from pipeline.shot.yaml.validation import bad_curve
+from pipeline.shot.yaml.plain_text import in_yaml
+from pipeline.shot.yaml.validation import bad_curve, bad_value
 
 T = TypeVar("T")
 
@@ -156,11 +160,49 @@ def curve_form(value: Any) -> int:
 
 CURVE = ByForm(curve_form)
 
-NumberField = Annotated[Real | Keyed[Real] | OverTime, CURVE, within(ANYWHERE)]
-PositiveField = Annotated[Positive | Keyed[Positive] | OverTime, CURVE, within(ABOVE_0)]
-NotNegativeField = Annotated[NotNegative | Keyed[NotNegative] | OverTime, CURVE, within(NOT_BELOW_0)]
-WeightField = Annotated[ZeroToOne | Keyed[ZeroToOne] | OverTime, CURVE, within(FROM_0_TO_1)]
-PlaceField = Annotated[Triple | Keyed[Triple] | OverTimeTriple, CURVE, within(ANYWHERE)]
+
+def _require_form(value: Any) -> Any:
+    """Refuse what is meant as keys, as a formula or as a place, with the form that it must have."""
+    if isinstance(value, dict):
+        if value and all(_is_time(name) for name in value):
+            raise bad_value(f"frames stand under keys. Write {{keys: {in_yaml(value)}}}.")
+        if isinstance(keys := value.get("keys"), list):
+            raise bad_value(f"keys are values by their frames. Write keys: {_by_frame(keys)}.")
+        if {"x", "y", "z"} == set(value):
+            raise bad_value(f"a place is a list. Write {in_yaml([value[name] for name in 'xyz'])}.")
+    elif isinstance(value, str) and not is_written_number(value) and _is_formula(value):
+        raise bad_value(f"{value!r} is a formula. Write {{formula: {value}}}.")
+    return value
+
+
+def _is_time(name: Any) -> bool:
+    return is_number(name) or (isinstance(name, str) and bool(re.match(TIME_PATTERN, name)))
+
+
+def _is_formula(text: str) -> bool:
+    try:
+        Expression(text, TIME)
+    except FormulaError:
+        return False
+    return True
+
+
+def _by_frame(keys: list[Any]) -> str:
+    """Return a list of keys as a mapping: pairs of frame and value, or values alone."""
+    if all(isinstance(key, list) and len(key) == 2 and is_number(key[0]) for key in keys):
+        return in_yaml({key[0]: key[1] for key in keys})
+    return f"{{1: {in_yaml(keys[0])}, …}}" if keys else "{1: 0, 24: 1}"
+
+
+CURVE_FORM = BeforeValidator(_require_form)
+
+NumberField = Annotated[Real | Keyed[Real] | OverTime, CURVE, within(ANYWHERE), CURVE_FORM]
+PositiveField = Annotated[Positive | Keyed[Positive] | OverTime, CURVE, within(ABOVE_0), CURVE_FORM]
+NotNegativeField = Annotated[
+    NotNegative | Keyed[NotNegative] | OverTime, CURVE, within(NOT_BELOW_0), CURVE_FORM
+]
+WeightField = Annotated[ZeroToOne | Keyed[ZeroToOne] | OverTime, CURVE, within(FROM_0_TO_1), CURVE_FORM]
+PlaceField = Annotated[Triple | Keyed[Triple] | OverTimeTriple, CURVE, within(ANYWHERE), CURVE_FORM]
 
 
 def number(parameter: float | Keyed[Any] | OverTime, clock: Clock, unit: float = 1.0) -> Number:

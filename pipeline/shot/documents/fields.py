@@ -1,9 +1,10 @@
 """Types of values in shot files: strict numbers, names of a registry, vectors, colours and formulas."""
 
 import math
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Annotated, Any, Union, get_args
+from typing import Annotated, Any, ClassVar, Union, get_args
 
 from pydantic import (
     AfterValidator,
@@ -22,7 +23,11 @@ from pipeline.errors import suggestion
 from pipeline.flow.parameters import Vector, X, Y, Z
 from pipeline.flow.streamlines import MAX_SUBSTEPS
 from pipeline.formula import Expression, FormulaError
+from pipeline.shot.yaml.messages import number_in
+from pipeline.shot.yaml.plain_text import in_yaml
+from pipeline.shot.yaml.synonyms import VALUES, as_name
 from pipeline.shot.yaml.validation import bad_value
+from render.base.plural import plural
 
 DEGREE = math.radians(1.0)
 
@@ -33,7 +38,14 @@ SMALLEST, LARGEST = 1e-9, 1e12
 
 
 class Document(BaseModel):
-    """A mapping in a shot file: no unknown keys, no silent conversions."""
+    """A mapping in a shot file: no unknown keys, no silent conversions.
+
+    what     the kind of file, for messages about its names at the top
+    example  one that a shot can have, for messages; empty where its needed names are example enough
+    """
+
+    what: ClassVar[str] = "a shot"
+    example: ClassVar[str] = ""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
@@ -88,7 +100,9 @@ def one_of(names: Iterable[str], kind: str) -> OneOf:
 
     def check(word: str) -> str:
         if word not in known:
-            raise bad_value(f"{word!r} is no {kind}. {suggestion(word, known)}")
+            meant = VALUES.get(as_name(word))
+            hint = f"Did you mean {meant!r}?" if meant in known else suggestion(word, known)
+            raise bad_value(f"{word!r} is no {kind}. {hint}")
         return word
 
     return OneOf(check, known)
@@ -115,6 +129,41 @@ def _check_smallest(value: float) -> float:
     return value
 
 
+def require_three(value: Any) -> Any:
+    """Refuse what is no list of three, with a list that is."""
+    if isinstance(value, list):
+        if value and all(isinstance(item, list) for item in value):
+            raise bad_value(
+                "this is a list of places; a place that moves has keys. Write {keys: {1: "
+                f"{in_yaml(value[0])}, 24: {in_yaml(value[-1])}}}}}."
+            )
+        if len(value) != 3:
+            fact = (
+                f"{in_yaml(value)} has {plural(len(value), 'number')}; it must have three, along x, y and z."
+            )
+            raise bad_value(f"{fact} Write {in_yaml(value[:3])}." if len(value) > 3 else fact)
+    elif is_number(value):
+        raise bad_value(f"{value} is one number; it must be three, along x, y and z. Write {[value] * 3}.")
+    elif isinstance(value, dict) and {"x", "y", "z"} == set(value):
+        raise bad_value(f"a place is a list. Write {in_yaml([value[name] for name in 'xyz'])}.")
+    return value
+
+
+def _require_axis(value: Any) -> Any:
+    """Refuse numbers of axes and backward ones, with the vector that is meant."""
+    if isinstance(value, str) and (match := re.fullmatch(r"(-?)\s*([xyzXYZ])", value)) and match[1]:
+        vector_text = [-1 if name == match[2].lower() else 0 for name in "xyz"]
+        raise bad_value(f"an axis that points backwards is a vector. Write {vector_text}.")
+    if is_number(value):
+        raise bad_value(f"{value} is no axis. Write x, y, z or a vector, such as [0, 1, 1].")
+    return value
+
+
+def is_written_number(value: Any) -> bool:
+    """Tell whether a value is text that begins like a number, such as 50% or 2 mm: a number is meant."""
+    return isinstance(value, str) and number_in(value) is not None
+
+
 Real = Annotated[float, AfterValidator(_check_largest), SchemaKeywords(minimum=-LARGEST, maximum=LARGEST)]
 Positive = Annotated[
     float,
@@ -126,11 +175,12 @@ Positive = Annotated[
 ZeroToOne = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=1, le=MAX_SUBSTEPS)]
 Degrees = Annotated[float, Field(ge=-3600, le=3600)]
-Triple = Annotated[list[Real], Field(min_length=3, max_length=3)]
+Triple = Annotated[list[Real], BeforeValidator(require_three), Field(min_length=3, max_length=3)]
 AxisName = Annotated[str, one_of(("x", "y", "z"), "axis")]
 AxisVector = Annotated[Triple, SchemaKeywords(**{"not": {"const": [0, 0, 0]}})]
-Axis = Annotated[AxisName | AxisVector, ByForm(lambda value: isinstance(value, list))]
-Colour = Annotated[list[ZeroToOne], Field(min_length=3, max_length=3)]
+Axis = Annotated[
+    AxisName | AxisVector, ByForm(lambda value: isinstance(value, list)), BeforeValidator(_require_axis)
+]
 
 
 def vector(values: list[float]) -> Vector:

@@ -74,7 +74,9 @@ class FormulaDocument(FlowParameters):
     def _bare(cls, value: Any) -> Any:
         """`formula: [a, b, c]` is `formula: {velocity: [a, b, c]}`."""
         if isinstance(value, str | int | float):
-            raise finding(f"formula is {value!r}; it must be three of them. Write them as [-y, x, 0].")
+            three = str(value).count(",") == 2
+            remedy = f"Write [{value}]" if three else "Write one for each axis, such as [-y, x, 0]"
+            raise finding(f"formula is {value!r}; it must be a list of three. {remedy}.")
         return {"velocity": value} if isinstance(value, list) else value
 
     @classmethod

@@ -33,6 +33,8 @@ from pipeline.shot.documents.fields import (
 )
 from pipeline.shot.documents.flow_documents import BARE, entries
 from pipeline.shot.documents.regions import RegionDocument
+from pipeline.shot.yaml.plain_text import in_yaml
+from pipeline.shot.yaml.schema_walk import models_in, needed_names
 from pipeline.shot.yaml.validation import bad_value, finding
 
 E = TypeVar("E", bound=Document)
@@ -67,10 +69,33 @@ def seconds(duration: Any, clock: Clock) -> float:
     return length
 
 
+def _require_dashes(value: Any) -> Any:
+    """Refuse flows without dashes, with the list that is meant."""
+    names = FlowDocument.model_fields
+    if isinstance(value, str) and value in names:
+        value = [value]
+    elif isinstance(value, dict) and (first := next((name for name in value if name in names), None)):
+        raise bad_value(f"each flow begins with a dash. Write {_entry(first, value[first])}.")
+    for item in value if isinstance(value, list) else ():
+        if isinstance(item, str) and item in names:
+            needed = dict.fromkeys(needed_names(models_in([names[item].annotation])), "…")
+            raise bad_value(f"a flow is a name, a colon and its numbers. Write {_entry(item, needed)}.")
+    return value
+
+
+def _entry(name: str, value: Any) -> str:
+    """Return an entry of a list as a shot file has it."""
+    return f"- {name}: {in_yaml(value)}" if value else f"- {name}:"
+
+
+DASHES = BeforeValidator(_require_dashes)
+"""Each entry of a list of flows begins with a dash."""
+
+
 class Composition(Document, Generic[E]):
     """Base of the compositions of one list of flows."""
 
-    flows: Annotated[list[E], Field(min_length=1)] = Field(
+    flows: Annotated[list[E], Field(min_length=1), DASHES] = Field(
         description="its flows, which act one after another"
     )
 
@@ -142,7 +167,7 @@ class MirroredDocument(TransformedDocument[E], Generic[E]):
 class BlendDocument(Document, Generic[E]):
     """A blend from one flow, or from rest, to another."""
 
-    flows: Annotated[list[E], Field(min_length=1, max_length=2)] = Field(
+    flows: Annotated[list[E], Field(min_length=1, max_length=2), DASHES] = Field(
         description="one that starts from rest, or two: from the first to the second"
     )
     weight: WeightField = Field(description="of the last, from 0 to 1")
@@ -240,7 +265,7 @@ class VelocityDocument(Velocities):
 class FlowDocument(Flows):
     """One entry under `flows`: a velocity field, a sum of them, a map, or a composition of such entries."""
 
-    sum: Annotated[list[VelocityDocument] | None, Field(min_length=1), LISTED] = optional(
+    sum: Annotated[list[VelocityDocument] | None, Field(min_length=1), LISTED, DASHES] = optional(
         "velocity fields that act together"
     )
     sequence: Annotated[SequenceDocument[FlowDocument] | None, BARE] = optional(

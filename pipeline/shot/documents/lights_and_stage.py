@@ -2,34 +2,43 @@
 
 import dataclasses
 import math
+import re
 from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, Field, PrivateAttr, ValidationInfo, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
+from pipeline.shot.documents.colours import HEX_PATTERN, Colour, parsed_colour
 from pipeline.shot.documents.fields import (
     DEGREE,
     MAPPING_IS_SECOND,
     ByForm,
-    Colour,
     Degrees,
     Document,
     Positive,
+    SchemaKeywords,
     Triple,
     ZeroToOne,
+    is_written_number,
     one_of,
     optional,
     vector,
 )
-from pipeline.shot.yaml.validation import ParseContext, as_finding, finding
+from pipeline.shot.yaml.validation import ParseContext, as_finding, bad_value, finding
 from render.scene.lights import LIGHTS, LightRig, Sky, Softbox
 from render.scene.sky import Daylight, Environment, read_map, sun_position
 from render.scene.stage import STAGES, Stage
 
 SUBJECT_MIDDLE = [0.0, 1.0, 0.0]
 Intensity = Annotated[float, Field(ge=0, le=1e6)]
+RadianceColour = Annotated[
+    list[Intensity],
+    Field(min_length=3, max_length=3),
+    BeforeValidator(lambda value: parsed_colour(value) if isinstance(value, str) else value),
+    SchemaKeywords(type=["array", "string"], pattern=HEX_PATTERN),
+]
 Radiance = Annotated[
-    Intensity | Annotated[list[Intensity], Field(min_length=3, max_length=3)],
-    ByForm(lambda value: isinstance(value, list)),
+    Intensity | RadianceColour,
+    ByForm(lambda value: isinstance(value, list | str) and not is_written_number(value)),
 ]
 Intensities = Annotated[Intensity | dict[str, Intensity], MAPPING_IS_SECOND]
 ENVIRONMENTS = ("sun", "sky", "hdri")
@@ -71,6 +80,8 @@ class SoftboxDocument(Document):
 
 
 class SkyDocument(Document):
+    example = "{zenith: 0.3}"
+
     zenith: Radiance = Field(description="radiance from above, linear Rec.709 or a number")
     horizon: Radiance | None = optional("radiance from the horizon; by default as from above")
     nadir: Radiance | None = optional("radiance from below; by default as from the horizon")
@@ -82,10 +93,20 @@ class SkyDocument(Document):
         return Sky(zenith, horizon, horizon if self.nadir is None else _radiance(self.nadir), self.visible)
 
 
+def _hours(value: Any) -> Any:
+    """Refuse a time of day with minutes, with the hours that it means."""
+    if isinstance(value, str) and (match := re.fullmatch(r"(\d{1,2}):([0-5]\d)(?::\d\d)?", value)):
+        hours = int(match[1]) + int(match[2]) / 60
+        raise bad_value(f"{value!r} is no number of hours. Write {hours:.4g}.")
+    return value
+
+
 class SunDocument(Document):
     """Sun and sky of a clear day."""
 
-    time: Annotated[float, Field(ge=0, le=24)] | None = optional(
+    example = "{elevation: 20}"
+
+    time: Annotated[float, BeforeValidator(_hours), Field(ge=0, le=24)] | None = optional(
         "solar time: the sun is highest at 12 (hours)"
     )
     latitude: Annotated[float, Field(ge=-90, le=90)] | None = optional(
@@ -160,6 +181,8 @@ class SunDocument(Document):
 class LightsDocument(Document):
     """A light rig of the registry, softboxes, and one light from all directions."""
 
+    example = "{rig: studio}"
+
     rig: Annotated[str, one_of(LIGHTS, "light rig")] | None = optional(
         "lights by name; studio if no lights are written out"
     )
@@ -223,11 +246,32 @@ class LightsDocument(Document):
         return rig
 
 
+_SPELT_OUT = {
+    "off": "{intensity: 0}",
+    "none": "{intensity: 0}",
+    "hdri": "{hdri: FILE.exr}",
+    "sun": "{sun: {elevation: 40}}",
+    "sky": "{sky: {zenith: 0.3}}",
+}
+"""Words that are no light rig, and the lights that they mean."""
+
+
+def require_rig(value: Any) -> Any:
+    """Refuse words that are no rig and mean lights that are spelt out."""
+    if isinstance(value, str) and (meant := _SPELT_OUT.get(value)):
+        raise bad_value(f"{value!r} is no light rig. Write lights: {meant}.")
+    return value
+
+
 class StageDocument(Document):
     """A stage of the registry with some of its settings replaced."""
 
+    example = "{kind: ground}"
+
     kind: Annotated[str, one_of(STAGES, "stage")] = Field("cyclorama", description="its name")
-    colour: Colour | None = optional("of floor and wall, linear Rec.709: red, green, blue from 0 to 1")
+    colour: Colour | None = optional(
+        "of floor and wall: red, green, blue from 0 to 1, linear Rec.709, or '#c04020'"
+    )
     roughness: ZeroToOne | None = optional(
         "of a coat on the floor: 0.05 mirrors, 0.4 shimmers; by default matt"
     )

@@ -53,12 +53,14 @@ _PARTS = ("absorption", "pigment", "measure", "relief", "projection")
 class LookDocument(Document):
     """A look of the registry with some of its values replaced, or a material of Mitsuba."""
 
+    example = "{material: clay}"
+
     model_config = exactly_one("material", "bsdf")
 
     material: Annotated[str, one_of(LOOKS, "look")] | None = optional("the look to begin with")
     bsdf: BsdfMapping | None = optional("in its place a material of Mitsuba, by the names of its manual")
     colour: ColourOrPicture | None = optional(
-        "linear Rec.709: red, green, blue from 0 to 1; or a picture beside the shot file"
+        "red, green, blue from 0 to 1, linear Rec.709; '#c04020', sRGB; or a picture beside the shot file"
     )
     roughness: NumberOrPicture | None = optional(
         "0.03 is a mirror's gloss, 0.5 is matt; or a picture beside the shot file"
@@ -89,8 +91,9 @@ class LookDocument(Document):
     @model_validator(mode="after")
     def _is_complete(self, info: ValidationInfo) -> Self:
         if (self.material is None) == (self.bsdf is None):
-            fact = "neither material nor bsdf" if self.bsdf is None else "both material and bsdf"
-            raise finding(f"look has {fact}; it is made of one of them. Write one.")
+            if self.bsdf is None:
+                raise finding("look names no material. Add material: clay, or bsdf.")
+            raise finding("look has both material and bsdf; it is made of one of them. Remove one.")
         if self.bsdf is None:
             return self._is_consistent()
         others = sorted(self.model_fields_set - {"bsdf", "projection", "wireframe"})

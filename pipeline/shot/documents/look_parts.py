@@ -5,22 +5,24 @@ Colours are linear Rec.709.
 
 from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, Field, PrivateAttr, ValidationInfo, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
+from pipeline.shot.documents.colours import HEX_PATTERN, Colour, parsed_colour
 from pipeline.shot.documents.fields import (
     DEGREE,
     ORIGIN,
     Axis,
     ByForm,
-    Colour,
     Degrees,
     Document,
     Positive,
     Real,
+    SchemaKeywords,
     Triple,
     ZeroToOne,
     axis,
     exactly_one,
+    is_written_number,
     one_of,
     optional,
     vector,
@@ -44,7 +46,7 @@ _PROJECTIONS_WITH = {
 
 class PatternDocument(Document):
     colours: Annotated[list[Colour], Field(min_length=2, max_length=16)] = Field(
-        description="two or more, linear Rec.709"
+        description="two or more, linear Rec.709 or '#c04020'"
     )
     scale: Positive = Field(1.0, description="size of the pattern (units)")
     axis: Axis = Field("y", description="the pattern's direction or axis: x, y, z or a vector")
@@ -184,12 +186,17 @@ class ReliefDocument(Document):
         return Relief(texture, float(self.height))
 
 
-ColourOrPicture = Annotated[
-    Colour | Annotated[str, _texture(None)] | PictureDocument,
-    ByForm(lambda value: 1 if isinstance(value, str) else 2 if isinstance(value, dict) else 0),
-]
+def _colour_form(value: Any) -> int:
+    """Return which member of `ColourOrPicture` a value is: names of pictures have a suffix."""
+    if isinstance(value, dict):
+        return 0 if {"r", "g", "b"} <= {str(name).lower() for name in value} else 2
+    return int(isinstance(value, str) and "." in value)
+
+
+ColourOrPicture = Annotated[Colour | Annotated[str, _texture(None)] | PictureDocument, ByForm(_colour_form)]
 NumberOrPicture = Annotated[
-    ZeroToOne | Annotated[str, _texture("data")], ByForm(lambda value: isinstance(value, str))
+    ZeroToOne | Annotated[str, _texture("data")],
+    ByForm(lambda value: isinstance(value, str) and not is_written_number(value)),
 ]
 
 
@@ -233,9 +240,17 @@ class ProjectionDocument(Document):
         )
 
 
+AbsorbedColour = Annotated[
+    list[Annotated[float, Field(gt=0, le=1)]],
+    Field(min_length=3, max_length=3),
+    BeforeValidator(parsed_colour),
+    SchemaKeywords(type=["array", "string"], pattern=HEX_PATTERN),
+]
+
+
 class AbsorptionDocument(Document):
-    colour: Annotated[list[Annotated[float, Field(gt=0, le=1)]], Field(min_length=3, max_length=3)] = Field(
-        description="of white light that has gone so far: red, green, blue up to 1"
+    colour: AbsorbedColour = Field(
+        description="of white light that has gone so far: red, green, blue up to 1, or '#c04020'"
     )
     depth: Annotated[float, Field(gt=0, le=1000)] = Field(
         1.0, description="that distance, in half-sizes of the subject"
@@ -246,7 +261,11 @@ class AbsorptionDocument(Document):
 
 
 class WireframeDocument(Document):
-    colour: Colour | None = optional("of the lines; linear Rec.709: red, green, blue from 0 to 1")
+    example = "{width: 1}"
+
+    colour: Colour | None = optional(
+        "of the lines: red, green, blue from 0 to 1, linear Rec.709, or '#c04020'"
+    )
     width: Annotated[float, Field(gt=0, le=100)] = Field(1.0, description="of the lines (pixels)")
 
     def build(self) -> Wireframe:

@@ -2,7 +2,14 @@
 
 from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import Field, GetJsonSchemaHandler, PrivateAttr, ValidationInfo, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    GetJsonSchemaHandler,
+    PrivateAttr,
+    ValidationInfo,
+    model_validator,
+)
 from pydantic_core import CoreSchema
 
 from pipeline.flow.regions import (
@@ -29,6 +36,7 @@ from pipeline.shot.documents.fields import (
     exactly_one,
     one_of,
     optional,
+    require_three,
 )
 from pipeline.shot.yaml.validation import ParseContext, as_finding, bad_value
 
@@ -36,6 +44,8 @@ SHAPES = ("sphere", "box", "half_space", "capsule", "cylinder", "mesh")
 
 
 class SphereDocument(Document):
+    example = "{radius: 1}"
+
     centre: PlaceField = Field(ORIGIN, description="its middle (units)")
     radius: PositiveField = Field(description="its size (units)")
 
@@ -44,9 +54,11 @@ class SphereDocument(Document):
 
 
 class BoxDocument(Document):
+    example = "{size: [1, 1, 1]}"
+
     centre: PlaceField = Field(ORIGIN, description="its middle (units)")
-    size: Annotated[list[Positive], Field(min_length=3, max_length=3)] = Field(
-        description="its sides along x, y and z (units)"
+    size: Annotated[list[Positive], BeforeValidator(require_three), Field(min_length=3, max_length=3)] = (
+        Field(description="its sides along x, y and z (units)")
     )
 
     def build(self, clock: Clock, **falloff: Any) -> Region:
@@ -116,6 +128,8 @@ class MeshDocument(Document):
 
 class RegionDocument(Document):
     """Exactly one shape by its name, and its falloff."""
+
+    example = "{sphere: {radius: 1}}"
 
     model_config = exactly_one(*SHAPES)
     sphere: SphereDocument | None = optional("all within a radius of a point")

@@ -161,6 +161,8 @@ CreasesField = Annotated[
 class ResampleDocument(Document):
     """Settings that are left out take the defaults of `Thresholds` and `Resampling`."""
 
+    example = "{max_edge_length: 0.05}"
+
     max_edge_length: LengthField = Field(description="edges longer than this are split (units)")
     min_edge_length: ShortestField | None = optional(
         "shorter edges collapse; below half the maximum, by default 40% (units)"

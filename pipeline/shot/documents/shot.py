@@ -18,14 +18,18 @@ from pipeline.shot.documents.fields import (
     Document,
     Positive,
     SchemaKeywords,
+    is_number,
     one_of,
     optional,
 )
-from pipeline.shot.documents.flows import FlowDocument
-from pipeline.shot.documents.lights_and_stage import LightsDocument, StageDocument
+from pipeline.shot.documents.flows import DASHES, FlowDocument
+from pipeline.shot.documents.lights_and_stage import LightsDocument, StageDocument, require_rig
 from pipeline.shot.documents.look import LookDocument
 from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.subject import SubjectDocument
+from pipeline.shot.yaml.messages import number_in
+from pipeline.shot.yaml.plain_text import in_yaml
+from pipeline.shot.yaml.synonyms import synonym
 from pipeline.shot.yaml.validation import ParseContext, as_finding, bad_value, finding
 from render.post.view import ACES, BUILT_IN, ColourView, view_of
 from render.scene.aovs import AOVS
@@ -36,7 +40,11 @@ from render.scene.stage import STAGES
 
 ResampleField = Annotated[Literal["off"] | ResampleDocument, MAPPING_IS_SECOND]
 LookField = Annotated[Annotated[str, one_of(LOOKS, "look")] | LookDocument, MAPPING_IS_SECOND]
-LightsField = Annotated[Annotated[str, one_of(LIGHTS, "light rig")] | LightsDocument, MAPPING_IS_SECOND]
+LightsField = Annotated[
+    Annotated[str, one_of(LIGHTS, "light rig")] | LightsDocument,
+    MAPPING_IS_SECOND,
+    BeforeValidator(require_rig),
+]
 StageField = Annotated[Annotated[str, one_of(STAGES, "stage")] | StageDocument, MAPPING_IS_SECOND]
 
 AovName = Annotated[str, one_of(AOVS, "AOV")]
@@ -73,6 +81,8 @@ Pixels = Annotated[
 
 class SmoothDocument(Document):
     """Segments of each edge, by their number or by their length in the picture."""
+
+    example = "{tessellate: 2}"
 
     tessellate: Annotated[int, Field(ge=1, le=MOST_PIECES)] | None = optional(
         "segments that each edge is cut into; 1 is off. By default as many as smooth outlines need"
@@ -156,6 +166,8 @@ Samples = Annotated[
 class QualityDocument(Document):
     """Settings of one quality that this shot replaces."""
 
+    example = "{samples: 64}"
+
     samples: Samples | None = optional("for each pixel: up to 16, or a multiple of it")
     auxiliary_samples: Samples | None = optional(
         "of albedo, normal and depth, which guide the denoiser, for each pixel"
@@ -171,12 +183,32 @@ class QualityDocument(Document):
 
 
 class QualitiesDocument(Document):
+    example = "{final: {samples: 64}}"
+
     draft: QualityDocument = Field(default=QualityDocument(), description="480×270, for looks while working")
     daily: QualityDocument = Field(default=QualityDocument(), description="960×540, for review")
     final: QualityDocument = Field(default=QualityDocument(), description="1920×1080, for delivery")
 
 
-Frames = Annotated[str, SchemaKeywords(pattern=r"^\s*-?\d+(--?\d+)?(,-?\d+(--?\d+)?)*\s*$")]
+def _first_and_last(value: Any) -> Any:
+    """Refuse numbers and lists, with the range that they mean."""
+    if isinstance(value, str):
+        return value
+    if value is None:
+        raise finding("frames is empty; it must be a range. Write it as 1-48.")
+    numbers = (
+        list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else [value]
+    )
+    whole = [int(number) for number in numbers if is_number(number) and number == int(number)]
+    if len(whole) != len(numbers) or len(whole) not in (1, 2):
+        raise finding("frames has no first and last frame. Write it as 1-48.")
+    first, last = (1, whole[0]) if len(whole) == 1 else whole
+    raise finding(f"frames is {in_yaml(value)}; it must be a range. Write {first}-{last}.")
+
+
+Frames = Annotated[
+    str, BeforeValidator(_first_and_last), SchemaKeywords(pattern=r"^\s*-?\d+(--?\d+)?(,-?\d+(--?\d+)?)*\s*$")
+]
 """A range without gaps, which `clock.parse_frames` checks."""
 
 Rate = Annotated[
@@ -202,7 +234,7 @@ class ShotDocument(Document):
         validate_default=False,
         description="thresholds of the surface's edges while it flows; off for comparisons",
     )
-    flows: list[FlowDocument] = Field(
+    flows: Annotated[list[FlowDocument], DASHES] = Field(
         default_factory=list, description="what moves the subject, in order within each frame"
     )
     substeps: Count | None = optional("steps that a frame is cut into; by default as many as the flow needs")
@@ -230,15 +262,45 @@ class ShotDocument(Document):
 
 
 CardSeconds = Annotated[float, Field(ge=0, le=60)]
-DissolveFrames = Annotated[int, Field(ge=0, le=1000)]
+
+
+def _frame_count(value: Any) -> Any:
+    """Refuse seconds, with the frames that they are."""
+    seconds = float(value) if isinstance(value, float) else None
+    if isinstance(value, str) and value.endswith("s"):
+        seconds = number_in(value)
+    if seconds:
+        raise bad_value(
+            f"{value} is no count of frames. Write {round(24 * seconds)} for {seconds:g} s at 24 a second."
+        )
+    return value
+
+
+DissolveFrames = Annotated[int, BeforeValidator(_frame_count), Field(ge=0, le=1000)]
 Seconds = Annotated[float, Field(ge=0, le=86400)]
+
+
+ClipFrames = Annotated[str, BeforeValidator(_first_and_last)]
 
 
 class ClipDocument(Document):
     """All of a shot, or a part of it."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _names_a_shot(cls, value: Any) -> Any:
+        """Refuse `A010: 1-24`, with the names that belong there."""
+        name = next(iter(value)) if isinstance(value, dict) and len(value) == 1 else None
+        known = (*cls.model_fields, *CardDocument.model_fields)
+        if name is not None and name not in known and synonym(name, known) is None:
+            part = f", frames: {value[name]}" if isinstance(value[name], str) else ""
+            raise finding(f"{name} has no name before it. Write {{shot: {name}{part}}}.")
+        return value
+
     shot: str = Field(description="its name")
-    frames: str | None = optional("frames to show, as in 10-40, or 10-40x2 for every second; by default all")
+    frames: ClipFrames | None = optional(
+        "frames to show, as in 10-40, or 10-40x2 for every second; by default all"
+    )
     dissolve: DissolveFrames = Field(0, description="overlap with the entry before (frames)")
 
 
@@ -254,6 +316,8 @@ class CardDocument(Document):
 class SoundDocument(Document):
     """The sound of a film."""
 
+    example = "{file: music.wav}"
+
     file: str = Field(description="beside this file: WAV, FLAC, or another format that FFmpeg reads")
     start: Annotated[float, Field(ge=-86400, le=86400)] = Field(
         0.0, description="when it begins in the film; a negative start cuts its beginning (s)"
@@ -267,6 +331,8 @@ _ENTRY = ByForm(lambda value: 0 if not isinstance(value, dict) else 2 if "card" 
 
 
 class FilmDocument(Document):
+    what = "an edit"
+
     title: str = Field(description="the name of the film, on its first card")
     subtitle: str = Field("", description="below the title")
     credits: list[str] = Field(default_factory=list, description="lines of the last card")

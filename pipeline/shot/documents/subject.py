@@ -16,6 +16,7 @@ from pipeline.shot.documents.fields import (
     Document,
     Positive,
     Triple,
+    is_written_number,
     one_of,
     optional,
 )
@@ -60,6 +61,8 @@ def _of_solid(measures: Mapping[str, Any], every: set[str]) -> dict[str, Any]:
 class SolidDocument(Document):
     """A solid; `subject_checks` checks that its measures are those of its kind."""
 
+    example = "{solid: box}"
+
     model_config = ConfigDict(json_schema_extra=_measures_by_solid)
 
     solid: Annotated[str, one_of(SOLIDS, "solid")] = Field(description="its name")
@@ -78,6 +81,8 @@ class SolidDocument(Document):
 
 
 class ModelDocument(Document):
+    example = "{model: FILE.obj}"
+
     model: str = Field(description="an OBJ, PLY, STL, OFF or GLB beside the shot file")
     scale: Positive = Field(1.0, description="factor on all coordinates; or use fit")
     fit: Positive | None = optional("its largest extent, centred on the origin (units)")
@@ -111,11 +116,15 @@ class NetSolidDocument(Document):
     tube_radius: Positive | None = optional("of the tube of a torus; below its radius (units)")
 
 
+def _is_attribute(value: Any) -> bool:
+    return isinstance(value, str) and not is_written_number(value)
+
+
 class CloudDocument(Document):
     cloud: Annotated[str | SolidDocument, MAPPING_IS_SECOND] = Field(
         description="points that are drawn as spheres: a file of them, or a solid that they fill"
     )
-    radius: Annotated[Positive | str, ByForm(lambda value: isinstance(value, str))] = Field(
+    radius: Annotated[Positive | str, ByForm(_is_attribute)] = Field(
         description="of the spheres, or the name of an attribute of the file (units)"
     )
     scale: Positive = Field(1.0, description="factor on the coordinates of a file")
@@ -160,6 +169,8 @@ class NetDocument(Document):
 
 def _subject_form(value: Any) -> int:
     """Return which member of `SubjectDocument` a subject is, by the name that only it has."""
+    if isinstance(value, str):  # is wrong; the message proposes what it looks like
+        return int("." in value)
     names = value if isinstance(value, dict) else ()
     return next((i for i, name in enumerate(("model", "cloud", "net"), 1) if name in names), 0)
 

@@ -16,8 +16,9 @@ from typing import Any
 from pipeline.errors import MissingInputError, ShotError, UsageError, suggestion
 from pipeline.shot.clock import Clock, parse_frames, parse_rate
 from pipeline.shot.yaml.lookup import DEFAULTS, shown
+from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.source import Where, YamlSource
-from render.base.plural import plural
+from pipeline.shot.yaml.syntax import HEX_COLOUR, quoted
 from render.scene.quality import FORMER_NAMES
 
 KIND_NAMES = frozenset({"keys", "formula", "curvature", "camera", "solid", "model", "cloud", "net", "bsdf"})
@@ -26,6 +27,12 @@ KIND_NAMES = frozenset({"keys", "formula", "curvature", "camera", "solid", "mode
 OPTION = "--set"
 
 _FORM = re.compile(r"\s*([^=\s]+?)\s*=(.*)", re.DOTALL)
+_OTHER_FORM = re.compile(r"([\w.]+)(?:: *| +)(\S+)")
+"""A setting with a colon or a space in place of =."""
+
+_SPELT_OUT = {("look",): "material", ("lights",): "rig", ("stage",): "kind"}
+"""Entries that are a name or a mapping, and what the name is called in the mapping."""
+
 _FRAME = re.compile(r"[+-]?\d+(\.\d+)?")
 _TIME = re.compile(r"[+-]?\d+\.\d+s?")
 
@@ -93,6 +100,8 @@ def _extended(source: YamlSource, read_text: ReadText, chain: tuple[str, ...]) -
     if text is None:
         known = sorted(p.stem for p in source.path.parent.glob("*.yaml") if p.name not in (*chain, DEFAULTS))
         hint = suggestion(parent, known) if known else "There are none."
+        if Path(parent).name.removesuffix(".yaml") in known:
+            hint = f"Write {Path(parent).name.removesuffix('.yaml')}, its name without folder and suffix."
         raise MissingInputError(
             f"{place}: there is no shot {shown(parent)} beside this file to extend. {hint}"
         )
@@ -156,7 +165,8 @@ def _text(path: Path) -> str | None:
 def with_settings(source: YamlSource, settings: Iterable[str]) -> YamlSource:
     """Return the source with settings that replace or add values; later ones win.
 
-    A value is YAML, as in the file. New names may be the last of a path, or stand at the top of the shot.
+    A value is YAML, as in the file. Mappings on the way to it are added where they are missing, but for flows
+    and keys, which have to be there.
     Under `keys` a time is one name, also with a decimal point: `keys.0.5s=2`; a new one is sorted in. Raises
     ShotError, with the setting in place of a line, where one has no form or no place in the shot; the
     document checks its value.
@@ -172,14 +182,20 @@ def _set(source: YamlSource, setting: str) -> YamlSource:
         setting = re.sub(rf"^(\s*quality\.){former}\b", rf"\1{name}", setting)
     match = _FORM.fullmatch(setting)
     if not match:
-        raise ShotError(f"{place}: this is no setting. Write name=value, such as flows.0.twist.amount=90.")
+        other = _OTHER_FORM.fullmatch(setting)
+        meant = f"{other[1]}={other[2]}" if other else "name=value, such as flows.0.twist.amount=90"
+        if re.fullmatch(r"[a-z_]+(\.\w+)+", setting):
+            meant = f"{setting}=VALUE, without a space"
+        raise ShotError(f"{place}: this is no setting. Write {meant}.")
+    if (joined := re.sub(r"[/\[\]]+\.?", ".", match[1]).strip(".")) != match[1]:
+        raise ShotError(f"{place}: points join the names. Write {joined}={match[2]}.")
     if match[1].split(".")[0] == "extends":
         raise ShotError(
             f"{place}: only a file can say what its shot extends; settings come on top of both. "
             "Write extends there, or set the values themselves."
         )
     try:
-        value = YamlSource.read(Path(OPTION), match[2] if match[2].strip() else "null").data
+        value = YamlSource.read(Path(OPTION), _yaml_of(match[2].strip())).data
     except ShotError:
         raise ShotError(
             f"{place}: {match[2]!r} is not YAML. Quote it for the shell, and look at its brackets."
@@ -193,6 +209,11 @@ def _set(source: YamlSource, setting: str) -> YamlSource:
     return replace(kept, data=data, places=places, others={**kept.others, **dict.fromkeys(new, place)})
 
 
+def _yaml_of(text: str) -> str:
+    """Return the value of a setting as YAML: nothing is null, and a colour is no comment."""
+    return quoted(text) if HEX_COLOUR.fullmatch(text) else text or "null"
+
+
 def _put(data: Any, steps: list[str], value: Any, place: str) -> Where:
     """Put a value where the steps lead, and return its path with the keys as they are in the data."""
     where: Where = ()
@@ -202,26 +223,38 @@ def _put(data: Any, steps: list[str], value: Any, place: str) -> Where:
         step = _take(steps, holder, in_keys=where[-1:] == ("keys",))
         if isinstance(holder, list):
             if not step.isdigit() or int(step) >= len(holder):
-                numbers = f"0 to {len(holder) - 1}" if len(holder) > 1 else "number 0"
-                items = f"it has {plural(len(holder), 'item')}, {numbers}" if holder else "it is empty"
-                raise ShotError(f"{place}: {name} has no item {step}; {items}. Name one of them.")
+                raise ShotError(f"{place}: {name} has no item {step}. {_items(name, holder, step, steps)}")
             key: Any = int(step)
         elif isinstance(holder, dict):
             key = _key(holder, step)
             if steps and key not in holder:
-                if where:
+                if holder and ("keys" in where or any(isinstance(part, int) for part in where)):
                     raise ShotError(f"{place}: {name} has no {step}. {_hint(where, step, holder)}")
                 holder[key] = {}
             if steps and holder[key] is None:
                 holder[key] = {}
         else:
-            raise ShotError(f"{place}: {name} is {holder!r}, which holds no {step}. Set {name} as a whole.")
+            remedy = f"Set {name} as a whole"
+            if where in _SPELT_OUT and isinstance(holder, str) and not steps:
+                own = _SPELT_OUT[where]
+                rest = f"{own}: {holder}, {step}: …" if step != own else f"{own}: …"
+                remedy = f"Write {name}={{{rest}}}"
+            raise ShotError(f"{place}: {name} is {in_yaml(holder)}, which holds no {step}. {remedy}.")
         where = (*where, key)
         if not steps:
             holder[key] = value
         else:
             holder = holder[key]
     return where
+
+
+def _items(name: str, holder: list[Any], step: str, steps: list[str]) -> str:
+    """Return the items that a list has, or the path to the one that a step names."""
+    first = [next(iter(item), "") if isinstance(item, dict) else "" for item in holder]
+    if step in first:
+        return f"Write {'.'.join([name, str(first.index(step)), step, *steps])}."
+    numbered = [f"{i} ({word})" if word else str(i) for i, word in enumerate(first)]
+    return f"There are: {', '.join(numbered)}." if holder else "It is empty."
 
 
 def _hint(where: Where, step: str, holder: dict[Any, Any]) -> str:

@@ -22,6 +22,14 @@ def is_there(path: Path) -> bool:
         return False
 
 
+def is_folder(path: Path) -> bool:
+    """Tell whether a path names a folder; a name too long for one does not."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
 def is_edit(path: Path) -> bool:
     """Tell whether a file is an edit: it lists shots and has no subject. Works on broken YAML too.
 
