@@ -1,8 +1,9 @@
 """The quick preview: a rasteriser with a depth buffer, lit by the shot's light rig and shown by its colour
 view.
 
-Colours are computed at vertices and interpolated (Gouraud 1971). No light bounces: softboxes shine like
-points, the first of them (or else the sun) casts a shadow, and the sky lights what faces up.
+Colours are computed at vertices and interpolated (Gouraud 1971). Softboxes shine like points; the first of
+them (or else the sun) casts a shadow. Stage and sky light the subject by direction, as if it were alone; the
+floor is dark below it. The stage is seen through clear subjects.
 """
 
 from render.raster.preview import Edges, Preview, prepare, preview, with_lines

@@ -26,7 +26,7 @@ CELL = 2.0 * REACH / CELLS
 _HIGH = 1.5
 """Height from which on a subject casts no contact shadow, stage units."""
 
-_LEAST_HEIGHT = 0.9 * CELL
+_LEAST_HEIGHT = 1.4 * CELL
 """Height of a subject that touches the floor, stage units: a lower one would show the cells."""
 
 _DARKEST = 0.12
