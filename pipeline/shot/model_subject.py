@@ -18,6 +18,9 @@ from render.base.serialise import NOT_PLAIN
 _TO_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Turns by −90° about x: z becomes y."""
 
+_MOST_SIZES_AWAY = 1000.0
+"""Distance from the origin over size: renderers hold coordinates to 1/16 million of that distance."""
+
 _latest: dict[tuple[Path, str, bool], ImportedSurface] = {}
 """The surface that was read last: a run reads its model for the mesh, its polygons and its repairs."""
 
@@ -54,9 +57,22 @@ class Model(Subject):
         return mesh.with_vertices(self._placed(mesh.vertices))
 
     @property
-    def repairs(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[str, ...]:
+        """What was repaired, a line for each kind, and that the model is too far away to be rendered well."""
         known = _latest.get(self._read_from)
-        return () if known is None else known.repairs
+        if known is None:
+            return ()
+        return tuple(f"model repaired: {line}" for line in known.repairs) + self._distance_notes(known)
+
+    def _distance_notes(self, imported: ImportedSurface) -> tuple[str, ...]:
+        low, high = imported.mesh.bounds
+        distance, size = float(np.linalg.norm(low + high)) / 2.0, float((high - low).max())
+        if self.fit is not None or distance < _MOST_SIZES_AWAY * size:
+            return ()
+        return (
+            f"the model is {distance / size:.0f} times its size away from the origin, where flows act; its "
+            "pictures, rendered in single precision, will show cracks. Write fit: 2, or centre the file.",
+        )
 
     def imported(self) -> ImportedSurface:
         """Return the surface as its file says. Raises MissingInputError or MeshError."""

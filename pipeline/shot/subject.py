@@ -57,8 +57,8 @@ class Subject(ABC):
         return None
 
     @property
-    def repairs(self) -> tuple[str, ...]:
-        """What was repaired in the file of the subject, if this process has read it: a line for each kind."""
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know of the file of the subject, if this process has read it: a line each."""
         return ()
 
     @abstractmethod

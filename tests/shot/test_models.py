@@ -103,11 +103,22 @@ def test_a_faulty_model_is_repaired_and_told_unless_repair_is_off(tmp_path: Path
     faces[::2] = faces[::2, ::-1]
     wrong = TriangleMesh(LONG.vertices, faces)
     subject = shot_of(tmp_path, "", wrong).motion.subject
-    assert list(subject.repairs) == [], "the file has not been read yet"
+    assert list(subject.notes) == [], "the file has not been read yet"
     subject.build()
-    assert "wound against their neighbours" in subject.repairs[0]
+    assert "wound against their neighbours" in subject.notes[0]
     with pytest.raises(MeshError, match=r"wound against their neighbours.*\. Write repair: on, or mend"):
         shot_of(tmp_path, ", repair: off", wrong).motion.mesh_at_rest()
+
+
+def test_a_model_far_from_the_origin_is_told_unless_it_is_fitted(tmp_path: Path) -> None:
+    far = LONG.with_vertices(LONG.vertices + 1e5)
+    for text, told in (("", 1), (", fit: 2", 0)):
+        subject = shot_of(tmp_path, text, far).motion.subject
+        subject.build()
+        assert len(subject.notes) == told
+    subject = shot_of(tmp_path, "", LONG).motion.subject
+    subject.build()
+    assert not subject.notes
 
 
 @pytest.mark.parametrize(

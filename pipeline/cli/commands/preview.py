@@ -117,15 +117,15 @@ def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, pat
                     animatic.movie(path, report)
                 else:
                     animatic.still(at, path, report)
-    _tell_repairs(sketch)
+    _tell_notes(sketch)
     words = f"{path}: {frames}{' would be drawn' if common.dry_run else ''}."
     print_result(words, {"path": str(path), "frames": len(numbers)}, common.json)
 
 
-def _tell_repairs(sketch: Sketch) -> None:
-    """Tell what was repaired in the model, if it was read for this preview."""
-    for line in sketch.request.shot.motion.subject.repairs:
-        print_warning(f"{sketch.request.name}: model repaired: {line}")
+def _tell_notes(sketch: Sketch) -> None:
+    """Tell what the subject notes of its model, if it was read for this preview."""
+    for line in sketch.request.shot.motion.subject.notes:
+        print_warning(f"{sketch.request.name}: {line}")
 
 
 def _redraw(

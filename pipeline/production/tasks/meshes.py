@@ -35,7 +35,7 @@ def simulate(context: Context) -> bool:
     try:
         for frame in animate_reporting(request.shot, resume, partial(_report_progress, context)):
             if resume is None and frame.number == request.shot.frames.first:
-                _tell_repairs(context)
+                _tell_notes(context)
             number = frame.number
             key = request.mesh_key(number)
             found = context.has("mesh", key)
@@ -55,11 +55,11 @@ def simulate(context: Context) -> bool:
     return True
 
 
-def _tell_repairs(context: Context) -> None:
-    """Warn of what was repaired in the file of the subject."""
+def _tell_notes(context: Context) -> None:
+    """Warn of what was repaired in the file of the subject, and of its place."""
     motion = context.request.shot.motion
-    for line in motion.subject.repairs:
-        context.warn(motion.frames.first, f"{context.request.name}: model repaired: {line}")
+    for line in motion.subject.notes:
+        context.warn(motion.frames.first, f"{context.request.name}: {line}")
 
 
 def _report_progress(context: Context, progress: FrameProgress) -> None:
