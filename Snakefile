@@ -20,7 +20,7 @@ plan = PlannedWorkflow(workflow, config)
 
 DONE, LOGS = ".flowsculpt/done", ".flowsculpt/logs/jobs"
 # A message takes the place of the line `rule NAME:` in Snakemake's log, and so begins with it.
-TASK = f"{sys.executable} -m pipeline.production.tasks.worker {{params.job}} --threads {{threads}} >{{log:q}} 2>&1"
+TASK = f"{sys.executable} -m pipeline.production.tasks.job_process {{params.job}} --threads {{threads}} >{{log:q}} 2>&1"
 
 
 wildcard_constraints:

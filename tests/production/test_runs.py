@@ -174,6 +174,9 @@ def test_a_truncated_picture_is_found_before_assembly_and_made_again(finished):
     assert probe_movie(finished.path / "renders/film/draft/film.mp4").frames == 6 + 6
 
 
+JOB = "pipeline.production.tasks.job_process"
+
+
 def processes_of(group, word):
     """Return the processes of a group whose command line has `word`."""
 
@@ -212,19 +215,19 @@ def test_an_interrupted_run_ends_with_130_and_keeps_what_is_done(project):
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_to_the_command_alone_ends_all_of_its_processes(project, number):
     process = project.start("render", NAME, "-q", "draft")
-    project.wait_until(lambda: processes_of(process.pid, "pipeline.production.tasks.worker"))
+    project.wait_until(lambda: processes_of(process.pid, JOB))
     process.send_signal(number)
     _, words = process.communicate(timeout=60)
     assert process.returncode == 130, words
-    project.wait_until(lambda: not processes_of(process.pid, "pipeline.production.tasks.worker"), seconds=20)
+    project.wait_until(lambda: not processes_of(process.pid, JOB), seconds=20)
 
 
 def test_the_jobs_of_a_killed_command_do_not_outlive_it(project):
     process = project.start("render", NAME, "-q", "draft")
-    project.wait_until(lambda: processes_of(process.pid, "pipeline.production.tasks.worker"))
+    project.wait_until(lambda: processes_of(process.pid, JOB))
     process.kill()
     process.communicate()
-    project.wait_until(lambda: not processes_of(process.pid, "pipeline.production.tasks.worker"), seconds=20)
+    project.wait_until(lambda: not processes_of(process.pid, JOB), seconds=20)
 
 
 def test_a_second_run_of_the_same_is_refused_in_one_line_that_names_the_first(project):

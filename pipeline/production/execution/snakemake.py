@@ -24,6 +24,7 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile, shipped
 from pipeline.production.stages import STILLS
 from pipeline.production.store.paths import LOGS
+from pipeline.production.tasks.job_server import job_server
 from render.base.atomic_write import disk_errors
 
 RULES = {stage.name: "stills" for stage in STILLS}
@@ -135,12 +136,14 @@ def main(words: list[str]) -> None:
     The lock is ours, not Snakemake's, whose lock outlives a killed process. Times decide nothing: keys in the
     plan do, and a plan holds only jobs that are needed.
     """
-    from snakemake.cli import main as snakemake
-
     signal.signal(signal.SIGINT, signal.default_int_handler)  # even where who started us had it ignored
-    watcher = threading.Thread(target=_leave_with, args=(os.getppid(), "--cores" not in words), daemon=True)
-    watcher.start()
-    snakemake(words)
+    is_local = "--cores" in words
+    with job_server() if is_local else contextlib.nullcontext():
+        watcher = threading.Thread(target=_leave_with, args=(os.getppid(), not is_local), daemon=True)
+        watcher.start()
+        from snakemake.cli import main as snakemake  # while the server loads
+
+        snakemake(words)
 
 
 if __name__ == "__main__":

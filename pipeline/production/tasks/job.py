@@ -218,10 +218,10 @@ class Context:
         about = {"stage": self.job.stage, "shot": self.subject, "quality": self._quality, "frame": number}
         self.log.write(event, **about, **facts)
 
-    def begin(self) -> None:
+    def begin(self, process: int) -> None:
         """Say which process works on the job from now on: the watchdog ends it should it hang."""
-        process = {"process": os.getpid(), "host": platform.node()}
-        self.log.write("begin", stage=self.job.stage, threads=self.job.threads, **process)
+        where = {"process": process, "host": platform.node()}
+        self.log.write("begin", stage=self.job.stage, threads=self.job.threads, **where)
 
     def waits(self) -> None:
         """Give a sign of life while another run makes the same files."""

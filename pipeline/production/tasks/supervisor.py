@@ -128,10 +128,10 @@ def fall_back_to_other_variant(context: Context, fact: str) -> bool:
 
 
 def renderer(plan_path: str, job: Job) -> Start:
-    """Start this package's `worker` as a child that renders."""
+    """Start this package's `job_process` as a child that renders."""
 
     def start(settled: int) -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-m", "pipeline.production.tasks.worker", plan_path, job.name]
+        command = [sys.executable, "-m", "pipeline.production.tasks.job_process", plan_path, job.name]
         words = ["--threads", str(job.threads), "--child", str(settled)]
         return subprocess.Popen([*command, *words], stdin=subprocess.DEVNULL)
 

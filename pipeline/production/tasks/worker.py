@@ -1,4 +1,4 @@
-"""The process of one job: `python -m pipeline.production.tasks.worker PLAN JOB`, and options.
+"""Do one job: `python -m pipeline.production.tasks.worker PLAN JOB`, and options.
 
 Rendering happens in children: a renderer that crashes takes only itself along. What a job needs is imported
 by the process that does it alone, so that who watches is there at once.
@@ -11,11 +11,12 @@ import signal
 import sys
 import traceback
 from argparse import ArgumentParser
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from pipeline.errors import FlowsculptError, FrameError
@@ -41,6 +42,7 @@ def main(
     insist: bool = False,
     threads: int | None = None,
     key: str | None = None,
+    process: int | None = None,
 ) -> int:
     """Do one job; return 0 if all of it went well, 1 if something failed and the event log says what.
 
@@ -49,19 +51,22 @@ def main(
     insist   do it again though an earlier attempt has said why it failed
     threads  the threads that Snakemake gave the job, by default those of the plan
     key      the key by which Snakemake knows a movie
+    process  the process that stands for this one (see `job_server`), by default this one
     """
-    root = Path.cwd()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # what a farm sends first
+    root, process = Path.cwd(), process or os.getpid()
+    for number in (signal.SIGINT, signal.SIGTERM):  # the second is what a farm sends first
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, _interrupt_once)
     context = Context.of(root, Plan.thaw(root / plan_path), job_name)
     job = context.job
     context = whole = replace(context, job=replace(job, threads=threads or job.threads, key=key or job.key))
     if settled is not None:
-        context.begin()
+        context.begin(process)
         context = replace(context, job=replace(context.job, frames=context.job.frames[settled:]))
         return _finished(context, whole)
     if not insist and context.failed_for_good():
         return 1
-    context.begin()
+    context.begin(process)
     with writing(root, wait=True), ExitStack() as stack:
         if not STAGES[job.stage].per_quality:
             stack.enter_context(of_key(root, job.key, context.waits))
@@ -128,18 +133,30 @@ def _limit_kernels(threads: int) -> None:
     numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
 
 
-def _words() -> dict[str, Any]:
+def _interrupt_once(number: int, frame: FrameType | None) -> None:
+    """Interrupt this process once: a signal often comes by several ways, and may not disturb cleaning up."""
+    for other in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(other, signal.SIG_IGN)
+    raise KeyboardInterrupt
+
+
+def run(words: Sequence[str], process: int | None = None) -> int:
+    """Do the job that the words of a command line name; return the exit code."""
+    try:
+        return main(**_arguments(words), process=process)
+    except KeyboardInterrupt:
+        return 130
+
+
+def _arguments(words: Sequence[str]) -> dict[str, Any]:
     parser = ArgumentParser(prog="python -m pipeline.production.tasks.worker")
     parser.add_argument("plan_path")
     parser.add_argument("job_name")
     parser.add_argument("--threads", type=int)
     parser.add_argument("--key")
     parser.add_argument("--child", type=int, dest="settled")
-    return vars(parser.parse_args())
+    return vars(parser.parse_args(words))
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main(**_words()))
-    except KeyboardInterrupt:
-        sys.exit(130)
+    sys.exit(run(sys.argv[1:]))

@@ -1,0 +1,79 @@
+"""The process of one job, as Snakemake starts it: `python -m pipeline.production.tasks.job_process PLAN JOB`.
+
+Where a job server runs, it forks the process that works, and this one stands for it: it passes signals on,
+and ends as that one ends. Elsewhere this process does the job itself. It imports next to nothing before.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import struct
+import sys
+
+SERVER = "FLOWSCULPT_JOB_SERVER"
+"""The environment variable that names the socket of the job server."""
+
+NUMBER = struct.Struct("<i")
+"""An answer of the server: the id of the forked process, and then its end, as `Popen.returncode` has it."""
+
+_PASSED_ON = (signal.SIGINT, signal.SIGTERM, signal.SIGTSTP, signal.SIGCONT)
+
+
+def main(words: list[str]) -> int:
+    """Do a job, or have it done; return its exit code. Dies of a signal where the forked process did."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, _PASSED_ON)  # until there is a process to pass them on to
+    connection, forked = _forked(words)
+    if connection is None:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _PASSED_ON)
+        from pipeline.production.tasks.worker import run
+
+        return run(words)
+    for number in _PASSED_ON:
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, lambda received, frame: _pass_on(received, forked))
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _PASSED_ON)
+    ended = connection.recv(NUMBER.size)
+    (code,) = NUMBER.unpack(ended) if ended else (-signal.SIGKILL,)  # the server was killed
+    if code < 0:
+        _die_of(-code)
+    return int(code)
+
+
+def _forked(words: list[str]) -> tuple[socket.socket | None, int]:
+    """Have the job server fork a process for a job; return the connection and its id, or None without one."""
+    if SERVER not in os.environ:
+        return None, 0
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    try:
+        connection.connect(os.environ[SERVER])
+        request = {"words": words, "folder": os.getcwd(), "process": os.getpid()}  # noqa: PTH109 (pathlib loads slowly)
+        outputs = [sys.stdout.fileno(), sys.stderr.fileno()]
+        socket.send_fds(connection, [json.dumps(request).encode()], outputs)
+        answer = connection.recv(NUMBER.size)
+    except OSError:
+        answer = b""
+    return (connection, NUMBER.unpack(answer)[0]) if answer else (None, 0)
+
+
+def _pass_on(number: int, process: int) -> None:
+    """Send the forked process the signal that this one received; stop where it asks to stop."""
+    os.kill(process, number)
+    if number == signal.SIGTSTP:
+        os.kill(os.getpid(), signal.SIGSTOP)
+
+
+def _die_of(number: int) -> None:
+    """End this process by the signal that ended the forked one, which left a core file if any is wanted."""
+    import resource
+
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    if number != signal.SIGKILL:
+        signal.signal(number, signal.SIG_DFL)
+    os.kill(os.getpid(), number)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

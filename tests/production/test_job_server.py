@@ -1,0 +1,127 @@
+"""The job server: what it forks is a process like any other, and the one that stands for it shows it so."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from pipeline.production.execution.project import Project
+from pipeline.production.tasks.job_process import SERVER
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux forks safely")
+
+LONG = """
+title: Long
+frames: 1-9000
+subject: {solid: box}
+resample: {max_edge_length: 0.4}
+flows: [translation: {rate: [1, 0, 0]}]
+"""
+
+SERVE = """
+import os
+from pipeline.production.tasks.job_server import job_server
+with job_server():
+    print(os.environ["FLOWSCULPT_JOB_SERVER"], flush=True)
+    input()
+"""
+
+
+@pytest.fixture(scope="module")
+def owner() -> Iterator[subprocess.Popen[str]]:
+    """A process that has a job server. Its first line is the server's socket."""
+    command = [sys.executable, "-c", SERVE]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        yield process
+        process.kill()
+
+
+@pytest.fixture(scope="module")
+def socket(owner: subprocess.Popen[str]) -> Path:
+    assert owner.stdout is not None
+    return Path(owner.stdout.readline().strip())
+
+
+@pytest.fixture
+def job(tmp_path: Path) -> list[str]:
+    """The words of a job that takes a minute."""
+    shot = tmp_path / "long.yaml"
+    shot.write_text(LONG)
+    plan = Project(tmp_path, 1).meshes([str(shot)])
+    return [str(plan.freeze(tmp_path)), plan.jobs[0].name]
+
+
+def start(socket: Path, root: Path, *words: str) -> subprocess.Popen[str]:
+    """Start the process of a job as Snakemake does; it tells on standard error what it imports itself."""
+    command = [sys.executable, "-X", "importtime", "-m", "pipeline.production.tasks.job_process", *words]
+    environment = {**os.environ, SERVER: str(socket)}
+    return subprocess.Popen(command, cwd=root, env=environment, stderr=subprocess.PIPE, text=True)
+
+
+def wait_until(is_true: Callable[[], object], seconds: float = 30.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not is_true():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def forked(owner: subprocess.Popen[str], root: Path) -> list[psutil.Process]:
+    """The processes that the server has forked, at work in a root."""
+    (server,) = psutil.Process(owner.pid).children()
+    alive = [each for each in server.children() if each.status() != psutil.STATUS_ZOMBIE]
+    return [each for each in alive if each.cwd() == str(root)]
+
+
+def test_a_job_that_ends_gives_its_words_and_its_exit_code(socket: Path, tmp_path: Path) -> None:
+    process = start(socket, tmp_path)
+    _, words = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert "required: plan_path, job_name" in words
+    assert "numba" not in words and "numpy" not in words, "who stands for a job loads nothing for it"
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 130), (signal.SIGKILL, -signal.SIGKILL)]
+)
+def test_a_signal_to_who_stands_for_a_job_ends_the_job(
+    owner: subprocess.Popen[str], socket: Path, tmp_path: Path, job: list[str], number: int, code: int
+) -> None:
+    process = start(socket, tmp_path, *job)
+    wait_until(lambda: list(tmp_path.rglob("long.0002.npz")))
+    assert len(forked(owner, tmp_path)) == 1
+    process.send_signal(number)
+    process.communicate(timeout=60)
+    assert process.returncode == code
+    wait_until(lambda: not forked(owner, tmp_path))
+
+
+def test_who_stands_for_a_killed_job_dies_as_the_job_did(
+    owner: subprocess.Popen[str], socket: Path, tmp_path: Path, job: list[str]
+) -> None:
+    process = start(socket, tmp_path, *job)
+    wait_until(lambda: forked(owner, tmp_path))
+    forked(owner, tmp_path)[0].send_signal(signal.SIGSEGV)
+    process.communicate(timeout=60)
+    assert process.returncode == -signal.SIGSEGV
+
+
+def test_a_job_without_a_server_works_by_itself(tmp_path: Path) -> None:
+    process = start(tmp_path / "no-socket", tmp_path)
+    _, words = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert "required: plan_path, job_name" in words
+
+
+def test_a_server_goes_with_the_process_that_started_it(owner: subprocess.Popen[str], socket: Path) -> None:
+    (server,) = psutil.Process(owner.pid).children()
+    owner.kill()
+    wait_until(lambda: not server.is_running() or server.status() == psutil.STATUS_ZOMBIE)
+    wait_until(lambda: not socket.parent.exists())
