@@ -1,0 +1,152 @@
+"""Commands in the docs: the command line takes every one, and those of a show work one after another."""
+
+import contextlib
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+
+from pipeline.cli.app import COMMANDS, command_line, command_named
+from pipeline.mesh import icosphere, write_mesh
+from pipeline.production.request.crop_and_scale import is_quality
+from tests.conftest import commanded
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+YOUR_SHOW = ROOT / "docs" / "your-show.md"
+ALL = [name for commands in COMMANDS.values() for name in commands]
+
+BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+SPAN = re.compile(r"`(?:\.venv/bin/)?(flowsculpt\s[^`]*)`")
+PLACEHOLDERS = {"COMMAND": "status", "FRAME": "1"}
+
+OUTSIDE = {"git", "make", "source"}
+"""Programs beside flowsculpt that docs/your-show.md calls: to install and to upgrade."""
+
+AS_WRITTEN = {"new", "validate", "flows", "status", "versions", "doctor"}
+"""Commands that take a second or two."""
+
+OF_RESULTS = {"publish", "review", "verify"}
+"""Commands that need rendered frames, or all of a store, even with --dry-run."""
+
+
+def commands_of(text: str) -> list[str]:
+    """Return the lines of a page that begin with flowsculpt: in blocks, and in spans of its text."""
+    found = []
+    for _, block in BLOCK.findall(text):
+        for line in block.replace("\\\n", " ").splitlines():
+            found += re.findall(r"^(?:\S*/)?(flowsculpt(?: .*)?)$", line.partition(" #")[0].strip())
+    return [*found, *(" ".join(span.split()) for span in SPAN.findall(BLOCK.sub("", text)))]
+
+
+def require_parsed(line: str) -> None:
+    """Parse a line as the command line does. Raises its errors for unknown commands, options and words."""
+    words = [PLACEHOLDERS.get(word, word) for word in shlex.split(line)[1:]]
+    group = get_command(command_line())
+    context = group.context_class(group, info_name="flowsculpt")
+    _, rest, _ = group.make_parser(context).parse_args(words)
+    if not rest:
+        return
+    assert rest[0] in ALL, f"{line}: there is no command {rest[0]!r}"
+    command = command_named(rest[0])
+    inner = command.context_class(command, info_name=rest[0], parent=context)
+    given, left, _ = command.make_parser(inner).parse_args(rest[1:])
+    assert not left, f"{line}: {left} is too much"
+    qualities = given.get("quality") or []
+    for quality in [qualities] if isinstance(qualities, str) else qualities:
+        assert is_quality(quality) or quality.isupper(), f"{line}: {quality} is not a quality"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_command_line_takes_every_command_of_a_page(page):
+    for line in commands_of(page.read_text()):
+        require_parsed(line)
+
+
+@pytest.mark.parametrize("command", ALL)
+def test_the_command_line_takes_every_command_of_its_help(command):
+    for line in SPAN.findall(command_named(command).help):
+        require_parsed(" ".join(line.split()))
+
+
+def test_a_wrong_command_in_a_page_would_be_noticed():
+    for line in ("flowsculpt rendr A", "flowsculpt render A --scal 50%", "flowsculpt film -q best"):
+        (found,) = commands_of(f"```\n{line}  # a comment\n```\n")
+        with pytest.raises(Exception, match=r"rendr|--scal|best"):
+            require_parsed(found)
+
+
+class Reader:
+    """Does what a page says, line by line, in an empty folder.
+
+    quick  True to plan what would take longer than seconds
+    """
+
+    def __init__(self, folder: Path, quick: bool) -> None:
+        self.folder, self.quick = folder, quick
+
+    def follow(self, page: str) -> None:
+        for language, block in BLOCK.findall(page):
+            first, _, _ = block.partition("\n")
+            if language == "yaml" and first.startswith("# shots/"):
+                (self.folder / first.removeprefix("# ")).write_text(block)
+            for line in block.splitlines() if not language else ():
+                self._do(shlex.split(line, comments=True))
+
+    def _do(self, words: list[str]) -> None:
+        if words[:1] == ["cd"]:
+            self.folder = self.folder / words[1]
+        elif words[:1] == ["flowsculpt"]:
+            self._command(words[1:])
+        else:
+            assert not words or words[0] in OUTSIDE or "/" in words[0], words
+
+    def _command(self, words: list[str]) -> None:
+        if "--live" in words or (self.quick and (words[0] in OF_RESULTS or "--from" in words[1:2])):
+            return
+        if self.quick and words[0] not in AS_WRITTEN and not (words[0] == "preview" and "--at" in words):
+            words = [*words, "--dry-run"]
+        elif not self.quick:  # the pictures of a day's work, in minutes
+            words = ["draft" if word in ("daily", "final") else word for word in words]
+        if self.quick:
+            with contextlib.chdir(self.folder):
+                code, said = commanded(Path(), *words)
+        else:
+            command = [sys.executable, "-m", "pipeline.cli", "--no-progress", "-j", "2", *words]
+            done = subprocess.run(command, cwd=self.folder, capture_output=True, text=True, timeout=3000)
+            code, said = done.returncode, done.stdout + done.stderr
+        assert code == 0 and "Traceback" not in said, (words, said)
+
+
+@pytest.fixture
+def beside(tmp_path: Path) -> Path:
+    """A folder outside of any clone, with a model."""
+    write_mesh(icosphere(12), tmp_path / "bunny.obj")
+    return tmp_path
+
+
+def test_a_show_can_be_begun_as_its_page_says(beside):
+    Reader(beside, quick=True).follow(YOUR_SHOW.read_text())
+    assert sorted(path.name for path in (beside / "my_show/renders/A010_first/preview").iterdir())
+
+
+@pytest.mark.soak
+def test_a_show_can_be_rendered_and_published_as_its_page_says(beside):
+    Reader(beside, quick=False).follow(YOUR_SHOW.read_text())
+    assert (beside / "my_show/renders/published/A020_bunny/v001/A020_bunny.mp4").is_file()
+    assert (beside / "my_show/renders/film/draft/film.mp4").is_file()
+
+
+def test_the_readme_shows_commands_that_can_be_planned_in_the_clone(tmp_path, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    block = next(block for _, block in BLOCK.findall((ROOT / "README.md").read_text()) if "--show" in block)
+    for line in block.splitlines():
+        words = shlex.split(line, comments=True)[1:]
+        if words[0] in OF_RESULTS or "slurm" in words or any(word.endswith(".obj") for word in words):
+            continue  # they need rendered frames, another package, or a model
+        code, said = commanded(tmp_path, "--dry-run", *words)
+        assert code == 0, (line, said)
