@@ -63,6 +63,10 @@ class ContactShadow(NamedTuple):
         unblocked(lowest, opacity, reached)
         return cls(frame, reached)
 
+    def factors(self, exponent: float) -> NDArray[np.float32]:
+        """Return the factors (CELLS, CELLS) on values of the floor. exponent: LOOKS_DARK or PACKED_DARK"""
+        return np.asarray(self.open**exponent, np.float32)
+
     def coordinates(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
         """Return the place (N, 2) of points on the grid, in cells; far outside for points off the floor."""
         x, y, z = (points - self.frame[:3]).T / self.frame[3]
@@ -122,7 +126,12 @@ def open_at(reached: Array, row: float, column: float) -> float:
 
 
 @fast
-def dim_floor(places: Array, reached: Array, exponent: float, factor: Array) -> None:
-    """Write the factor on values at places (2, N) of the floor into factor (N,). exponent: of the values"""
+def dim_floor(places: Array, factors: Array, factor: Array) -> None:
+    """Write the factor on values at places (2, N) of the floor into factor (N,).
+
+    factors  (CELLS, CELLS), of each cell, as `ContactShadow.factors` returns them
+    """
     for n in range(places.shape[1]):
-        factor[n] = open_at(reached, places[0, n], places[1, n]) ** exponent
+        row, column = places[0, n], places[1, n]
+        inside = row >= 0.0 and column >= 0.0 and row < CELLS - 1.0 and column < CELLS - 1.0
+        factor[n] = open_at(factors, row, column) if inside else 1.0

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from render.raster.contact import dim_floor
+from render.raster.contact import CELLS, dim_floor
 from render.raster.projection import Array, corner, exact, fast
 from render.raster.shadow_map import light_visibility
 
@@ -48,7 +48,7 @@ class LargeTriangles(NamedTuple):
     values              (V, 11): display values in the key light (3) and in its shadow (3), coordinates in
                         the shadow map (3), and the place on the grid of the contact shadow (2)
     nearness, blocks    the shadow map, as of `light_visibility`
-    open, dark          the contact shadow and its exponent, as of `dim_floor`
+    contact             the contact shadow, as `dim_floor` takes it
     opacity             the fraction of the key light that the shadow lacks
     hits                (4, H W / SUPERSAMPLING²) int32, buffer for the pixels of one triangle
     at_hits             (14, H W / SUPERSAMPLING²) float32, buffer for their values
@@ -61,8 +61,7 @@ class LargeTriangles(NamedTuple):
     values: Array
     nearness: Array
     blocks: Array
-    open: Array
-    dark: float
+    contact: Array
     opacity: float
     hits: Array
     at_hits: Array
@@ -92,11 +91,22 @@ def draw_large_triangle(
     if left > right:
         return
     count = _cover(planes, left, right, top, bottom, nearness, large.hits)
-    _interpolate(planes, large.hits, count, large.at_hits)
+    reaches_contact = _overlaps(large.values, a, b, c, 9) and _overlaps(large.values, a, b, c, 10)
+    _interpolate(planes, large.hits, count, 11 if reaches_contact else 9, large.at_hits)
     visible = large.at_hits[11, :count]
     light_visibility(large.at_hits[6:9, :count], large.nearness, large.blocks, large.opacity, visible)
-    dim_floor(large.at_hits[9:11, :count], large.open, large.dark, large.at_hits[12, :count])
+    if reaches_contact:
+        dim_floor(large.at_hits[9:11, :count], large.contact, large.at_hits[12, :count])
+    else:
+        large.at_hits[12, :count] = 1.0
     _write(large.hits, large.at_hits, count, face_id, colour, face_ids)
+
+
+@exact
+def _overlaps(values: Array, a: int, b: int, c: int, k: int) -> bool:
+    """Tell whether a triangle's range of one coordinate overlaps the grid of the contact shadow."""
+    low, high = min(values[a, k], values[b, k], values[c, k]), max(values[a, k], values[b, k], values[c, k])
+    return high > 0.0 and low < CELLS
 
 
 @exact
@@ -149,8 +159,8 @@ def _cover(
 
 
 @fast
-def _interpolate(planes: Array, hits: Array, count: int, at_hits: Array) -> None:
-    """Interpolate the values of corners at the mean of a pixel's covered subsamples, into at_hits (11, N).
+def _interpolate(planes: Array, hits: Array, count: int, channels: int, at_hits: Array) -> None:
+    """Interpolate the first values of corners at the mean of a pixel's covered subsamples, into at_hits.
 
     That point is always inside the triangle. Pixels are the inner loop, in single precision, so that it is
     vectorised.
@@ -165,7 +175,7 @@ def _interpolate(planes: Array, hits: Array, count: int, at_hits: Array) -> None
         columns[n] = np.float32(hits[1, n]) + _MIDDLES[hits[2, n], 1]
     for n in range(count):
         depth[n] = np.float32(1.0) / (x + y * rows[n] + z * columns[n])
-    for k in range(11):
+    for k in range(channels):
         x, y, z = np.float32(planes[0, 3 + k]), np.float32(planes[1, 3 + k]), np.float32(planes[2, 3 + k])
         row = at_hits[k]
         for n in range(count):

@@ -237,7 +237,7 @@ def test_a_triangle_anywhere_covers_the_pixels_that_see_it_and_no_others(points)
     name, grey = np.full((rows, columns), -1, np.int32), np.float32([[g] * 11 for g in (0.25, 0.5, 0.75)])
     room = np.empty((4, rows * columns), np.int32), np.empty((14, rows * columns), np.float32)
     none = np.zeros((0, 0), np.float32)
-    large = LargeTriangles(shape.vertices, *lens, grey, none, none, none, 1.0, 1.0, *room)
+    large = LargeTriangles(shape.vertices, *lens, grey, none, none, none, 1.0, *room)
     for order in seen.orders:
         draw_triangles(order, faces, 7, seen.screen, grey[:, :3].copy(), large, near, colour, name)
     shares = covered(corners, rows, columns)
