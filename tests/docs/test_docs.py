@@ -8,8 +8,8 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 NAMED = re.compile(r"`((?:pipeline|render|tests|examples|benchmarks|shots|profiles)/[\w/.-]*)`")
-GENERATED = ("benchmarks/out/", "shots/.schema/", "shots/models")
-"""Folders that commands make."""
+GENERATED = ("benchmarks/out/", "shots/.schema/", "shots/models", "shots/defaults.yaml")
+"""Files and folders that commands make."""
 CLAIM = re.compile(r"^\| (P\d+) \| (.+) \| (.+) \| (.+) \| (.+) \|$", re.MULTILINE)
 
 
