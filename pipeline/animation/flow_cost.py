@@ -10,7 +10,6 @@ import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.flow import Sequence, Streamlines, VelocityField
-from pipeline.flow.flow import FlowStep
 from pipeline.flow.sensitivity import Sensitivity, sensitivity
 from pipeline.shot import Motion
 from pipeline.shot.model_subject import Model
@@ -119,23 +118,21 @@ def costliest_flow(motion: Motion, frame: int, points: Points) -> FlowCost | Non
 
     None where no flow follows velocities. Raises FrameError where a parameter of the flow cannot be computed.
     """
-    costs = (_cost(motion, place, step, points) for place, step in _along_velocities(motion, frame))
+    costs = (_cost(motion, points, *step) for step in along_velocities(motion, frame))
     return max(costs, key=lambda cost: cost.substeps, default=None)
 
 
-def _along_velocities(motion: Motion, frame: int) -> Iterator[tuple[str, FlowStep]]:
-    """Yield the steps along streamlines into a frame, each with its flow's place in the shot file."""
+def along_velocities(motion: Motion, frame: int) -> Iterator[tuple[str, Streamlines, float, float]]:
+    """Yield place in the shot file, flow, time and duration of each step along streamlines into a frame."""
     whole = motion.limit_steps(motion.flow, frame)
     flows = whole.flows if isinstance(whole, Sequence) else (whole,)
     for k, flow in enumerate(flows):
         for step in flow.steps(*motion.step(frame)):
             if isinstance(step.flow, Streamlines):
-                yield f"flows.{k}", step
+                yield f"flows.{k}", step.flow, step.time, step.dt
 
 
-def _cost(motion: Motion, place: str, step: FlowStep, points: Points) -> FlowCost:
-    flow, time, dt = step
-    assert isinstance(flow, Streamlines)
+def _cost(motion: Motion, points: Points, place: str, flow: Streamlines, time: float, dt: float) -> FlowCost:
     sample = points[:: max(1, len(points) // SAMPLE)]
     extent = float(np.ptp(points, axis=0).max())
     max_step = math.inf if flow.max_step is None else flow.max_step

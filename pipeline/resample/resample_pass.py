@@ -130,11 +130,12 @@ class ResamplePass:
         """Split, longest edges first, until no edge is too long (P25)."""
         while self.long_edges[0]:
             room, first = int(self.long_edges[0]), int(self.mesh.sizes[0])
-            self._keep_to_budget(room)
-            self.mesh.reserve(room, 2 * room)
+            remaining, births = work_list(10 * room), work_list(BIRTH_SIZE * room)
+            order = longest_edges_first(self.mesh.arrays, self.long_edges, self.limits, remaining)
+            self._keep_to_budget(order)
+            self.mesh.reserve(len(order), 2 * len(order))
             self.changes = changes_of(self.mesh)
-            arrays, remaining, births = self.mesh.arrays, work_list(10 * room), work_list(BIRTH_SIZE * room)
-            order = longest_edges_first(arrays, self.long_edges, self.limits, remaining)
+            arrays = self.mesh.arrays
             split_edges(arrays, self.mesh.sizes, self.limits, order, remaining, births, self.changes)
             self.splits += int(self.mesh.sizes[0]) - first
             self.passes += 1
@@ -211,8 +212,12 @@ class ResamplePass:
         waiting = items_of(self.changes.short_edges)
         return waiting[self.changes.edge_states[waiting] == REFUSED + reason]
 
-    def _keep_to_budget(self, more: int) -> None:
+    def _keep_to_budget(self, splits: Indices) -> None:
+        """Raise FrameError where splits at these half-edges exceed the budget; some name an edge twice."""
         vertices, budget = int(self.mesh.sizes[0]), self.thresholds.max_vertices
+        if vertices + len(splits) <= budget:
+            return
+        more = len(np.unique(np.maximum(splits, self.mesh.arrays.twin[splits])))
         if vertices + more > budget:
             corners = self.mesh.vertices[self.mesh.faces]
             longest = float(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max())

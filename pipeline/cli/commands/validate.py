@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from pipeline.cli.options import Common, Settings, shots_argument
-from pipeline.cli.output import exit_with, print_error, print_result
-from pipeline.errors import FlowsculptError
+from pipeline.cli.output import (
+    exit_with,
+    out,
+    print_error,
+    print_result,
+    print_warning,
+    progress_bars,
+    size,
+    table,
+)
+from pipeline.errors import FlowsculptError, FrameError, ShotError, UsageError
 from pipeline.flow.flow import python_flows
-from pipeline.production.request.lookup import edit_names, find_edit, find_shot, shot_names
+from pipeline.production.maintenance.first_frame import FirstFrame, FirstFrames
+from pipeline.production.maintenance.scene_rules import Finding, findings
+from pipeline.production.request.lookup import NO_SHOTS, edit_names, find_edit, find_shot, shot_names
 from pipeline.shot import read_film, read_shot
+from pipeline.shot.yaml.inheritance import inherited
 
 
 def validate(
@@ -18,35 +30,112 @@ def validate(
     shots: Annotated[list[str] | None, shots_argument("Shots and edits. Default: all.")] = None,
     settings: Settings = None,
 ) -> None:
-    """Check shot files and report every error by file, line and column.
+    """Check shot files and the scenes they describe; report every mistake by file, line and column.
 
     `flowsculpt validate` checks all shots and edits in shots/; `flowsculpt validate A010_cube --set
     resample.max_edge_length=0.1` checks one shot with another value.
+
+    Models are loaded, and the first frame is computed: what was repaired, its vertices and memory are listed.
+    Warnings tell of what renders, but hardly as it is meant: edges that are coarse for the subject, a camera
+    inside of it, flows that act elsewhere or take minutes a frame.
     """
     edits, given = edit_names(), tuple(settings or ())
-    errors: list[FlowsculptError] = []
-    facts: list[dict[str, Any]] = []
-    for name in shots or [*shot_names(), *edits]:
-        try:
-            is_edit = name in edits
-            notes = _notes(find_edit(name) if is_edit else find_shot(name), is_edit, given)
-            facts.append({"file": name, "errors": [], "notes": notes})
-        except FlowsculptError as error:
-            errors.append(error)
-            facts.append({"file": name, "errors": str(error).splitlines()})
-    lines = dict.fromkeys(line for error in errors for line in str(error).splitlines())
-    if lines:
-        print_error("\n".join(lines))
-    good = [fact["file"] for fact in facts if not fact["errors"]]
-    notes = [f"Note: {note}" for fact in facts for note in fact.get("notes", [])]
-    summary = f"Good: {', '.join(good)}" if good else "No shot is good."
-    print_result("\n".join([summary, *notes]), facts, common.json)
-    exit_with(max((error.exit_code for error in errors), default=0))
+    names = shots or [*shot_names(), *edits]
+    if not names:
+        raise UsageError(NO_SHOTS)
+    first_frames, checks = FirstFrames(), []
+    with progress_bars(common.progress) as bar:
+        advance = bar("checking", len(names))
+        for name in names:
+            checks.append(_check_edit(name, given) if name in edits else _check(name, given, first_frames))
+            advance()
+    _report(common, checks)
+    exit_with(max(check.exit_code for check in checks))
 
 
-def _notes(path: Path, is_edit: bool, settings: tuple[str, ...]) -> list[str]:
-    """Read a shot or an edit; return advice about the shot's Python flows. Raises ShotError."""
-    if is_edit:
-        read_film(path, settings=settings)
-        return []
-    return [flow.advice for flow in python_flows(read_shot(path, settings=settings).motion.flow)]
+@dataclass
+class _Check:
+    """The result for one file. Errors and warnings begin with file, line and column."""
+
+    name: str
+    errors: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    first: FirstFrame | None = None
+    exit_code: int = 0
+
+    def add_error(self, error: FlowsculptError) -> None:
+        self.errors += str(error).splitlines()
+        self.exit_code = max(self.exit_code, error.exit_code)
+
+    def as_data(self) -> dict[str, Any]:
+        facts = {"file": self.name, "errors": self.errors, "warnings": self.warnings, "notes": self.notes}
+        return facts if self.first is None else {**facts, "first_frame": self.first.as_data()}
+
+
+def _check_edit(name: str, settings: tuple[str, ...]) -> _Check:
+    check = _Check(name)
+    try:
+        read_film(find_edit(name), settings=settings)
+    except FlowsculptError as error:
+        check.add_error(error)
+    return check
+
+
+def _check(name: str, settings: tuple[str, ...], first_frames: FirstFrames) -> _Check:
+    """Check a shot file, and if it is well written its scene."""
+    check = _Check(name)
+    try:
+        path = find_shot(name)
+        shot, source = read_shot(path, settings=settings), inherited(path, None, settings, None)
+    except FlowsculptError as error:
+        check.add_error(error)
+        return check
+    check.notes += [flow.advice for flow in python_flows(shot.motion.flow)]
+    try:
+        check.first = first_frames.of(shot.motion)
+        found = findings(shot, check.first)
+    except FlowsculptError as error:
+        place = ("resample", "max_edge_length") if isinstance(error, FrameError) else ("subject", "model")
+        found = [Finding(place, str(error), is_error=True)]
+    for finding in found:
+        line = f"{source.place(finding.where)}: {finding.text}"
+        if finding.is_error:
+            check.add_error(ShotError(line))
+        else:
+            check.warnings.append(line)
+    check.notes += [f"{name}: model repaired: {line}" for line in check.first.repairs] if check.first else []
+    return check
+
+
+def _report(common: Common, checks: list[_Check]) -> None:
+    """Print errors and warnings, then which files are good, and the first frames of the shots."""
+    errors = dict.fromkeys(line for check in checks for line in check.errors)
+    warnings = dict.fromkeys(line for check in checks for line in check.warnings)
+    if errors:
+        print_error("\n".join(errors))
+    if warnings:
+        print_warning("\n".join(warnings))
+    good = [check.name for check in checks if not check.errors and not check.warnings]
+    doubtful = [check.name for check in checks if check.warnings and not check.errors]
+    lines = [f"Good: {', '.join(good)}"] if good else []
+    lines += [f"With warnings: {', '.join(doubtful)}"] if doubtful else []
+    notes = [f"Note: {note}" for check in checks for note in check.notes]
+    print_result("\n".join([*(lines or ["No shot is good."]), *notes]), _facts(checks), common.json)
+    if not common.json:
+        _print_first_frames(checks)
+
+
+def _facts(checks: list[_Check]) -> list[dict[str, Any]]:
+    return [check.as_data() for check in checks]
+
+
+def _print_first_frames(checks: list[_Check]) -> None:
+    rows = table("shot", "subject", "units", "vertices", "memory")
+    for check in checks:
+        if check.first is not None:
+            first = check.first
+            facts = f"{first.extent:.3g}", f"{first.vertices:,}", size(first.memory)
+            rows.add_row(check.name, first.subject, *facts)
+    if rows.row_count:
+        out.print(rows)

@@ -14,6 +14,12 @@ FILM = SHOTS / "film.yaml"
 NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
 """Names of shots: they become part of file names, on any system."""
 
+NO_SHOTS = (
+    f"there are no shots here: {SHOTS}/ holds none. `flowsculpt new A010_first` writes one, "
+    "`flowsculpt new --show` a show with its first shot and its edit."
+)
+"""The message of commands where nothing was begun yet."""
+
 
 def find_shot(name: str) -> Path:
     """Return the file of a shot: a path, or a name in `shots/`.
@@ -29,6 +35,7 @@ def find_shot(name: str) -> Path:
         return path
     if path == Path(name):
         raise MissingInputError(f"{shown(name)}: no such shot file; flowsculpt new makes one")
+    _require_shots()
     raise MissingInputError(
         f"{shown(path)}: no such shot; {_near(name, shot_names(), 'flowsculpt new makes one')}"
     )
@@ -43,6 +50,7 @@ def find_edit(name: str) -> Path:
     path = _path(name, "an edit", "showreel")
     hint = _near(path.stem, edit_names(), "flowsculpt new --show writes shots/film.yaml")
     if not is_there(path):
+        _require_shots()
         raise MissingInputError(f"{shown(path)}: no such edit; {hint}")
     if path.stem in shot_names() and path.absolute() == (SHOTS / path.name).absolute():
         raise UsageError(
@@ -50,6 +58,12 @@ def find_edit(name: str) -> Path:
             f"and as for edits, {hint}"
         )
     return path
+
+
+def _require_shots() -> None:
+    """Raise UsageError where no shot was begun yet."""
+    if not shot_names() and not edit_names():
+        raise UsageError(NO_SHOTS)
 
 
 def _path(name: str, kind: str, example: str) -> Path:

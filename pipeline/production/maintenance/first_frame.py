@@ -1,0 +1,156 @@
+"""The first frame of a shot, computed to check it: its subject, vertices, extent and memory."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pipeline.animation import animate
+from pipeline.arrays import Points
+from pipeline.errors import FrameError
+from pipeline.mesh import TriangleMesh
+from pipeline.resample import Curvature, DistanceToCamera
+from pipeline.shot import Motion
+from pipeline.shot.model_subject import Model
+from pipeline.shot.subject import Solid
+
+LARGEST_COMPUTED = 3_000_000
+"""Vertices up to which the first frame is computed; a larger one is estimated by its area."""
+
+POSSIBLY, CERTAINLY = 0.25, 1.5
+"""Estimated vertices over the budget from which on it may be exceeded, and from which on it is."""
+
+BYTES_OF_VERTEX = 130
+"""Memory of a mesh frame: positions, rest positions, normals, identities, and two triangles a vertex."""
+
+EDGE = 0.66
+"""Mean edge length of a resampled surface over the maximum, about."""
+
+
+@dataclass(frozen=True)
+class FirstFrame:
+    """The surface of a shot at its first frame.
+
+    subject    the name of its kind, or the file of a model with its format and size
+    repairs    what was repaired in the file, a line for each kind
+    vertices   number of vertices; an estimate where the frame is not computed
+    points     (V, 3) vertices, resampled where the frame is computed, else those of the subject
+    faces      (F, 3) triangles between `points`
+    memory     bytes of one mesh frame
+    longest    maximum edge length, units; None where it is a formula, or where nothing is resampled
+    exceeds    True if the vertices are more than the shot allows
+    """
+
+    subject: str
+    repairs: tuple[str, ...]
+    vertices: int
+    points: Points
+    faces: np.ndarray[Any, Any]
+    memory: int
+    longest: float | None
+    exceeds: bool = False
+
+    @cached_property
+    def middle(self) -> Points:
+        """The middle of the bounding box (3,)."""
+        return np.asarray(0.5 * (self.points.min(axis=0) + self.points.max(axis=0)), np.float64)
+
+    @cached_property
+    def extent(self) -> float:
+        """The longest side of the bounding box, units."""
+        return float(np.ptp(self.points, axis=0).max())
+
+    def as_data(self) -> dict[str, Any]:
+        """Return its facts as JSON-able data."""
+        return {
+            "subject": self.subject,
+            "repairs": list(self.repairs),
+            "extent": self.extent,
+            "middle": [float(x) for x in self.middle],
+            "vertices": self.vertices,
+            "memory": self.memory,
+            "max_edge_length": self.longest,
+        }
+
+
+class FirstFrames:
+    """The first frames of shots. Those that start alike share one."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, FirstFrame] = {}
+
+    def of(self, motion: Motion) -> FirstFrame:
+        """Return the first frame of a motion.
+
+        Raises MeshError or MissingInputError for an unusable subject, FrameError where resampling fails.
+        """
+        key = json.dumps(motion.start_data(), sort_keys=True)
+        if key not in self._known:
+            self._known[key] = _first_frame(motion)
+        return self._known[key]
+
+
+def _first_frame(motion: Motion) -> FirstFrame:
+    longest, resampling = longest_edge(motion), motion.resampling
+    if resampling is None or longest is None:
+        return _computed(motion, longest)
+    at_rest, budget = motion.mesh_at_rest(), resampling.thresholds.max_vertices
+    estimated = estimated_vertices(at_rest, longest)
+    exceeds = estimated > CERTAINLY * budget
+    if not exceeds and estimated <= LARGEST_COMPUTED:
+        try:
+            return _computed(motion, longest)
+        except FrameError:
+            if estimated < POSSIBLY * budget:
+                raise
+            exceeds = True
+    return FirstFrame(
+        _subject(motion),
+        motion.subject.repairs,
+        estimated,
+        at_rest.vertices,
+        at_rest.faces,
+        BYTES_OF_VERTEX * estimated,
+        longest,
+        exceeds,
+    )
+
+
+def _computed(motion: Motion, longest: float | None) -> FirstFrame:
+    frame = next(animate(motion))
+    points, faces = frame.mesh.vertices, frame.mesh.faces
+    memory = sum(values.nbytes for values in frame.to_arrays().values())
+    return FirstFrame(_subject(motion), motion.subject.repairs, len(points), points, faces, memory, longest)
+
+
+def longest_edge(motion: Motion) -> float | None:
+    """Return the maximum edge length of the first frame, units: the coarsest where it varies; else None."""
+    resampling = motion.resampling_at(motion.frames.first)
+    longest = None if resampling is None else resampling.thresholds.max_edge_length
+    if isinstance(longest, Curvature | DistanceToCamera):
+        longest = longest.coarsest
+    return longest if isinstance(longest, float) else None
+
+
+def estimated_vertices(mesh: TriangleMesh, max_edge_length: float) -> int:
+    """Return about how many vertices a surface has when it is resampled: by the area of its triangles."""
+    a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
+    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    return math.ceil(0.5 * area / (math.sqrt(3.0) / 4.0 * (EDGE * max_edge_length) ** 2))
+
+
+def _subject(motion: Motion) -> str:
+    """Return `icosphere`, or `bunny.obj (OBJ, 35,947 vertices, 69,451 faces)`."""
+    subject = motion.subject
+    if isinstance(subject, Model):
+        surface = subject.imported()
+        counts = f"{surface.vertices:,} vertices, {surface.faces:,} faces"
+        return f"{subject.path.name} ({surface.format}, {counts})"
+    if isinstance(subject, Solid):
+        return subject.solid
+    return "control net" if subject.lattice is not None else "cloud"

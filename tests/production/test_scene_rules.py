@@ -1,0 +1,210 @@
+"""`validate` looks at the scene that a shot describes, and what it advises works."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.animation import animate
+from pipeline.mesh import icosphere
+from pipeline.production.maintenance.first_frame import FirstFrame, FirstFrames, estimated_vertices
+from pipeline.production.maintenance.scene_rules import Finding, findings, is_inside, rounded_up
+from pipeline.resample import Thresholds, resample
+from pipeline.shot import read_shot
+from tests.conftest import ProjectFolder, commanded
+
+pytestmark = pytest.mark.quick
+
+TWIST = "twist: {axis: y, amount: {keys: {1: 0, 24: 60}}}"
+
+
+def write_ball(path: Path, size: float = 2.0, middle: tuple[float, float, float] = (0, 0, 0)) -> None:
+    """Write an OBJ of a ball with 642 vertices; `size` is its diameter."""
+    ball = icosphere(8)
+    vertices = 0.5 * size * ball.vertices + np.array(middle)
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
+    path.write_text("\n".join([*lines, *(f"f {a} {b} {c}" for a, b, c in (ball.faces + 1).tolist())]))
+
+
+def found(folder: Path, text: str) -> list[Finding]:
+    path = folder / "shot.yaml"
+    path.write_text(f"title: A ball\nframes: 1-24\n{text}\nlook: clay\n")
+    shot = read_shot(path)
+    return findings(shot, FirstFrames().of(shot.motion))
+
+
+def ball_shot(
+    edge: float = 0.15, more: str = "", flow: str = TWIST, fit: str = "", resample: str = ""
+) -> str:
+    subject = f"subject: {{model: ball.obj{fit}}}"
+    return f"{subject}\nresample: {{max_edge_length: {edge}{resample}}}\nflows: [{{{flow}}}]\n{more}"
+
+
+def the_only(many: list[Finding]) -> Finding:
+    assert len(many) == 1, many
+    return many[0]
+
+
+def test_a_model_of_the_usual_size_with_fine_edges_has_no_findings(tmp_path: Path) -> None:
+    write_ball(tmp_path / "ball.obj")
+    assert found(tmp_path, ball_shot()) == []
+
+
+def test_edges_over_a_twelfth_of_the_subject_are_coarse_and_the_advised_length_is_not(tmp_path: Path) -> None:
+    write_ball(tmp_path / "ball.obj")
+    finding = the_only(found(tmp_path, ball_shot(edge=0.17)))
+    assert finding.where == ("resample", "max_edge_length") and not finding.is_error
+    advised = re.search(r"Write max_edge_length: ([\d.]+)\.", finding.text)
+    assert advised
+    assert found(tmp_path, ball_shot(edge=float(advised[1]))) == []
+    assert found(tmp_path, ball_shot(edge=0.166)) == []
+
+
+def test_a_small_bunny_with_edges_of_half_its_size_is_no_good(tmp_path: Path) -> None:
+    write_ball(tmp_path / "ball.obj", 0.15)
+    texts = [finding.text for finding in found(tmp_path, ball_shot(edge=0.08))]
+    assert any("max_edge_length 0.08 is coarse" in text for text in texts)
+    fit = next(text for text in texts if "subject.fit: 2" in text)
+    edge = re.search(r"max_edge_length: ([\d.]+)", fit)
+    assert edge
+    assert found(tmp_path, ball_shot(edge=float(edge[1]), fit=", fit: 2")) == []
+
+
+@pytest.mark.parametrize("edge", [0.03, 0.04, 0.05])
+def test_a_first_frame_over_the_budget_is_an_error_and_both_remedies_fit(tmp_path: Path, edge: float) -> None:
+    write_ball(tmp_path / "ball.obj")
+    budget = ", max_vertices: 10000"
+    errors = found(tmp_path, ball_shot(edge, resample=budget))
+    if not errors:
+        assert edge > 0.04
+        return
+    error = the_only(errors)
+    assert error.is_error and error.where == ("resample", "max_edge_length")
+    remedies = re.search(r"Write max_edge_length: ([\d.]+), or max_vertices: (\d+)\.", error.text)
+    assert remedies
+    assert found(tmp_path, ball_shot(float(remedies[1]), resample=budget)) == []
+    assert found(tmp_path, ball_shot(edge, resample=f", max_vertices: {remedies[2]}")) == []
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.floats(0.05, 0.4))
+def test_vertices_are_estimated_within_a_factor_of_about_two(edge: float) -> None:
+    ball = icosphere(3)
+    after, _ = resample(ball, Thresholds(max_edge_length=edge))
+    assert 0.4 < estimated_vertices(ball, edge) / len(after.vertices) < 2.0
+
+
+def test_a_camera_inside_the_subject_is_told_with_its_setting(tmp_path: Path) -> None:
+    write_ball(tmp_path / "ball.obj")
+    for camera, setting in (
+        ("{position: [0.2, 0, 0]}", "position"),
+        ("{distance: 0.5}", "distance"),
+        ("{dolly: 0.05}", "dolly"),
+        ("{position: {keys: {1: [5, 0, 0], 24: [0, 0, 0]}}}", "position"),
+    ):
+        finding = the_only(found(tmp_path, ball_shot(more=f"camera: {camera}")))
+        assert finding.where == ("camera", setting) and "inside the subject" in finding.text
+    assert found(tmp_path, ball_shot(more="camera: {position: [0, 0, 3]}")) == []
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.tuples(*[st.floats(-1.2, 1.2)] * 3))
+def test_points_within_a_ball_are_inside(point: tuple[float, float, float]) -> None:
+    ball = icosphere(6)
+    first = FirstFrame("ball", (), len(ball.vertices), ball.vertices, ball.faces, 0, None)
+    distance = float(np.linalg.norm(point))
+    if abs(distance - 0.98) > 0.02:  # the faces lie below the sphere
+        assert is_inside(np.array(point), first) == (distance < 0.98)
+
+
+def test_flows_that_act_far_from_the_subject_are_told_and_both_remedies_serve(tmp_path: Path) -> None:
+    write_ball(tmp_path / "ball.obj", 2.0, (300.0, 0.0, 0.0))
+    finding = the_only(found(tmp_path, ball_shot()))
+    assert finding.where == ("flows", 0) and finding.text.startswith("twist acts about a place 150 times")
+    assert found(tmp_path, ball_shot(fit=", fit: 2")) == []
+    centre = re.search(r"centre: (\[.*?\])", finding.text)
+    assert centre
+    assert found(tmp_path, ball_shot(flow=TWIST.replace("axis: y", f"axis: y, centre: {centre[1]}"))) == []
+
+
+def test_a_vortex_acts_all_along_its_axis(tmp_path: Path) -> None:
+    write_ball(tmp_path / "ball.obj", 2.0, (0.0, 0.0, 300.0))
+    assert found(tmp_path, ball_shot(flow="vortex: {axis: z, strength: 3}")) == []
+    assert "vortex" in the_only(found(tmp_path, ball_shot(flow="vortex: {axis: x, strength: 3}"))).text
+
+
+def test_a_place_that_pictures_cannot_resolve_is_told(tmp_path: Path) -> None:
+    write_ball(tmp_path / "ball.obj", 2.0, (1e5, 0.0, 0.0))
+    finding = the_only(found(tmp_path, ball_shot(flow="curl_noise: {}")))
+    assert finding.where == ("subject",) and "subject.fit: 2" in finding.text
+    assert found(tmp_path, ball_shot(flow="curl_noise: {}", fit=", fit: 2")) == []
+
+
+def test_too_many_sub_steps_are_an_error_before_they_are_taken(tmp_path: Path) -> None:
+    write_ball(tmp_path / "ball.obj")
+    error = the_only(found(tmp_path, ball_shot(flow="curl_noise: {strength: 40000}")))
+    assert error.is_error and "sub-steps a frame; 10000 are the most" in error.text
+
+
+def test_a_frame_that_takes_minutes_is_told_with_its_flow(tmp_path: Path) -> None:
+    write_ball(tmp_path / "ball.obj")
+    finding = the_only(found(tmp_path, ball_shot(edge=0.02, flow="curl_noise: {strength: 300}")))
+    assert finding.where == ("flows", 0) and not finding.is_error
+    assert re.search(r"frame \d+ takes about \d+ s: flows.0 curl_noise takes .* sub-steps", finding.text)
+
+
+def test_shots_that_begin_alike_share_their_first_frame(tmp_path: Path) -> None:
+    write_ball(tmp_path / "ball.obj")
+    found(tmp_path, ball_shot())
+    first_frames, path = FirstFrames(), tmp_path / "shot.yaml"
+    one = first_frames.of(read_shot(path).motion)
+    other = first_frames.of(read_shot(path, settings=["flows.0.twist.axis=x"]).motion)
+    assert one is other
+    frame = next(animate(read_shot(path)))
+    assert (one.vertices, one.memory) == (
+        len(frame.mesh.vertices),
+        sum(values.nbytes for values in frame.to_arrays().values()),
+    )
+    assert one.subject == "ball.obj (OBJ, 642 vertices, 1,280 faces)" and one.extent == pytest.approx(
+        2.0, 0.01
+    )
+
+
+@given(st.floats(1e-9, 1e9))
+def test_rounding_up_keeps_two_digits_and_is_never_less(value: float) -> None:
+    up = rounded_up(value)
+    assert value <= up * (1 + 1e-12) and up <= 1.11 * value and up == float(f"{up:.2g}")
+
+
+def test_validate_reports_scenes_by_line_and_as_data(project: ProjectFolder) -> None:
+    shots = project.path / "shots"
+    write_ball(shots / "ball.obj")
+    (shots / "broken.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n")
+    text = "title: A ball\nframes: 1-24\nsubject: {model: %s.obj}\nresample: {max_edge_length: %s}\nflows: []"
+    (shots / "coarse.yaml").write_text(text % ("ball", 0.5))
+    (shots / "fine.yaml").write_text(text % ("ball", 0.1))
+    (shots / "broken.yaml").write_text(text % ("broken", 0.1))
+    done = project.run("validate", "coarse", "fine")
+    assert done.code == 0
+    assert "Good: fine\nWith warnings: coarse\n" in done.out
+    assert "shots/coarse.yaml:4:12: max_edge_length 0.5 is coarse" in done.err
+    assert "ball.obj" in done.out
+    done = project.run("--json", "validate", "coarse", "broken")
+    coarse, broken = json.loads(done.out)
+    assert done.code == 2
+    assert coarse["errors"] == [] and len(coarse["warnings"]) == 1
+    assert coarse["first_frame"]["vertices"] > 12 and coarse["first_frame"]["memory"] > 1000
+    assert broken["errors"][0].startswith("shots/broken.yaml:3:11: ")
+
+
+def test_an_empty_folder_is_told_how_to_make_a_shot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for words in (("validate",), ("preview", "A010"), ("render", "A010"), ("film",)):
+        code, said = commanded(tmp_path, *words)
+        assert code == 2 and "flowsculpt new A010_first" in said, words
