@@ -111,7 +111,7 @@ def _first_frame(motion: Motion) -> FirstFrame:
             exceeds = True
     return FirstFrame(
         _subject(motion),
-        motion.subject.repairs,
+        _repairs(motion),
         estimated,
         at_rest.vertices,
         at_rest.faces,
@@ -125,7 +125,7 @@ def _computed(motion: Motion, longest: float | None) -> FirstFrame:
     frame = next(animate(motion))
     points, faces = frame.mesh.vertices, frame.mesh.faces
     memory = sum(values.nbytes for values in frame.to_arrays().values())
-    return FirstFrame(_subject(motion), motion.subject.repairs, len(points), points, faces, memory, longest)
+    return FirstFrame(_subject(motion), _repairs(motion), len(points), points, faces, memory, longest)
 
 
 def longest_edge(motion: Motion) -> float | None:
@@ -142,6 +142,10 @@ def estimated_vertices(mesh: TriangleMesh, max_edge_length: float) -> int:
     a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
     area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     return math.ceil(0.5 * area / (math.sqrt(3.0) / 4.0 * (EDGE * max_edge_length) ** 2))
+
+
+def _repairs(motion: Motion) -> tuple[str, ...]:
+    return motion.subject.imported().repairs if isinstance(motion.subject, Model) else ()
 
 
 def _subject(motion: Motion) -> str:
