@@ -164,7 +164,6 @@ def test_all_mistakes_are_told_at_once_in_the_order_of_the_file(tmp_path: Path) 
     assert places == [
         "a.yaml:4:11",
         "a.yaml:8:85",
-        "a.yaml:9:9",
         "a.yaml:9:20",
         "a.yaml:10:49",
         "a.yaml:11:35",

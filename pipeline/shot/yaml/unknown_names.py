@@ -273,11 +273,14 @@ class _Mapping:
         names = sorted(every if len(every) <= MOST_BRIEF else self._fields)
         if (meant := VALUES.get(as_name(name))) in names:
             return f"Did you mean {meant!r}?"
+        listing = ""
         if self._is_entry:
-            return suggestion(name, names, listing="`flowsculpt flows` lists all of them.")
-        if not self.where:
-            return suggestion(name, names, listing="docs/shot-files.md explains all of them.")
-        return suggestion(name, names)
+            listing = "`flowsculpt flows` lists all of them."
+        elif not self.where:
+            listing = "docs/shot-files.md explains all of them."
+        hint = suggestion(name, names, listing=listing)
+        self.found.supplied.update((*self.where, each) for each in names if hint == f"Did you mean {each!r}?")
+        return hint
 
 
 def _paths_to(name: Any, models: Models, depth: int) -> Iterator[tuple[str, ...]]:
