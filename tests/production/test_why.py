@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import dataclass, replace
+from importlib.metadata import version
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.mesh import box, write_mesh
 from pipeline.production.execution.project import Project
-from pipeline.production.maintenance.why import Explanation, differences, explain
+from pipeline.production.maintenance.differences import differences
+from pipeline.production.maintenance.why import Explanation, explain, option_differences
+from pipeline.production.request.keys import picture_header
 from pipeline.production.request.lookup import find_shot
+from pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER
+from render.post.image import read_exr, write_exr
+from render.scene.aovs import RenderedFrame
 
 NAME = "T010_tiny"
 
@@ -33,9 +43,253 @@ def test_a_difference_is_told_as_a_path() -> None:
     assert told == ["look.roughness: 0.1 → 0.3", "a.1: 2 → 3", "b: nothing → 1"]
 
 
-def ask(project: Any, frame: int) -> Explanation:
-    there = Project(project.path, 2)
+def ask(project: Any, frame: int, settings: tuple[str, ...] = ()) -> Explanation:
+    there = Project(project.path, 2, settings=settings)
     return explain(there.request(find_shot(NAME), "draft", str(frame)), frame, there.store)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A change since a frame was made, and what `why` says about the frame.
+
+    replace   texts of the shot file, and what stands in their place; an empty text is its end
+    files     files beside the shot, as they are written anew
+    settings  options --set that are given now
+    frame     the frame
+    """
+
+    id: str
+    says: tuple[str, ...]
+    replace: tuple[str, str] = ("", "")
+    files: tuple[tuple[str, str], ...] = ()
+    settings: tuple[str, ...] = ()
+    frame: int = 3
+
+
+SHOT = "shots/T010_tiny.yaml"
+LATE = ("its mesh differs, as all meshes do from frame 5 on",)
+
+CASES = [
+    Case("a comment", (), ("title:", "# a comment\ntitle:")),
+    Case("the title", (), ("A box, twisted", "A box")),
+    Case("the exposure, which is in the view", (), ("", "lights: {rig: studio, exposure: 1}\n")),
+    Case(
+        "a key after the frame",
+        (
+            "its camera differs: it frames meshes that differ from frame 5 on",
+            f"{SHOT}:6: flows.0.twist.amount.keys.6: 60 → 90",
+        ),
+        ("6: 60", "6: 90"),
+        frame=1,
+    ),
+    Case(
+        "the camera",
+        ("its camera differs", f"{SHOT}:7: camera.azimuth: -30 → 20"),
+        ("azimuth: -30", "azimuth: 20"),
+    ),
+    Case(
+        "the lens",
+        ("its camera differs", f"{SHOT}:7: camera.focal_length: nothing → 85"),
+        ("elevation: 14", "elevation: 14, focal_length: 85"),
+    ),
+    Case("the look", ("its look differs", f"{SHOT}:8: look: nothing → chrome"), ("", "look: chrome\n")),
+    Case(
+        "a colour",
+        ("its look differs", f"{SHOT}:8: look: nothing → {{material: clay, colour: #c04020}}"),
+        ("", "look: {material: clay, colour: '#c04020'}\n"),
+    ),
+    Case(
+        "a light",
+        ("its lights differ", f"{SHOT}:8: lights: nothing → {{rig: studio, intensity: {{key: 2}}}}"),
+        ("", "lights: {rig: studio, intensity: {key: 2}}\n"),
+    ),
+    Case("the stage", ("its stage differs", f"{SHOT}:8: stage: nothing → ground"), ("", "stage: ground\n")),
+    Case(
+        "a flow",
+        (
+            "its mesh differs, as all meshes do from frame 2 on",
+            f"{SHOT}:7: flows.1: nothing → {{rotation: {{speed: 9}}}}",
+        ),
+        ("camera:", "  - rotation: {speed: 9}\ncamera:"),
+    ),
+    Case("a key", (*LATE, f"{SHOT}:6: flows.0.twist.amount.keys.6: 60 → 90"), ("6: 60", "6: 90"), frame=6),
+    Case(
+        "a threshold",
+        (
+            "its mesh differs, as all meshes do from frame 1 on",
+            f"{SHOT}:4: resample.max_edge_length: 0.5 → 0.4",
+        ),
+        ("length: 0.5", "length: 0.4"),
+    ),
+    Case(
+        "the subject",
+        ("its mesh differs, as all meshes do from frame 1 on", f"{SHOT}:3: subject.size.1: 2 → 3"),
+        ("[2, 2, 2]", "[2, 3, 2]"),
+    ),
+    Case(
+        "the tessellation",
+        (
+            "its normals differ: by the hard angle or the tessellation",
+            f"{SHOT}:8: smooth: nothing → {{tessellate: 2}}",
+        ),
+        ("", "smooth: {tessellate: 2}\n"),
+    ),
+    Case(
+        "the dicing",
+        ("its dicing differs", f"{SHOT}:8: smooth: nothing → {{dicing: 2px}}"),
+        ("", "smooth: {dicing: 2px}\n"),
+    ),
+    Case(
+        "a setting of the quality",
+        ("the settings of its quality differ", f"{SHOT}:8: quality: nothing → {{draft: {{samples: 8}}}}"),
+        ("", "quality: {draft: {samples: 8}}\n"),
+    ),
+    Case(
+        "the shutter",
+        ("its shutter differs", f"{SHOT}:8: shutter: nothing → {{angle: 180}}"),
+        ("", "shutter: {angle: 180}\n"),
+    ),
+    Case("an AOV", ("its AOVs differ", f"{SHOT}:8: aovs: nothing → [velocity]"), ("", "aovs: [velocity]\n")),
+    Case(
+        "the defaults",
+        ("its look differs", "shots/defaults.yaml:1: look: nothing → chrome"),
+        files=(("defaults.yaml", "look: chrome\n"),),
+    ),
+    Case(
+        "a shot that it extends",
+        (
+            "its look differs",
+            "shots/base.yaml:1: look: nothing → chrome",
+            f"{SHOT}:8: extends: nothing → base",
+        ),
+        ("", "extends: base\n"),
+        files=(("base.yaml", "look: chrome\n"),),
+    ),
+    Case(
+        "an option",
+        ("its camera differs", "--set camera.azimuth=20 is given now, and was not when it was made"),
+        settings=("camera.azimuth=20",),
+    ),
+    Case(
+        "an option beside an edit",
+        (
+            "its look differs",
+            "its camera differs",
+            f"{SHOT}:8: look: nothing → chrome",
+            "--set camera.azimuth=20 is given now, and was not when it was made",
+        ),
+        ("", "look: chrome\n"),
+        settings=("camera.azimuth=20",),
+    ),
+]
+
+
+@pytest.fixture(scope="module")
+def made(finished_project: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """A finished project for all cases, each of which leaves it as it was."""
+    return finished_project.copy(tmp_path_factory.mktemp("why") / "studio")
+
+
+def said(explanation: Explanation) -> tuple[str, ...]:
+    return tuple(str(part) for part in (*explanation.reasons, *explanation.edits, *explanation.options))
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.id)
+def test_why_names_what_was_changed_and_nothing_else(
+    made: Any, monkeypatch: pytest.MonkeyPatch, case: Case
+) -> None:
+    monkeypatch.chdir(made.path)
+    before, (old, new) = made.shot.read_text(), case.replace
+    assert old in before
+    try:
+        made.shot.write_text(before.replace(old, new, 1) if old else before + new)
+        for name, text in case.files:
+            (made.shot.parent / name).write_text(text)
+        explanation = ask(made, case.frame, case.settings)
+    finally:
+        made.shot.write_text(before)
+        for name, _ in case.files:
+            (made.shot.parent / name).unlink()
+    assert said(explanation) == case.says
+    assert explanation.state == ("stale" if case.says else "done")
+
+
+def test_why_names_an_option_that_made_a_frame_and_is_not_given_any_more(
+    made: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(made.path)
+    project = Project(made.path, 2, settings=("look=chrome",))
+    request = project.request(find_shot(NAME), "draft", "3")
+    made_with = replace(request.source, settings=("look=chrome",))
+    assert list(option_differences(made_with, replace(request.source, settings=()))) == [
+        "it was made with --set look=chrome, which is not given now"
+    ]
+
+
+def remade(project: Any, **header: Any) -> None:
+    """Write frame 3 as another version of flowsculpt, or of a package, would have."""
+    file = project.frames()[2]
+    layers, before = read_exr(file)
+    stages = {**before["stages"], **header.pop("stages", {})}
+    facts = {name: value for name, value in layers.facts.items() if name not in before}
+    file.unlink()
+    write_exr(
+        file, RenderedFrame({"beauty": layers["beauty"]}, facts), {**before, **header, "stages": stages}
+    )
+
+
+@pytest.mark.parametrize(
+    ("header", "says"),
+    [
+        (
+            {"stages": {"render": {**RENDER.recipe, "version": 0}}},
+            f"stage render has version {RENDER.version} now, and version 0 made it",
+        ),
+        (
+            {"stages": {"render": {**RENDER.recipe, "mitsuba": "3.0.0"}}},
+            f"mitsuba is {version('mitsuba')} now, and stage render used 3.0.0",
+        ),
+        (
+            {"stages": {"finish": {**FINISH.recipe, "pyoidn": "0.1"}}},
+            f"pyoidn is {version('pyoidn')} now, and stage finish used 0.1",
+        ),
+        (
+            {"stages": {"frame_camera": {**FRAME_CAMERA.recipe, "version": 0}}},
+            f"stage frame_camera has version {FRAME_CAMERA.version} now, and version 0 made it",
+        ),
+        ({"inputs": {"box.obj": "1"}}, None),
+        ({"variant": "scalar_rgb"}, "it was rendered by another variant of Mitsuba"),
+        (
+            {"temporal_neighbours": [2, 4]},
+            "it was averaged with frames [2, 4], and would be with frames [] now",
+        ),
+    ],
+    ids=["version", "package", "denoiser", "framing", "removed file", "variant", "neighbours"],
+)
+def test_why_names_the_stage_that_has_another_version(
+    finished: Any, monkeypatch: pytest.MonkeyPatch, header: dict[str, Any], says: str | None
+) -> None:
+    monkeypatch.chdir(finished.path)
+    remade(finished, **header)
+    explanation = ask(finished, 3)
+    assert explanation.state == "stale" and (says is None or explanation.reasons[0] == says)
+
+
+def test_why_names_a_file_whose_contents_changed(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "shots").mkdir()
+    shot, model = tmp_path / "shots" / f"{NAME}.yaml", tmp_path / "shots" / "box.obj"
+    write_mesh(box((2.0, 2.0, 2.0)), model)
+    shot.write_text("title: A\nframes: 1-3\nsubject: {model: box.obj}\nresample: {max_edge_length: 0.9}\n")
+    request = Project(tmp_path, 1).request(find_shot(NAME), "draft", "2")
+    file = tmp_path / request.place("frame", 2)
+    file.parent.mkdir(parents=True)
+    pixels = RenderedFrame({"beauty": np.zeros((2, 2, 3), np.float32)}, {})
+    write_exr(file, pixels, json.loads(json.dumps(picture_header(request, 2))))
+    write_mesh(box((2.0, 2.0, 2.2)), model)
+    there = Project(tmp_path, 1)
+    explanation = explain(there.request(find_shot(NAME), "draft", "2"), 2, there.store)
+    assert explanation.reasons == ("file box.obj changed since it was made", "its mesh differs")
 
 
 def test_why_a_frame_is_made_again(finished: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -48,15 +302,17 @@ def test_why_a_frame_is_made_again(finished: Any, monkeypatch: pytest.MonkeyPatc
 
     finished.shot.write_text(text.replace("subject:", "look: chrome\nsubject:"))
     relit = ask(finished, 2)
-    assert relit.state == "stale" and not relit.reasons
+    assert relit.state == "stale" and relit.reasons == ("its look differs",)
     assert "look.model" in {".".join(map(str, part.path)) for part in relit.parts}
-    assert [str(edit) for edit in relit.edits] == ["look: nothing → chrome"]
+    assert [str(edit) for edit in relit.edits] == ["shots/T010_tiny.yaml:3: look: nothing → chrome"]
 
     finished.shot.write_text(text.replace("6: 60}", "6: 90}"))
     late = ask(finished, 6)
     assert late.state == "stale"
     assert "its mesh differs, as all meshes do from frame 5 on" in late.reasons
-    assert [str(edit) for edit in late.edits] == ["flows.0.twist.amount.keys.6: 60 → 90"]
+    assert [str(edit) for edit in late.edits] == [
+        "shots/T010_tiny.yaml:6: flows.0.twist.amount.keys.6: 60 → 90"
+    ]
 
     finished.shot.write_text(text)
     finished.frames()[3].unlink()

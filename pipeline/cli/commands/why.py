@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from typing import Annotated
 
 import typer
@@ -23,22 +24,27 @@ def why(
     """Explain why a frame would be rendered again, or that it is up to date.
 
     `flowsculpt why A010_cube 24 -q final` compares the keys of the stored frame with those of today's shot
-    file. It lists what differs in the mesh, the picture and the stages, and which lines of the shot file were
-    edited since the frame was rendered.
+    file. It says what differs, from the mesh to the picture, which lines of the shot file and of the files
+    that it rests on were edited since the frame was rendered, and which options --set differ.
     """
     project = project_of(common, settings)
     request = project.request(find_shot(shot), quality, str(frame))
-    found = explain(request, frame, project.store)
-    print_result(_explanation(found, shot, frame, quality), found.as_data(), common.json)
-
-
-def _explanation(found: Explanation, shot: str, frame: int, quality: str) -> str:
+    explanation = explain(request, frame, project.store)
     again = f"flowsculpt render {shot} -q {quality} -f {frame}"
-    if found.state == "done":
-        return f"{found.file} is what the shot file asks for."
-    lines = [f"{found.file} is {found.state}; {again} makes it."]
-    lines += [f"  {reason}" for reason in found.reasons]
-    lines += [f"  {part}" for part in found.parts]
-    if found.edits:
-        lines += ["Edited in the shot file since it was made:", *(f"  {edit}" for edit in found.edits)]
+    again += "".join(f" --set {shlex.quote(setting)}" for setting in settings or ())
+    print_result(_words(explanation, again), explanation.as_data(), common.json)
+
+
+def _words(explanation: Explanation, again: str) -> str:
+    """Return an explanation in words; `again` is the command that makes the frame."""
+    if explanation.state == "done":
+        return f"{explanation.file} is what the shot file asks for."
+    lines = [f"{explanation.file} is {explanation.state}; {again} makes it."]
+    lines += [f"  {reason}" for reason in explanation.reasons]
+    if explanation.edits:
+        lines += ["Edited since it was made:", *(f"  {edit}" for edit in explanation.edits)]
+    if explanation.options:
+        lines += ["Options:", *(f"  {option}" for option in explanation.options)]
+    if explanation.parts and not (explanation.edits or explanation.options):
+        lines += ["In its header and now:", *(f"  {part}" for part in explanation.parts)]
     return "\n".join(lines)

@@ -18,54 +18,50 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import FlowsculptError
-from pipeline.production.request.keys import PictureKeys, raw_header
+from pipeline.production.maintenance.differences import MISSING, Difference, differences
+from pipeline.production.request.keys import PictureKeys, picture_header, raw_header
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import EventReader, logs_of
 from pipeline.production.store.paths import PLANS
 from pipeline.production.store.store import Key, Store
-from pipeline.shot.yaml.inheritance import inherited
+from pipeline.shot.yaml.inheritance import OPTION, inherited
+from pipeline.shot.yaml.source import YamlSource
 from render.base.errors import RenderError
 from render.base.serialise import from_plain
 from render.post.image import read_header
 
-_NOT_COMPARED = ("key", "mesh_key", "normals_key", "stages", "temporal_neighbours")
+_NOT_COMPARED = ("key", "mesh_key", "normals_key", "inputs", "stages", "temporal_neighbours")
 """Entries of a header that the reasons cover."""
 
-MISSING = object()
-"""Stands for a value that one of two data does not have."""
+_SENTENCES = {
+    "variant": "it was rendered by another variant of Mitsuba",
+    "look": "its look differs",
+    "lights": "its lights differ",
+    "stage": "its stage differs",
+    "settings": "the settings of its quality differ",
+    "dicing": "its dicing differs",
+    "aovs": "its AOVs differ",
+    "shutter": "its shutter differs",
+    "angle": "its turntable differs",
+    "seed": "its noise has another seed: the shot has another name",
+}
+"""The reason for a difference, by entries of a header."""
 
 
 @dataclass(frozen=True)
-class Difference:
-    """The value at a path of names and indices before and now; MISSING where there is none."""
+class Edit:
+    """A value that differs between the shot file that made a picture and today's.
 
-    path: tuple[str | int, ...]
-    before: Any
-    now: Any
+    place  file and line where it stands now, or stood before if it is gone
+    """
+
+    place: str
+    difference: Difference
 
     def __str__(self) -> str:
-        return f"{'.'.join(map(str, self.path))}: {_shown(self.before)} → {_shown(self.now)}"
-
-
-def differences(before: Any, now: Any, path: tuple[str | int, ...] = ()) -> Iterator[Difference]:
-    """Yield the smallest parts of plain data that differ, in the order of `now`."""
-    if isinstance(before, dict) and isinstance(now, dict):
-        for name in dict.fromkeys([*now, *before]):
-            yield from differences(before.get(name, MISSING), now.get(name, MISSING), (*path, name))
-    elif isinstance(before, list | tuple) and isinstance(now, list | tuple) and len(before) == len(now):
-        for index, (one, other) in enumerate(zip(before, now, strict=True)):
-            yield from differences(one, other, (*path, index))
-    elif before is MISSING or now is MISSING or before != now:
-        yield Difference(path, before, now)
-
-
-def _shown(value: Any) -> str:
-    if value is MISSING:
-        return "nothing"
-    text = str(list(value) if isinstance(value, tuple) else value)
-    return text if len(text) <= 60 else f"{text[:57]}…"
+        return f"{self.place}: {self.difference}"
 
 
 @dataclass(frozen=True)
@@ -76,23 +72,36 @@ class Explanation:
     file     where it is shown
     reasons  in words, from the mesh to the picture
     parts    differences between its header and today's shot
-    edits    differences between the shot file that made it and today's, if that run is known
+    edits    differences between the shot files that made it and today's, if that run is known
+    options  differences between the options `--set` of that run and those of now, in words
     """
 
     state: str
     file: Path
     reasons: tuple[str, ...] = ()
     parts: tuple[Difference, ...] = ()
-    edits: tuple[Difference, ...] = ()
+    edits: tuple[Edit, ...] = ()
+    options: tuple[str, ...] = ()
 
     def as_data(self) -> dict[str, Any]:
-        lists = {name: [str(part) for part in getattr(self, name)] for name in ("reasons", "parts", "edits")}
+        names = ("reasons", "parts", "edits", "options")
+        lists = {name: [str(part) for part in getattr(self, name)] for name in names}
         return {"state": self.state, "file": str(self.file), **lists}
 
 
 def explain(request: RenderRequest, number: int, store: Store) -> Explanation:
     """Explain why a finished frame of a request would be made again, or that it would not."""
     return _Frame(request, number, store).explained()
+
+
+def option_differences(before: ShotSource, now: ShotSource) -> Iterator[str]:
+    """Yield the differences between the options `--set` of two sources, in words."""
+    for setting in before.settings:
+        if setting not in now.settings:
+            yield f"it was made with {OPTION} {setting}, which is not given now"
+    for setting in now.settings:
+        if setting not in before.settings:
+            yield f"{OPTION} {setting} is given now, and was not when it was made"
 
 
 @dataclass(frozen=True)
@@ -120,10 +129,12 @@ class _Frame:
             header = read_header(self.store.root / file)
         except RenderError as error:
             return Explanation("corrupt", file, (str(error),))
-        reasons, parts = list(self._mesh_reasons(header)), self._parts(header)
-        if not reasons and not parts:
-            reasons = [self._finish_reason(header)]
-        return Explanation("stale", file, tuple(reasons), parts, self._edits())
+        parts = self._parts(header)
+        reasons = list(dict.fromkeys(self._reasons(header, parts)))
+        made_from = self._source_of_run()
+        edits = () if made_from is None else tuple(self._edits(made_from))
+        options = () if made_from is None else tuple(option_differences(made_from, self.request.source))
+        return Explanation("stale", file, tuple(reasons), parts, edits, options)
 
     def _first_missing(self) -> str:
         """Name the first thing on the way to the frame that is not there."""
@@ -131,24 +142,66 @@ class _Frame:
         if not self.store.holds("mesh", self.request.mesh_key(self._mesh)):
             return f"its mesh, of frame {self._mesh}, is not simulated yet"
         if keys is None:
-            return "the cameras of the shot are not found yet, which looks at all of its meshes"
+            return "its camera is not framed yet, which takes all meshes of the shot"
         if self.store.holds("frame", keys[self.number].frame):
             return "the store has it; the next run shows it again without rendering"
         if self.store.holds("raw", keys[self.number].raw):
-            return "it is rendered, and not finished"
+            return "it is rendered and not denoised yet"
         return "it was not rendered as the shot file now asks for it"
 
-    def _mesh_reasons(self, header: Mapping[str, Any]) -> Iterator[str]:
+    def _reasons(self, header: Mapping[str, Any], parts: tuple[Difference, ...]) -> Iterator[str]:
+        """Yield what differs, from the mesh to the picture; what follows from another reason is left out."""
         request = self.request
+        yield from self._stage_reasons(header)
+        for name in _changed_files(header.get("inputs", {}), picture_header(request, self.number)["inputs"]):
+            yield f"file {name} changed since it was made"
+        mesh_differs = header.get("mesh_key") != request.mesh_key(self._mesh)
+        if mesh_differs:
+            first = self._first_changed()
+            yield "its mesh differs" + (f", as all meshes do from frame {first} on" if first else "")
+        normals_differ = header.get("normals_key") != request.normals_key(self._mesh)
+        if normals_differ and not mesh_differs:
+            yield "its normals differ: by the hard angle or the tessellation"
+        named = {str(part.path[0]) for part in parts}
+        yield from (sentence for name, sentence in _SENTENCES.items() if name in named)
+        if not mesh_differs:
+            yield from self._camera_reasons(named)
+        if not (mesh_differs or normals_differ or named or self._keys is None):
+            yield from self._last_reasons(header)
+
+    def _stage_reasons(self, header: Mapping[str, Any]) -> Iterator[str]:
         for name, recipe in header.get("stages", {}).items():
             now = STAGES[name].recipe if name in STAGES else {}
             for difference in differences(recipe, now):
-                yield f"stage {name} is another now: {difference}"
-        if header.get("mesh_key") != request.mesh_key(self._mesh):
-            first = self._first_changed()
-            yield "its mesh differs" + (f", as all meshes do from frame {first} on" if first else "")
-        elif header.get("normals_key") != request.normals_key(self._mesh):
-            yield "its normals differ: the hard angle, the tessellation, or the version of smooth_normals"
+                what, before, value = difference.path[-1], difference.before, difference.now
+                if what == "version":
+                    yield f"stage {name} has version {value} now, and version {before} made it"
+                else:
+                    yield f"{what} is {_version(value)} now, and stage {name} used {_version(before)}"
+
+    def _camera_reasons(self, named: set[str]) -> Iterator[str]:
+        """Yield why the camera differs. Without cameras in the store, it must be framed anew."""
+        if self._keys is not None and not named & {"camera", "placement", "stage_placement"}:
+            return
+        first = self._first_changed()
+        if first:
+            yield f"its camera differs: it frames meshes that differ from frame {first} on"
+        else:
+            yield "its camera differs"
+
+    def _last_reasons(self, header: Mapping[str, Any]) -> Iterator[str]:
+        """Yield why the same camera, look and mesh do not make the same frame."""
+        assert self._keys is not None
+        keys, before = self._keys[self.number], header.get("temporal_neighbours", [])
+        others = [n for n in keys.window if n != self.number]
+        if header.get("raw_key", keys.raw) != keys.raw:
+            yield "what was rendered differs: by the flow or the cameras during its exposure"
+        elif before != others:
+            yield f"it was averaged with frames {before}, and would be with frames {others} now"
+        elif "raw_key" not in header:
+            yield "what finishes it differs: its denoiser, or the version of finish"
+        else:
+            yield "pictures around it differ, with which it is averaged"
 
     def _first_changed(self) -> int | None:
         """Return the first frame whose mesh is there and is not today's."""
@@ -159,31 +212,29 @@ class _Frame:
         return None
 
     def _parts(self, header: Mapping[str, Any]) -> tuple[Difference, ...]:
+        """Return the differences between a header and that of now, as far as the shot is framed."""
+        now = picture_header(self.request, self.number)
         framings = self.request.framings(self.store)
-        if framings is None or self._keys is None:
-            return ()
-        now = raw_header(self.request, self.number, framings[self.number], self._keys[self.number])
+        if framings is not None and self._keys is not None:
+            now = raw_header(self.request, self.number, framings[self.number], self._keys[self.number])
         now = json.loads(json.dumps(now))
         compared = {name: part for name, part in now.items() if name not in _NOT_COMPARED}
         before = {name: header[name] for name in compared if name in header}
-        return tuple(differences(before, compared))
+        return tuple(differences(before, {name: compared[name] for name in before}))
 
-    def _finish_reason(self, header: Mapping[str, Any]) -> str:
-        window = () if self._keys is None else self._keys[self.number].window
-        others, before = [n for n in window if n != self.number], header.get("temporal_neighbours", [])
-        if before != others:
-            return f"it was averaged with frames {before}, and would be with frames {others} now"
-        return "what finishes it differs: its denoiser, or the version of finish"
-
-    def _edits(self) -> tuple[Difference, ...]:
-        """Return the differences between the shot file of the run that made the picture and today's."""
-        made_from = self._source_of_run()
-        if made_from is None:
-            return ()
+    def _edits(self, made_from: ShotSource) -> Iterator[Edit]:
+        """Yield the differences between the shot files of the run that made the picture and today's."""
         try:
-            return tuple(differences(_shot_data(made_from), _shot_data(self.request.source)))
+            before, now = _read(made_from), _read(self.request.source)
         except FlowsculptError:
-            return ()
+            return
+        for difference in differences(before.data, now.data):
+            source = before if difference.now is MISSING else now
+            file, line, _ = source.spot_of(difference.path)
+            yield Edit(f"{self._shown(Path(file))}:{line}", difference)
+
+    def _shown(self, file: Path) -> Path:
+        return file.relative_to(self.store.root) if file.is_relative_to(self.store.root) else file
 
     def _source_of_run(self) -> ShotSource | None:
         request = self.request
@@ -200,8 +251,18 @@ class _Frame:
         return None
 
 
-def _shot_data(source: ShotSource) -> Any:
-    return inherited(source.path, source.text, source.settings, dict(source.beside)).data
+def _read(source: ShotSource) -> YamlSource:
+    """Return the shot files of a source, without the settings of the command line."""
+    return inherited(source.path, source.text, (), dict(source.beside))
+
+
+def _changed_files(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
+    """Return the names of files that both have, with other contents."""
+    return [name for name, digest in before.items() if now.get(name, digest) != digest]
+
+
+def _version(value: Any) -> str:
+    return "none" if value is MISSING else str(value)
 
 
 def _source_in(plan: Path, job: str) -> ShotSource | None:

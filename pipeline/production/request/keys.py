@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FrameError
@@ -237,25 +238,38 @@ def raw_header(request: RenderRequest, number: int, framing: Framing, keys: Fram
 
     It stands in the file as `flowsculpt:` entries.
     """
-    angle = request.angles[number]
+    return {
+        "key": keys.raw,
+        **to_plain(framing),
+        "stage_placement": to_plain(framing.placement),  # resampling has a setting of the shorter name
+        **picture_header(request, number),
+    }
+
+
+def picture_header(request: RenderRequest, number: int) -> dict[str, Any]:
+    """Return the part of `raw_header` that is known before the shot is framed.
+
+    inputs  digests of the files that the shot reads, by their names without folders
+    """
+    angle, picture = request.angles[number], request.shot.picture
     resampling = request.shot.motion.resampling_at(angle.mesh)
     return {
         "shot": request.shot.name,
         "frame": number,
         "quality": request.quality_name,
         "variant": request.variant,
-        "key": keys.raw,
         "mesh_key": request.mesh_key(angle.mesh),
         "seed": request.seed(number),
         "angle": to_plain(angle),
         "normals_key": request.normals_key(angle.mesh),
-        "stages": {stage.name: stage.recipe for stage in (SIMULATE, SMOOTH_NORMALS, RENDER)},
-        "look": to_plain(request.shot.picture.look),
-        "lights": to_plain(replace(request.shot.picture.lights, exposure=0.0)),
-        "stage": to_plain(request.shot.picture.stage),
+        "inputs": {Path(path).name: digest for path, digest in request.source.summary.inputs},
+        "stages": {stage.name: stage.recipe for stage in (SIMULATE, SMOOTH_NORMALS, FRAME_CAMERA, RENDER)},
+        "look": to_plain(picture.look),
+        "lights": to_plain(replace(picture.lights, exposure=0.0)),
+        "stage": to_plain(picture.stage),
         "settings": to_plain(request.quality),
+        "dicing": picture.dicing,
+        "aovs": dict(request.aovs.precision),
         "shutter": request.open_at(number),
-        **to_plain(framing),
-        "stage_placement": to_plain(framing.placement),  # resampling has a setting of the shorter name
         **(resampling.settings() if resampling else {"resample": "off"}),
     }

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FrameError
 from pipeline.production.request.keys import PictureKeys
+from pipeline.production.stages import FINISH
 from pipeline.production.tasks.job import Context
 from render.post.denoise import denoise
 from render.post.image import write_exr
@@ -54,9 +55,11 @@ class _Denoiser:
     _denoised: dict[int, DenoisedFrame] = field(default_factory=dict)
 
     def finished(self, number: int) -> tuple[RenderedFrame, dict[str, Any]]:
-        """Return the beauty of a picture without noise, and the header of the raw one."""
+        """Return the beauty of a picture without noise, and its header: the raw one's, and the stage's."""
         quality, window = self.context.request.quality, self.keys[number].window
-        layers, header = self._read(number)
+        layers, raw = self._read(number)
+        stages = {**raw.get("stages", {}), FINISH.name: FINISH.recipe}
+        header = {**raw, "raw_key": self.keys[number].raw, "stages": stages}
         if len(window) == 1:
             light = layers["beauty"] if quality.denoise == "off" else denoise(layers, quality.denoise)
         else:
