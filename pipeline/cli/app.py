@@ -16,6 +16,7 @@ import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from pipeline.cli.options import REFERENCE, CommonOptions, parameters_of, with_options, with_parameters
+from pipeline.cli.other_words import require_command, require_options
 from pipeline.cli.output import print_error
 from pipeline.errors import FlowsculptError
 
@@ -86,11 +87,16 @@ class _WithoutTypes:
 class _Command(_WithoutTypes, TyperCommand):
     """A command of the command line."""
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        require_options(args, {name for param in self.params for name in param.opts})
+        return super().parse_args(ctx, args)
+
 
 class _Commands(_WithoutTypes, TyperGroup):
     """Imports a command when it is called; until then a placeholder stands for it."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
+        require_command(args[0], self.commands)
         name, _, rest = super().resolve_command(ctx, args)
         return name, command_named(str(name)), rest
 

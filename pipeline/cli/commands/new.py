@@ -96,6 +96,8 @@ def new(
             "new needs the name of a shot, as in flowsculpt new A010_mine; "
             "flowsculpt new --show begins a show in this folder"
         )
+    if name.endswith((".yaml", ".yml")):
+        raise UsageError(f"{name} is the name of a file; write {Path(name).stem}, the name of the shot")
     if not re.fullmatch(NAME, name) or name in RESERVED:
         raise UsageError(f"{name!r} cannot name a shot; use letters, digits, _ and -, as in A010_cube")
     path = SHOTS / f"{name}.yaml"

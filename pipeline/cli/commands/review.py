@@ -13,7 +13,7 @@ from pipeline.dailies.review.page import ReviewPage
 from pipeline.dailies.review.sequences import Search
 from pipeline.dailies.review.view_3d import HINT, three_js
 from pipeline.errors import UsageError
-from pipeline.production.request.crop_and_scale import is_quality
+from pipeline.production.request.crop_and_scale import require_quality
 from pipeline.production.request.lookup import NAME
 from pipeline.production.store.event_log import History
 from render.base.plural import plural
@@ -48,8 +48,7 @@ def review(
     the folder may be copied. Press ? on the page for its keys. The second time only new pictures are added.
     """
     for quality in qualities or ():
-        if not is_quality(quality):
-            raise UsageError(f"{quality!r} is not a quality; choose {', '.join(QUALITIES)}")
+        require_quality(quality)
     require_one_of(form, FORMS, f"--as {form}: pictures of a page are {' or '.join(FORMS)}.")
     project = options.project(common)
     search = Search(project, tuple(qualities or ()), History.of(common.root))

@@ -20,7 +20,7 @@ from pipeline.production.planning.frame_states import (
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.planner import Planner
 from pipeline.production.planning.profile import Profile
-from pipeline.production.request.crop_and_scale import base_of
+from pipeline.production.request.crop_and_scale import require_quality
 from pipeline.production.request.edit import Edit, ResolvedEdit, resolved_edit
 from pipeline.production.request.lookup import FILM, find_shot
 from pipeline.production.request.planning_cache import PlanningCache
@@ -31,7 +31,7 @@ from pipeline.production.stages import forced_with
 from pipeline.production.store.event_log import History
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store
-from render.scene.quality import DEFAULT_QUALITY, QUALITIES
+from render.scene.quality import DEFAULT_QUALITY
 
 States = Callable[[RenderRequest, Store, History], FrameStates]
 
@@ -189,8 +189,7 @@ class Project:
         self, path: Path, quality: str, frames: str | None = None, variant: str | None = None
     ) -> RenderRequest:
         """Return the request of a shot file at one quality, of all frames or a range."""
-        if base_of(quality) not in QUALITIES:
-            raise UsageError(f"{quality!r} is not a quality; choose {', '.join(QUALITIES)}")
+        require_quality(quality)
         source = self._source(path)
         whole = FrameRange(source.summary.frames)
         requested = FrameRange.parse(frames) if frames is not None else whole

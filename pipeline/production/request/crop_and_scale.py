@@ -11,7 +11,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 
-from pipeline.errors import UsageError
+from pipeline.errors import UsageError, suggestion
+from pipeline.shot.yaml.synonyms import VALUES, as_name
 from render.scene.quality import FORMER_NAMES, QUALITIES, Crop, Quality
 
 LEAST, MOST = 1.0, 400.0
@@ -42,6 +43,14 @@ def today_name(name: str) -> str:
 def is_quality(name: str) -> bool:
     """Tell whether it is the name of a quality, or of a crop or scale of one."""
     return base_of(name) in QUALITIES
+
+
+def require_quality(name: str) -> None:
+    """Raise UsageError, with the nearest one, for what is no quality."""
+    if not is_quality(name):
+        meant = VALUES.get(as_name(name))
+        hint = f"Did you mean {meant!r}?" if meant in QUALITIES else suggestion(name, QUALITIES)
+        raise UsageError(f"{name!r} is not a quality. {hint}")
 
 
 def base_of(name: str) -> str:

@@ -34,7 +34,8 @@ def find_shot(name: str) -> Path:
     if is_there(path):
         return path
     if path == Path(name):
-        raise MissingInputError(f"{shown(name)}: no such shot file; flowsculpt new makes one")
+        hint = f"did you mean {path.stem}?" if path.stem in shot_names() else "flowsculpt new makes one"
+        raise MissingInputError(f"{shown(name)}: no such shot file; {hint}")
     _require_shots()
     raise MissingInputError(
         f"{shown(path)}: no such shot; {_near(name, shot_names(), 'flowsculpt new makes one')}"

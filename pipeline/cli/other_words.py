@@ -1,0 +1,75 @@
+"""Commands and options by the words that other programs have for them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+
+from pipeline.errors import UsageError
+
+COMMANDS = {
+    "help": "--help",
+    "play": "preview",
+    "view": "preview",
+    "show": "preview",
+    "list": "status",
+    "ls": "status",
+    "check": "validate",
+    "lint": "validate",
+    "create": "new",
+    "init": "new --show",
+    "encode": "deliver",
+    "build": "film",
+    "make": "film",
+    "explain": "why",
+    "delete": "clean",
+    "remove": "clean",
+}
+"""Commands of other programs, and those that do the same here."""
+
+OPTIONS = {
+    "--frame": "--frames",
+    "--range": "--frames",
+    "--start": "--frames 1-24",
+    "--end": "--frames 1-24",
+    "-r": "-f",
+    "-s": "-f 1-24",
+    "-e": "-f 1-24",
+    "--cores": "-j",
+    "--threads": "-j",
+    "--jobs": "-j",
+    "-c": "-j",
+    "-n": "--dry-run",
+    "--dryrun": "--dry-run",
+    "--overwrite": "--force",
+    "-F": "--force",
+    "--resolution": "--scale 50%",
+    "--res": "--scale 50%",
+    "--size": "--scale 50%",
+    "--samples": "--set quality.draft.samples=16",
+    "--spp": "--set quality.draft.samples=16",
+    "--config": "--set",
+    "--format": "--as",
+    "--out": "-o",
+    "--directory": "--root",
+    "-d": "--root",
+}
+"""Options of other programs, and those that do the same here."""
+
+
+def require_command(name: str, known: Collection[str]) -> None:
+    """Raise UsageError for a command that has another name here."""
+    meant = COMMANDS.get(name.lower())
+    if name not in known and meant:
+        raise UsageError(f"there is no command {name}; write flowsculpt {meant}")
+
+
+def require_options(words: Iterable[str], known: Collection[str]) -> None:
+    """Raise UsageError for an option that has another name here.
+
+    known  the options of the command
+    """
+    for word in words:
+        name = word.partition("=")[0]
+        meant = OPTIONS.get(name)
+        if name not in known and meant and meant.split()[0] in known:
+            raise UsageError(f"there is no option {name}; write {meant}")
