@@ -45,9 +45,9 @@ def repair_surface(surface: FileSurface, repair: bool = True) -> RepairedSurface
     Raises MeshError where nothing sound can be made of it, and without `repair` wherever it is not sound.
     """
     merged = merge_coincident(surface)
-    soup, changes = merged.soup, Changes(surface)
+    soup, changes = merged.soup, RepairLog(surface)
     _tell_merging(merged, changes)
-    faults = Changes(surface)
+    faults = RepairLog(surface)
     _require_faces(soup)
     mesh, origin = soup.to_mesh()
     problem = _problem(mesh)
@@ -64,7 +64,7 @@ def repair_surface(surface: FileSurface, repair: bool = True) -> RepairedSurface
 
 
 @dataclass
-class Changes:
+class RepairLog:
     """Collects what is wrong with a file's surface, and what was done about it."""
 
     surface: FileSurface
@@ -90,7 +90,7 @@ class Changes:
         return ", ".join(f"{round(float(value), decimals) + 0.0:.9g}" for value in point)
 
 
-def _tell_merging(merged: MergedSurface, changes: Changes) -> None:
+def _tell_merging(merged: MergedSurface, changes: RepairLog) -> None:
     surface = changes.surface
     if surface.shares_vertices:
         double = np.flatnonzero(merged.joined != np.arange(len(merged.joined)))
@@ -101,7 +101,7 @@ def _tell_merging(merged: MergedSurface, changes: Changes) -> None:
     changes.add(first, one, many, "dropped")
 
 
-def _cut_and_drop(soup: FaceSoup, faults: Changes) -> FaceSoup:
+def _cut_and_drop(soup: FaceSoup, faults: RepairLog) -> FaceSoup:
     """Cut faces that name a vertex twice; drop faces that stand twice or back to back."""
     soup, cut = cut_repeats(soup)
     faults.add(
@@ -129,7 +129,7 @@ def _first_vertices(soup: FaceSoup, faces: AnyArray) -> AnyArray:
     return soup.vertices[soup.corners[soup.offsets[:-1][faces]]]
 
 
-def _separate(soup: FaceSoup, faults: Changes) -> tuple[PolygonMesh, FaceSoup, AnyArray]:
+def _separate(soup: FaceSoup, faults: RepairLog) -> tuple[PolygonMesh, FaceSoup, AnyArray]:
     """Return the mesh in which every edge has one or two faces and every vertex one fan.
 
     Also returns its faces as a soup, and the vertex of the soup of each vertex of the mesh.
@@ -148,7 +148,7 @@ def _separate(soup: FaceSoup, faults: Changes) -> tuple[PolygonMesh, FaceSoup, A
     return mesh, soup, origin
 
 
-def _without_dangling(soup: FaceSoup, faults: Changes) -> tuple[FaceSoup, AnyArray, AnyArray]:
+def _without_dangling(soup: FaceSoup, faults: RepairLog) -> tuple[FaceSoup, AnyArray, AnyArray]:
     """Link sides and drop small single faces at the edge of others; return soup, links and crowded sides."""
     link, crowded = link_sides(soup)
     owners = soup.owners
@@ -164,7 +164,7 @@ def _without_dangling(soup: FaceSoup, faults: Changes) -> tuple[FaceSoup, AnyArr
     return rest, *link_sides(rest)
 
 
-def _tell_edges(soup: FaceSoup, crowded: AnyArray, faults: Changes) -> None:
+def _tell_edges(soup: FaceSoup, crowded: AnyArray, faults: RepairLog) -> None:
     low, high = np.minimum(soup.corners, soup.heads), np.maximum(soup.corners, soup.heads)
     edges = np.unique((low * len(soup.points) + high)[crowded]) // len(soup.points)
     one, many = "edge has more than two faces", "edges have more than two faces"
@@ -172,7 +172,7 @@ def _tell_edges(soup: FaceSoup, crowded: AnyArray, faults: Changes) -> None:
     faults.add(soup.vertices[edges], one, many, f"{done}, the others are separated")
 
 
-def _tell_winding(soup: FaceSoup, winding: Winding, faults: Changes) -> None:
+def _tell_winding(soup: FaceSoup, winding: Winding, faults: RepairLog) -> None:
     against, inwards, cut = winding
     one, many = "edge closes a one-sided surface", "edges close one-sided surfaces"
     sides = np.flatnonzero(cut & (np.cumsum(cut) % 2 == 1))
@@ -195,7 +195,7 @@ def _reversed(soup: FaceSoup, link: AnyArray, faces: AnyArray) -> tuple[FaceSoup
     return replace(soup, corners=corners), links
 
 
-def _tell_fans(soup: FaceSoup, labels: AnyArray, crowded: AnyArray, faults: Changes) -> None:
+def _tell_fans(soup: FaceSoup, labels: AnyArray, crowded: AnyArray, faults: RepairLog) -> None:
     """Count vertices with several fans that do not lie at crowded or cut edges; `crowded` flags those."""
     _, first = np.unique(labels, return_index=True)
     fans = np.bincount(soup.corners[first], minlength=len(soup.points))

@@ -58,7 +58,7 @@ class Model(Subject):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was repaired, a line for each kind, and that the model is too far away to be rendered well."""
+        """Lines to tell the user: what was repaired, and a model too far away to be rendered well."""
         known = _latest.get(self._read_from)
         if known is None:
             return ()

@@ -1,4 +1,4 @@
-"""What a new shot of a model begins with: its size, its place, and an edge length that suits its detail."""
+"""The template of a shot of a model: its size, its place, and an edge length that suits its detail."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ class Subject(ABC):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a user should know of the file of the subject, if this process has read it: a line each."""
+        """Lines to tell the user about the file of the subject; none before this process has read it."""
         return ()
 
     @abstractmethod

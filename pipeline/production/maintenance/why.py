@@ -51,7 +51,7 @@ _SENTENCES = {
 
 
 @dataclass(frozen=True)
-class Edit:
+class FileEdit:
     """A value that differs between the shot file that made a picture and today's.
 
     place  file and line where it stands now, or stood before if it is gone
@@ -80,7 +80,7 @@ class Explanation:
     file: Path
     reasons: tuple[str, ...] = ()
     parts: tuple[Difference, ...] = ()
-    edits: tuple[Edit, ...] = ()
+    edits: tuple[FileEdit, ...] = ()
     options: tuple[str, ...] = ()
 
     def as_data(self) -> dict[str, Any]:
@@ -222,7 +222,7 @@ class _Frame:
         before = {name: header[name] for name in compared if name in header}
         return tuple(differences(before, {name: compared[name] for name in before}))
 
-    def _edits(self, made_from: ShotSource) -> Iterator[Edit]:
+    def _edits(self, made_from: ShotSource) -> Iterator[FileEdit]:
         """Yield the differences between the shot files of the run that made the picture and today's."""
         try:
             before, now = _read(made_from), _read(self.request.source)
@@ -231,7 +231,7 @@ class _Frame:
         for difference in differences(before.data, now.data):
             source = before if difference.now is MISSING else now
             file, line, _ = source.spot_of(difference.path)
-            yield Edit(f"{self._shown(Path(file))}:{line}", difference)
+            yield FileEdit(f"{self._shown(Path(file))}:{line}", difference)
 
     def _shown(self, file: Path) -> Path:
         return file.relative_to(self.store.root) if file.is_relative_to(self.store.root) else file
