@@ -27,6 +27,7 @@ from pipeline.shot.documents.look_parts import (
     ReliefDocument,
     WireframeDocument,
 )
+from pipeline.shot.yaml.plain_text import listed
 from pipeline.shot.yaml.validation import ParseContext, finding
 from render.base.errors import RenderError
 from render.scene.materials import LOOKS, Material, MitsubaMaterial, PatternedMaterial
@@ -38,6 +39,8 @@ BsdfMapping = Annotated[
 ]
 
 _MODEL_WITH = {
+    "sheen": "satin",
+    "metallic": "satin",
     "coat": "satin",
     "grain": "brushed",
     "refraction": "glass",
@@ -123,7 +126,7 @@ class LookDocument(Document):
             )
         for name, model_with in _MODEL_WITH.items():
             if getattr(self, name) is not None and look.model != model_with:
-                fitting = " or ".join(n for n, item in LOOKS.items() if item.model == model_with)
+                fitting = listed((n for n, item in LOOKS.items() if item.model == model_with), "or")
                 raise finding(
                     f"look has {name}, which {self.material} does not use. Remove it, or take {fitting}."
                 )
