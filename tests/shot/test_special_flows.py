@@ -122,7 +122,7 @@ WRONG = [
     ("attraction: {points: [[0, 0, 0]], mesh: t.obj}", "attraction has points and mesh; its target is"),
     ("attraction: {mesh: gone.obj}", "file gone.obj is not there; it is looked for beside the shot file"),
     ("attraction: {mesh: swirl.py}", ".py is not a mesh format"),
-    ("wind: {through: [[0, 0, 0]]}", "has 1 items; it must have at least 2"),
+    ("wind: {through: [[0, 0, 0]]}", "has 1 item; it must have at least 2"),
     ("wind: {through: [[0, 0, 0], [0, 0, 0]]}", "twice in a row"),
     ("sampled: {file: gone.vti}", "file gone.vti is not there"),
     ("sampled: {file: gone_*.vti}", "no file matches gone_*.vti"),

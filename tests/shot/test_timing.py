@@ -134,7 +134,7 @@ BAD = [
     ("strength: {keys: {1: {value: 2, right: [3, big]}}}",
      "6:46: right has 'big' for its value; a handle is [time, value] away from its key, such as [6, 0.5]"),
     ("centre: {keys: {1: {value: [0, 0, 0], right: [3, 1]}}}",
-     "6:52: right has 1 numbers and its key 3; they need as many. Write all of them."),
+     "6:52: right has 1 number and its key 3; they need as many. Write all of them."),
     ("strength: {formula: 4*sinn(t)}", "6:36: sinn is no function here. Did you mean 'sin'?"),
     ("strength: {formula: __import__('os')}", "6:34: __import__ is no function here. There are: "),
     ("strength: {formula: 1 / (frame - 13)}",
