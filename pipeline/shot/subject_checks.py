@@ -17,7 +17,7 @@ from pipeline.shot.subject import SOLIDS, Measure, Solid
 from pipeline.shot.yaml.lookup import digest_of_file, is_there
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from pipeline.shot.yaml.validation import missing_file
-from render.base.plural import plural
+from render.base.plural import indefinite, plural
 
 MEASURES = {measure for kind in SOLIDS.values() for measure in kind.measures}
 
@@ -74,10 +74,12 @@ def _measures(
     where: Where, name: str, measures: Mapping[str, Measure], given: dict[str, Any]
 ) -> Iterator[Problem]:
     unknown = [m for m in given if m in MEASURES and m not in measures]
-    yield from (((*where, m), f"{m} is no measure of a {name}. {suggestion(m, measures)}") for m in unknown)
+    yield from (
+        ((*where, m), f"{m} is no measure of {indefinite(name)}. {suggestion(m, measures)}") for m in unknown
+    )
     size, wanted = given.get("size"), np.size(measures.get("size", ()))
     if wanted and (fault := _size_fault(size, wanted)):
-        yield (*where, "size"), f"size of a {name} has {plural(wanted, 'number')}{fault}"
+        yield (*where, "size"), f"size of {indefinite(name)} has {plural(wanted, 'number')}{fault}"
     elif not unknown:
         known = {m: given[m] for m in measures if m in given}
         if all(_has_form(value, measures[m]) for m, value in known.items()):

@@ -1,4 +1,4 @@
-"""Counts of things in messages."""
+"""Nouns in messages, with counts and articles."""
 
 from __future__ import annotations
 
@@ -9,3 +9,8 @@ def plural(count: int, noun: str, nouns: str = "") -> str:
     nouns  an irregular plural, such as `vertices`
     """
     return f"{count} {noun}" if count == 1 else f"{count} {nouns or noun + 's'}"
+
+
+def indefinite(noun: str) -> str:
+    """Return a noun with its indefinite article: `a box`, `an icosphere`."""
+    return f"{'an' if noun[:1].lower() in 'aeiou' else 'a'} {noun}"

@@ -215,7 +215,7 @@ def test_a_movie_that_fails_to_encode_leaves_the_one_before(finished: Any) -> No
         ((), {"frames": "1-2"}, "of which shot?"),
         ((), {"edit": "flim"}, "no such edit; did you mean film?"),
         ((), {"allow_code": "perhaps"}, "allow_code is 'perhaps'"),
-        ((FRAME.replace("0003", "0099"),), {}, "frames 99 are not in the shot"),
+        ((FRAME.replace("0003", "0099"),), {}, "frame 99 is not in the shot"),
         ((FRAME.replace(QUALITY, "prevew"),), {}, "'prevew' is not a quality"),
         (("renders/Nix/draft/Nix.mp4",), {}, "shots/Nix.yaml: no such shot"),
         (("renders/turntable/a.0001/draft/a.0001.mp4",), {}, "flowsculpt turntable"),

@@ -284,7 +284,7 @@ def test_after_a_crash_all_cells_are_rendered_by_the_next_variant(desk: Desk, tm
         (["--vary", "lok=clay,glaze"], "--vary lok=clay,glaze: at clay, "),
         ([LOOK.join(("--vary=", "")), "--at", "99"], "--at 99: no such frame is rendered, but 1-12"),
         ([f"--vary={LOOK}", "-f", "3-4", "--at", "5"], "--at 5: no such frame is rendered, but 3-4"),
-        ([f"--vary={LOOK}", "-f", "30"], "T010_tiny.yaml: frames 30 are not in the shot"),
+        ([f"--vary={LOOK}", "-f", "30"], "T010_tiny.yaml: frame 30 is not in the shot"),
         ([f"--vary={LOOK}", "-f", "failed"], "'failed' is not a frame range"),
         (["--vary", "look=cl\nay,glaze"], r"--vary 'look=cl\nay,glaze': at 'cl\nay', "),
         ([f"--vary={LOOK}", "-q", "fnal"], "'fnal' is not a quality"),

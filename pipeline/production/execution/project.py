@@ -195,9 +195,9 @@ class Project:
         requested = FrameRange.parse(frames) if frames is not None else whole
         outside = requested.outside(whole)
         if outside:
+            absent = f"frame {outside} is" if len(outside) == 1 else f"frames {outside} are"
             raise UsageError(
-                f"{source.path}: frames {outside} are not in the shot, which has {whole}; ask for frames "
-                "among those"
+                f"{source.path}: {absent} not in the shot, which has {whole}; ask for frames among those"
             )
         chosen = variant or variant_for(self.root, source.name, self.variant, self.notes.append)
         return RenderRequest(source, quality, chosen, tuple(dict.fromkeys(requested)))

@@ -137,6 +137,8 @@ def _rule(kind: str, value: Any, loc: Where, document: type[BaseModel]) -> str |
     if value is None and kind.endswith(("_type", "_parsing")):
         wanted = _WANTED.get(kind, "a mapping")
         also = ", or remove the name for the default" if not _is_required(loc, document) else ""
+        if _WANTED.get(kind) is None and (example := _example(models_in(types_at(document, loc)))):
+            return f"it must be {wanted}. Write {_last_name(loc)}: {example}{also}."
         return f"it must be {wanted}. Write one after the colon{also}."
     match kind:
         case "float_type" | "float_parsing" | "int_type" | "int_from_float":
@@ -182,6 +184,12 @@ def _is_required(loc: Where, document: type[BaseModel]) -> bool:
             if steps[-1] in (name, info.alias):
                 return info.is_required()
     return True
+
+
+def _last_name(loc: Where) -> str:
+    """Return the last name of a pydantic location, without the tags of unions."""
+    names = [step for step in loc if isinstance(step, str) and not step.startswith("form ")]
+    return names[-1] if names else ""
 
 
 def _number(value: Any, whole: bool) -> str:
@@ -232,9 +240,7 @@ def _list(value: Any, kinds: list[Any]) -> str:
 
 def _mapping(value: Any, loc: Where, document: type[BaseModel]) -> str:
     models = models_in(types_at(document, loc))
-    name = next(
-        (step for step in reversed(loc) if isinstance(step, str) and not step.startswith("form ")), ""
-    )
+    name = _last_name(loc)
     if isinstance(value, list) and value and all(isinstance(item, dict) for item in value):
         whole = {key: item for part in value for key, item in part.items()}
         return f"its names without dashes: {in_yaml(whole)}"
@@ -245,7 +251,7 @@ def _mapping(value: Any, loc: Where, document: type[BaseModel]) -> str:
 
 def _words(value: Any, expected: str, where: Where, mappings: list[type[BaseModel]]) -> str:
     """Return rule and remedy for a value that is none of a few words, or of those and a mapping."""
-    if as_name(value) in _FALSE and "'off'" in expected:
+    if value is not None and as_name(value) in _FALSE and "'off'" in expected:
         return f"{expected}. Write off, without quotes."
     if not mappings:
         return expected

@@ -230,10 +230,14 @@ class _Mapping:
             try:
                 model.model_validate({new: self._values[name]})
             except ValidationError as error:
-                texts = [str(each["msg"]) for each in error.errors() if each["loc"][:1] == (new,)]
-                proposed = re.search(r"Write (\[.*?\])\.", " ".join(texts))
-                if proposed:
-                    return f"Write {new}: {proposed[1]}."
+                for each in error.errors():
+                    proposed = re.search(r"Write (\[.*?\])\.", str(each["msg"]))
+                    if proposed and each["loc"][0] == new:
+                        inner = [step for step in each["loc"] if not str(step).startswith("form ")]
+                        text = proposed[1]
+                        for step in reversed(inner[1:]):
+                            text = f"{{{step}: {text}}}"
+                        return f"Write {new}: {text}."
         return "Rename it."
 
     def _chosen(self, name: Any) -> str | None:
