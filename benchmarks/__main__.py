@@ -1,6 +1,6 @@
 """Run all benchmarks: `python -m benchmarks`."""
 
-from benchmarks import flows, orchestration, pictures, polyhedra, preview, renewal, resampling
+from benchmarks import flows, found_models, orchestration, pictures, polyhedra, preview, renewal, resampling
 
 if __name__ == "__main__":
     resampling.main()
@@ -10,3 +10,4 @@ if __name__ == "__main__":
     pictures.main()
     orchestration.main()
     preview.main()
+    found_models.main()

@@ -135,12 +135,12 @@ def _size(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         edge = ""
         if first.longest is not None:
             wanted = min(first.longest / first.extent, 1.0 / FINE) * TYPICAL_EXTENT
-            edge = f" and resample.max_edge_length: {rounded(wanted):g}"
+            edge = f" and, in place of its length for this size, max_edge_length: {rounded(wanted):g}"
         yield Finding(
             ("subject", "model"),
             f"the model is {first.extent:.3g} units large; flows and looks are made for about "
             f"{TYPICAL_EXTENT:g}. Write subject.fit: {TYPICAL_EXTENT:g}{edge}, or choose the lengths of the "
-            "flows for its size.",
+            "flows for this size.",
         )
 
 
