@@ -102,6 +102,7 @@ def _compared(record: Provenance, home: Path, comparisons: Sequence[Comparison])
     lines = [f"{each.what}: {each.words or 'differs'}" for each in comparisons if not each.same]
     same = [each.what.removeprefix("frame ") for each in comparisons if each.same]
     frames = FrameRange.of(int(what) for what in same if what != "movie")
-    told = [f"frames {frames}"] * bool(frames) + ["the movie"] * ("movie" in same)
+    numbers = [f"frame{'s' * (len(frames) > 1)} {frames}"] if frames else []
+    told = [*numbers, *(["the movie"] if "movie" in same else [])]
     whole = f"{' and '.join(told) or 'nothing'} identical to what was published, to the last bit"
     return "\n".join([*lines, f"{record.shot} {record.version}: {whole}. It lies in {home}"])
