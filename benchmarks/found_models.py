@@ -215,7 +215,7 @@ def main(arguments: list[str] | None = None) -> list[Target]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "shots").mkdir()
-        pictures = given.pictures or folder / "pictures"
+        pictures = (given.pictures or folder / "pictures").resolve()
         pictures.mkdir(parents=True, exist_ok=True)
         models = {model: write(folder / "shots") for model, write in MODELS.items()}
         for file in sorted(given.folder.iterdir()) if given.folder else ():

@@ -177,7 +177,8 @@ def _precision(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
 
 def _flows(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     """Check that flows take few enough sub-steps, and say where a frame takes long."""
-    motion, sampled = shot.motion, _sampled(shot)[1:]
+    motion, first_moved = shot.motion, list(shot.frames)[1:2]
+    sampled = list(dict.fromkeys([*first_moved, *_sampled(shot)[1:]]))
     costs: list[tuple[int, FlowCost]] = []
     cost: FlowCost | None = None
     for number in sampled:
