@@ -30,7 +30,7 @@ def show(tmp_path):
 
 
 def test_a_new_show_is_valid_and_can_be_looked_at_and_filmed_at_once(show):
-    assert show.run("validate").out == "Good: A010_first, film\n"
+    assert show.run("validate").out.startswith("Good: A010_first, film\n")
     picture = show.run("preview", "A010_first", "--at", "40")
     assert picture.code == 0
     assert (show.path / "renders/A010_first/preview/A010_first.0040.png").is_file()
