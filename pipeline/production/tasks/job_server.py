@@ -80,6 +80,7 @@ def _serve(listener: socket.socket, lifeline: int, folder: Path) -> NoReturn:
 
 def _load_what_jobs_need() -> None:
     """Import the modules of all stages, and build what they build when first used; start no thread."""
+    gc.disable()  # little of what is imported is ever freed
     from numba.core.registry import cpu_target
 
     from pipeline.production.stages import STAGES
@@ -91,8 +92,8 @@ def _load_what_jobs_need() -> None:
     read_shot("smallest.yaml", text=SMALLEST_SHOT)  # builds what validates the documents of shots
     cpu_target.typing_context.refresh()
     cpu_target.target_context.refresh()
-    gc.collect()
     gc.freeze()  # a collection would write to, and so copy, every page that jobs share
+    gc.enable()
 
 
 @dataclass
