@@ -9,10 +9,26 @@ from pydantic import BeforeValidator, Field
 
 from pipeline.shot.documents.fields import SchemaKeywords, ZeroToOne, is_number
 from pipeline.shot.yaml.plain_text import in_yaml
-from pipeline.shot.yaml.validation import bad_value
+from pipeline.shot.yaml.validation import bad_value, finding
 
 HEX_PATTERN = r"^#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})$"
 """JSON Schema pattern of a colour such as #c04020 or #c42."""
+
+WORDS = {
+    "black": "'#141414'",
+    "blue": "'#2850b4'",
+    "brown": "'#6e4628'",
+    "gray": "'#808080'",
+    "green": "'#328c46'",
+    "grey": "'#808080'",
+    "orange": "'#dc7828'",
+    "pink": "'#e696aa'",
+    "purple": "'#6e3c96'",
+    "red": "'#b4281e'",
+    "white": "'#e6e6e6'",
+    "yellow": "'#e1be32'",
+}
+"""Colours that messages propose for words of daily English, as a shot file writes them."""
 
 _HEX = re.compile(r"#?([0-9a-fA-F]+)")
 _RGB = re.compile(r"rgba?\(\s*(\d+)\s*,\s*(\d+)\s*,\s*(\d+)")
@@ -60,8 +76,8 @@ def parsed_colour(value: Any) -> Any:
     """Return a colour as three numbers; refuse other forms, with the one that is meant."""
     if isinstance(value, str):
         return linear_of(value)
-    if isinstance(value, int) and not isinstance(value, bool) and 255 < value < 2**24:
-        raise bad_value(f"a colour of sRGB is text. Write '#{value:06x}', in quotes.")
+    if _is_hex_number(value):
+        raise bad_value(f"a colour of sRGB is text. Write '{_hex_of(value)}', in quotes.")
     if is_number(value):
         raise bad_value(f"{value} is one number; a colour has three. Write {[value] * 3}.")
     if isinstance(value, dict) and [str(name).lower() for name in value][:3] == ["r", "g", "b"]:
@@ -80,6 +96,57 @@ def _checked_parts(value: list[Any]) -> list[Any]:
     if len(value) == 3 and is_8_bit:
         raise bad_value(f"{value} goes up to 255; colours go from 0 to 1, linear. Write '{_hex(value)}'.")
     return value
+
+
+def no_bare_colour(entry: str, beginning: str) -> BeforeValidator:
+    """Return a validator that refuses a colour where the name or the mapping of an entry must stand.
+
+    `beginning` is the item of the mapping before the colour: `material: clay`.
+    """
+
+    def check(value: Any) -> Any:
+        if (colour := _bare_colour(value)) is not None:
+            raise finding(
+                f"{entry} is a colour; it must be a name or a mapping. "
+                f"Write {entry}: {{{beginning}, colour: {colour}}}."
+            )
+        return value
+
+    return BeforeValidator(check)
+
+
+def _bare_colour(value: Any) -> str | None:
+    """Return a colour as a shot file writes it; None for a value that is meant as something else."""
+    if isinstance(value, dict):
+        names = [str(name).lower() for name in value]
+        return (
+            _bare_colour(list(value.values())) if names in (["r", "g", "b"], ["r", "g", "b", "a"]) else None
+        )
+    if isinstance(value, list):
+        if len(value) not in (3, 4) or not all(is_number(part) for part in value):
+            return None
+        if all(0 <= part <= 1 for part in value):
+            return in_yaml(value[:3])
+        return f"'{_hex([round(part) for part in value[:3]])}'" if min(value) >= 0 else None
+    if _is_hex_number(value):
+        return f"'{_hex_of(value)}'"
+    if not isinstance(value, str):
+        return None
+    if rgb := _RGB.match(value):
+        return f"'{_hex([int(part) for part in rgb.groups()])}'"
+    digits = value.removeprefix("#")
+    if not re.fullmatch(r"#([0-9a-fA-F]{3,4}){1,2}|(?=.*\d)[0-9a-fA-F]{6}", value):
+        return WORDS.get(value.lower())
+    return f"'#{digits[:3] if len(digits) < 5 else digits[:6]}'"
+
+
+def _is_hex_number(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 255 < value < 2**24
+
+
+def _hex_of(value: int) -> str:
+    """Return the colour that a whole number means: its six digits, or 0xc04020 as YAML has read it."""
+    return f"#{value}" if len(str(value)) == 6 else f"#{value:06x}"
 
 
 ColourParts = Annotated[list[ZeroToOne], Field(min_length=3, max_length=3)]

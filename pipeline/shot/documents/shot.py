@@ -10,6 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, mod
 from pipeline.frames import FASTEST, SLOWEST
 from pipeline.mesh.pn_triangles import MOST_PIECES
 from pipeline.shot.documents.camera import CameraDocument, ShutterDocument
+from pipeline.shot.documents.colours import no_bare_colour
 from pipeline.shot.documents.curves import NumberField
 from pipeline.shot.documents.fields import (
     MAPPING_IS_SECOND,
@@ -39,13 +40,21 @@ from render.scene.quality import BATCH_SAMPLES, MOST_TEMPORAL_FRAMES
 from render.scene.stage import STAGES
 
 ResampleField = Annotated[Literal["off"] | ResampleDocument, MAPPING_IS_SECOND]
-LookField = Annotated[Annotated[str, one_of(LOOKS, "look")] | LookDocument, MAPPING_IS_SECOND]
+LookField = Annotated[
+    Annotated[str, one_of(LOOKS, "look")] | LookDocument,
+    MAPPING_IS_SECOND,
+    no_bare_colour("look", "material: clay"),
+]
 LightsField = Annotated[
     Annotated[str, one_of(LIGHTS, "light rig")] | LightsDocument,
     MAPPING_IS_SECOND,
     BeforeValidator(require_rig),
 ]
-StageField = Annotated[Annotated[str, one_of(STAGES, "stage")] | StageDocument, MAPPING_IS_SECOND]
+StageField = Annotated[
+    Annotated[str, one_of(STAGES, "stage")] | StageDocument,
+    MAPPING_IS_SECOND,
+    no_bare_colour("stage", "kind: cyclorama"),
+]
 
 AovName = Annotated[str, one_of(AOVS, "AOV")]
 Precision = Literal["half", "float"]

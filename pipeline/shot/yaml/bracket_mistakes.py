@@ -52,6 +52,10 @@ def meant_items(node: SequenceNode) -> tuple[list[Node], list[Mistake]]:
     return items, mistakes
 
 
+LOST = "for # begins a comment in YAML"
+"""Why a value that begins with # is empty."""
+
+
 def lost_colour(value: Node, line: str) -> str | None:
     """Return the colour that a line has as a comment in place of a value; None if there is none."""
     match = re.search(r":\s+(#.*)$", line) if _is_empty(value) else None

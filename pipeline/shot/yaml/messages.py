@@ -145,8 +145,9 @@ def _rule(kind: str, value: Any, loc: Where, document: type[BaseModel]) -> str |
             return _number(value, whole=kind.startswith("int"))
         case "string_type":
             mapping = _other_forms(loc, document)
-            also = f" or a mapping, such as {example}" if (example := _example(mapping)) else ""
-            return f"it must be text{also}. {_text(value)}"
+            example = _example(mapping)
+            also = f" or a mapping, such as {example}" if example else ""
+            return f"it must be text{also}. {_text(value, example)}"
         case "bool_type":
             return f"it must be true or false. {_flag(value)}"
         case "list_type":
@@ -207,11 +208,14 @@ def _number(value: Any, whole: bool) -> str:
     return f"{rule}. Write it plainly, without quotes or units."
 
 
-def _text(value: Any) -> str:
+def _text(value: Any, example: str) -> str:
+    """Return the remedy for a value that is no text; `example` is a mapping that can stand in its place."""
     if isinstance(value, int | float):
         return f"Put it in quotes: '{in_yaml(value)}'."
     if isinstance(value, list) and len(value) == 1 and not isinstance(value[0], dict | list):
         return f"Write {value[0]}, without brackets."
+    if isinstance(value, list) and example:
+        return f"Write one name, without brackets, or {example}."
     if isinstance(value, list):
         return f"Write {', '.join(map(in_yaml, value))}, without brackets."
     return "Put it in quotes."

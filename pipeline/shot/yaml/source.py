@@ -18,7 +18,7 @@ from ruamel.yaml.error import YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from pipeline.errors import MissingInputError, ShotError
-from pipeline.shot.yaml.bracket_mistakes import Mistake, lost_colour, meant_items, meant_pairs
+from pipeline.shot.yaml.bracket_mistakes import LOST, Mistake, lost_colour, meant_items, meant_pairs
 from pipeline.shot.yaml.syntax import syntax_fault
 
 TOO_LARGE = 10**300
@@ -215,7 +215,7 @@ class _Reader:
             self.places[(*where, key)] = (mark.line + 1, mark.column + 1)
             values[key] = self.value(value_node, (*where, key), parents)
             if colour := lost_colour(value_node, self.lines[mark.line]):
-                fact = f"{key} is empty, for # begins a comment in YAML"
+                fact = f"{key} is empty, {LOST}"
                 self.problems.append(((*where, key), f"{fact}. Put the colour in quotes: '{colour}'."))
                 values[key] = colour
         return values

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ValidationError, ValidationInfo
 from pydantic_core import PydanticCustomError
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError
+from pipeline.shot.yaml.bracket_mistakes import LOST
 from pipeline.shot.yaml.lookup import digest_of_file, is_folder, is_there, shown
 from pipeline.shot.yaml.messages import problems_of
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
@@ -122,6 +123,14 @@ def _is_reported(where: Where, reported: set[Where]) -> bool:
     return where in reported or (bool(where) and isinstance(where[-1], int) and where[:-1] in reported)
 
 
+def _with_remedy_of(found: list[Problem], problem: Problem) -> Problem:
+    """Return the problem of a colour lost as a comment, with another remedy where quotes would not do."""
+    where, text = problem
+    fact, _, remedy = text.partition(LOST)
+    better = next((other.partition(". ")[2] for place, other in found if place == where), "")
+    return (where, f"{fact}{LOST}. {better}") if remedy and better else problem
+
+
 def validated(
     source: YamlSource,
     kind: type[D],
@@ -143,7 +152,7 @@ def validated(
         document = kind.model_validate(source.data, context=dict(context or {}))
     except ValidationError as error:
         found, supplied = problems_of(error, source, kind)
-        wrong = [problem for problem in wrong if problem[0] not in supplied]
+        wrong = [_with_remedy_of(found, problem) for problem in wrong if problem[0] not in supplied]
         reported = {where for where, _ in wrong}
         wrong += [problem for problem in found if not _is_reported(problem[0], reported)]
     reported = {where for where, _ in wrong}
