@@ -48,7 +48,7 @@ class PipelineStage:
 
 SIMULATE = PipelineStage(
     "simulate",
-    version=1,
+    version=2,
     packages=("numba", "numpy", "trimesh"),
     doing="simulating",
     makes="mesh",

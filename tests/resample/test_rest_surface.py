@@ -11,7 +11,7 @@ from pipeline.arrays import AnyArray, Indices, Points
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
 from pipeline.mesh.analytic_surfaces import SphereSurface
 from pipeline.mesh.normals import vertex_normals
-from pipeline.resample import Exact, Resampler, Thresholds
+from pipeline.resample import Curved, Exact, Resampler, Thresholds
 from pipeline.resample.kernels.curved_patches import MAX_OPPOSITE, opposite_corners
 from pipeline.resample.kernels.flip import should_flip
 from pipeline.resample.kernels.limits import Limits
@@ -165,3 +165,18 @@ def test_a_ball_that_flows_there_and_back_comes_back_without_a_fold() -> None:
     assert not mesh.attributes[ASTRAY].any()
     assert np.allclose(np.linalg.norm(mesh.vertices, axis=1), 1.0)
     assert np.linalg.det(mesh.vertices[mesh.faces]).min() > 0
+
+
+@pytest.mark.parametrize("placement", [Curved(), Exact(lambda points: points)], ids=["curved", "exact"])
+def test_the_long_faces_of_a_cone_stay_straight_up_to_its_tip(placement: Curved | Exact) -> None:
+    sides, height, radius = 48, 2.0, 0.3
+    angle = 2 * np.pi * np.arange(sides) / sides
+    rim = np.column_stack([radius * np.cos(angle), np.zeros(sides), radius * np.sin(angle)])
+    around = [(i, (i + 1) % sides) for i in range(sides)]
+    faces = [(i, sides, j) for i, j in around] + [(i, j, sides + 1) for i, j in around]
+    cone = TriangleMesh(np.vstack([rim, [[0, height, 0], [0, 0, 0]]]), np.array(faces, np.int32))
+    sculpture = Resampler(cone, Thresholds(max_edge_length=0.06), placement=placement)
+    sculpture.resample()
+    points = sculpture.mesh.vertices[sculpture.mesh.vertices[:, 1] > 0.1]
+    bulge = np.hypot(points[:, 0], points[:, 2]) - radius * (1 - points[:, 1] / height)
+    assert bulge.max() < 0.001 * radius

@@ -29,6 +29,7 @@ from pipeline.resample.kernels.split import BIRTH_HALFEDGE
 MAX_OPPOSITE = 8
 _TABLE, _CORNER_PAIRS = numba.int32[:, ::1], numba.int32[:, :, ::1]
 _LEAST_COSINE = 0.5  # a crease that turns by more than 60 degrees has a corner there
+_MOST_RISE = 0.75  # of an edge's length, along the normal at an end: more of it, and the end is a tip
 
 
 @kernel(numba.boolean(MESH_ARRAYS, numba.int64, numba.float64), **LEAN)
@@ -178,6 +179,9 @@ def _bend_patch(
 ) -> None:
     """Move `places[i]` from the midpoint of a soft edge onto the cubic normal to the surface at both ends.
 
+    A tip, such as that of a cone, has no tangent plane: the curve leaves it along the edge. Otherwise long
+    faces around a tip would bulge.
+
     Source: Vlachos, Peters, Boyd & Mitchell, *Curved PN Triangles* (2001), the border curve at one half.
     """
     points, vert = mesh.points, mesh.vert
@@ -188,6 +192,12 @@ def _bend_patch(
     for k in range(3):
         rise += (points[b, k] - points[a, k]) * scratch[k]
         fall += (points[a, k] - points[b, k]) * scratch[3 + k]
+    most = _MOST_RISE * math.sqrt(squared_length(points, a, b))
+    for k in range(3):
+        if abs(rise) > most:
+            scratch[k] = 0.0
+        if abs(fall) > most:
+            scratch[3 + k] = 0.0
         normals[i, k] = scratch[k] + scratch[3 + k]
         length += normals[i, k] ** 2
     for k in range(3):
