@@ -246,7 +246,13 @@ def _type(name: str) -> str:
 
 def _text(elements: list[_Element], words: list[bytes]) -> Iterator[tuple[str, dict[str, Column]]]:
     at = 0
-    for name, rows, properties in elements:
+    for element in elements:
+        name, rows, properties = element
+        table = _even_text(element, words, at)
+        if table is not None:
+            at += rows * sum(1 if values.ndim == 1 else 1 + values.shape[1] for values in table.values())
+            yield name, dict(table)
+            continue
         columns: dict[str, list[AnyArray]] = {p.name: [] for p in properties}
         for _ in range(rows):
             for p in properties:
@@ -257,6 +263,33 @@ def _text(elements: list[_Element], words: list[bytes]) -> Iterator[tuple[str, d
                 columns[p.name].append(np.array(words[at : at + size]).astype(p.kind))
                 at += size
         yield name, {p.name: _column(p, columns[p.name]) for p in properties}
+
+
+def _even_text(element: _Element, words: list[bytes], at: int) -> dict[str, AnyArray] | None:
+    """Read all rows at once, if each list is as long in every row as in the first; None otherwise."""
+    places: dict[str, int] = {}
+    width = 0
+    for p in element.properties:
+        places[p.name] = width
+        if at + width >= len(words):
+            return None
+        size = int(words[at + width]) if p.length else 0
+        if size < 0:
+            return None
+        width += 1 + size
+    if not element.rows or at + width * element.rows > len(words):
+        return None
+    table = np.array(words[at : at + width * element.rows]).reshape(element.rows, width)
+    ends = [*list(places.values())[1:], width]
+    columns: dict[str, AnyArray] = {}
+    for p, end in zip(element.properties, ends, strict=True):
+        start = places[p.name]
+        if p.length and (table[:, start].astype(np.int64) != end - start - 1).any():
+            return None
+        columns[p.name] = (
+            table[:, start + 1 : end].astype(p.kind) if p.length else table[:, start].astype(p.kind)
+        )
+    return columns
 
 
 def _column(p: _Property, cells: list[AnyArray]) -> Column:
