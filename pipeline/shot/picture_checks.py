@@ -113,8 +113,9 @@ def noise_threshold(source: YamlSource) -> Iterator[Problem]:
         samples = source.get("quality", name, "samples")
         samples = quality.samples if samples is None else samples
         if is_number(source.get(*place)) and is_number(samples) and samples < MIN_ADAPTIVE_SAMPLES:
+            written = source.written_path(place[:2])[-1]
             yield (
                 place,
-                f"{name} takes {samples} samples, too few to stop earlier; noise_threshold needs "
+                f"{written} takes {samples} samples, too few to stop earlier; noise_threshold needs "
                 f"{MIN_ADAPTIVE_SAMPLES} or more. Write samples: 256 beside it.",
             )

@@ -56,6 +56,28 @@ def told(folder: Path, name: str, *settings: str) -> list[str]:
     return str(error.value).replace(f"{folder}/", "").split("\n")
 
 
+@pytest.mark.parametrize(
+    ("entry", "says"),
+    [
+        ("fps: 25", "fps is called rate in a shot. Rename it."),
+        (
+            "samples: 64",
+            "samples belongs under quality.draft, quality.daily or quality.final. "
+            "Write quality: {final: {samples: 64}}.",
+        ),
+        (
+            "quality: {samples: 64}",
+            "samples belongs under draft, daily or final. Write final: {samples: 64}.",
+        ),
+        ("quality: {preview: {samples: 0}}", "quality.preview.samples is 0; it must be at least 1"),
+    ],
+)
+def test_a_message_names_what_the_same_file_has(folder: Path, entry: str, says: str) -> None:
+    (folder / "defaults.yaml").write_text("rate: 24\nquality: {draft: {samples: 4}}\n")
+    (folder / "D.yaml").write_text(FILES["A"] + entry + "\n")
+    assert [line.partition(": ")[2] for line in told(folder, "D")] == [says]
+
+
 def test_former_names_of_qualities_merge_as_those_of_today(folder: Path) -> None:
     (folder / "defaults.yaml").write_text("quality: {preview: {samples: 2, denoise: off}}\n")
     (folder / "D.yaml").write_text("extends: A\nquality: {draft: {samples: 6}}\n")

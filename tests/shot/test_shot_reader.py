@@ -145,7 +145,7 @@ def test_settings_under_the_former_name_of_a_quality_are_those_of_draft(tmp_path
 
 
 def test_a_mistake_under_the_former_name_of_a_quality_is_reported_at_its_place(tmp_path: Path) -> None:
-    with pytest.raises(ShotError, match=r":\d+:21: quality\.draft\.samples is 0; it must be"):
+    with pytest.raises(ShotError, match=r":\d+:21: quality\.preview\.samples is 0; it must be"):
         read_shot(written(tmp_path, GOOD + "quality: {preview: {samples: 0}}\n"))
     with pytest.raises(ShotError, match=r"preview .*draft"):
         read_shot(written(tmp_path, GOOD + "quality: {preview: {samples: 2}, draft: {samples: 4}}\n"))

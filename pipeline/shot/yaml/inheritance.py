@@ -132,6 +132,7 @@ def over(source: YamlSource, base: YamlSource) -> YamlSource:
         [*source.problems, *problems],
         {**kept.texts, **source.texts},
         {**others, **source.others},
+        {**kept.written, **source.written},
     )
 
 

@@ -87,7 +87,7 @@ def _example(documents: list[type[BaseModel]]) -> str:
 
 def _problem(details: ErrorDetails, where: Where, source: YamlSource, document: type[BaseModel]) -> Problem:
     if details["type"] != "formula":
-        return where, _message(details, where, document)
+        return where, _message(details, where, source, document)
     column, message = details["ctx"]["column"], details["msg"]
     spot = source.spot(where, column)
     return spot or where, message if spot else f"column {column} of the formula: {message}"
@@ -102,9 +102,9 @@ def _in_file(source: YamlSource, loc: Where) -> Where:
     return where
 
 
-def _message(details: ErrorDetails, where: Where, document: type[BaseModel]) -> str:
+def _message(details: ErrorDetails, where: Where, source: YamlSource, document: type[BaseModel]) -> str:
     kind, value, context = details["type"], details["input"], details.get("ctx", {})
-    name = dotted(where)
+    name = dotted(source.written_path(where))
     if kind == "finding":
         return str(context["text"])
     if kind == "bad_curve":

@@ -70,6 +70,26 @@ def types_in_list(kind: Any) -> list[Any]:
     return [typing.get_args(member)[0] for member in members(kind) if typing.get_origin(member) is list]
 
 
+def paths_to(name: Any, models: Models, depth: int) -> Iterator[tuple[str, ...]]:
+    """Yield the paths to a name below documents, the shortest first; lists are left out."""
+    inner = {own: models_in([kind]) for own, kind in field_names(models).items()}
+    for own, below in inner.items():
+        if name in field_names(below):
+            yield own, name
+    if depth > 1:
+        for own, below in inner.items():
+            yield from ((own, *path) for path in paths_to(name, below, 1))
+
+
+def fitting(models: Models, value: Any) -> Models:
+    """Return the documents that have all names of a mapping."""
+    return [
+        model
+        for model in models
+        if not isinstance(value, dict) or value.keys() <= field_names([model]).keys()
+    ]
+
+
 def without_tags(loc: Where) -> Where:
     return tuple(step for step in loc if not _is_tag(step))
 

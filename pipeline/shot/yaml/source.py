@@ -42,6 +42,7 @@ class YamlSource:
     problems  mistakes in the text itself
     texts     line and column of the first character of each text that stands unchanged in one line
     others    the file of each value that comes from another one, by its path
+    written   the path that the file itself has, by the path of today, for values under a former name
     """
 
     path: Path
@@ -50,6 +51,7 @@ class YamlSource:
     problems: list[tuple[Where, str]] = field(default_factory=list)
     texts: dict[Where, tuple[int, int]] = field(default_factory=dict)
     others: dict[Where, str] = field(default_factory=dict)
+    written: dict[Where, Where] = field(default_factory=dict)
 
     @classmethod
     def read(cls, path: Path, text: str | None = None) -> YamlSource:
@@ -90,6 +92,10 @@ class YamlSource:
         file, line, column = self.spot_of(where)
         return f"{file}:{line}:{column}" if line else file
 
+    def written_path(self, where: Where) -> Where:
+        """Return a path with the names that the file itself has, which may be former ones."""
+        return self.written.get(where, where)
+
     def order(self, where: Where) -> tuple[bool, str, int, int]:
         """Return a sort key that orders paths by position, those of the file itself first."""
         file, line, column = self.spot_of(where)
@@ -128,7 +134,13 @@ class YamlSource:
         def kept(spots: dict[Where, Any]) -> dict[Where, Any]:
             return {where: spot for where, spot in spots.items() if not is_dropped(where)}
 
-        return replace(self, places=kept(self.places), texts=kept(self.texts), others=kept(self.others))
+        return replace(
+            self,
+            places=kept(self.places),
+            texts=kept(self.texts),
+            others=kept(self.others),
+            written=kept(self.written),
+        )
 
     def renamed(self, where: Where, name: str) -> YamlSource:
         """Return the source with another name for a key that is there, at the position of the old one."""
@@ -151,6 +163,7 @@ class YamlSource:
             problems=[(moved(path), problem) for path, problem in self.problems],
             texts={moved(path): spot for path, spot in self.texts.items()},
             others={moved(path): file for path, file in self.others.items()},
+            written={**self.written, **{moved(path): path for path in self.places if moved(path) != path}},
         )
 
     def mappings(self) -> Iterator[tuple[Where, dict[Any, Any]]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,9 +15,11 @@ from pipeline.shot.yaml.schema_walk import (
     Models,
     choices,
     field_names,
+    fitting,
     models_at,
     models_in,
     needed_names,
+    paths_to,
     types_at,
     types_in_list,
     without_tags,
@@ -96,6 +98,11 @@ class _Mapping:
         self.found.problems.append(((*self.where, name), message))
 
     @property
+    def _name(self) -> str:
+        """The path of the mapping, as the file writes it."""
+        return dotted(self.source.written_path(self.where))
+
+    @property
     def _fields(self) -> dict[str, Any]:
         return field_names(self.models)
 
@@ -103,6 +110,16 @@ class _Mapping:
     def _values(self) -> dict[Any, Any]:
         value = self.source.get(*self.where)
         return value if isinstance(value, dict) else {}
+
+    def _beside(self, name: Any) -> dict[Any, Any]:
+        """Return the values that stand beside a name in the same file; for a setting, those of all files."""
+        if self._is_set(name):
+            return self._values
+        file = self._file(name)
+        return {other: value for other, value in self._values.items() if self._file(other) == file}
+
+    def _file(self, *names: Any) -> str:
+        return self.source.spot_of((*self.where, *names))[0]
 
     def _is_named_by_value(self, unknown: list[Any]) -> bool:
         """Report `{type: twist, amount: 80}`, which is `twist: {amount: 80}`."""
@@ -125,9 +142,9 @@ class _Mapping:
 
     def _owner(self, name: Any, unknown: list[Any]) -> Any:
         """Return the name beside this one under which it belongs; None if there is none."""
-        for other, value in self._values.items():
+        for other, value in self._beside(name).items():
             inner = models_in([self._fields[other]]) if other in self._fields else []
-            if (value is None or isinstance(value, dict)) and name in field_names(_fitting(inner, value)):
+            if (value is None or isinstance(value, dict)) and name in field_names(fitting(inner, value)):
                 return other
         return None
 
@@ -156,7 +173,7 @@ class _Mapping:
         return lines[0] == lines[1]
 
     def _message(self, name: Any) -> str:
-        under = f" under {dotted(self.where)}" if self.where else ""
+        under = f" under {self._name}" if self.where else ""
         if (new := RENAMED.get(name)) in self._fields:
             self.found.supplied.add((*self.where, new))
             return f"{name} is called {new} now{under}. Rename it."
@@ -195,7 +212,7 @@ class _Mapping:
             return None
         mine, theirs = needed_names(self.models), needed_names(others[:1])
         if name in theirs:
-            return f"{dotted(self.where)} has {listed([*mine, name])}; it is one of them. Remove the others."
+            return f"{self._name} has {listed([*mine, name])}; it is one of them. Remove the others."
         return f"{name} is for a {self.where[-1]} with {listed(theirs)}, not with {listed(mine)}. Remove it."
 
     def _higher(self, name: Any) -> str | None:
@@ -203,17 +220,17 @@ class _Mapping:
         for length in range(len(self.where) - 1, -1, -1):
             above = self.where[:length]
             if name in field_names(models_at(self.document, above)) and not isinstance(above[-1:], int):
-                owner, inner = dotted(above) or "the top of the file", dotted(self.where)
+                owner, inner = dotted(above) or "the top of the file", self._name
                 return f"{name} belongs to {owner}, not to {inner}. Move it out of {self.where[-1]}."
         return None
 
     def _synonym(self, name: Any) -> str | None:
-        new = synonym(name, [each for each in self._fields if each not in self._values])
+        new = synonym(name, [each for each in self._fields if each not in self._beside(name)])
         if new is None:
             new = synonym(name, field_names(self.every))
             if new is None:
                 return None
-            if new in self._values:
+            if new in self._beside(name):
                 remedy = f"Set {dotted((*self.where, new))}" if self._is_set(name) else "Remove one of them"
                 return f"{name} is called {new} in {self._here}, which is there. {remedy}."
             self.found.covered.add(self.where)
@@ -222,7 +239,7 @@ class _Mapping:
 
     @property
     def _here(self) -> str:
-        return dotted(self.where) or str(getattr(self.document, "what", "a shot"))
+        return self._name or str(getattr(self.document, "what", "a shot"))
 
     def _rename(self, name: Any, new: str) -> str:
         """Return the remedy for another name; if its value does not fit there, with one that does."""
@@ -259,15 +276,31 @@ class _Mapping:
             if name in field_names(models_in(types_in_list(kind))):
                 self.found.supplied.add((*self.where, own))
                 return f"{name} belongs under {own}. Write {own}: [{in_yaml({name: value})}]."
-        paths = [path for path in _paths_to(name, self.models, 2) if path[0] not in self._values]
+        beside = self._beside(name)
+        every = list(paths_to(name, self.models, 2))
+        paths = [path for path in every if path[0] not in beside]
         paths = [path for path in paths if len(path) == len(paths[0])]
         if not paths:
-            return None
+            return self._into(name, [path for path in every if isinstance(beside[path[0]], dict)])
         self.found.supplied.update((*self.where, *path[:1]) for path in paths)
         if self._is_set(name):
             return f"{name} belongs further down. Set {dotted((*self.where, *_proposed(paths)))}."
         owners = listed([".".join(path[:-1]) for path in paths[:4]], "or")
         return f"{name} belongs under {owners}. Write {_nested(_proposed(paths), value)}."
+
+    def _into(self, name: Any, paths: list[tuple[str, ...]]) -> str | None:
+        """Return the message about a name that belongs into a mapping which is there."""
+        paths = [path for path in paths if len(path) == len(paths[0]) and len(path) > 2]
+        if not paths:
+            return None
+        owners = listed([".".join(path[:-1]) for path in paths[:4]], "or")
+        path = _proposed(paths)
+        if self._is_set(name):
+            return f"{name} belongs under {owners}. Set {dotted((*self.where, *path))}."
+        below = self._values[path[0]].get(path[1])
+        depth = 2 if isinstance(below, dict) and self._file(*path[:2]) == self._file(name) else 1
+        entry = _nested(path[depth:], self._values[name])
+        return f"{name} belongs under {owners}. Write {entry} under {'.'.join(path[:depth])}."
 
     def _remedy(self, name: Any) -> str:
         if (remedy := REMEDIES.get(as_name(name))) is not None:
@@ -287,17 +320,6 @@ class _Mapping:
         return hint
 
 
-def _paths_to(name: Any, models: Models, depth: int) -> Iterator[tuple[str, ...]]:
-    """Yield the paths to a name below documents, the shortest first; lists are left out."""
-    inner = {own: models_in([kind]) for own, kind in field_names(models).items()}
-    for own, below in inner.items():
-        if name in field_names(below):
-            yield own, name
-    if depth > 1:
-        for own, below in inner.items():
-            yield from ((own, *path) for path in _paths_to(name, below, 1))
-
-
 def _proposed(paths: list[tuple[str, ...]]) -> tuple[str, ...]:
     """Return the path that a message proposes: of the best quality, or the first."""
     return next((path for path in paths if "final" in path), paths[0])
@@ -308,12 +330,3 @@ def _nested(path: tuple[str, ...], value: Any) -> str:
     for step in reversed(path[1:]):
         value = {step: value}
     return f"{path[0]}: {in_yaml(value)}"
-
-
-def _fitting(models: Models, value: Any) -> Models:
-    """Return the documents that have all names of a mapping."""
-    return [
-        model
-        for model in models
-        if not isinstance(value, dict) or value.keys() <= field_names([model]).keys()
-    ]
