@@ -7,13 +7,14 @@ them: ``t crease 2/1/0 a b sharpness``, vertices numbered from 0. PLY (Turk 1994
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import chain, pairwise
+from itertools import chain, islice, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.arrays import AnyArray, Points
+from pipeline.mesh.early_ends import early_end
 
 
 class FileSurface(NamedTuple):
@@ -149,15 +150,20 @@ def read_object_file(path: Path) -> FileSurface:
     first = next(rows, [])
     if first and first[0].upper().endswith("OFF"):
         first = first[1:] or next(rows, [])
+    if len(first) < 2:
+        raise ValueError("it has no OFF header")
     vertices, faces = int(first[0]), int(first[1])
-    points = [[float(word) for word in next(rows)[:3]] for _ in range(vertices)]
+    points = [[float(word) for word in row[:3]] for row in islice(rows, vertices)]
+    if len(points) < vertices:
+        raise early_end(vertices, "vertex", len(points))
     corners: list[list[int]] = []
-    for _ in range(faces):
-        row = next(rows)
+    for row in islice(rows, faces):
         count = int(row[0])
         if len(row) <= count:
             raise ValueError(f"face {len(corners)} has {len(row) - 1} of its {count} corners")
         corners.append([int(word) for word in row[1 : count + 1]])
+    if len(corners) < faces:
+        raise early_end(faces, "face", len(corners))
     return file_surface(np.array(points, np.float64).reshape(-1, 3), corners)
 
 
@@ -254,12 +260,12 @@ def _text(elements: list[_Element], words: list[bytes]) -> Iterator[tuple[str, d
             yield name, dict(table)
             continue
         columns: dict[str, list[AnyArray]] = {p.name: [] for p in properties}
-        for _ in range(rows):
+        for row in range(rows):
             for p in properties:
-                size = int(words[at]) if p.length else 1
+                size = int(words[at]) if p.length and at < len(words) else 1
                 at += bool(p.length)
                 if at + size > len(words):
-                    raise ValueError("it ends too early")
+                    raise early_end(rows, name, row)
                 columns[p.name].append(np.array(words[at : at + size]).astype(p.kind))
                 at += size
         yield name, {p.name: _column(p, columns[p.name]) for p in properties}
@@ -314,6 +320,8 @@ def _even_rows(element: _Element, body: bytes, order: str, at: int) -> AnyArray 
         size = 1
         if p.length:
             before = np.dtype([(name, kind, (count,)) for name, kind, count in fields]).itemsize
+            if at + before + np.dtype(p.length).itemsize > len(body):
+                return None
             size = int(np.frombuffer(body, order + p.length, 1, at + before)[0]) if element.rows else 0
             fields.append((f"length of {p.name}", order + p.length, 1))
         fields.append((p.name, order + p.kind, size))
@@ -331,12 +339,14 @@ def _lists(element: _Element) -> set[str]:
 
 def _uneven_rows(element: _Element, body: bytes, order: str, at: int) -> tuple[dict[str, Column], int]:
     columns: dict[str, list[AnyArray]] = {p.name: [] for p in element.properties}
-    for _ in range(element.rows):
+    for row in range(element.rows):
         for p in element.properties:
             size = 1
-            if p.length:
+            if p.length and at + np.dtype(p.length).itemsize <= len(body):
                 length = np.frombuffer(body, order + p.length, 1, at)
                 at, size = at + length.nbytes, int(length[0])
+            if at + size * np.dtype(p.kind).itemsize > len(body):
+                raise early_end(element.rows, element.name, row)
             cell = np.frombuffer(body, order + p.kind, size, at)
             at += cell.nbytes
             columns[p.name].append(cell)

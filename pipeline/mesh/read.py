@@ -14,6 +14,7 @@ from typing import TypeVar
 import numpy as np
 
 from pipeline.errors import FlowsculptError, MeshError, MissingInputError, reason_of
+from pipeline.mesh.early_ends import check_glb, check_stl
 from pipeline.mesh.polygon_files import (
     FileSurface,
     file_surface,
@@ -91,11 +92,27 @@ def _read_by_trimesh(path: Path) -> FileSurface:
     return file_surface(np.asarray(scene.vertices, np.float64), np.asarray(scene.faces), base=None)
 
 
+def _read_stl(path: Path) -> FileSurface:
+    try:
+        surface = _read_by_trimesh(path)
+    except Exception:
+        check_stl(path.read_bytes())
+        raise
+    if len(surface.corners) == 0:
+        check_stl(path.read_bytes())
+    return surface
+
+
+def _read_glb(path: Path) -> FileSurface:
+    check_glb(path.read_bytes())
+    return _read_by_trimesh(path)
+
+
 _READERS: dict[str, Callable[[Path], FileSurface]] = {
     "obj": read_wavefront,
     "ply": read_polygon_file,
-    "stl": _read_by_trimesh,
-    "glb": _read_by_trimesh,
+    "stl": _read_stl,
+    "glb": _read_glb,
     "gltf": _read_by_trimesh,
     "off": read_object_file,
 }
@@ -115,9 +132,13 @@ def read_by_suffix(path: Path, readers: Mapping[str, Callable[[Path], T]], kind:
         raise MeshError(
             f"{path}: {path.suffix or 'no suffix'} is not {kind}; use one of {', '.join(readers)}"
         )
+    if path.stat().st_size == 0:
+        raise MeshError(f"{path}: the file is empty. Copy or export it again.")
     try:
         return readers[suffix](path)
     except FlowsculptError:
         raise
     except Exception as error:  # readers raise whatever their parsers do
-        raise MeshError(f"{path}: cannot be read as {suffix.upper()} ({reason_of(error)})") from error
+        raise MeshError(
+            f"{path}: cannot be read as {suffix.upper()} ({reason_of(error)}). Copy or export it again."
+        ) from error

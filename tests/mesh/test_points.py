@@ -63,7 +63,8 @@ WILD = np.where(np.arange(21).reshape(7, 3) == 9, np.nan, POINTS)
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("a.xyz", "", "a.xyz: it holds no points; a cloud needs at least one"),
+        ("a.xyz", "", "a.xyz: the file is empty. Copy or export it again."),
+        ("a.xyz", "# none\n", "a.xyz: it holds no points; a cloud needs at least one"),
         ("a.xyz", "0 0 1\n0 0\n", "a.xyz: cannot be read as XYZ .point 1 has 2 numbers"),
         ("a.xyz", "0 0 one\n", "a.xyz: cannot be read as XYZ"),
         ("a.xyz", "0 0 1\n0 nan 1\n0 inf 1\n", r"a.xyz: point 1 is not finite .and 1 more.; coordinates"),

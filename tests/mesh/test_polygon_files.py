@@ -159,7 +159,7 @@ def test_an_off_file_may_have_comments_colours_and_its_counts_on_the_first_line(
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "line 4.*numbered from 1"),
         ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n", "cannot be read as OFF"),
         ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1\n", "face 0 has 2 of its 3 corners"),
-        ("a.ply", f"ply\nformat ascii 1.0\n{PLY}{FACES}0 0 0 9\n", "ends too early"),
+        ("a.ply", f"ply\nformat ascii 1.0\n{PLY}{FACES}0 0 0 9\n", "promises 5 vertices, and 1 is there"),
         ("a.ply", f"ply\nformat binary_little_endian 1.0\n{PLY}{FACES}0 0 0", "cannot be read as PLY"),
         ("a.ply", "ply\nformat ascii 1.0\nelement vertex 0\nend_header\n", "no x, y and z"),
     ],
