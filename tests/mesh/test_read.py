@@ -46,7 +46,7 @@ def test_a_missing_file_is_a_missing_input(tmp_path: Path) -> None:
     ("name", "content", "fault"),
     [
         ("a.txt", "hello", "not a mesh format"),
-        ("a.obj", "", "no faces|cannot be read"),
+        ("a.obj", "", "the file is empty"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no faces|cannot be read"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n", "not finite"),
         ("a.ply", "this is no ply", "cannot be read"),

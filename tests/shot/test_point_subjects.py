@@ -27,7 +27,7 @@ def folder(tmp_path: Path) -> Path:
     np.savez(tmp_path / "sail.npz", points=np.arange(60.0).reshape(4, 5, 3))
     np.savez(tmp_path / "small.npz", points=np.zeros((3, 5, 3)))
     np.savez(tmp_path / "wild.npz", points=np.full((4, 3), np.nan))
-    (tmp_path / "empty.xyz").write_text("")
+    (tmp_path / "empty.xyz").write_text("# none\n")
     return tmp_path
 
 
