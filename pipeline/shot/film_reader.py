@@ -83,7 +83,7 @@ def _shot(folder: Path, name: str, place: str, settings: tuple[str, ...]) -> Sho
     if is_there(file):
         return read_shot(file, settings=settings)
     known = sorted(f.stem for f in folder.glob("*.yaml") if not is_edit(f) and f.name != DEFAULTS)
-    hint = suggestion(name, known) if known else "There are none."
+    hint = suggestion(name, known) if known else "No shot is beside the edit; flowsculpt new NAME makes one."
     bare = name.rpartition("/")[2].removesuffix(".yaml")
     if bare in known:
         hint = f"Write {bare}, its name without folder and suffix."
@@ -178,11 +178,14 @@ def _missing_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:
     name = source.get("sound", "file")
     if isinstance(name, str) and not is_there(folder / name):
         known = sorted(file.name for file in folder.glob("*") if file.suffix.lower() in SOUNDS)
-        hint = suggestion(name, known) if known else "There are none."
-        yield (
-            ("sound", "file"),
-            f"there is no sound {shown(folder / name)}; it is looked for beside the edit. {hint}",
+        text = (
+            f"there is no sound {shown(folder / name)}; it is looked for beside the edit. "
+            f"{suggestion(name, known)}"
+            if known
+            else f"there is no sound {shown(folder / name)}, and no other beside the edit. "
+            "Put it there, or remove sound."
         )
+        yield ("sound", "file"), text
 
 
 def _unreadable_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:

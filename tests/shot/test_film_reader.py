@@ -55,6 +55,14 @@ def test_a_shot_that_is_not_there_is_a_missing_input(tmp_path: Path) -> None:
         read_film(written(tmp_path, FILM, "film.yaml"))
 
 
+def test_an_edit_without_any_shot_beside_it_is_told_what_makes_one(tmp_path: Path) -> None:
+    with pytest.raises(
+        MissingInputError,
+        match=r"no shot .*A\.yaml\. No shot is beside the edit; flowsculpt new NAME makes one\.",
+    ):
+        read_film(written(tmp_path, "title: One\nshots: [A]\n", "film.yaml"))
+
+
 def test_the_films_own_shots_are_good() -> None:
     film = read_film(Path(__file__).parents[2] / "shots" / "film.yaml")
     assert len(film.shots) == 3

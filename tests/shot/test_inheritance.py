@@ -78,6 +78,14 @@ def test_a_message_names_what_the_same_file_has(folder: Path, entry: str, says: 
     assert [line.partition(": ")[2] for line in told(folder, "D")] == [says]
 
 
+def test_a_shot_that_extends_one_where_there_is_no_other_is_told_to_stand_alone(tmp_path: Path) -> None:
+    (tmp_path / "B.yaml").write_text(FILES["B"])
+    says = (
+        "B.yaml:1:1: there is no shot A beside this file to extend. No other shot is there; remove extends."
+    )
+    assert told(tmp_path, "B") == [says]
+
+
 def test_former_names_of_qualities_merge_as_those_of_today(folder: Path) -> None:
     (folder / "defaults.yaml").write_text("quality: {preview: {samples: 2, denoise: off}}\n")
     (folder / "D.yaml").write_text("extends: A\nquality: {draft: {samples: 6}}\n")

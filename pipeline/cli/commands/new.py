@@ -98,7 +98,10 @@ def new(
         )
     if name.endswith((".yaml", ".yml")):
         raise UsageError(f"{name} is the name of a file; write {Path(name).stem}, the name of the shot")
-    if not re.fullmatch(NAME, name) or name in RESERVED:
+    if name in RESERVED:
+        use = "the file of defaults in shots/" if name == Path(DEFAULTS).stem else "a folder in renders/"
+        raise UsageError(f"{name} is the name of {use}; choose another one, as A010_{name}")
+    if not re.fullmatch(NAME, name):
         raise UsageError(f"{name!r} cannot name a shot; use letters, digits, _ and -, as in A010_cube")
     path = SHOTS / f"{name}.yaml"
     if path.exists():

@@ -99,7 +99,7 @@ def _extended(source: YamlSource, read_text: ReadText, chain: tuple[str, ...]) -
     text = read_text(name) if "/" not in parent else None
     if text is None:
         known = sorted(p.stem for p in source.path.parent.glob("*.yaml") if p.name not in (*chain, DEFAULTS))
-        hint = suggestion(parent, known) if known else "There are none."
+        hint = suggestion(parent, known) if known else "No other shot is there; remove extends."
         if Path(parent).name.removesuffix(".yaml") in known:
             hint = f"Write {Path(parent).name.removesuffix('.yaml')}, its name without folder and suffix."
         raise MissingInputError(
