@@ -49,7 +49,7 @@ FLOWS = {
     "curl_noise": "curl_noise: {}",
 }
 
-FRAME, SECONDS, CORES, LIMIT = 12, 60.0, 2, 600.0
+FRAME, SECONDS, CORES, LIMIT = 12, 60.0, 2, 200.0
 """The previewed frame, the seconds that it may take on so many cores, and by the clock on a busy machine."""
 
 PLAIN = """title: {name}
@@ -159,6 +159,7 @@ def tried(trial: Trial, root: Path, path: Path, picture: Path) -> Trial:
         trial.overtime = facts["seconds"]
     elif facts:
         trial.seconds, trial.floor, trial.vertices = facts["seconds"], facts["floor"], facts["vertices"]
+    print(f"{path.stem}: {trial.verdict}, {trial.outcome}", flush=True)
     return trial
 
 
@@ -183,10 +184,8 @@ def trials(folder: Path, models: dict[str, Path], pictures: Path, cores: int) ->
             for trial, path in waiting
             if path is not None
         ]
-        for k, trial in enumerate(done):
+        for trial in done:
             trial.result()
-            if k % 20 == 19:
-                print(f"previewed {k + 1} of {len(done)}", flush=True)
     return [trial for trial, _ in waiting]
 
 

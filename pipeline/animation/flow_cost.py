@@ -118,8 +118,12 @@ def costliest_flow(motion: Motion, frame: int, points: Points) -> FlowCost | Non
 
     None where no flow follows velocities. Raises FrameError where a parameter of the flow cannot be computed.
     """
-    costs = (_cost(motion, points, *step) for step in along_velocities(motion, frame))
-    return max(costs, key=lambda cost: cost.substeps, default=None)
+    return max(flow_costs(motion, frame, points), key=lambda cost: cost.substeps, default=None)
+
+
+def flow_costs(motion: Motion, frame: int, points: Points) -> list[FlowCost]:
+    """Return the costs of all flows along velocities; arguments and errors are those of `costliest_flow`."""
+    return [_cost(motion, points, *step) for step in along_velocities(motion, frame)]
 
 
 def along_velocities(motion: Motion, frame: int) -> Iterator[tuple[str, Streamlines, float, float]]:

@@ -24,6 +24,9 @@ MEASURED_SECONDS, FORESEEN = 3.0, 1.5
 REPORT_SECONDS = 0.5
 """Time between two reports of one frame, and before the first."""
 
+GROWTH = 1.5
+"""Vertices over those of the frame before from which on the stretch makes a frame slow."""
+
 MOST_SHARE = 0.95
 """The share of a frame that its flow takes at most: the resampler follows."""
 
@@ -122,6 +125,11 @@ class _FrameWatch:
     def _reason(self) -> tuple[str, str]:
         """Return the place in the shot file that makes the frame slow, and why."""
         points, last = self._points, self._last
+        if points is not None and not last.total and last.done > GROWTH * len(points):
+            return "resample", (
+                f"the flows stretch the surface from {len(points):,} vertices to {last.done:,}. Slow the "
+                "flows down, or raise resample.max_edge_length."
+            )
         cost = None if points is None else costliest_flow(self._motion, self._frame, points)
         if points is None or cost is None:
             count = last.done if points is None else len(points)

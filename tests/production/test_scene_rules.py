@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from pipeline.animation import animate
 from pipeline.mesh import icosphere
+from pipeline.production.maintenance.finding import Finding
 from pipeline.production.maintenance.first_frame import FirstFrame, FirstFrames, estimated_vertices
-from pipeline.production.maintenance.scene_rules import Finding, findings, is_inside, rounded_up
+from pipeline.production.maintenance.scene_rules import findings, is_inside, rounded_up
 from pipeline.resample import Thresholds, resample
 from pipeline.shot import read_shot
 from tests.conftest import ProjectFolder, commanded
@@ -144,6 +145,13 @@ def test_a_place_that_pictures_cannot_resolve_is_told(tmp_path: Path) -> None:
     finding = the_only(found(tmp_path, ball_shot(flow="curl_noise: {}")))
     assert finding.where == ("subject",) and "subject.fit: 2" in finding.text
     assert found(tmp_path, ball_shot(flow="curl_noise: {}", fit=", fit: 2")) == []
+
+
+def test_a_flow_that_tears_the_surface_is_told_and_fitting_the_model_serves(tmp_path: Path) -> None:
+    write_ball(tmp_path / "ball.obj", 494.0)
+    told = [f for f in found(tmp_path, ball_shot(edge=20.0)) if "times as long" in f.text]
+    assert the_only(told).where == ("flows", 0) and "twist makes edges" in told[0].text
+    assert found(tmp_path, ball_shot(edge=0.08, fit=", fit: 2")) == []
 
 
 def test_too_many_sub_steps_are_an_error_before_they_are_taken(tmp_path: Path) -> None:

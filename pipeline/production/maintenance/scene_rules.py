@@ -1,31 +1,23 @@
-"""Rules for a shot's scene, beyond the form of its file: edges, vertices, camera, size, place and flows."""
+"""Rules for a shot's scene, beyond the form of its file: vertices, edges, camera, size and precision."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterator
-from contextlib import suppress
-from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
-import numba
 import numpy as np
 
-from pipeline.animation.flow_cost import TYPICAL_EXTENT, FlowCost, along_velocities, costliest_flow
+from pipeline.animation.flow_cost import (
+    TYPICAL_EXTENT,
+)
 from pipeline.arrays import Points
-from pipeline.errors import FrameError
-from pipeline.flow import Flow, Placed, Sequence, VelocityField
-from pipeline.flow.flow_map import checked_displacement
-from pipeline.flow.kernels.instructions import BLOCK
-from pipeline.flow.parameters import shot_name, unit, vector_at
-from pipeline.flow.streamlines import MAX_SUBSTEPS
+from pipeline.production.maintenance.finding import Finding, sampled_frames
 from pipeline.production.maintenance.first_frame import FirstFrame
+from pipeline.production.maintenance.flow_rules import acts_elsewhere, stretches, takes_long
 from pipeline.production.render_inputs.framing import frame_all
 from pipeline.shot import Shot
 from pipeline.shot.model_subject import Model
-
-Where = tuple[Any, ...]
 
 COARSE, FINE = 12, 24
 """Edges along the largest extent: with fewer than COARSE a subject loses its shape; FINE are suggested."""
@@ -33,38 +25,13 @@ COARSE, FINE = 12, 24
 SMALL, LARGE = 0.1, 10.0
 """Extents over TYPICAL_EXTENT between which flows and looks work as they are."""
 
-FAR_OFF = 5.0
-"""Extents from a flow's centre to the middle of the subject: farther off it moves the subject as a whole."""
-
 SINGLE_PRECISION = 2.0**-24
 """The relative error of the positions that are rendered."""
-
-SAMPLED_FRAMES = 8
-"""Frames at which cameras and flows are looked at."""
-
-SLOW_SECONDS = 60.0
-"""Seconds of a frame from which on its flow is named."""
-
-LONG, SAMPLE = 1e8, BLOCK
-"""Vertices × sub-steps from which on a frame may be slow, and vertices that are moved to find out."""
-
-
-class Finding(NamedTuple):
-    """Something that is wrong with a scene, or that should be known.
-
-    where     the path of the setting in the shot file
-    text      fact, rule and remedy
-    is_error  True if a frame would fail
-    """
-
-    where: Where
-    text: str
-    is_error: bool = False
 
 
 def findings(shot: Shot, first: FirstFrame) -> list[Finding]:
     """Return all findings about a shot with this first frame."""
-    rules = (_budget, _edges, _camera, _size, _place, _precision, _flows)
+    rules = (_budget, _edges, _camera, _size, acts_elsewhere, _precision, takes_long, stretches)
     return [finding for rule in rules for finding in rule(shot, first)]
 
 
@@ -105,7 +72,7 @@ def _camera(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         return  # framing keeps it outside
     setting = next(name for name in ("position", "distance", "dolly") if _is_set(camera, name))
     aspect = shot.picture.qualities["draft"].aspect
-    for number in _sampled(shot):
+    for number in sampled_frames(shot):
         view = camera.at(shot.motion.clock.time(number))
         (framing,) = frame_all([view], lambda _: first.points, aspect)
         if is_inside(np.array(framing.camera.origin), first):
@@ -117,10 +84,6 @@ def _camera(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
                 f"outside, or leave {setting} out.",
             )
             return
-
-
-def _norm(vector: Points) -> float:
-    return float(np.linalg.norm(vector))
 
 
 def _is_set(camera: Any, name: str) -> bool:
@@ -144,25 +107,6 @@ def _size(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         )
 
 
-def _place(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
-    """Check that flows act where the subject is."""
-    if not shot.motion.subject.is_surface:
-        return
-    time = shot.motion.clock.time(shot.frames.first)
-    for k, flow in enumerate(_top_flows(shot.motion.flow)):
-        far = [item for item in _offsets(flow, first.middle, time) if _norm(item[1]) > FAR_OFF * first.extent]
-        if far:
-            name, offset = far[0]
-            middle = ", ".join(f"{x:.4g}" for x in first.middle)
-            fits = f"subject.fit: {TYPICAL_EXTENT:g}, which moves the model to the origin, or "
-            yield Finding(
-                ("flows", k),
-                f"{name} acts about a place {_norm(offset) / first.extent:.3g} times the size of the subject "
-                f"away from it. Write {fits if isinstance(shot.motion.subject, Model) else ''}"
-                f"centre: [{middle}] under {name}.",
-            )
-
-
 def _precision(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     """Check that renderers, which compute in single precision, resolve the subject where it is."""
     detail = first.extent / 1000.0
@@ -173,83 +117,6 @@ def _precision(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
             "large; pictures resolve positions to a 16-millionth of their distance from the origin. "
             f"Write subject.fit: {TYPICAL_EXTENT:g}, which moves it there.",
         )
-
-
-def _flows(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
-    """Check that flows take few enough sub-steps, and say where a frame takes long."""
-    motion, first_moved = shot.motion, list(shot.frames)[1:2]
-    sampled = list(dict.fromkeys([*first_moved, *_sampled(shot)[1:]]))
-    costs: list[tuple[int, FlowCost]] = []
-    cost: FlowCost | None = None
-    for number in sampled:
-        try:
-            cost = costliest_flow(motion, number, first.points)
-            for _, flow, time, dt in along_velocities(motion, number):
-                if flow.gradient_substeps(time, dt) > MAX_SUBSTEPS:
-                    flow.step_plan(time, dt)  # raises what the frame will
-        except FrameError as error:
-            place = "" if cost is None else cost.place
-            yield Finding(_where(place), str(error.of(number)), is_error=True)
-            return
-        if cost is not None:
-            costs.append((number, cost))
-    if not costs:
-        return
-    number, cost = max(costs, key=lambda item: item[1].substeps)
-    where = _where(cost.place)
-    if costs[0][1].length > MAX_SUBSTEPS:
-        number, cost = costs[0]
-        yield Finding(where, f"frame {number} fails, for {MAX_SUBSTEPS} sub-steps are the most: {cost}", True)
-        return
-    seconds = _seconds(shot, number, first, cost)
-    if seconds > SLOW_SECONDS:
-        yield Finding(where, f"frame {number} takes about {seconds:.0f} s: {cost}")
-
-
-def _where(place: str) -> Where:
-    """Return the path of `flows.0`; of all flows for an empty place."""
-    index = place.partition(".")[2]
-    return ("flows", int(index)) if index else ("flows",)
-
-
-def _seconds(shot: Shot, number: int, first: FirstFrame, cost: FlowCost) -> float:
-    """Return about how long the flow into a frame takes: a few vertices are moved for it."""
-    resampling = shot.motion.resampling
-    carries = resampling is not None and resampling.placement == "exact" and resampling.normals == "carried"
-    moved = first.vertices * (3 if carries else 1)
-    if moved * cost.substeps < LONG:
-        return 0.0
-    sample = first.points[:: max(1, len(first.points) // SAMPLE)][:SAMPLE]
-    flow = shot.motion.limit_steps(shot.motion.flow, number)
-    started = perf_counter()
-    with suppress(FrameError):  # frame by frame it may fail for other reasons
-        checked_displacement(flow, sample, *shot.motion.step(number), number)
-    return (perf_counter() - started) * moved / len(sample) / numba.get_num_threads()
-
-
-def _top_flows(flow: Flow) -> tuple[Flow, ...]:
-    return flow.flows if isinstance(flow, Sequence) else (flow,)
-
-
-def _offsets(flow: Any, point: Points, time: float) -> Iterator[tuple[str, Points]]:
-    """Yield the name of each flow with a centre, and the vector from it to a point; fields: across the axis.
-
-    Flows in a coordinate frame of their own are left out.
-    """
-    if isinstance(flow, tuple):
-        for part in flow:
-            yield from _offsets(part, point, time)
-    if isinstance(flow, Placed) or not dataclasses.is_dataclass(flow) or isinstance(flow, type):
-        return
-    if isinstance(flow, Flow | VelocityField) and hasattr(flow, "centre"):
-        offset = point - np.array(vector_at(flow.centre, time))
-        if isinstance(flow, VelocityField) and hasattr(flow, "axis"):
-            axis = np.array(unit(flow.axis))
-            offset = offset - (offset @ axis) * axis
-        yield shot_name(type(flow)), offset
-        return
-    for field in dataclasses.fields(flow):
-        yield from _offsets(getattr(flow, field.name), point, time)
 
 
 def is_inside(point: Points, first: FirstFrame) -> bool:
@@ -263,13 +130,6 @@ def is_inside(point: Points, first: FirstFrame) -> bool:
     below = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
     turns = float(np.arctan2(volume, below).sum()) / (2.0 * math.pi)
     return abs(turns) > 0.5
-
-
-def _sampled(shot: Shot) -> list[int]:
-    """Return up to SAMPLED_FRAMES frames, the first and the last among them."""
-    frames = list(shot.frames)
-    picks = np.linspace(0, len(frames) - 1, min(SAMPLED_FRAMES, len(frames))).round().astype(int)
-    return [frames[k] for k in picks]
 
 
 def rounded(value: float) -> float:
