@@ -110,8 +110,8 @@ class PythonFlow(Flow):
             return function(np.array(points, np.float64), time, dt)  # a copy: it may write over its points
         except (Exception, SystemExit) as error:
             raise FrameError(
-                f"flow {self.function} at {time:g} s raised {_described(error, self.path)}; a flow takes "
-                "points (N, 3), time and dt and returns points (N, 3). Call it alone with these."
+                f"{self.path}: {self.function} raised {_described(error, self.path)} at {time:g} s; a flow "
+                "takes points (N, 3), time and dt and returns points (N, 3). Call it alone with these."
             ) from error
 
     def cache_data(self, time: float, dt: float) -> Any:
@@ -186,6 +186,6 @@ def _described(error: BaseException, path: Path) -> str:
     ]
     if isinstance(error, SyntaxError):
         lines = [error.lineno]
-    text = " ".join(str(error).split())
+    text = " ".join(str(error.msg if isinstance(error, SyntaxError) else error).split())
     at = f" (line {lines[-1]})" if lines else ""
     return f"{type(error).__name__}: {text}{at}"

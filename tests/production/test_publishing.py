@@ -143,7 +143,7 @@ def test_what_was_edited_since_is_stale_until_it_is_rendered_and_then_the_next_v
     before = {path: path.read_bytes() for path in desk.home.rglob("*") if path.is_file()}
     desk.shot.write_text(SHOT.replace("4: 40", "4: 60"))
     code, said = desk.command("publish", NAME, "-q", "draft", "--scale", "10%")
-    assert code == 2 and "frames 1-4 stale: made from another shot file" in said
+    assert code == 2 and "frames 1-4 stale: made from an earlier shot file or with --set" in said
     assert said.endswith(f"{RENDER} makes it.")
     desk.render()
     with pytest.raises(UsageError, match=r"v001 is published already, with other frames.*the next is v002"):

@@ -14,6 +14,9 @@ FILM = SHOTS / "film.yaml"
 NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
 """Names of shots: they become part of file names, on any system."""
 
+MODELS = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
+"""Endings of model files, for the message to one who names such a file in place of a shot."""
+
 NO_SHOTS = (
     f"there are no shots here: {SHOTS}/ holds none. `flowsculpt new A010_first` writes one, "
     "`flowsculpt new --show` a show with its first shot and its edit."
@@ -26,6 +29,12 @@ def find_shot(name: str) -> Path:
 
     Raises MissingInputError with the nearest names, UsageError for a name that frames cannot be called by.
     """
+    if Path(name).suffix.lower() in MODELS and not is_there(SHOTS / f"{name}.yaml"):
+        own = re.sub(r"[^A-Za-z0-9_-]", "_", Path(name).stem)
+        raise UsageError(
+            f"{shown(name)} is a model, not a shot; flowsculpt new A010_{own} --model {shown(name)} makes a "
+            "shot of it"
+        )
     path = _path(name, "a shot", "A010_cube")
     if is_edit(path):
         raise UsageError(

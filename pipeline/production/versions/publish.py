@@ -147,7 +147,7 @@ class Release:
     def _require(self, missing: str, stale: str) -> None:
         """Raise MissingInputError or UsageError if a file is missing or stale."""
         facts = [f"{missing} missing"] if missing else []
-        facts += [f"{stale} stale: made from another shot file"] if stale else []
+        facts += [f"{stale} stale: made from an earlier shot file or with --set"] if stale else []
         if facts:
             kind = MissingInputError if missing else UsageError
             raise kind(
