@@ -66,10 +66,17 @@ def measurable(source: YamlSource) -> Iterator[Problem]:
 
 
 def camera(source: YamlSource) -> Iterator[Problem]:
-    """Check that a camera has no two settings that exclude each other."""
+    """Check that no two settings of a camera exclude each other, and that it is at most straight above."""
     written = source.get("camera")
     if not isinstance(written, dict):
         return
+    elevation = written.get("elevation")
+    if is_number(elevation) and abs(elevation) > 90:
+        yield (
+            ("camera", "elevation"),
+            f"camera.elevation is {elevation:g}; it must be from -90 to 90, which is straight above. "
+            "Turn the camera by azimuth.",
+        )
     given = [name for name, value in written.items() if value is not None]
     for one, alternatives in ALTERNATIVES.items():
         others = [name for name in alternatives if name in given]
