@@ -116,11 +116,11 @@ def stretches(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
             ratio = float(np.median(_lengths(moved) / _lengths(corners)))
             if ratio > STRETCH:
                 fits = isinstance(motion.subject, Model) and first.extent > 10.0 * TYPICAL_EXTENT
-                fit = f"Write subject.fit: {TYPICAL_EXTENT:g}, l" if fits else "L"
+                remedy = f"Write subject.fit: {TYPICAL_EXTENT:g}, lower" if fits else "Lower"
                 yield Finding(
                     ("flows", k),
                     f"{flow.name} makes edges {ratio:.3g} times as long in the one frame {number}, so that "
-                    f"the vertices soon exceed max_vertices. {fit}ower its amount or strength, or "
+                    f"the vertices soon exceed max_vertices. {remedy} its amount or strength, or "
                     "spread its keys over more frames.",
                 )
                 return
