@@ -71,7 +71,7 @@ def camera(source: YamlSource) -> Iterator[Problem]:
     if not isinstance(written, dict):
         return
     elevation = written.get("elevation")
-    if is_number(elevation) and abs(elevation) > 90:
+    if isinstance(elevation, int | float) and abs(elevation) > 90:
         yield (
             ("camera", "elevation"),
             f"camera.elevation is {elevation:g}; it must be from -90 to 90, which is straight above. "
