@@ -216,3 +216,24 @@ def test_an_empty_folder_is_told_how_to_make_a_shot(tmp_path: Path, monkeypatch:
     for words in (("validate",), ("preview", "A010"), ("render", "A010"), ("film",)):
         code, said = commanded(tmp_path, *words)
         assert code == 2 and "flowsculpt new A010_first" in said, words
+
+
+@pytest.mark.parametrize(
+    ("flow", "right"),
+    [
+        ("twist: {amount: 60}", "{keys: {1: 0, 24: 60}}"),
+        ("stretch: {amount: 2}", "{keys: {1: 1, 24: 2}}"),
+        ("within: {region: {sphere: {radius: 1}}, flows: [{bend: {amount: 40}}]}", "{keys: {1: 0, 24: 40}}"),
+    ],
+)
+def test_a_deformation_whose_amount_never_changes_moves_nothing(
+    tmp_path: Path, flow: str, right: str
+) -> None:
+    write_ball(tmp_path / "ball.obj")
+    finding = the_only(found(tmp_path, ball_shot(flow=flow)))
+    name = re.findall(r"(\w+): {amount", flow)[0]
+    assert finding.text == (
+        f"{name} moves nothing, for its amount is the same in every frame. Write amount: {right}."
+    )
+    mended = re.sub(r"amount: \d+", f"amount: {right}", flow)
+    assert found(tmp_path, ball_shot(flow=mended)) == []

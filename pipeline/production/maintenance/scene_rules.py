@@ -14,7 +14,7 @@ from pipeline.animation.flow_cost import (
 from pipeline.arrays import Points
 from pipeline.production.maintenance.finding import Finding, sampled_frames
 from pipeline.production.maintenance.first_frame import FirstFrame
-from pipeline.production.maintenance.flow_rules import acts_elsewhere, stretches, takes_long
+from pipeline.production.maintenance.flow_rules import acts_elsewhere, deforms_nothing, stretches, takes_long
 from pipeline.production.render_inputs.framing import frame_all
 from pipeline.shot import Shot
 from pipeline.shot.model_subject import Model
@@ -31,7 +31,17 @@ SINGLE_PRECISION = 2.0**-24
 
 def findings(shot: Shot, first: FirstFrame) -> list[Finding]:
     """Return all findings about a shot with this first frame."""
-    rules = (_budget, _edges, _camera, _size, acts_elsewhere, _precision, takes_long, stretches)
+    rules = (
+        _budget,
+        _edges,
+        _camera,
+        _size,
+        acts_elsewhere,
+        deforms_nothing,
+        _precision,
+        takes_long,
+        stretches,
+    )
     return [finding for rule in rules for finding in rule(shot, first)]
 
 
