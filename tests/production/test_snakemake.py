@@ -238,7 +238,7 @@ def test_the_message_is_all_that_the_command_says_and_it_ends_with_1(project: An
         path.unlink()
     done = snakemake(project.path, "-n")
     assert done.returncode == 1 and "Traceback" not in done.stdout
-    assert "film.yaml" in done.stdout.strip().splitlines()[-1]
+    assert "flowsculpt new --show" in done.stdout.strip().splitlines()[-1]
 
 
 def test_a_profile_means_the_same_through_snakemake(project: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -118,8 +118,9 @@ def _message(details: ErrorDetails, where: Where, source: YamlSource, document: 
         return f"{name} is {shown(value)}; it must be {_words(value, context['expected'], where, mapping)}"
     if kind in _BOUNDS:
         bound = next(iter(context.values()))
-        percent = bound <= 1 and 5 <= value <= 100 and kind.startswith("less")
-        remedy = f". Write {value / 100:g} for {value:g}%." if percent else ""
+        number = value if isinstance(value, int | float) else math.nan
+        percent = bound <= 1 and 5 <= number <= 100 and kind.startswith("less")
+        remedy = f". Write {number / 100:g} for {number:g}%." if percent else ""
         return f"{name} is {value}; it must be {_BOUNDS[kind]} {bound:g}{remedy}"
     if kind in ("too_short", "too_long"):
         bound = context.get("min_length", context.get("max_length"))
