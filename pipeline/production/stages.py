@@ -77,7 +77,7 @@ FRAME_CAMERA = PipelineStage(
 )
 RENDER = PipelineStage(
     "render",
-    version=2,
+    version=3,
     packages=("mitsuba", "drjit", "OpenImageIO"),
     doing="rendering",
     makes="raw",

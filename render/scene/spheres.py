@@ -19,7 +19,7 @@ from render.base.errors import BadInputError
 from render.scene.camera import Camera
 from render.scene.surface import Surface
 
-TOLERANCE = 0.15
+TOLERANCE = 0.25
 """Pixels by which the outline of a sphere may differ from a circle."""
 
 MAX_SUBDIVISION = 24

@@ -143,7 +143,17 @@ def main(words: list[str]) -> None:
         watcher.start()
         from snakemake.cli import main as snakemake  # while the server loads
 
-        snakemake(words)
+        try:
+            snakemake(words)
+        finally:
+            _cancel_timers()
+
+
+def _cancel_timers() -> None:
+    """Cancel Snakemake's next look at its queue, for which Python would wait a second before it ends."""
+    for thread in threading.enumerate():
+        if isinstance(thread, threading.Timer):
+            thread.cancel()
 
 
 if __name__ == "__main__":
