@@ -69,6 +69,7 @@ setup: .venv/ready
 
 .venv/ready-dev: .venv/ready requirements-dev.lock
 	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-dev.lock
+	-@$(BIN)/python tests/production/farm/slurm.py fetch
 	@touch $@
 
 .venv/ready-bench: .venv/ready benchmarks/requirements.txt

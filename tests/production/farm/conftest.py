@@ -33,7 +33,7 @@ class Farm:
 
 @pytest.fixture(scope="session")
 def slurm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
-    """SLURM from Debian packages, on this machine alone; skips where `make soak` has not fetched them."""
+    """SLURM from Debian packages, on this machine alone; skips where set-up could not fetch them."""
     folder = tmp_path_factory.mktemp("slurm")
     process = subprocess.Popen(
         [sys.executable, str(SLURM), "serve", str(folder)],
@@ -53,16 +53,6 @@ def slurm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
         found.syspath_prepend(os.environ["PYTHONPATH"].partition(":")[0])
         yield Farm()
     process.communicate()
-
-
-@pytest.fixture(scope="session")
-def fetched() -> None:
-    """Unpack SLURM where it is not here yet."""
-    done = subprocess.run(
-        [sys.executable, str(SLURM), "fetch"], capture_output=True, text=True, stdin=subprocess.DEVNULL
-    )
-    if done.returncode:
-        print(done.stderr)
 
 
 def quick_profile(folder: Path) -> None:

@@ -80,7 +80,6 @@ def test_a_simulation_on_a_node_makes_the_same_meshes(on_slurm, slurm, monkeypat
 
 
 @pytest.mark.soak
-@pytest.mark.usefixtures("fetched")
 class TestFilms:
     def test_a_film_is_the_same_to_the_bit_after_three_hops(self, on_slurm, slurm):
         before = len(slurm.jobs())
