@@ -8,13 +8,9 @@ from __future__ import annotations
 
 from render.base.errors import FlowsculptError as FlowsculptError
 from render.base.errors import MachineError as MachineError
+from render.base.errors import MissingInputError as MissingInputError
+from render.base.errors import reason_of as reason_of
 from render.base.errors import suggestion as suggestion
-
-
-def reason_of(error: Exception) -> str:
-    """Return the text of a parser's error on one line, shortened for a message."""
-    text = " ".join(str(error).split()) or type(error).__name__
-    return text if len(text) <= 120 else text[:117] + "…"
 
 
 class UsageError(FlowsculptError):
@@ -31,12 +27,6 @@ class ShotError(FlowsculptError):
 
 class MeshError(FlowsculptError):
     """An unusable mesh: empty, not finite, not manifold (exit code 2)."""
-
-
-class MissingInputError(FlowsculptError):
-    """A named file or shot that does not exist (exit code 3)."""
-
-    exit_code = 3
 
 
 class FrameError(FlowsculptError):

@@ -8,11 +8,9 @@ the size of this module, which needs an XML tree, base64, and the standard libra
 from __future__ import annotations
 
 import base64
-import io
 import lzma
 import math
 import struct
-import zipfile
 import zlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -24,6 +22,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
 from pipeline.errors import UsageError
+from pipeline.npz import Archive
 
 MAX_BYTES = 8 << 30
 """Memory for the samples of a field, or of a sequence."""
@@ -42,9 +41,6 @@ def _size(count: int) -> str:
 
 NAMES = ("x", "y", "z", "t", "velocity")
 
-_HEADER = 1 << 14
-"""Bytes that are enough for the header of any array of numbers."""
-
 
 def read_npz(file: Path, content: bytes, most: int = MAX_BYTES) -> tuple[list[AnyArray], AnyArray, AnyArray]:
     """Return arrays x, y, z; times; and velocity (T, X, Y, Z, 3), (X, Y, Z, 3) in a file without t.
@@ -53,43 +49,24 @@ def read_npz(file: Path, content: bytes, most: int = MAX_BYTES) -> tuple[list[An
 
     Raises UsageError where an array is missing or they are too large, and the errors of zipfile and numpy.
     """
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        names_there = {name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")}
-        missing = [name for name in NAMES if name != "t" and name not in names_there]
-        if missing:
-            known = ", ".join(sorted(names_there)) or "nothing"
-            raise UsageError(
-                f"{file}: array {missing[0]} is missing; a field has x, y, z and velocity. "
-                f"There are: {known}."
-            )
-        names = [name for name in NAMES if name in names_there]
-        numbers = sum(_numbers(archive, name) for name in names)
-        require_size(file, [-(-numbers // 3)], most)
-        arrays = {name: _array(archive, name) for name in names}
+    archive = Archive(content)
+    missing = [name for name in NAMES if name != "t" and name not in archive.names]
+    if missing:
+        known = ", ".join(sorted(archive.names)) or "nothing"
+        raise UsageError(
+            f"{file}: array {missing[0]} is missing; a field has x, y, z and velocity. There are: {known}."
+        )
+    names = [name for name in NAMES if name in archive.names]
+    headers = [archive.header(name) for name in names]
+    wide = (math.prod(header.shape) * max(1, -(-header.dtype.itemsize // 8)) for header in headers)
+    require_size(file, [-(-sum(wide) // 3)], most)
+    arrays = {name: archive.array(name) for name in names}
     velocity = arrays["velocity"]
     return (
         [arrays[name] for name in "xyz"],
         arrays.get("t", np.zeros(1)),
         velocity if "t" in arrays else velocity[None],
     )
-
-
-def _numbers(archive: zipfile.ZipFile, name: str) -> int:
-    """Return how many float64 an array fills by its header; wider elements count as several."""
-    with archive.open(f"{name}.npy") as packed:
-        head = io.BytesIO(packed.read(_HEADER))
-    read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-    version = np.lib.format.read_magic(head)
-    if version not in read:
-        raise ValueError(f"array {name} has a header of version {version[0]}, which no field has")
-    shape, _, dtype = read[version](head)
-    return math.prod(map(abs, shape)) * max(1, -(-dtype.itemsize // 8))
-
-
-def _array(archive: zipfile.ZipFile, name: str) -> AnyArray:
-    with archive.open(f"{name}.npy") as packed:
-        found: AnyArray = np.lib.format.read_array(packed, allow_pickle=False)
-    return found
 
 
 _TYPES = {

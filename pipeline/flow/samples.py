@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.errors import FlowsculptError, MissingInputError, UsageError, reason_of
+from pipeline.errors import FlowsculptError, UsageError, reason_of
 from pipeline.flow.sample_files import MAX_BYTES, read_npz, read_vtk, require_size
+from render.base.input_files import read_input
 
 FORMATS = (".vti", ".vtr", ".npz")
 
@@ -68,7 +69,7 @@ _LAST: dict[tuple[tuple[Path, ...], str | None, float], Samples] = {}
 
 
 def _is_unchanged(file: Path, digest: str) -> bool:
-    return hashlib.sha256(_content(file)).hexdigest() == digest
+    return hashlib.sha256(read_input(file, MAX_BYTES)).hexdigest() == digest
 
 
 def _read(files: tuple[Path, ...], array: str | None, interval: float) -> Samples:
@@ -92,25 +93,13 @@ def _read(files: tuple[Path, ...], array: str | None, interval: float) -> Sample
     return Samples(axes, times, velocity, tuple(digests), array, interval)
 
 
-def _content(file: Path) -> bytes:
-    try:
-        size = file.stat().st_size
-        if size > MAX_BYTES:
-            raise UsageError(f"{file}: a file of {size >> 30} GiB is too large; 8 GiB are the most")
-        return file.read_bytes()
-    except OSError as error:
-        raise MissingInputError(
-            f"{file}: it cannot be read ({error.strerror or error}); check its name and permissions"
-        ) from None
-
-
 def _read_file(file: Path, array: str | None) -> tuple[tuple[Floats, Floats, Floats], Floats, Floats, str]:
     """Return axes, times and velocities of a file, and the digest of the parsed bytes."""
     if file.suffix.lower() not in FORMATS:
         raise UsageError(
             f"{file}: {file.suffix or 'no suffix'} is no format of fields; use {', '.join(FORMATS)}"
         )
-    content, times = _content(file), np.zeros(1)
+    content, times = read_input(file, MAX_BYTES), np.zeros(1)
     if file.suffix.lower() == ".npz":
         if array is not None:
             raise UsageError(

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Points
 from pipeline.errors import MeshError
 from pipeline.mesh.face_soup import FaceSoup
-from pipeline.mesh.polygon_files import FileSurface
+from pipeline.mesh.file_surface import LARGEST_COORDINATE, FileSurface
 
 _MERGE = 1e-9  # of the bounding box's diagonal: closer vertices are one
 
@@ -54,13 +54,20 @@ def merge_coincident(surface: FileSurface) -> MergedSurface:
 
 
 def _require_numbers(surface: FileSurface, named: AnyArray) -> None:
-    wrong = np.flatnonzero(named & ~np.isfinite(surface.points).all(axis=1))
+    points, first = surface.points, surface.base or 0
+    wrong = np.flatnonzero(named & ~(np.abs(points) <= LARGEST_COORDINATE).all(axis=1))  # and so not NaN
     if not len(wrong):
         return
-    at = ", ".join(f"{value:g}" for value in surface.points[wrong[0]])
+    vertex = points[wrong[0]]
+    at = ", ".join(f"{value:g}" for value in vertex)
     more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
+    if np.isfinite(vertex).all():
+        raise MeshError(
+            f"vertex {wrong[0] + first}{more} is at ({at}), which is too large; "
+            "coordinates are at most 1e12. Export the model again, in larger units."
+        )
     raise MeshError(
-        f"vertex {wrong[0] + (surface.base or 0)}{more} is at ({at}), which is not finite; "
+        f"vertex {wrong[0] + first}{more} is at ({at}), which is not finite; "
         "coordinates must be numbers. Export the model again, or remove the vertex with its faces."
     )
 
@@ -71,8 +78,6 @@ def _first_alike(points: Points, named: AnyArray) -> AnyArray:
         return np.arange(len(points))
     lowest = points[named].min(axis=0)
     span = float(np.linalg.norm(points[named].max(axis=0) - lowest)) or 1.0
-    if not np.isfinite(span):
-        raise MeshError("its coordinates are too large to be measured; export the model in other units")
     number = np.flatnonzero(np.isfinite(points).all(axis=1))
     steps = (points[number] - lowest) / max(_MERGE * span, np.finfo(float).smallest_subnormal)
     cells = np.round(np.clip(steps, -1e18, 1e18)).astype(np.int64)

@@ -10,9 +10,12 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError
-from pipeline.mesh.polygon_files import read_elements, read_wavefront
-from pipeline.mesh.read import read_by_suffix
+from pipeline.mesh.file_surface import LARGEST_COORDINATE
+from pipeline.mesh.ply_files import read_elements
+from pipeline.mesh.polygon_files import read_wavefront
+from pipeline.mesh.read import read_by_suffix, reader_of
 from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.npz import Archive
 from render.base.plural import plural
 
 _POINTS = ("points", "vertices")
@@ -79,16 +82,19 @@ def read_net(path: str | Path, columns: int | None = None) -> Floats:
 
 
 def _require_finite(path: Path, points: Floats) -> None:
-    wrong = ~np.isfinite(points).all(axis=-1)
+    wrong = ~(np.abs(points) <= LARGEST_COORDINATE).all(axis=-1)  # and so not NaN
     if wrong.any():
         first = tuple(np.argwhere(wrong)[0].tolist())
         where = f"point {first[0]}" if len(first) == 1 else f"the point in row {first[0]}, column {first[1]}"
+        fault = "too large" if np.isfinite(points[first]).all() else "not finite"
         more = int(wrong.sum()) - 1
-        raise MeshError(f"{path}: {where} is not finite (and {more} more); coordinates must be numbers")
+        raise MeshError(
+            f"{path}: {where} is {fault} (and {more} more); coordinates must be numbers up to 1e12"
+        )
 
 
-def _polygon_file(path: Path) -> PointSet:
-    vertex = read_elements(path).get("vertex", {})
+def _polygon_file(content: bytes) -> PointSet:
+    vertex = read_elements(content).get("vertex", {})
     if not {"x", "y", "z"} <= set(vertex):
         raise ValueError("its vertices have no x, y and z")
     points = np.column_stack([np.asarray(vertex[axis], np.float64) for axis in "xyz"])
@@ -98,8 +104,8 @@ def _polygon_file(path: Path) -> PointSet:
     )
 
 
-def _xyz(path: Path) -> PointSet:
-    text = path.read_text(encoding="utf-8").replace(",", " ")
+def _xyz(content: bytes) -> PointSet:
+    text = content.decode("utf-8").replace(",", " ")
     rows = [line.split() for line in text.splitlines() if line.split("#", 1)[0].strip()]
     rows = [" ".join(row).split("#", 1)[0].split() for row in rows]
     uneven = next((k for k, row in enumerate(rows) if len(row) < 3 or len(row) != len(rows[0])), None)
@@ -112,25 +118,25 @@ def _xyz(path: Path) -> PointSet:
     return PointSet(table[:, :3].copy(), {f"column_{k + 1}": table[:, k].copy() for k in columns})
 
 
-def _archive(path: Path) -> PointSet:
-    with np.load(path, allow_pickle=False) as archive:
-        arrays = {name: archive[name] for name in archive.files}
-    name = next((name for name in _POINTS if name in arrays), None)
+def _arrays(content: bytes) -> PointSet:
+    archive = Archive(content)
+    name = next((name for name in _POINTS if name in archive.names), None)
     if name is None:
-        known = ", ".join(sorted(arrays)) or "nothing"
-        raise MeshError(f"{path}: it holds no array {' or '.join(_POINTS)}. There are: {known}.")
-    points = arrays.pop(name).astype(np.float64)
+        known = ", ".join(sorted(archive.names)) or "nothing"
+        raise MeshError(f"it holds no array {' or '.join(_POINTS)}. There are: {known}.")
+    points = archive.array(name).astype(np.float64)
     if points.ndim not in (2, 3):
-        raise MeshError(f"{path}: its {name} have shape {points.shape}; they must be (N, 3)")
-    numbers = {n: a for n, a in arrays.items() if a.shape == points.shape[:1] and a.dtype.kind in "fiu"}
-    return PointSet(points, {n.removeprefix(_ATTRIBUTE): a for n, a in numbers.items()})
+        raise MeshError(f"its {name} have shape {points.shape}; they must be (N, 3)")
+    headers = {other: archive.header(other) for other in archive.names if other != name}
+    one_each = [n for n, h in headers.items() if h.shape == points.shape[:1] and h.dtype.kind in "fiu"]
+    return PointSet(points, {n.removeprefix(_ATTRIBUTE): archive.array(n) for n in one_each})
 
 
 _READERS: Mapping[str, Callable[[Path], PointSet]] = {
-    "ply": _polygon_file,
-    "xyz": _xyz,
-    "npz": _archive,
-    "obj": lambda path: PointSet(read_wavefront(path).points, {}),
+    "ply": reader_of(_polygon_file),
+    "xyz": reader_of(_xyz),
+    "npz": reader_of(_arrays),
+    "obj": reader_of(lambda content: PointSet(read_wavefront(content).points, {})),
 }
 
 

@@ -1,7 +1,6 @@
-"""Read meshes: OBJ, PLY and OFF with their polygons, STL and GLB by trimesh.
+"""Read meshes: OBJ, PLY, OFF and STL with their polygons, GLB and glTF by trimesh.
 
-trimesh cuts faces of more than four sides into fans, which is wrong for concave ones, and drops groups. It is
-imported only where it is used, since most runs never read a mesh file.
+trimesh cuts faces of more than four sides into fans, which is wrong for concave ones, and drops groups.
 """
 
 from __future__ import annotations
@@ -13,18 +12,16 @@ from typing import TypeVar
 
 import numpy as np
 
-from pipeline.errors import FlowsculptError, MeshError, MissingInputError, reason_of
-from pipeline.mesh.early_ends import check_glb, check_stl
-from pipeline.mesh.polygon_files import (
-    FileSurface,
-    file_surface,
-    read_object_file,
-    read_polygon_file,
-    read_wavefront,
-)
+from pipeline.errors import FlowsculptError, MeshError, reason_of
+from pipeline.mesh.file_surface import FileSurface
+from pipeline.mesh.gltf_files import MOST_BYTES, read_gltf
+from pipeline.mesh.ply_files import read_polygon_file
+from pipeline.mesh.polygon_files import read_object_file, read_wavefront
 from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.mesh.repair import repair_surface
+from pipeline.mesh.stl_files import read_stl
 from pipeline.mesh.triangle_mesh import TriangleMesh
+from render.base.input_files import read_input, require_input
 
 T = TypeVar("T")
 
@@ -85,36 +82,18 @@ def read_surface(path: str | Path, repair: bool = True) -> ImportedSurface:
     return ImportedSurface(mesh, repairs, suffix, len(loaded.points), len(loaded.offsets) - 1)
 
 
-def _read_by_trimesh(path: Path) -> FileSurface:
-    import trimesh
-
-    scene = trimesh.load(path, force="mesh", process=False, maintain_order=True)
-    return file_surface(np.asarray(scene.vertices, np.float64), np.asarray(scene.faces), base=None)
-
-
-def _read_stl(path: Path) -> FileSurface:
-    try:
-        surface = _read_by_trimesh(path)
-    except Exception:
-        check_stl(path.read_bytes())
-        raise
-    if len(surface.corners) == 0:
-        check_stl(path.read_bytes())
-    return surface
-
-
-def _read_glb(path: Path) -> FileSurface:
-    check_glb(path.read_bytes())
-    return _read_by_trimesh(path)
+def reader_of(parse: Callable[[bytes], T]) -> Callable[[Path], T]:
+    """Return the reader of files whose content `parse` reads."""
+    return lambda path: parse(read_input(path, MOST_BYTES))
 
 
 _READERS: dict[str, Callable[[Path], FileSurface]] = {
-    "obj": read_wavefront,
-    "ply": read_polygon_file,
-    "stl": _read_stl,
-    "glb": _read_glb,
-    "gltf": _read_by_trimesh,
-    "off": read_object_file,
+    "obj": reader_of(read_wavefront),
+    "ply": reader_of(read_polygon_file),
+    "stl": reader_of(read_stl),
+    "glb": read_gltf,
+    "gltf": read_gltf,
+    "off": reader_of(read_object_file),
 }
 FORMATS = tuple(_READERS)
 """Suffixes of readable mesh files."""
@@ -123,19 +102,21 @@ FORMATS = tuple(_READERS)
 def read_by_suffix(path: Path, readers: Mapping[str, Callable[[Path], T]], kind: str) -> T:
     """Return what the reader for the file's suffix returns.
 
-    Raises MissingInputError where there is no such file, MeshError for another suffix or an unreadable file.
+    Raises MissingInputError where there is no such file, MeshError for another suffix or an unreadable file,
+    BadInputError for one that is too large.
     """
-    if not path.is_file():
-        raise MissingInputError(f"{path}: there is no such file; check the path")
-    suffix = path.suffix.lstrip(".").lower()
+    size, suffix = require_input(path), path.suffix.lstrip(".").lower()
     if suffix not in readers:
         raise MeshError(
             f"{path}: {path.suffix or 'no suffix'} is not {kind}; use one of {', '.join(readers)}"
         )
-    if path.stat().st_size == 0:
+    if not size:
         raise MeshError(f"{path}: the file is empty. Copy or export it again.")
     try:
-        return readers[suffix](path)
+        with np.errstate(all="ignore"):  # numbers that are not finite are reported with their position
+            return readers[suffix](path)
+    except MeshError as error:
+        raise MeshError(f"{path}: {error}") from None
     except FlowsculptError:
         raise
     except Exception as error:  # readers raise whatever their parsers do

@@ -12,9 +12,10 @@ from pipeline.shot.documents.fields import is_number
 from pipeline.shot.documents.shot import FilmDocument, SoundDocument
 from pipeline.shot.shot import Card, Clip, Film, Shot, SoundTrack
 from pipeline.shot.shot_reader import read_rate, read_shot
-from pipeline.shot.yaml.lookup import DEFAULTS, digest_of_file, is_edit, is_there, shown
+from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, is_there, shown
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from pipeline.shot.yaml.validation import validated
+from render.base.input_files import digest_of_file
 from render.base.plural import plural
 
 SOUNDS = (".wav", ".flac", ".aif", ".aiff", ".mp3", ".m4a", ".ogg", ".opus")
@@ -192,10 +193,9 @@ def _unreadable_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:
     name = source.get("sound", "file")
     if not isinstance(name, str):
         return
-    from render.base.errors import RenderError
     from render.movie.sound import require_sound  # imports PyAV, which takes time
 
     try:
         require_sound(folder / name)
-    except RenderError as error:
+    except FlowsculptError as error:
         yield ("sound", "file"), f"{error}"

@@ -14,9 +14,10 @@ from pipeline.mesh.points import read_net, read_points
 from pipeline.shot.documents.fields import LARGEST, is_number
 from pipeline.shot.point_subjects import NETS, NetOfSolid, radii_of
 from pipeline.shot.subject import SOLIDS, Measure, Solid
-from pipeline.shot.yaml.lookup import digest_of_file, is_there
+from pipeline.shot.yaml.lookup import is_there
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from pipeline.shot.yaml.validation import missing_file
+from render.base.input_files import digest_of_file
 from render.base.plural import indefinite, plural
 
 MEASURES = {measure for kind in SOLIDS.values() for measure in kind.measures}

@@ -21,6 +21,12 @@ class MachineError(FlowsculptError):
     exit_code = 4
 
 
+class MissingInputError(FlowsculptError):
+    """A named file or shot that does not exist, or cannot be opened (exit code 3)."""
+
+    exit_code = 3
+
+
 class RenderError(FlowsculptError):
     """Base class of what is wrong with a picture, a movie or what they are made from."""
 
@@ -39,6 +45,13 @@ class CorruptImageError(RenderError):
     """A picture or a movie that is there but cannot be read to its end (exit code 1)."""
 
     exit_code = 1
+
+
+def reason_of(error: Exception) -> str:
+    """Return the text of a parser's error on one line, shortened for a message."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    text = text if text.isprintable() else ascii(text)
+    return text if len(text) <= 120 else text[:117] + "…"
 
 
 MOST_LISTED = 20

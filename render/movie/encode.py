@@ -44,9 +44,9 @@ def write_movie(
 
     Where colour has half the resolution, an odd last column or row is repeated once. The movie appears under
     its name only when complete, and the same input gives the same bytes.
-    Raises BadInputError for no frames, frames of different sizes or too small; MissingImageError or
-    CorruptImageError for sound that cannot be read; MachineError where the encoder fails, the disk
-    is full or the folder cannot be written.
+    Raises BadInputError for no frames, frames of different sizes or too small, or sound that cannot be read;
+    MissingInputError for sound that is not there; MachineError where the encoder fails, the disk is full or
+    the folder cannot be written.
     """
     frames = iter(frames)
     first = deque(islice(frames, _REORDER))

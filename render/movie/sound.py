@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,27 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import CorruptImageError, MissingImageError
+from render.base.disk_cache import cache_path, load_answer, store_answer
+from render.base.errors import BadInputError, reason_of
+from render.base.input_files import digest_of_file, require_input
+from render.base.limited_process import ParserError, answer_of, serve
 
 RATE = 48_000
 """Samples per second, as film sound has."""
 BLOCK = 1024
 """Samples per block, as an AAC encoder takes them."""
+
+MOST_BYTES = 4 << 30
+"""Size of the largest file."""
+
+_SLOWEST, _FASTEST = 1000, 768_000
+"""Samples per second of a file; others are damaged, and resampling them takes forever."""
+
+_CONTAINERS = {
+    "format_whitelist": "wav,w64,aiff,au,caf,flac,mp3,ogg,aac,ac3,eac3,mov,matroska,asf,wv,tta,ape",
+    "protocol_whitelist": "file",
+}
+"""What FFmpeg opens. Playlists name other files and addresses, which it would open as well."""
 
 Samples = NDArray[np.float32]
 """Stereo samples (2, N), −1 … 1."""
@@ -45,11 +61,12 @@ class Sound:
 def require_sound(file: Path) -> float:
     """Read a sound to its end and return its length in seconds.
 
-    Raises MissingImageError where there is no such file, CorruptImageError where it holds no sound that can
+    It is decoded once for each content, in a process of its own.
+
+    Raises MissingInputError where there is no such file, BadInputError where it holds no sound that can
     be read to its end.
     """
-    if not file.is_file():
-        raise MissingImageError(f"{file}: there is no such sound")
+    require_input(file, MOST_BYTES)
     facts = file.stat()
     return _count_samples(file, facts.st_mtime_ns, facts.st_size) / RATE
 
@@ -104,30 +121,59 @@ def _in_blocks(parts: Iterator[Samples], total: int) -> Iterator[Samples]:
 
 
 def _read(file: Path) -> Iterator[Samples]:
-    """Decode a sound file as stereo of 48 kHz. imageio reads no files without pictures, so FFmpeg does."""
+    """Yield a sound file as stereo of 48 kHz. Raises BadInputError where it cannot be read to its end."""
     try:
-        with av.open(str(file)) as container:
-            stream = container.streams.audio[0]
-            layout = "mono" if stream.channels == 1 else "stereo"  # FFmpeg makes one channel in two quieter
-            resampler = av.AudioResampler(format="fltp", layout=layout, rate=RATE)
-            for frame in itertools.chain(container.decode(stream), [None]):
-                for part in resampler.resample(frame):
-                    samples = np.asarray(part.to_ndarray(), dtype=np.float32)
-                    yield np.broadcast_to(samples, (2, samples.shape[1]))
-    except (av.error.FFmpegError, IndexError) as error:
-        reason = "it holds none" if isinstance(error, IndexError) else error.strerror
-        raise CorruptImageError(
-            f"{file}: cannot be read as sound ({reason}); save it as WAV or FLAC"
-        ) from None
+        yield from _decoded(file)
+    except Exception as error:  # damaged files raise errors of FFmpeg, of numpy and others
+        raise _unreadable(file, _reason(error)) from None
+
+
+def _decoded(file: Path) -> Iterator[Samples]:
+    """Decode a sound file. imageio reads no files without pictures, so FFmpeg does."""
+    with av.open(str(file), options=_CONTAINERS) as container:
+        if not container.streams.audio:
+            raise ValueError("it holds none")
+        stream = container.streams.audio[0]
+        if not _SLOWEST <= stream.rate <= _FASTEST:
+            raise ValueError(f"it has {stream.rate} samples a second")
+        layout = "mono" if stream.channels == 1 else "stereo"  # FFmpeg makes one channel in two quieter
+        resampler = av.AudioResampler(format="fltp", layout=layout, rate=RATE)
+        for frame in itertools.chain(container.decode(stream), [None]):
+            for part in resampler.resample(frame):
+                samples = np.asarray(part.to_ndarray(), dtype=np.float32)
+                yield np.broadcast_to(samples, (2, samples.shape[1]))
+
+
+def _reason(error: Exception) -> str:
+    return str(error.strerror) if isinstance(error, av.error.FFmpegError) else reason_of(error)
+
+
+def _unreadable(file: Path, reason: object) -> BadInputError:
+    return BadInputError(f"{file}: cannot be read as sound ({reason}); save it as WAV or FLAC")
 
 
 @lru_cache(maxsize=16)
 def _count_samples(file: Path, _modified: int, _size: int) -> int:
     """Return the number of samples of a file, counted once for each content."""
-    count: int = sum(part.shape[1] for part in _read(file))
+    known = cache_path("sounds", [version("av"), digest_of_file(file)])
+    answer = load_answer(known)
+    if answer is None:
+        try:
+            answer = {"samples": int(answer_of("render.movie.sound", str(file.absolute())))}
+        except ParserError as error:
+            raise _unreadable(file, error) from None
+        store_answer(known, answer)
+    return int(answer["samples"])
+
+
+def _counted(file: str) -> bytes:
+    try:
+        count = sum(part.shape[1] for part in _decoded(Path(file)))
+    except Exception as error:
+        raise ValueError(_reason(error)) from None
     if not count:
-        raise CorruptImageError(f"{file}: cannot be read as sound (it holds none); save it as WAV or FLAC")
-    return count
+        raise ValueError("it holds none")
+    return str(count).encode()
 
 
 class AudioStream:
@@ -163,3 +209,7 @@ def _integer_frame(block: Samples) -> av.AudioFrame:
     """Return samples of 24 bits, in the upper bits of 32."""
     steps = np.rint(np.clip(block.T.astype(np.float64), -1.0, 1.0) * (2**23 - 1)).astype(np.int32) << 8
     return av.AudioFrame.from_ndarray(steps.reshape(1, -1), format="s32", layout="stereo")
+
+
+if __name__ == "__main__":
+    serve(_counted)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
 from render.base.serialise import NOT_PLAIN, Triple
+from render.scene.picture_check import require_decodable
 from render.scene.textures import opened_picture, read_channels, require_finite
 
 OBLIQUITY = math.radians(23.44)
@@ -113,6 +114,7 @@ def read_map(path: str, digest: str) -> NDArray[np.float32]:
     Raises BadInputError for a file that holds no linear light, is truncated, is not twice as wide as high,
     or has pixels that are not finite or below 0.
     """
+    require_decodable(path, digest)
     pixels = _pixels(path)
     height, width = pixels.shape[:2]
     if width != 2 * height:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
 from render.base.serialise import NOT_PLAIN
+from render.scene.picture_check import require_decodable
 
 Pixels = NDArray[np.float32]
 
@@ -67,6 +68,7 @@ def read_picture(path: str, digest: str, space: str | None) -> Pixels:
     for an unknown colour space.
     """
     require_space(space)
+    require_decodable(path, digest)
     pixels, is_float = _read(path)
     require_finite(pixels, path)
     texture = _linear(pixels, space or ("linear" if is_float else "srgb"), path)

@@ -178,8 +178,10 @@ def test_a_file_is_hashed_once_and_parsed_while_it_is_another(
     files = tuple(archive(tmp_path / f"{k}.npz", velocity=k * ONES) for k in range(3))
     read: list[str] = []
     parsed: list[str] = []
-    content, parse = samples._content, samples.read_npz
-    monkeypatch.setattr(samples, "_content", lambda file: (read.append(file.name), content(file))[1])
+    content, parse = samples.read_input, samples.read_npz
+    monkeypatch.setattr(
+        samples, "read_input", lambda file, *more: (read.append(file.name), content(file, *more))[1]
+    )
     monkeypatch.setattr(
         samples, "read_npz", lambda file, *more: (parsed.append(file.name), parse(file, *more))[1]
     )

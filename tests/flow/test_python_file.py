@@ -11,7 +11,7 @@ import pytest
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Sequence, checked_displacement
 from pipeline.flow.flow import PythonFlow, python_flows, require_permission
-from pipeline.shot.yaml.lookup import digest_of_file
+from render.base.input_files import digest_of_file
 
 POINTS = np.random.default_rng(0).normal(size=(5, 3))
 

@@ -14,7 +14,7 @@ from pipeline.production.request.planning_cache import NO_CACHE, PlanningCache
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource, ShotSummary, input_digests
 from pipeline.production.request.turntable import Turntable
-from pipeline.shot.yaml.lookup import digest_of_file
+from render.base.input_files import digest_of_file
 from render.base.serialise import from_plain, to_plain
 
 pytestmark = pytest.mark.quick

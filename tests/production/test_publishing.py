@@ -23,7 +23,7 @@ from pipeline.production.versions import publish
 from pipeline.production.versions.provenance import FILE, Provenance, pixels_of
 from pipeline.production.versions.publish import Release
 from pipeline.production.versions.reproduce import Reproduction
-from pipeline.shot.yaml.lookup import digest_of_file
+from render.base.input_files import digest_of_file
 from render.post.image import read_exr, write_exr
 from tests.conftest import commanded
 

@@ -18,7 +18,11 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from render.base.errors import BadInputError, CorruptImageError, MachineError, MissingImageError
+from render.base.errors import (
+    BadInputError,
+    MachineError,
+    MissingInputError,
+)
 from render.movie.codecs import ENCODES, Encode, encode_named
 from render.movie.encode import write_movie
 from render.movie.probe import probe_movie
@@ -325,11 +329,11 @@ def test_a_beginning_can_be_left_out(tone: Path) -> None:
 
 
 def test_what_is_no_sound_is_told(tmp_path: Path) -> None:
-    with pytest.raises(MissingImageError, match="no such sound"):
+    with pytest.raises(MissingInputError, match="there is no such file"):
         next(blocks(Sound(tmp_path / "a.wav"), Fraction(1)))
     (tmp_path / "b.wav").write_bytes(b"not a sound")
-    with pytest.raises(CorruptImageError, match="cannot be read as sound"):
+    with pytest.raises(BadInputError, match="cannot be read as sound"):
         next(blocks(Sound(tmp_path / "b.wav"), Fraction(1)))
     write_movie(tmp_path / "c.mp4", bars(1), Fraction(24), ENCODES["h264"])
-    with pytest.raises(CorruptImageError, match="it holds none"):
+    with pytest.raises(BadInputError, match="it holds none"):
         next(blocks(Sound(tmp_path / "c.mp4"), Fraction(1)))

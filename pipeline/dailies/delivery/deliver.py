@@ -190,7 +190,7 @@ def _counted(frames: Iterator[Frame], passed: Callable[[], None]) -> Iterator[Fr
 
 def audio_track(file: Path) -> AudioTrack:
     """Return a sound file as audio track. Raises MissingImageError or CorruptImageError."""
-    from pipeline.shot.yaml.lookup import digest_of_file
+    from render.base.input_files import digest_of_file
     from render.movie.sound import require_sound
 
     require_sound(file)

@@ -44,7 +44,7 @@ class Timeline:
     def write(self) -> None:
         """Write the file.
 
-        Raises MachineError where the disk refuses, MissingImageError or CorruptImageError for
+        Raises MachineError where the disk refuses, MissingInputError or BadInputError for
         sound that cannot be read.
         """
         timeline = self.build()

@@ -22,8 +22,9 @@ from pipeline.production.store import readers
 from pipeline.production.store.paths import PUBLISHED, repeated
 from pipeline.production.store.store import CorruptFileError, Key, Store
 from pipeline.production.versions.provenance import FILE, Provenance, records
-from pipeline.shot.yaml.lookup import digest_of_file, is_there
+from pipeline.shot.yaml.lookup import is_there
 from render.base.errors import RenderError
+from render.base.input_files import digest_of_file
 from render.movie.probe import probe_movie
 from render.post.image import read_png
 

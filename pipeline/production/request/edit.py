@@ -17,7 +17,7 @@ from pipeline.production.request.shot_source import ShotSummary
 from pipeline.production.stages import FILM
 from pipeline.production.store import paths
 from pipeline.production.store.store import Key, key_of
-from pipeline.shot.yaml.lookup import digest_of_file
+from render.base.input_files import digest_of_file
 from render.base.serialise import from_plain, to_plain
 
 if TYPE_CHECKING:

@@ -13,7 +13,8 @@ from pipeline.errors import FlowsculptError, MissingInputError, UsageError
 from pipeline.production.request.planning_cache import NO_CACHE, PlanningCache
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Key, key_of
-from pipeline.shot.yaml.lookup import DEFAULTS, digest_of_file
+from pipeline.shot.yaml.lookup import DEFAULTS
+from render.base.input_files import digest_of_file
 from render.base.serialise import NOT_PLAIN, from_plain, to_plain
 
 if TYPE_CHECKING:

@@ -40,9 +40,9 @@ from pipeline.production.versions.provenance import (
     records,
     stage_versions,
 )
-from pipeline.shot.yaml.lookup import digest_of_file
 from render.base.atomic_write import disk_errors
 from render.base.errors import CorruptImageError, MissingImageError
+from render.base.input_files import digest_of_file
 from render.movie.probe import probe_movie
 
 _DRAFT = ".draft."

@@ -23,8 +23,8 @@ from pipeline.production.request.variants import variant_for
 from pipeline.production.store.paths import repeated
 from pipeline.production.store.store import Store
 from pipeline.production.versions.provenance import Provenance, pixels_of, restored
-from pipeline.shot.yaml.lookup import digest_of_file
 from render.base.errors import RenderError
+from render.base.input_files import digest_of_file
 from render.post.image import read_exr
 
 

@@ -11,10 +11,11 @@ from typing import Any
 from pipeline.errors import suggestion
 from pipeline.shot.documents.colours import HEX_PATTERN, is_hex, linear_of
 from pipeline.shot.documents.fields import is_number
-from pipeline.shot.yaml.lookup import digest_of_file, is_there, shown
+from pipeline.shot.yaml.lookup import is_there, shown
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from pipeline.shot.yaml.validation import ParseContext, missing_file
 from render.base.errors import RenderError
+from render.base.input_files import digest_of_file
 from render.mitsuba.bsdf import refusal
 from render.scene.materials.mitsuba_bsdf import BSDFS, PLUGINS, TEXTURES, Bsdf, Plugin
 from render.scene.textures import Texture, read_picture

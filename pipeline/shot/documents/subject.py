@@ -33,7 +33,7 @@ from pipeline.shot.point_subjects import (
     NetOfSolid,
 )
 from pipeline.shot.subject import SOLIDS, Solid
-from pipeline.shot.yaml.lookup import digest_of_file
+from render.base.input_files import digest_of_file
 
 CLOSED = {"none": (False, False), "rows": (True, False), "columns": (False, True), "both": (True, True)}
 """Ends of a net that are joined: the last row to the first, the last column to the first."""

@@ -1,12 +1,9 @@
-"""Files beside shots: whether they are there, what they hold, which are edits, and names in messages."""
+"""Files beside shots: whether they are there, which are edits, and names in messages."""
 
 from __future__ import annotations
 
-import hashlib
 import re
 from pathlib import Path
-
-from pipeline.errors import MissingInputError
 
 DEFAULTS = "defaults.yaml"
 """The file beside shots that holds defaults for all of them."""
@@ -40,17 +37,6 @@ def is_edit(path: Path) -> bool:
     except (OSError, UnicodeDecodeError):
         return False
     return bool(_EDIT.search(text)) and not _SHOT.search(text)
-
-
-def digest_of_file(path: Path) -> str:
-    """Return the SHA-256 of a file's contents. Raises MissingInputError where it cannot be read."""
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise MissingInputError(
-            f"{path}: it cannot be read ({error.strerror or error}); look at its permissions"
-        ) from None
 
 
 def shown(name: str | Path) -> str:

@@ -16,9 +16,10 @@ from pydantic_core import PydanticCustomError
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError
 from pipeline.shot.yaml.bracket_mistakes import LOST
-from pipeline.shot.yaml.lookup import digest_of_file, is_folder, is_there, shown
+from pipeline.shot.yaml.lookup import is_folder, is_there, shown
 from pipeline.shot.yaml.messages import problems_of
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
+from render.base.input_files import digest_of_file
 
 T = TypeVar("T")
 D = TypeVar("D", bound=BaseModel)

@@ -1,0 +1,75 @@
+"""Surfaces as files have them: polygons that are not yet merged or checked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import chain
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Points
+from render.base.plural import plural
+
+LARGEST_COORDINATE = 1e12
+"""The limit of any number in a shot file: squares and products of such coordinates stay finite."""
+
+
+class FileSurface(NamedTuple):
+    """Polygons as a file has them, not yet merged or checked.
+
+    points   float64 (V, 3)
+    offsets  int64 (F + 1,): face f has the corners ``corners[offsets[f]:offsets[f + 1]]``
+    corners  int64 (C,), from 0
+    groups   int64 (F,): edges between faces with different numbers are creases
+    tagged   int64 (K, 2): edges that the file itself marks as creases
+    base     number of the first vertex and the first face in the file; None in formats without numbers, whose
+             faces share no vertices
+    """
+
+    points: Points
+    offsets: AnyArray
+    corners: AnyArray
+    groups: AnyArray
+    tagged: AnyArray
+    base: int | None = 0
+
+    @property
+    def shares_vertices(self) -> bool:
+        return self.base is not None
+
+
+def file_surface(
+    points: Points,
+    faces: Sequence[Sequence[int]] | AnyArray,
+    groups: Sequence[int] | None = None,
+    tagged: Sequence[tuple[int, int]] = (),
+    base: int | None = 0,
+) -> FileSurface:
+    """Return the surface of one corner sequence a face, or (F, n) where all faces have n corners.
+
+    Raises ValueError where a face names a missing vertex.
+    """
+    if isinstance(faces, np.ndarray):
+        offsets, corners = faces.shape[1] * np.arange(len(faces) + 1), faces.reshape(-1).astype(np.int64)
+    else:
+        offsets = np.cumsum([0, *(len(face) for face in faces)])
+        corners = np.fromiter(chain.from_iterable(faces), np.int64)
+    outside = (corners < 0) | (corners >= len(points))
+    if outside.any():
+        c = int(np.argmax(outside))
+        face = int(np.searchsorted(offsets, c, side="right")) - 1
+        first = base or 0
+        raise ValueError(
+            f"face {face + first} names vertex {corners[c] + first}; the file has {len(points)} vertices, "
+            f"numbered from {first}"
+        )
+    alike = np.zeros(len(faces), np.int64) if groups is None else np.array(groups, np.int64)
+    return FileSurface(points, offsets, corners, alike, np.array(tagged, np.int64).reshape(-1, 2), base)
+
+
+def early_end(promised: int, item: str, present: int) -> ValueError:
+    """Return the error of a file whose header promises more items than there are."""
+    there = f"{present} {'is' if present == 1 else 'are'} there"
+    count = plural(promised, item, "vertices" if item == "vertex" else "")
+    return ValueError(f"it ends early: its header promises {count}, and {there}")

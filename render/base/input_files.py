@@ -1,0 +1,120 @@
+"""Files from outside: models, points, fields, pictures, sounds, code. Whoever reads one opens it here.
+
+They may be anything, also damaged or hostile. A file is regular, of bounded size, and read only as far as its
+size says: named pipes, devices and the files of /proc, which have no size, keep nobody waiting.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from render.base.errors import BadInputError, FlowsculptError, MissingInputError, reason_of
+
+MOST_BYTES = 8 << 30
+"""Size of the largest file that is read."""
+
+_MOST_HASHED = 1 << 40
+"""Size of the largest file that is hashed; movies are of any length."""
+
+_KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a named pipe"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+    (stat.S_ISSOCK, "a socket"),
+)
+
+
+def kind_of_path(path: Path) -> str:
+    """Return what a path that is no regular file names: `a folder`, `a device`; empty for other paths."""
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError):
+        return ""
+    return next((kind for is_kind, kind in _KINDS if is_kind(mode)), "")
+
+
+def require_input(path: Path, most: int = MOST_BYTES) -> int:
+    """Return the size of a regular file.
+
+    Raises MissingInputError where there is none, BadInputError where it has more than `most` bytes.
+    """
+    kind = kind_of_path(path)
+    if kind:
+        raise MissingInputError(f"{path}: it is {kind}; it must be a regular file. Name another.")
+    try:
+        size = path.stat().st_size
+    except FileNotFoundError:
+        raise MissingInputError(f"{path}: there is no such file; check the path") from None
+    except (OSError, ValueError) as error:
+        raise _unreadable(path, error) from None
+    if size > most:
+        raise BadInputError(f"{path}: it has {size_of(size)}; files of up to {size_of(most)} are read")
+    return size
+
+
+@contextmanager
+def opened_input(path: Path, most: int = MOST_BYTES) -> Iterator[tuple[BinaryIO, int]]:
+    """Open a regular file; yield it with the number of bytes to read of it. Raises as `require_input`."""
+    require_input(path, most)
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except (OSError, ValueError) as error:
+        raise _unreadable(path, error) from None
+    with os.fdopen(descriptor, "rb") as file:
+        facts = os.fstat(descriptor)
+        if not stat.S_ISREG(facts.st_mode) or facts.st_size > most:  # it was replaced in between
+            raise BadInputError(f"{path}: it was changed while it was opened; run again")
+        yield file, facts.st_size
+
+
+def read_input(path: Path, most: int = MOST_BYTES) -> bytes:
+    """Return the content of a regular file. Raises as `require_input`."""
+    with opened_input(path, most) as (file, size):
+        try:
+            return file.read(size)
+        except OSError as error:
+            raise _unreadable(path, error) from None
+
+
+def digest_of_file(path: Path) -> str:
+    """Return the SHA-256 of the content of a regular file. Raises as `require_input`."""
+    digest = hashlib.sha256()
+    with opened_input(path, _MOST_HASHED) as (file, size):
+        try:
+            while size > 0 and (block := file.read(min(size, 1 << 20))):
+                digest.update(block)
+                size -= len(block)
+        except OSError as error:
+            raise _unreadable(path, error) from None
+    return digest.hexdigest()
+
+
+@contextmanager
+def parsing(path: Path, kind: str, remedy: str) -> Iterator[None]:
+    """Turn every error of a parser into a BadInputError with the file, its expected kind, and the reason."""
+    try:
+        yield
+    except FlowsculptError:
+        raise
+    except Exception as error:  # parsers and decompressors raise anything
+        raise BadInputError(f"{path}: cannot be read as {kind} ({reason_of(error)}). {remedy}") from error
+
+
+def size_of(count: int) -> str:
+    """Return a number of bytes for a message: `12 bytes`, `8 GiB`."""
+    for shift, unit in ((30, "GiB"), (20, "MiB"), (10, "KiB")):
+        if count >> shift:
+            return f"{count >> shift} {unit}"
+    return f"{count} byte{'' if count == 1 else 's'}"
+
+
+def _unreadable(path: Path, error: Exception) -> MissingInputError:
+    reason = error.strerror if isinstance(error, OSError) else str(error)
+    return MissingInputError(f"{path}: it cannot be read ({reason}); look at its permissions")

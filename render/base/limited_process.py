@@ -1,0 +1,94 @@
+"""Parsers that are not ours run in a process of their own, with limits.
+
+Libraries that decode pictures, sound and scenes may crash, hang or fill the memory on a damaged file. With
+limits, a process of its own takes the damage, and the caller gets an error. It costs the time to import the
+library.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from render.base.errors import reason_of
+
+SECONDS = 60.0
+"""Time that a parser may take."""
+
+MEMORY = 1 << 30
+"""Memory that a parser may take beside what its process has at the start, bytes; see `allow_memory`."""
+
+_PACKAGE_ROOT = Path(__file__).resolve().parents[2]
+
+_PARSED, _REFUSED = b"parsed\n", b"refused\n"
+
+
+class ParserError(Exception):
+    """The reason why a file cannot be parsed, in one line."""
+
+
+def answer_of(module: str, *words: str, seconds: float = SECONDS) -> bytes:
+    """Return what a module answers about words; it calls `serve` where it is run.
+
+    Raises ParserError where it refuses, crashes, or takes too long or too much memory; OSError where no
+    process can be started.
+    """
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(_PACKAGE_ROOT), *filter(None, sys.path)])}
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", module],
+            input=json.dumps([seconds, words]).encode(),
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            timeout=seconds,
+        )
+    except subprocess.TimeoutExpired:
+        raise ParserError(f"its reader took over {seconds:.0f} seconds") from None
+    if done.stdout.startswith(_PARSED):
+        return done.stdout.removeprefix(_PARSED)
+    if done.stdout.startswith(_REFUSED):
+        raise ParserError(done.stdout.removeprefix(_REFUSED).decode("utf-8", "replace"))
+    raise ParserError("its reader crashed or ran out of memory")
+
+
+def serve(answer: Callable[..., bytes]) -> None:
+    """Answer the words on stdin within their limits. What libraries print goes to stderr."""
+    output = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    seconds, words = json.loads(sys.stdin.buffer.read())
+    _limit(seconds)
+    try:
+        result = _PARSED + answer(*words)
+    except MemoryError:
+        result = _REFUSED + b"its reader needed too much memory"
+    except Exception as error:  # parsers raise anything
+        result = _REFUSED + reason_of(error).encode()
+    output.write(result)
+    output.flush()
+    os._exit(0)  # destructors of a library that met a damaged file may crash
+
+
+def allow_memory(count: int) -> None:
+    """Set the bytes that this process may take beside what it has now."""
+    with suppress(ImportError, OSError, ValueError):  # systems differ in what they can limit
+        import resource
+
+        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (used + count, resource.RLIM_INFINITY))
+
+
+def _limit(seconds: float) -> None:
+    """Limit memory and time of this process, and let it write no file."""
+    allow_memory(MEMORY)
+    with suppress(ImportError, OSError, ValueError):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_CPU, (int(4 * seconds), int(4 * seconds)))

@@ -1,0 +1,82 @@
+"""Check pictures from outside before they are read: OpenImageIO decodes each once in a process of its own.
+
+A decoder that crashes, hangs or fills the memory does so there. What is wrong with a picture otherwise, the
+reader says itself. The answer is stored by the content of the file.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from render.base.disk_cache import cache_path, load_answer, store_answer
+from render.base.errors import BadInputError
+from render.base.input_files import require_input
+from render.base.limited_process import MEMORY, ParserError, allow_memory, answer_of, serve
+
+MOST_BYTES = 4 << 30
+"""Size of the largest file."""
+
+MOST_PIXELS = 1 << 28
+"""Pixels of the largest picture: 16384 × 16384."""
+
+_ALWAYS = 1 << 20
+"""So many pixels may be in a file of any size."""
+
+_PIXELS_A_BYTE = {"piz": 10_000, "dwaa": 10_000, "dwab": 10_000}
+"""Pixels in a byte of an even picture, at most, by the name of its compression."""
+
+_MOST_DEFLATED = 1032
+"""Bytes that one byte unpacks to at most (RFC 1951)."""
+
+
+def require_decodable(path: str, digest: str) -> None:
+    """Raise BadInputError for a picture that is too large, or whose decoder crashes, hangs or takes too
+    much memory; MissingInputError where it is no regular file.
+
+    digest  of the file's content
+    """
+    require_input(Path(path), MOST_BYTES)
+    known = cache_path("pictures", [version("OpenImageIO"), digest])
+    if load_answer(known) is not None:
+        return
+    try:
+        answer_of("render.scene.picture_check", str(Path(path).absolute()))
+    except ParserError as error:
+        raise BadInputError(
+            f"{path}: it cannot be read as a picture ({error}); write it again, as EXR, PNG, JPEG or TIFF"
+        ) from None
+    except OSError:  # no process can be started now; the next reader asks again
+        return
+    store_answer(known, {"is_decodable": True})
+
+
+def _decode(path: str) -> bytes:
+    import OpenImageIO as oiio
+
+    oiio.attribute("threads", 1)
+    file = oiio.ImageInput.open(path)
+    if file is None:
+        return b""
+    spec = file.spec()
+    pixels = _require_size(spec, Path(path).stat().st_size)
+    allow_memory(MEMORY + 16 * pixels * min(spec.nchannels, 4))
+    file.read_image(0, 0, 0, 3 if spec.nchannels >= 3 else 1)
+    return b""
+
+
+def _require_size(spec: Any, size: int) -> int:
+    """Return the number of pixels. Raises ValueError where a file of `size` bytes cannot hold them."""
+    pixels: int = spec.width * spec.height * max(spec.depth, 1)
+    words = f"its header promises {spec.width} × {spec.height} pixels"
+    if pixels > MOST_PIXELS:
+        raise ValueError(f"{words}; {MOST_PIXELS >> 20} million are the most")
+    ratio = _PIXELS_A_BYTE.get(spec.get_string_attribute("compression"), _MOST_DEFLATED)
+    if pixels > max(_ALWAYS, ratio * size):
+        raise ValueError(f"{words}, and it has {size} bytes")
+    return pixels
+
+
+if __name__ == "__main__":
+    serve(_decode)
