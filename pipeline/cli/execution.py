@@ -25,10 +25,12 @@ from pipeline.production.execution.recovery import PATIENCE
 from pipeline.production.execution.run import Outcome, run
 from pipeline.production.maintenance.run_report import RunReport
 from pipeline.production.planning.estimate import Estimate, estimate
+from pipeline.production.planning.forecast import Forecast
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import FORMS
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import Event, EventReader, poll
+from pipeline.production.store.store import Store
 from render.base.plural import plural
 
 POLL_SECONDS = 0.2
@@ -62,16 +64,15 @@ def execute_and_report(
 def report_plan(common: Common, plan: Plan) -> None:
     """Report what a plan would do, how long it takes and how much disk it needs."""
     report_notes(plan, set())
-    expected = estimate(plan, common.root, common.cores)
+    forecast = Forecast.of(plan, Store(common.root))
+    expected = estimate(forecast.plan, common.root, common.cores)
     if not expected.fits:
         print_warning(
             f"what is to be made needs about {size(expected.bytes or 0.0)}, and the disk has "
             f"{size(expected.free)} left; free some space, or choose another disk with --root"
         )
-    words = "Nothing to be done."
-    if plan.jobs:
-        words = f"To be done: {count_words(plan.frame_counts())}.\n{estimate_words(expected)}"
-    facts = {"jobs": job_facts(plan), "targets": list(plan.targets), "estimate": expected.as_data()}
+    words = forecast_words(forecast, expected) if plan.jobs else "Nothing to be done."
+    facts = {**forecast_facts(forecast), "targets": list(plan.targets), "estimate": expected.as_data()}
     print_result(words, facts, common.json)
 
 
@@ -221,12 +222,21 @@ def count_words(counts: Mapping[str, int]) -> str:
     )
 
 
-def estimate_words(expected: Estimate) -> str:
+def forecast_words(forecast: Forecast, expected: Estimate) -> str:
+    """Return in words what a run makes, and the time and the disk space that it takes."""
+    lines = [f"To be done: {count_words(forecast.certain)}."]
+    if forecast.unframed:
+        perhaps = {stage: len(numbers) for stage, numbers in forecast.unframed.items()}
+        lines.append(f"Perhaps also {count_words(perhaps)}: their cameras are framed first, and may stay.")
+    return "\n".join([*lines, estimate_words(expected, "at most" if forecast.unframed else "about")])
+
+
+def estimate_words(expected: Estimate, about: str = "about") -> str:
     """Return time and disk space in words, as far as they are known."""
     told = []
     if expected.core_seconds:
         by = f", by {expected.by}" if expected.by else ""
-        told.append(f"It takes about {duration(expected.seconds)} on {plural(expected.cores, 'core')}{by}.")
+        told.append(f"It takes {about} {duration(expected.seconds)} on {plural(expected.cores, 'core')}{by}.")
     if expected.unmeasured:
         stages = ", ".join(dict.fromkeys(STAGES[stage].doing for stage in expected.unmeasured))
         told.append(f"How long {stages} takes is not known: none was done here yet.")
@@ -261,9 +271,10 @@ def _failure(event: dict[str, Any]) -> str:
     return f"{event['shot']} frame {frame}: {message}" if frame is not None else f"{event['shot']}: {message}"
 
 
-def job_facts(plan: Plan) -> list[dict[str, Any]]:
-    """Return the jobs of a plan as JSON-able data."""
-    return [{"job": job.name, "task": job.stage, "frames": list(job.frames)} for job in plan.jobs]
+def forecast_facts(forecast: Forecast) -> dict[str, Any]:
+    """Return the jobs of a forecast as JSON-able data, and the frames by stage that are perhaps made."""
+    jobs = [{"job": job.name, "task": job.stage, "frames": list(job.frames)} for job in forecast.plan.jobs]
+    return {"jobs": jobs, "unframed": {stage: list(n) for stage, n in forecast.unframed.items()}}
 
 
 def _outcome_facts(outcome: Outcome, seconds: float) -> dict[str, Any]:

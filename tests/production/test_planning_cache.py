@@ -128,6 +128,7 @@ def test_entries_that_nobody_asks_for_go(root: Path) -> None:
     (entry,) = (root / ".flowsculpt/planning").iterdir()
     os.utime(entry, (0.0, 0.0))
     book.put({}, "new")
+    book.prune()
     assert not entry.exists()
     assert book.get("new") == {}
 

@@ -56,6 +56,7 @@ class Case:
     files     files beside the shot, as they are written anew
     settings  options --set that are given now
     frame     the frame
+    state     of the frame; by default done if nothing is said of it, else stale
     """
 
     id: str
@@ -64,6 +65,7 @@ class Case:
     files: tuple[tuple[str, str], ...] = ()
     settings: tuple[str, ...] = ()
     frame: int = 3
+    state: str = ""
 
 
 SHOT = "shots/T010_tiny.yaml"
@@ -76,11 +78,12 @@ CASES = [
     Case(
         "a key after the frame",
         (
-            "its camera differs: it frames meshes that differ from frame 5 on",
+            "its camera is framed again, for meshes differ from frame 5 on; if that stays, so does the frame",
             f"{SHOT}:6: flows.0.twist.amount.keys.6: 60 → 90",
         ),
         ("6: 60", "6: 90"),
         frame=1,
+        state="unframed",
     ),
     Case(
         "the camera",
@@ -211,7 +214,7 @@ def test_why_names_what_was_changed_and_nothing_else(
         for name, _ in case.files:
             (made.shot.parent / name).unlink()
     assert said(explanation) == case.says
-    assert explanation.state == ("stale" if case.says else "done")
+    assert explanation.state == (case.state or ("stale" if case.says else "done"))
 
 
 def test_why_names_an_option_that_made_a_frame_and_is_not_given_any_more(

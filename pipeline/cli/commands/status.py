@@ -20,9 +20,10 @@ def status(
 ) -> None:
     """List which frames of shots are done, stale and missing, at each quality begun so far.
 
-    `flowsculpt status A010_cube` lists one shot. Stale frames were made from an older shot file. Failed
-    frames failed at the last attempt; running frames are being rendered. The time left assumes that frames
-    take as long as the last ones did.
+    `flowsculpt status A010_cube` lists one shot. Stale frames were made from an older shot file. Unframed
+    frames are stale only if their camera moves, which the next run frames first. Failed frames failed at the
+    last attempt; running frames are being rendered. The time left assumes that frames take as long as the
+    last ones did.
     """
     project = project_of(common, settings)
     history = History.of(common.root)
@@ -40,8 +41,13 @@ def status(
 
 
 def _report(rows: list[FrameStates], as_json: bool) -> None:
-    columns = ["done", "stale", "missing"]
-    columns += [name for name in ("failed", "running") if any(getattr(row, name) for row in rows)]
+    rare = ("unframed", "failed", "running")
+    columns = [
+        "done",
+        "stale",
+        "missing",
+        *(name for name in rare if any(getattr(row, name) for row in rows)),
+    ]
     timed = any(row.seconds_left for row in rows)
     listing = table("shot", "what", *columns, *(["time left"] if timed else []))
     for row in rows:

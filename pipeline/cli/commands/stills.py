@@ -10,8 +10,10 @@ from pipeline.cli.execution import execute_and_report
 from pipeline.cli.options import Common, Frames, PictureOptions, Quality, Shots
 from pipeline.cli.output import duration, err
 from pipeline.production.planning.estimate import estimate, typical_seconds
+from pipeline.production.planning.forecast import Forecast
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import FORMS
+from pipeline.production.store.store import Store
 from render.base.plural import plural
 from render.scene.quality import DEFAULT_QUALITY
 
@@ -56,12 +58,15 @@ def stills(
 
 def _cost(common: Common, plan: Plan) -> str:
     """Return what rendering the large frames of a plan takes, in words; empty if it renders none."""
-    count = plan.frame_counts()["render"]
     large = plan.requests[0].quality
     width, height = large.rendered_size
-    if not count or width * height < LARGE:
+    if not plan.frame_counts()["render"] or width * height < LARGE:
         return ""
-    expected = estimate(plan, common.root, common.cores)
+    forecast = Forecast.of(plan, Store(common.root))
+    count = forecast.plan.frame_counts()["render"]
+    if not count:
+        return ""
+    expected = estimate(forecast.plan, common.root, common.cores)
     seconds, by = expected.seconds, expected.by
     if not by:
         seconds, by = (
@@ -69,5 +74,6 @@ def _cost(common: Common, plan: Plan) -> str:
             "a typical shot; none was rendered here yet",
         )
     frames = f"{plural(count, 'frame')} of {width} × {height} pixels, {plural(large.samples, 'sample')} each"
-    time = f"about {duration(seconds)} on {plural(common.cores, 'core')}, by {by}"
+    about = "at most" if forecast.unframed else "about"
+    time = f"{about} {duration(seconds)} on {plural(common.cores, 'core')}, by {by}"
     return f"To be rendered: {frames}. That takes {time}."

@@ -8,15 +8,16 @@ import typer
 
 from pipeline.cli.execution import (
     count_words,
-    estimate_words,
     execute,
-    job_facts,
+    forecast_facts,
+    forecast_words,
     made_by_stage,
     report_notes,
 )
 from pipeline.cli.options import Common, PictureOptions, Quality, Shot, at_option, frames_option
 from pipeline.cli.output import exit_with, print_result
 from pipeline.production.planning.estimate import estimate
+from pipeline.production.planning.forecast import Forecast
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.stages import STAGES
 from pipeline.production.versions.grid import MOST_CELLS, OPTION, Grid
@@ -79,8 +80,9 @@ def wedge(
 def _report(common: Common, made: Wedge) -> None:
     """Report the grid and what a run would do for it."""
     plan = made.plan()
-    expected = estimate(plan, common.root, common.cores)
-    counts, spared = plan.frame_counts(), plan.spared
+    forecast = Forecast.of(plan, made.project.store)
+    expected = estimate(forecast.plan, common.root, common.cores)
+    counts, spared = forecast.plan.frame_counts(), plan.spared
     report_notes(plan, set())
     todo = {stage: counts[stage] for stage in STAGES if counts[stage]}
     facts = {
@@ -89,16 +91,14 @@ def _report(common: Common, made: Wedge) -> None:
         "to_be_made": todo,
         "shared": dict(spared),
         "estimate": expected.as_data(),
-        "jobs": job_facts(plan),
+        **forecast_facts(forecast),
     }
     lines = [f"{'  '.join(cell.settings)}" for cell, _ in made.requests]
     frames = len(made.requests[0][1].requested)
     lines.append(f"{plural(len(lines), 'cell')} of {plural(frames, 'frame')}, the sheet at {made.number}.")
-    lines.append(f"To be done: {count_words(counts)}." if todo else "Nothing to be done but the sheet.")
+    lines.append(forecast_words(forecast, expected) if todo else "Nothing to be done but the sheet.")
     if spared:
         lines.append(f"Shared by cells, and done once: {count_words(spared)}.")
-    if plan.jobs:
-        lines.append(estimate_words(expected))
     print_result("\n".join(lines), facts, common.json)
 
 

@@ -12,6 +12,7 @@ from pipeline.production.execution import snakemake
 from pipeline.production.execution.recovery import PATIENCE, RetryPolicy, watched
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
+from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.store.event_log import Event, EventLog, EventReader
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.paths import EVENTS
@@ -84,6 +85,7 @@ def run(
     store, plan = Store(root), make_plan()
     with writing(root, wait), making(root, plan.lock_names if plan.jobs else {}, wait) as waited:
         store.sweep()
+        PlanningCache(root).prune()
         outcome, policy = Outcome(make_plan() if waited else plan), RetryPolicy(cores)
         hopeful = True
         while True:

@@ -12,6 +12,9 @@ from pipeline.shot.yaml.plain_text import in_yaml
 MISSING = object()
 """Stands for a value that one of two data does not have."""
 
+DIGITS = 6
+"""Significant digits of numbers; all are shown of two that differ only beyond them."""
+
 Path = tuple[str | int, ...]
 """Names and indices that lead to a value."""
 
@@ -25,7 +28,10 @@ class Difference:
     now: Any
 
     def __str__(self) -> str:
-        return f"{'.'.join(map(str, self.path))}: {_shown(self.before)} → {_shown(self.now)}"
+        before, now = _shown(self.before, DIGITS), _shown(self.now, DIGITS)
+        if before == now:
+            before, now = _shown(self.before), _shown(self.now)
+        return f"{'.'.join(map(str, self.path))}: {before} → {now}"
 
 
 def differences(before: Any, now: Any, path: Path = ()) -> Iterator[Difference]:
@@ -52,8 +58,17 @@ def _items(before: list[Any], now: list[Any], path: Path) -> Iterator[Difference
         yield from differences(one, other, (*path, index))
 
 
-def _shown(value: Any) -> str:
+def _shown(value: Any, digits: int | None = None) -> str:
+    """Return a value in YAML, its numbers rounded to so many significant digits."""
     if value is MISSING:
         return "nothing"
-    text = in_yaml(list(value) if isinstance(value, tuple) else value) or "nothing"
+    text = in_yaml(_rounded(value, digits)) or "nothing"
     return text if len(text) <= 60 else f"{text[:57]}…"
+
+
+def _rounded(value: Any, digits: int | None) -> Any:
+    if isinstance(value, dict):
+        return {name: _rounded(item, digits) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(item, digits) for item in value]
+    return float(f"{value:.{digits}g}") if isinstance(value, float) and digits else value

@@ -18,7 +18,9 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import FlowsculptError
+from pipeline.frames import FrameRange
 from pipeline.production.maintenance.differences import MISSING, Difference, differences
+from pipeline.production.planning.frame_states import KnownPictures
 from pipeline.production.request.keys import PictureKeys, picture_header, raw_header
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
@@ -68,7 +70,7 @@ class FileEdit:
 class Explanation:
     """The state of a finished frame, and why it is not up to date.
 
-    state    done, stale, missing or corrupt
+    state    done, stale, unframed (stale if its camera moves), missing or corrupt
     file     where it is shown
     reasons  in words, from the mesh to the picture
     parts    differences between its header and today's shot
@@ -94,6 +96,12 @@ def explain(request: RenderRequest, number: int, store: Store) -> Explanation:
     return _Frame(request, number, store).explained()
 
 
+def first_undone(request: RenderRequest, store: Store) -> int | None:
+    """Return the first frame of a request that is not up to date; None if all are."""
+    known = KnownPictures(request, store)
+    return next((number for number in sorted(request.requested) if known.state(number) != "done"), None)
+
+
 def option_differences(before: ShotSource, now: ShotSource) -> Iterator[str]:
     """Yield the differences between the options `--set` of two sources, in words."""
     for setting in before.settings:
@@ -111,8 +119,13 @@ class _Frame:
     store: Store
 
     @cached_property
+    def _known(self) -> KnownPictures:
+        return KnownPictures(self.request, self.store)
+
+    @property
     def _keys(self) -> PictureKeys | None:
-        return self.request.picture_keys(self.store)
+        """The keys of its pictures; None where its cameras are not framed yet."""
+        return self._known.keys if self._known.is_framed else None
 
     @property
     def _mesh(self) -> int:
@@ -120,11 +133,11 @@ class _Frame:
         return self.request.angles[self.number].mesh
 
     def explained(self) -> Explanation:
-        file, keys = self.request.place("frame", self.number), self._keys
-        if keys and self.store.shows("frame", keys[self.number].frame, file):
-            return Explanation("done", file)
-        if not (self.store.root / file).exists():
-            return Explanation("missing", file, (self._first_missing(),))
+        file, state = self.request.place("frame", self.number), self._known.state(self.number)
+        if state == "done":
+            return Explanation(state, file, tuple(self._neighbours_to_come()))
+        if state == "missing":
+            return Explanation(state, file, (self._first_missing(),))
         try:
             header = read_header(self.store.root / file)
         except RenderError as error:
@@ -134,7 +147,15 @@ class _Frame:
         made_from = self._source_of_run()
         edits = () if made_from is None else tuple(self._edits(made_from))
         options = () if made_from is None else tuple(option_differences(made_from, self.request.source))
-        return Explanation("stale", file, tuple(reasons), parts, edits, options)
+        return Explanation(state, file, tuple(reasons), parts, edits, options)
+
+    def _neighbours_to_come(self) -> Iterator[str]:
+        """Yield that frames around it are not rendered yet, if it is to be averaged with them."""
+        keys = self._known.keys
+        assert keys is not None, "the caller checks"
+        whole = self.request.window(self.number, self.request.angles.__contains__)
+        if others := FrameRange.of(sorted(set(whole) - set(keys[self.number].window))):
+            yield f"it is averaged with frames {others} too once they are rendered"
 
     def _first_missing(self) -> str:
         """Name the first thing on the way to the frame that is not there."""
@@ -184,7 +205,10 @@ class _Frame:
         if self._keys is not None and not named & {"camera", "placement", "stage_placement"}:
             return
         first = self._first_changed()
-        if first:
+        if self._known.holds("frame", self.number) is None:
+            cause = self._first_unmade() if first is None else f", for meshes differ from frame {first} on"
+            yield f"its camera is framed again{cause}; if that stays, so does the frame"
+        elif first:
             yield f"its camera differs: it frames meshes that differ from frame {first} on"
         else:
             yield "its camera differs"
@@ -210,6 +234,11 @@ class _Frame:
             if key is not None and key != self.request.mesh_key(number):
                 return number
         return None
+
+    def _first_unmade(self) -> str:
+        meshes = self.request.source.summary.meshes
+        first = next((n for n in sorted(meshes) if not self.store.holds("mesh", meshes[n])), None)
+        return "" if first is None else f", for the mesh of frame {first} is not simulated yet"
 
     def _parts(self, header: Mapping[str, Any]) -> tuple[Difference, ...]:
         """Return the differences between a header and that of now, as far as the shot is framed."""

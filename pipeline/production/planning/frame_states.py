@@ -1,14 +1,17 @@
-"""States of frames: done, stale, missing, failed or running, by the keys of today's shot file."""
+"""States of frames: done, stale, unframed, missing, failed or running, by the keys of today's shot file."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
-from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.framing_inputs import ShownCameras
+from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.store.event_log import History
 from pipeline.production.store.store import Key, Store
 
@@ -22,23 +25,25 @@ class FrameStates:
 
     done          present, with the key that the shot file asks for
     stale         present, with another key
+    unframed      present and as asked for, if the camera stays, which is framed again
     missing       not present
-    failed        stale or missing frames that failed at the last try
-    running       stale or missing frames that are being made
-    seconds_left  until no frame is stale or missing, at the pace of the last run; None if not known
+    failed        frames that are not done and failed at the last try
+    running       frames that are not done and are being made
+    seconds_left  until all frames are done, at the pace of the last run; None if not known
     """
 
     shot: str
     what: str
     done: FrameRange
     stale: FrameRange
+    unframed: FrameRange
     missing: FrameRange
     failed: FrameRange
     running: FrameRange
     seconds_left: float | None
 
     def as_data(self) -> dict[str, Any]:
-        names = ("done", "stale", "missing", "failed", "running")
+        names = ("done", "stale", "unframed", "missing", "failed", "running")
         left = None if self.seconds_left is None else round(self.seconds_left, 1)
         lists = {n: list(getattr(self, n)) for n in names}
         return {"shot": self.shot, "what": self.what, **lists, "seconds_left": left}
@@ -62,43 +67,96 @@ def is_begun(request: RenderRequest, store: Store) -> bool:
 
 def mesh_states(request: RenderRequest, store: Store, history: History) -> FrameStates:
     """Return the states of the meshes of a request."""
-    about = request.name, MESH_STAGES, None
-    return _states(request, "meshes", "mesh", request.mesh_key, store, history, about)
+
+    def state(number: int) -> str:
+        path = request.place("mesh", number)
+        return "done" if store.shows("mesh", request.mesh_key(number), path) else _undone(store, path)
+
+    return _states(request, "meshes", state, history, (request.name, MESH_STAGES, None))
 
 
 def picture_states(request: RenderRequest, store: Store, history: History) -> FrameStates:
     """Return the states of the finished pictures of a request."""
-    keys, quality = request.picture_keys(store), request.quality_name
+    known, quality = KnownPictures(request, store), request.quality_name
+    return _states(request, quality, known.state, history, (request.folders.name, PICTURE_STAGES, quality))
 
-    def key(number: int) -> Key | None:
-        return keys[number].frame if keys else None
 
-    about = request.folders.name, PICTURE_STAGES, quality
-    return _states(request, quality, "frame", key, store, history, about)
+class KnownPictures:
+    """The pictures of a request, by all that is known before anything is made.
+
+    Until new cameras are framed, pictures are compared by the cameras that were framed last.
+    """
+
+    def __init__(self, request: RenderRequest, store: Store, rendered: Collection[int] = ()) -> None:
+        """Compare pictures with the store; a run that renders the frames `rendered` averages them too."""
+        self._request, self._store, self._rendered = request, store, rendered
+        self.keys: PictureKeys | None = request.picture_keys(store, rendered)
+        self.is_framed = self.keys is not None
+        self._shown = None if self.is_framed else ShownCameras.of(request, store)
+        if self._shown is not None:
+            self.keys = PictureKeys(request, store, self._shown.cameras, rendered)
+
+    def state(self, number: int) -> str:
+        """Return the state of a finished frame: done, stale, unframed or missing."""
+        path, is_held = self._request.place("frame", number), self.holds("frame", number)
+        is_shown = self.keys is None or (
+            is_held is not False and self._store.shows("frame", self.keys[number].frame, path)
+        )
+        if is_held is not False and is_shown:
+            return "done" if is_held else "unframed"
+        return _undone(self._store, path)
+
+    def holds(self, kind: str, number: int) -> bool | None:
+        """Tell whether the store holds a `raw` picture, a `frame` or a still.
+
+        Return None if it does so long as the camera stays, which is framed again.
+        """
+        if self.keys is None:
+            place = self._request.place("frame" if kind in FORMS else kind, number)
+            return None if (self._store.root / place).exists() else False
+        if self.is_framed:
+            return self._store.holds(kind, self._key(kind, number))
+        assert self._shown is not None, "keys come from cameras"
+        around = (number,) if kind == "raw" else self._around(number)
+        if any(n not in self._shown.cameras or n in self._shown.moved for n in around):
+            return False
+        if not self._store.holds(kind, self._key(kind, number)):
+            return False
+        return True if self._shown.settled.issuperset(around) else None
+
+    def _key(self, kind: str, number: int) -> Key:
+        assert self.keys is not None, "the caller checks"
+        keys = self.keys[number]
+        if kind in FORMS:
+            return self._request.still_key(kind, keys.frame)
+        return keys.raw if kind == "raw" else keys.frame
+
+    def _around(self, number: int) -> tuple[int, ...]:
+        """Return the frames that a finished frame is averaged with."""
+        assert self.keys is not None, "the caller checks"
+        was_rendered = self.keys.is_available
+        return self._request.window(number, lambda n: n in self._rendered or was_rendered(n))
+
+
+def _undone(store: Store, path: Path) -> str:
+    return "stale" if (store.root / path).exists() else "missing"
 
 
 def _states(
     request: RenderRequest,
     what: str,
-    kind: str,
-    key: Callable[[int], Key | None],
-    store: Store,
+    state: Callable[[int], str],
     history: History,
     about: tuple[str, Sequence[str], str | None],
 ) -> FrameStates:
     """Return the states of the files of a kind.
 
-    key    returns the key that a frame's file should have
     about  the shot, the stages and the quality of its events in the history
     """
-    by_state: dict[str, list[int]] = {"done": [], "stale": [], "missing": []}
+    by_state: dict[str, list[int]] = {"done": [], "stale": [], "unframed": [], "missing": []}
     for number in request.requested:
-        path = request.place(kind, number)
-        if store.shows(kind, key(number), path):
-            by_state["done"].append(number)
-        else:
-            by_state["stale" if (store.root / path).exists() else "missing"].append(number)
-    undone = {*by_state["stale"], *by_state["missing"]}
+        by_state[state(number)].append(number)
+    undone = set(request.requested) - set(by_state["done"])
     pace = history.pace(*about) if undone else None
     return FrameStates(
         request.name,
@@ -119,7 +177,7 @@ def is_in_words(text: str) -> bool:
 
 
 def selected(text: str, whole: FrameRange, states: Callable[[], FrameStates]) -> FrameRange:
-    """Return the frames that words select, in the order of the shot.
+    """Return the frames that words select, in the order of the shot. Stale frames include unframed ones.
 
     Raises UsageError for a word that is none, and for words beside numbers.
     """
@@ -134,5 +192,6 @@ def selected(text: str, whole: FrameRange, states: Callable[[], FrameStates]) ->
     if "all" in words:
         return whole
     known = states()
-    wanted = {number for word in words for number in getattr(known, word)}
+    states_of = {"stale": ("stale", "unframed")}
+    wanted = {n for word in words for state in states_of.get(word, (word,)) for n in getattr(known, state)}
     return FrameRange.of(n for n in whole if n in wanted)

@@ -81,6 +81,7 @@ class Planner:
         entry = self._enter(request, "finish")
         names, frames = entry.names, request.requested
         self._targets += request.places("frame", frames)
+        self._show_inputs(entry)
         unfinished = self._absent(entry, "finish", frames)
         read = dict.fromkeys([*unfinished, *_union(names[n].window for n in unfinished)])
         unrendered = self._absent(entry, "render", list(read))
@@ -169,6 +170,18 @@ class Planner:
         kind = STAGES[stage].makes
         placed = zip(numbers, entry.request.places(kind, numbers), strict=True)
         return [n for n, place in placed if not self._has(stage, kind, entry.key(stage, n), place)]
+
+    def _show_inputs(self, entry: PlanEntry) -> None:
+        """Link the meshes, normals and cameras that the store holds, also where no job needs them.
+
+        Another request, such as a cell of a wedge, may have made them and shown them elsewhere.
+        """
+        request = entry.request
+        shown = sorted({request.angles[n].mesh for n in request.requested})
+        for stage in ("simulate", "smooth_normals"):
+            self._absent(entry, stage, shown)
+        if entry.keys is not None:
+            self._has("frame_camera", "cameras", request.cameras_key, request.folders.cameras().as_posix())
 
     def _surfaces(self, entry: PlanEntry, unrendered: Sequence[int]) -> None:
         """Plan what rendering needs: the normals of the meshes shown, and cameras, which see all meshes."""

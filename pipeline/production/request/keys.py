@@ -184,13 +184,19 @@ class CameraFile(Mapping[int, "Framing"]):
 class PictureKeys(Mapping[int, FrameKeys]):
     """The keys of a request's frames by number, each found when it is asked for: most runs need few.
 
+    A frame that is averaged with its neighbours has the key of the average over all of them while the store
+    holds that, else over those that are rendered, or rendered by this run.
+
     Raw keys are looked up in the planning cache first; `remember` puts there those that it lacks.
     """
 
-    def __init__(self, request: RenderRequest, store: Store, cameras: CameraFile) -> None:
+    def __init__(
+        self, request: RenderRequest, store: Store, cameras: CameraFile, rendered: Iterable[int] | None = None
+    ) -> None:
+        """Find keys while a run renders the frames `rendered`, by default those of the request."""
         self._request, self._store, self._cameras = request, store, cameras
         self._cache = request.source.cache
-        self._numbers = set(request.requested)
+        self._numbers = set(request.requested if rendered is None else rendered)
         known = self._cache.get(*self._found_from) or {}
         self._raws: dict[int, Key] = {int(number): key for number, key in known.items()}
         self._cached = len(self._raws)
@@ -198,12 +204,20 @@ class PictureKeys(Mapping[int, FrameKeys]):
 
     def __getitem__(self, number: int) -> FrameKeys:
         if number not in self._keys:
-            window = self._request.window(number, self._is_available)
-            averaged = [self._raw(n) for n in window] if len(window) > 1 else []
-            raw = self._raw(number)
-            frame = key_of(FINISH.recipe, raw, self._request.quality.denoise, averaged)
-            self._keys[number] = FrameKeys(raw, frame, window)
+            request = self._request
+            keys = self._averaged(number, request.window(number, self.is_available))
+            whole = request.window(number, self._cameras.__contains__)
+            if whole != keys.window:
+                best = self._averaged(number, whole)
+                keys = best if self._store.holds("frame", best.frame) else keys
+            self._keys[number] = keys
         return self._keys[number]
+
+    def _averaged(self, number: int, window: tuple[int, ...]) -> FrameKeys:
+        """Return the keys of a frame that is averaged over a window."""
+        averaged = [self._raw(n) for n in window] if len(window) > 1 else []
+        raw = self._raw(number)
+        return FrameKeys(raw, key_of(FINISH.recipe, raw, self._request.quality.denoise, averaged), window)
 
     def __iter__(self) -> Iterator[int]:
         return iter(self._request.angles)
@@ -221,11 +235,11 @@ class PictureKeys(Mapping[int, FrameKeys]):
     def _found_from(self) -> tuple[str, ...]:
         return "raw", self._request.identity, self._cameras.key
 
-    def _is_available(self, number: int) -> bool:
-        """Tell whether a frame is requested, or was rendered before."""
+    def is_available(self, number: int) -> bool:
+        """Tell whether a frame is rendered by this run, or was before."""
         if number in self._numbers:
             return True
-        return number in self._request.angles and self._store.holds("raw", self._raw(number))
+        return number in self._cameras and self._store.holds("raw", self._raw(number))
 
     def _raw(self, number: int) -> Key:
         if number not in self._raws:

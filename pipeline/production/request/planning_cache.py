@@ -26,7 +26,7 @@ from render.base.atomic_write import atomic_write
 
 PACKAGES = ("numpy", "numba", "trimesh", "pydantic", "ruamel.yaml", "fileseq", "mitsuba", "OpenImageIO")
 KEPT_SECONDS = 60 * 24 * 3600.0
-"""Seconds without use after which an entry goes when another is written."""
+"""Seconds without use after which a run removes an entry."""
 
 _PROJECT = Path(__file__).parents[3]
 
@@ -58,25 +58,30 @@ class PlanningCache:
         if self.root is None or not (self.root / STATE).is_dir():
             return
         path, text = self._path(found_from), json.dumps(data, separators=(",", ":"))
-        with contextlib.suppress(OSError, MachineError):
-            with atomic_write(path, Store(self.root).draft(".json"), flush=False) as draft:
-                draft.write_text(f"{_digest(text)}\n{text}", encoding="utf-8")
-            _remove_old(path.parent)
+        with (
+            contextlib.suppress(OSError, MachineError),
+            atomic_write(path, Store(self.root).draft(".json"), flush=False) as draft,
+        ):
+            draft.write_text(f"{_digest(text)}\n{text}", encoding="utf-8")
+
+    def prune(self) -> None:
+        """Remove entries that nobody used for long. Runs do this once: listing a large folder takes time."""
+        oldest = time.time() - KEPT_SECONDS
+        with contextlib.suppress(OSError), os.scandir(self._folder) as entries:
+            for entry in entries:
+                with contextlib.suppress(OSError):
+                    if entry.stat().st_mtime < oldest:
+                        Path(entry.path).unlink()
+
+    @property
+    def _folder(self) -> str:
+        return f"{self.root}/{STATE}/planning"
 
     def _path(self, found_from: tuple[Any, ...]) -> Path:
-        return Path(f"{self.root}/{STATE}/planning/{key_of(_code(), *found_from)}.json")
+        return Path(f"{self._folder}/{key_of(_code(), *found_from)}.json")
 
 
 NO_CACHE = PlanningCache(None)
-
-
-def _remove_old(folder: Path) -> None:
-    oldest = time.time() - KEPT_SECONDS
-    with os.scandir(folder) as entries:
-        for entry in entries:
-            with contextlib.suppress(OSError):
-                if entry.stat().st_mtime < oldest:
-                    Path(entry.path).unlink()
 
 
 @cache

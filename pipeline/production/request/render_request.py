@@ -309,10 +309,13 @@ class RenderRequest:
         """The digest of what all pictures share."""
         return appearance(self)
 
-    def picture_keys(self, store: Store) -> PictureKeys | None:
-        """Return the keys of its frames, or None before its cameras are found."""
+    def picture_keys(self, store: Store, rendered: Iterable[int] | None = None) -> PictureKeys | None:
+        """Return the keys of its frames, or None before its cameras are found.
+
+        rendered  the frames that are rendered meanwhile, by default those requested (see `PictureKeys`)
+        """
         cameras = self.framings(store)
-        return None if cameras is None else PictureKeys(self, store, cameras)
+        return None if cameras is None else PictureKeys(self, store, cameras, rendered)
 
     def still_key(self, form: str, frame: Key) -> Key:
         return key_of(STAGES[form].recipe, frame, self.shown_as)

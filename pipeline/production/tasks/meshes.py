@@ -16,6 +16,7 @@ from pipeline.mesh.control_net import bspline_surface
 from pipeline.production.render_inputs.framing import frame_all, with_stage_in_view
 from pipeline.production.render_inputs.shading import Shading, radii
 from pipeline.production.render_inputs.view_geometry import BoundingSpheres, rotate_y
+from pipeline.production.request.framing_inputs import note_framing
 from pipeline.production.request.keys import thresholds_at
 from pipeline.production.store import readers
 from pipeline.production.store.readers import write_npz
@@ -150,6 +151,7 @@ def frame_camera(context: Context) -> bool:
 
 def _remember_keys(context: Context) -> None:
     """Cache the keys of the pictures asked for, now that their cameras are known, for who makes them."""
+    note_framing(context.request)
     keys = context.picture_keys(context.request)
     for number in context.request.requested:
         with suppress(FlowsculptError):  # whoever makes that picture reports it
