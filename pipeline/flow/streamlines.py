@@ -17,8 +17,9 @@ from pipeline.errors import FrameError
 from pipeline.flow.flow import Flow
 from pipeline.flow.kernels import adaptive
 from pipeline.flow.kernels import streamlines as kernels
-from pipeline.flow.kernels.instructions import BLOCK, COLUMNS
+from pipeline.flow.kernels.instructions import BLOCK, COLUMNS, EXTERNAL
 from pipeline.flow.parameters import kernel_points
+from pipeline.flow.point_order import morton_order
 from pipeline.flow.sensitivity import sensitivity
 from pipeline.flow.velocity import Program, VelocityField, opcodes_of, table_of
 from pipeline.progress import report_progress
@@ -120,12 +121,25 @@ class StepPlan(NamedTuple):
         under the name of the `activity`, and that Ctrl-C ends a long frame.
         """
         points = kernel_points(points)
+        order = morton_order(points) if self._gains_from_order(len(points)) else None
+        if order is not None:
+            points = points[order]
         out = np.empty_like(points)
         parallel = len(points) * len(self.spans) > PARALLEL_FROM
         advect = kernels.advect_parallel if parallel else kernels.advect
         for part in self._calls(len(points), activity):
             advect(points[part], *self[:4], self.halved, out[part])
+        if order is not None:
+            out[order] = out.copy()
         return out
+
+    def _gains_from_order(self, count: int) -> bool:
+        """Tell whether points are moved faster if neighbours are in one block.
+
+        They are where neighbours halve sub-steps alike, and where a field computes a part once for all points
+        in a place, as turbulence does.
+        """
+        return count > BLOCK and (self.halved or EXTERNAL in self.opcodes)
 
     def _calls(self, count: int, activity: str) -> Iterator[slice]:
         """Yield the points of each compiled call. The first call is small, and its time tells the next size.

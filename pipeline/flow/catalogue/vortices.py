@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
 from pipeline.flow.catalogue.basic import Strain
+from pipeline.flow.kernels import turbulence
 from pipeline.flow.kernels import vortices as kernels
 from pipeline.flow.parameters import (
     ORIGIN,
@@ -212,7 +213,7 @@ class CurlNoise(ExternalField):
 
     @property
     def block(self) -> BlockKernel:
-        return kernels.curl_noise
+        return turbulence.curl_noise
 
     @cached_property
     def _share(self) -> float:
