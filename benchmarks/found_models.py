@@ -30,7 +30,7 @@ import numpy as np
 
 from benchmarks.report import OUT, Row, Target, keep, show
 from benchmarks.sample_models import MODELS, UNUSABLE, UNUSUAL
-from pipeline.dailies.preview.animatic import Animatic, framings_of
+from pipeline.dailies.preview.animatic import Animatic
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError
@@ -129,9 +129,8 @@ def preview(root: Path, path: Path, picture: Path) -> dict[str, Any]:
     with SurfaceStream(Project(root, 2).store) as stream:
         stream.callback = lambda progress: print(progress.slow, flush=True) if progress.slow else None
         animatic = Animatic(Sketch(request), stream)
-        animatic.still(FRAME, picture, lambda stage, number: None)
+        framing = animatic.still(FRAME, picture, lambda stage, number: None)
         seconds = (time.process_time() - started) / CORES
-        framing = framings_of(request, stream, animatic.played({FRAME}))[FRAME]
         points = stream.arrays(request, FRAME)["vertices"]
     gap = float(points[:, 1].min() - framing.placement.origin[1])
     return {"seconds": seconds, "floor": gap / float(np.ptp(points, axis=0).max()), "vertices": len(points)}

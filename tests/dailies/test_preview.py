@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import resource
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,12 @@ from pipeline.animation import animate
 from pipeline.dailies.preview import mesh_source
 from pipeline.dailies.preview.animatic import Animatic, framings_of, size_for
 from pipeline.dailies.preview.sketch import Sketch, is_closed
+from pipeline.dailies.preview.still_framing import outline
 from pipeline.dailies.preview.surface_stream import SpillCache, SurfaceStream
 from pipeline.errors import FrameError, MachineError
 from pipeline.mesh import box, icosphere, sheet
 from pipeline.production.execution.project import Project
-from pipeline.production.render_inputs.framing import AHEAD, frame_all
+from pipeline.production.render_inputs.framing import frame_all
 from pipeline.production.request.render_request import RenderRequest
 from render.post.image import read_png
 from tests.conftest import TINY, ProjectFolder
@@ -27,6 +29,10 @@ NAME = "T010_tiny"
 
 def quiet(stage: str, number: int) -> None:
     """Nobody listens."""
+
+
+def said(told: list[tuple[str, int]], stage: str, number: int) -> None:
+    told.append((stage, number))
 
 
 def take_of(root: Path, *settings: str) -> RenderRequest:
@@ -169,17 +175,35 @@ def test_pictures_are_drawn_while_later_frames_are_simulated_and_are_forgotten(r
     assert [n for stage, n in told if stage == "drawing"] == list(range(1, 81))
 
 
-def test_a_still_waits_for_no_more_frames_than_its_camera_depends_on(root: Path) -> None:
-    request, told = take_of(root, *LONG), []
+def test_a_still_simulates_no_frame_after_its_own_and_has_the_camera_of_the_movie(root: Path) -> None:
+    growing = "flows.0={scaling: {rate: [0.3, 0.1, 0]}}"
+    for settings in (LONG, (*LONG, growing), (*LONG, growing, "camera.follow=0")):
+        request, told = take_of(root, *settings), list[tuple[str, int]]()
+        with SurfaceStream(Project(root, 2).store) as stream:
+            animatic = Animatic(Sketch(request), stream)
+            still = animatic.still(20, root / "early.png", partial(said, told))
+            assert told == [*(("simulating", n) for n in range(1, 21)), ("drawing", 20)]
+            list(stream.play(request, range(1, 81)))
+            movie = framings_of(request, stream, list(range(1, 81)))[20]
+        size = movie.placement.size
+        np.testing.assert_allclose(still.camera.origin, movie.camera.origin, atol=0.002 * size)
+        np.testing.assert_allclose(still.placement.origin, movie.placement.origin, atol=0.002 * size)
+
+
+def test_a_still_is_drawn_though_a_later_frame_fails(root: Path) -> None:
+    failing = "flows.0={vortex: {strength: {keys: {1: 0, 30: 0, 40: 1.0e+12}}}}"
+    request = take_of(root, LONG[0], failing)
     with SurfaceStream(Project(root, 2).store) as stream:
-        Animatic(Sketch(request), stream).still(20, root / "early.png", lambda *what: told.append(what))
-        assert told == [*(("simulating", n) for n in range(1, 20 + AHEAD + 1)), ("drawing", 20)]
-        list(stream.play(request, range(1, 81)))
-        framing = framings_of(request, stream, list(range(1, 81)))[20]
-        expected = Sketch(request, closed=True).picture(
-            20, stream.arrays(request, 20), framing, (960, 540), "srgb"
-        )
-    np.testing.assert_array_equal(read_png(root / "early.png"), expected)
+        Animatic(Sketch(request), stream).still(3, root / "early.png", quiet)
+    assert (root / "early.png").exists()
+
+
+def test_a_sample_of_points_has_the_outermost() -> None:
+    points = np.random.default_rng(2).normal(size=(50_000, 3))
+    chosen = points[outline(points)]
+    assert 3500 <= len(chosen) < 4500
+    for direction in np.eye(3):
+        assert (chosen @ direction).max() > 0.93 * (points @ direction).max()
 
 
 def test_an_unwritable_place_is_told_before_anything_is_simulated(project: ProjectFolder) -> None:

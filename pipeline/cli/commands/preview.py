@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import webbrowser
-from collections.abc import Callable, Iterator, Set
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -112,7 +112,8 @@ def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, pat
         with SurfaceStream(store, once=True) as stream:
             make_folder_of(path)
             animatic = Animatic(sketch, stream)
-            with _bars(common, animatic, numbers) as report:
+            played = animatic.played(numbers) if at is None else animatic.played_for_still(at)
+            with _bars(common, animatic, {"simulating": len(played), "drawing": len(numbers)}) as report:
                 if at is None:
                     animatic.movie(path, report)
                 else:
@@ -139,7 +140,9 @@ def _redraw(
             added = files_of(sketch.request.source) - watched
             watched, before = watched | added, before | stamp(added)
             animatic = Animatic(sketch, stream)
-            with _bars(common, animatic, set(sketch.request.requested)) as report:
+            requested = set(sketch.request.requested)
+            totals = {"simulating": len(animatic.played(requested)), "drawing": len(requested)}
+            with _bars(common, animatic, totals) as report:
                 _report_movie(common, movie, animatic.movie(movie, report))
         except FlowsculptError as error:
             print_error(str(error))
@@ -179,15 +182,14 @@ def _report_movie(common: Common, movie: Path, frames: int) -> None:
 
 
 @contextmanager
-def _bars(common: Common, animatic: Animatic, numbers: Set[int]) -> Iterator[FrameCallback]:
-    """Yield what reports a frame as simulated or drawn, with a bar for each.
+def _bars(common: Common, animatic: Animatic, totals: Mapping[str, int]) -> Iterator[FrameCallback]:
+    """Yield what reports a frame as simulated or drawn, with a bar for each of `totals`.
 
     The first bar moves within frames that take long, and what makes a frame slow is printed.
     """
     from rich.progress import TextColumn  # takes time to import
 
     with frame_progress(TextColumn("{task.fields[now]}", style="dim"), wanted=common.progress) as progress:
-        totals = {"simulating": len(animatic.played(numbers)), "drawing": len(numbers)}
         tasks = {stage: progress.add_task(stage, total=total, now="") for stage, total in totals.items()}
         done = dict.fromkeys(totals, 0)
 

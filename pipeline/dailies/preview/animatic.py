@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.dailies.preview.sketch import Sketch, is_closed
+from pipeline.dailies.preview.still_framing import framing_of_still
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.production.render_inputs.framing import AHEAD, Framer, Framing, with_stage_in_view
 from pipeline.production.render_inputs.view_geometry import BoundingSpheres
@@ -46,12 +47,24 @@ class Animatic:
     sketch: Sketch
     stream: SurfaceStream
 
-    def still(self, number: int, path: Path, tell: FrameCallback) -> None:
-        """Write a PNG. Raises FrameError if a frame fails, MachineError if the disk refuses."""
-        framed = self._framed({number}, tell)
-        picture = next(self._pictures(framed, size_for(self.sketch.request.aspect, SIZES["still"]), "srgb"))
-        write_png(path, picture, {"shot": self.sketch.request.name, "frame": number})
+    def still(self, number: int, path: Path, tell: FrameCallback) -> Framing:
+        """Write a PNG and return its camera and stage.
+
+        Raises FrameError if a frame up to it fails, MachineError if the disk refuses.
+        """
+        request, stream = self.sketch.request, self.stream
+        for played in stream.play(request, self.played_for_still(number)):
+            tell("simulating", played)
+        known = request.framings(stream.store)
+        if known is None:
+            framing = framing_of_still(request, stream, number, self.played({number}))
+        else:
+            framing = known[number]
+        size = size_for(request.aspect, SIZES["still"])
+        picture = next(self._pictures(iter([(number, framing)]), size, "srgb"))
+        write_png(path, picture, {"shot": request.name, "frame": number})
         tell("drawing", number)
+        return framing
 
     def movie(self, path: Path, tell: FrameCallback) -> int:
         """Write an MP4 of the requested frames and return their number. Raises the errors of `still`."""
@@ -60,8 +73,12 @@ class Animatic:
         pictures = self._pictures(framed, size_for(request.aspect, SIZES["movie"]), "rec709")
         return write_playblast(path, request, pictures, tell)
 
+    def played_for_still(self, number: int) -> list[int]:
+        """Return the frames that must be simulated to draw one: none after it."""
+        return [n for n in self.played({number}) if n <= number]
+
     def played(self, asked: Set[int]) -> list[int]:
-        """Return the frames that must be simulated to draw the requested ones.
+        """Return the frames that the requested ones and their cameras depend on, in a movie all simulated.
 
         Cameras that are not known depend on neighbouring frames, and a camera that stands still on all.
         """
