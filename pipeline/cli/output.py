@@ -82,7 +82,14 @@ def size(count: float) -> str:
 
 
 def frame_progress(*more: ProgressColumn, wanted: bool = True) -> Progress:
-    """Return bars on standard error: frames done of all, time elapsed and time left; drawn if `wanted`."""
+    """Return bars on standard error: frames done of all, time elapsed and time left; drawn if `wanted`.
+
+    Where standard error is no terminal, they are lines of text.
+    """
+    if wanted and not err.is_terminal:
+        from pipeline.cli.progress_lines import ProgressLines
+
+        return ProgressLines(err)
     from rich.progress import (  # takes time to import, and most commands draw none
         BarColumn,
         MofNCompleteColumn,
