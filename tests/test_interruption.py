@@ -1,0 +1,62 @@
+"""Ctrl-C ends what is computed, however long its compiled calls are."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from contextvars import ContextVar
+from pathlib import Path
+from threading import Thread, current_thread, main_thread
+
+import numba
+import pytest
+
+from pipeline.interruption import interruptible
+
+pytestmark = pytest.mark.quick
+
+SLEEPING = """
+import ctypes
+from pipeline.interruption import interruptible
+print("begins", flush=True)
+interruptible(lambda: ctypes.CDLL(None).sleep(60))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_compiled_call_of_a_minute_at_once(number: signal.Signals) -> None:
+    folder = Path(__file__).parents[1]
+    process = subprocess.Popen(
+        [sys.executable, "-c", SLEEPING], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert process.stdout is not None and process.stdout.readline() == b"begins\n"
+    time.sleep(0.2)
+    started = time.monotonic()
+    process.send_signal(number)
+    process.communicate(timeout=30)
+    assert time.monotonic() - started < 2.0
+    assert process.returncode == -number
+
+
+def test_results_errors_context_and_number_of_threads_are_those_of_a_plain_call() -> None:
+    variable: ContextVar[int] = ContextVar("variable")
+    variable.set(3)
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        assert interruptible(lambda: (variable.get(), numba.get_num_threads())) == (3, 1)
+    finally:
+        numba.set_num_threads(before)
+    with pytest.raises(ZeroDivisionError):
+        interruptible(lambda: 1 // 0)
+
+
+def test_other_threads_call_it_themselves() -> None:
+    assert interruptible(current_thread) is not main_thread()
+    threads = []
+    other = Thread(target=lambda: threads.append(interruptible(current_thread)))
+    other.start()
+    other.join()
+    assert threads == [other]
