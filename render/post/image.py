@@ -25,6 +25,7 @@ Displayed = NDArray[np.uint8] | NDArray[np.uint16]
 PREFIX = "flowsculpt:"
 _LETTERS = {"denoised": "RGB", **{name: aov.letters for name, aov in AOVS.items()}}
 _PRECISION = {"half": oiio.HALF, "float": oiio.FLOAT}
+_MAX_HALF = np.float32(np.finfo(np.float16).max)
 
 
 def write_exr(
@@ -35,15 +36,17 @@ def write_exr(
     precision  half or float by AOV, where it differs from `AOVS`
 
     Header values are JSON: strings, numbers, lists (matrices), dicts. The beauty's channels are R, G, B;
-    others are named like albedo.R or position.X.
+    others are named like albedo.R or position.X. Half floats end at 65504: a brighter pixel, such as one of
+    the sun's disc, has that value.
     Raises MachineError where the disk is full or the folder cannot be written.
     """
     names, formats, planes = [], [], []
     for layer, array in layers.arrays.items():
         flat = array.reshape(*array.shape[:2], -1)
+        kind = _precision(layer, precision or {})
         names += _channel_names(layer, flat.shape[2])
-        formats += [_PRECISION[_precision(layer, precision or {})]] * flat.shape[2]
-        planes.append(flat)
+        formats += [_PRECISION[kind]] * flat.shape[2]
+        planes.append(np.clip(flat, -_MAX_HALF, _MAX_HALF) if kind == "half" else flat)
     width, height = layers.size
     spec = oiio.ImageSpec(width, height, len(names), oiio.FLOAT)
     spec.channelnames = tuple(names)

@@ -52,6 +52,16 @@ def test_layers_come_back_as_they_were(layers: RenderedFrame, tmp_path: Path) ->
         assert np.array_equal(again[name], array if exact else array.astype(np.float16).astype(np.float32))
 
 
+def test_light_too_bright_for_half_floats_is_finite_in_the_file(
+    layers: RenderedFrame, tmp_path: Path
+) -> None:
+    """The sun's disc has 1.3e5; half floats end at 65504, and Inf would spoil whatever reads the picture."""
+    layers["beauty"][0, 0] = (1.3e5, 7e4, 3.0)
+    write_exr(tmp_path / "a.0001.exr", layers, {})
+    again, _ = read_exr(tmp_path / "a.0001.exr")
+    assert again["beauty"][0, 0].tolist() == [65504.0, 65504.0, 3.0]
+
+
 def test_the_header_comes_back_with_types_and_precision(layers: RenderedFrame, tmp_path: Path) -> None:
     header: dict[str, Any] = {
         "key": "9f03ab",
