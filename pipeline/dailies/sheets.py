@@ -60,7 +60,7 @@ class ShotSheet:
         ]
         keys = request.picture_keys(self.store)
         pictures = [shown_picture(request, keys, self.store, n, factor, 8, "srgb") for n in numbers]
-        sheet = ContactSheet(f"{request.name}: {request.shot.title}", captions, (width, height), columns)
+        sheet = ContactSheet(request.shot.heading, captions, (width, height), columns)
         header = {"shot": request.name, "frames": str(FrameRange.of(numbers))}
         write_png(path, sheet.picture(pictures, request.quality_name), header)
 

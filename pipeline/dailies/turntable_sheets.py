@@ -146,7 +146,7 @@ class TurntableSheets:
     @property
     def _heading(self) -> str:
         name = self._first.name
-        return name if self._table.of_file else f"{name}: {self._first.shot.title}"
+        return name if self._table.of_file else self._first.shot.heading
 
     def _stored_key(self, look: int, number: int) -> str | None:
         """Return the key of a finished picture, if it is stored."""

@@ -49,7 +49,7 @@ class ImportedSurface:
     mesh      sound: finite, oriented and manifold; with the creases of the file
     repairs   one line for each kind of repair, with the count and the coordinates of the first
     format    suffix of the file in capitals: `OBJ`
-    vertices  number of vertices in the file
+    vertices  number of vertices in the file; of merged ones where its faces share none, as in an STL
     faces     number of faces in the file
     """
 
@@ -79,7 +79,8 @@ def read_surface(path: str | Path, repair: bool = True) -> ImportedSurface:
     except MeshError as error:
         raise MeshError(f"{path}: {error}") from None
     suffix = path.suffix.lstrip(".").upper()
-    return ImportedSurface(mesh, repairs, suffix, len(loaded.points), len(loaded.offsets) - 1)
+    vertices = len(loaded.points) if loaded.shares_vertices else len(mesh.vertices)
+    return ImportedSurface(mesh, repairs, suffix, vertices, len(loaded.offsets) - 1)
 
 
 def reader_of(parse: Callable[[bytes], T]) -> Callable[[Path], T]:
@@ -108,7 +109,8 @@ def read_by_suffix(path: Path, readers: Mapping[str, Callable[[Path], T]], kind:
     size, suffix = require_input(path), path.suffix.lstrip(".").lower()
     if suffix not in readers:
         raise MeshError(
-            f"{path}: {path.suffix or 'no suffix'} is not {kind}; use one of {', '.join(readers)}"
+            f"{path}: {path.suffix or 'no suffix'} is not {kind}; "
+            f"use one of {', '.join(name for name in readers if name != 'gltf')}"  # glb has it in one file
         )
     if not size:
         raise MeshError(f"{path}: the file is empty. Copy or export it again.")

@@ -110,9 +110,14 @@ def _cut_and_drop(soup: FaceSoup, faults: RepairLog) -> FaceSoup:
     _require_faces(soup)
     twice, doubled, inner = find_duplicates(soup)
     kinds = [
-        (twice, "face stands twice", "faces stand twice", "one of each kept"),
-        (doubled, "face has another on its back", "faces have others on their backs", "one of both kept"),
-        (inner, "face lies back to back inside", "faces lie back to back inside", "dropped"),
+        (twice, "face is in the file twice", "faces are in the file twice", "one of each kept"),
+        (
+            doubled,
+            "face covers another that faces the other way",
+            "faces cover others that face the other way",
+            "one of each pair kept",
+        ),
+        (inner, "face is part of a wall inside", "faces are part of walls inside", "dropped"),
     ]
     for flags, one, many, done in kinds:
         faults.add(_first_vertices(soup, flags), one, many, done)

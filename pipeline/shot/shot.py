@@ -5,6 +5,7 @@ Meshes depend on the motion alone, pictures on both: relighting never moves a ve
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -88,6 +89,12 @@ class Shot:
     intent: str = ""
     path: Path | None = field(default=None, metadata=NOT_PLAIN)
     files: tuple[tuple[Path, str], ...] = field(default=(), metadata=NOT_PLAIN)
+
+    @property
+    def heading(self) -> str:
+        """Its name and title in one line, for sheets; the name alone where the title repeats it."""
+        repeats = re.sub(r"[\W_]+", " ", self.title.lower()) == re.sub(r"[\W_]+", " ", self.name.lower())
+        return self.name if repeats else f"{self.name}: {self.title}"
 
     @property
     def frames(self) -> FrameRange:

@@ -66,7 +66,7 @@ def test_the_wall_between_two_solids_is_dropped() -> None:
     result = repaired(shifted((1, 0, 0)), QUADS, QUADS + 8)
     assert pieces(result.mesh) == 1
     assert volume(result.mesh) == pytest.approx(2.0)
-    assert any("2 faces lie back to back inside" in line for line in result.repairs)
+    assert any("2 faces are part of walls inside" in line for line in result.repairs)
 
 
 def test_solids_whose_common_wall_is_cut_differently_are_both_closed() -> None:
@@ -125,7 +125,8 @@ def test_a_sheet_with_a_back_becomes_one_sheet() -> None:
     result = repaired(np.array(points), sheet, [face[::-1] for face in sheet])
     assert len(result.mesh) == 2
     assert result.repairs == (
-        "2 faces have others on their backs, the first at (0, 1, 0), vertex 4: one of both kept",
+        "2 faces cover others that face the other way, the first at (0, 1, 0), vertex 4: "
+        "one of each pair kept",
     )
 
 
@@ -140,7 +141,7 @@ def test_duplicates_repeats_and_leftovers_are_removed_and_told() -> None:
         "1 vertex belongs to no face",
         "1 face has fewer than three different corners",
         "1 face names a vertex twice",
-        "1 face stands twice",
+        "1 face is in the file twice",
         "1 vertex joins two parts by a point only",
     ]
     assert len(result.mesh) == 6 + 2

@@ -98,10 +98,9 @@ class Delivery:
         """Yield encode, path and part (frames or slate) of each file."""
         folder = self.options.folder.absolute() if self.options.folder else self.source.folder
         for encode in self.options.encodes:
-            name = f"{self.source.name}.{encode.name}"
-            yield encode, folder / f"{name}{encode.suffix}", "frames"
+            yield encode, folder / encode.file_name(self.source.name), "frames"
             if self.options.slate == "apart":
-                yield encode, folder / f"{name}.slate{encode.suffix}", "slate"
+                yield encode, folder / encode.file_name(self.source.name, "slate"), "slate"
 
     def _require_folder(self, folder: Path) -> None:
         place = self.store.root / folder

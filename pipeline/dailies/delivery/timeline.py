@@ -170,7 +170,7 @@ class Timeline:
 
 def _delivered(request: RenderRequest, encode: Encode) -> Path:
     """Return the path that `flowsculpt deliver` writes a whole shot to."""
-    name = f"{request.folders.name}.{FrameRange.of(request.angles)}.{encode.name}{encode.suffix}"
+    name = encode.file_name(f"{request.folders.name}.{FrameRange.of(request.angles)}")
     return request.folders.home / request.quality_name / "deliver" / name
 
 

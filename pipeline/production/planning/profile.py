@@ -7,6 +7,7 @@ under `config` the cores of a job (`threads`) and the least number of its frames
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -90,7 +91,7 @@ class Profile:
         if executor not in _BUILT_IN and find_spec(package.replace("-", "_")) is None:
             raise MachineError(
                 f"{self._file}: executor {executor} needs the package {package}, which is not installed; "
-                f"{'pip install flowsculpt[slurm]' if executor == 'slurm' else f'pip install {package}'}"
+                f"install it for the Python of flowsculpt: {sys.executable} -m pip install {package}"
             )
         return executor
 

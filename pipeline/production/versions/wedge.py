@@ -127,7 +127,7 @@ class Wedge:
         columns = self.columns or self.grid.columns or columns_for(len(self.grid), size)
         factor = reduction(len(self.grid), columns, size)
         captions = [cell.caption for cell, _ in self._read]
-        heading, small = f"{first.name}: {first.shot.title}", (size[0] // factor, size[1] // factor)
+        heading, small = first.shot.heading, (size[0] // factor, size[1] // factor)
         sheet = ContactSheet(heading, captions, small, columns, bits)
         cells = [(request, request.picture_keys(store)) for _, request in self.requests]
         for number in numbers:
