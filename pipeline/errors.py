@@ -9,7 +9,10 @@ from __future__ import annotations
 from render.base.errors import FlowsculptError as FlowsculptError
 from render.base.errors import MachineError as MachineError
 from render.base.errors import MissingInputError as MissingInputError
+from render.base.errors import brief as brief
+from render.base.errors import readable as readable
 from render.base.errors import reason_of as reason_of
+from render.base.errors import shortened as shortened
 from render.base.errors import suggestion as suggestion
 
 
@@ -22,7 +25,7 @@ class ShotError(FlowsculptError):
 
     def __init__(self, *messages: str) -> None:
         super().__init__("\n".join(messages))
-        self.messages = messages
+        self.messages = tuple(map(readable, messages))
 
 
 class MeshError(FlowsculptError):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
-from pipeline.errors import UsageError
+from pipeline.errors import UsageError, brief, shortened
 
 MOST_FRAMES = 100_000
 """Frames in one range: over an hour at 24 frames per second."""
@@ -46,9 +46,9 @@ class FrameRange:
             numbers = tuple(fileseq.FrameSet(text))
         except (fileseq.exceptions.FileSeqException, ValueError):
             remedy = likely_range(text) or f"one as {such_as}"
-            raise UsageError(f"{text!r} is not a frame range; write {remedy}") from None
+            raise UsageError(f"{shortened(text)} is not a frame range; write {remedy}") from None
         if not numbers or any(not isinstance(n, int) for n in numbers):
-            raise UsageError(f"{text!r} holds no whole frame; write a range as 1-48 or 1-48x2")
+            raise UsageError(f"{shortened(text)} holds no whole frame; write a range as 1-48 or 1-48x2")
         return cls(numbers)
 
     @classmethod
@@ -107,8 +107,8 @@ class FrameRate:
             raise UsageError(f"{shortened(value)} is not a frame rate; write {remedy}") from None
         if not SLOWEST <= fps <= FASTEST:
             raise UsageError(
-                f"frame rate {value} is not from {float(SLOWEST):g} to {FASTEST}, in frames per second; "
-                "24 is usual"
+                f"frame rate {brief(value)} is not from {float(SLOWEST):g} to {FASTEST}, in frames per "
+                "second; 24 is usual"
             )
         return cls(_NTSC.get(fps, fps))
 
@@ -119,12 +119,6 @@ class FrameRate:
 
     def __str__(self) -> str:
         return str(self.fps)
-
-
-def shortened(value: object) -> str:
-    """Return the repr of a value, cut to one line for messages."""
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:50]}…{text[-5:]}"
 
 
 def likely_range(text: str) -> str | None:

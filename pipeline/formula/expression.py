@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.arrays import Floats
-from pipeline.errors import UsageError
-from pipeline.formula.syntax import CONSTANTS, FUNCTIONS, OPERATORS, FormulaError, parse, shown
+from pipeline.errors import UsageError, brief, shortened
+from pipeline.formula.syntax import CONSTANTS, FUNCTIONS, OPERATORS, FormulaError, parse
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Expression:
                 raise FormulaError(
                     self.text,
                     column_of(self.text, node),
-                    f"{shown(ast.unparse(node))} is {value:g}; a formula must be finite. Write another.",
+                    f"{brief(ast.unparse(node))} is {value:g}; a formula must be finite. Write another.",
                 )
 
     @cached_property
@@ -81,7 +81,7 @@ class Expression:
         column = column_of(self.text, part)
         place = ", ".join(f"{name} {values[name]:.4g}" for name in self.reported_names if name in values)
         return (
-            f"formula {shown(self.text)!r}, column {column}: {shown(ast.unparse(part))} "
+            f"formula {shortened(self.text)}, column {column}: {brief(ast.unparse(part))} "
             f"is {value:g} at {place}; it must be finite. Guard it with max, clamp or `… if … else …`."
         )
 
@@ -89,7 +89,7 @@ class Expression:
         rows = {name: np.broadcast_to(value, result.shape).ravel()[row] for name, value in values.items()}
         place = ", ".join(f"{name} {float(rows[name]):g}" for name in self.reported_names if name in rows)
         return (
-            f"formula {shown(self.text)!r} is {result.ravel()[row]:g} at {place}; "
+            f"formula {shortened(self.text)} is {result.ravel()[row]:g} at {place}; "
             "it must be finite everywhere. Guard it with max, clamp or `… if … else …`."
         )
 

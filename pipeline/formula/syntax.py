@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.errors import UsageError, suggestion
+from pipeline.errors import UsageError, brief, shortened, suggestion
 from pipeline.formula.notations import MEANT, WRITTEN_AS, syntax_fault
 from render.base.plural import plural
 
@@ -92,7 +92,7 @@ class FormulaError(UsageError):
     """An invalid formula; `column` counts its characters from 1."""
 
     def __init__(self, text: str, column: int, message: str) -> None:
-        super().__init__(f"formula {shown(text)!r}, column {column}: {message}")
+        super().__init__(f"formula {shortened(text)}, column {column}: {message}")
         self.column = column
         self.message = message
 
@@ -164,7 +164,7 @@ class _Check:
 
     def number(self, node: ast.Constant) -> None:
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
-            raise self.error(node, f"{shown(repr(node.value))} is no number; write one plainly, such as 0.05")
+            raise self.error(node, f"{shortened(node.value)} is no number; write one plainly, such as 0.05")
         if not abs(node.value) <= 1e100:
             raise self.error(node, "this number is too large; 1e100 is the largest")
 
@@ -177,7 +177,7 @@ class _Check:
             hint = f"Write {meant}." if meant in words else suggestion(node.id, words)
             if hint.startswith("There"):
                 hint = f"There are: {', '.join((*self.names, *CONSTANTS))}, and functions such as sin(x)."
-            raise self.error(node, f"{shown(node.id)} is not known here. {hint}")
+            raise self.error(node, f"{brief(node.id)} is not known here. {hint}")
 
     def exponent(self, node: ast.BinOp) -> None:
         power = node.right.operand if isinstance(node.right, ast.UnaryOp) else node.right
@@ -194,7 +194,7 @@ class _Check:
         name = node.func.id
         if name not in FUNCTIONS:
             hint = WRITTEN_AS.get(name) or suggestion(name, FUNCTIONS)
-            raise self.error(node.func, f"{shown(name)} is no function here. {hint}")
+            raise self.error(node.func, f"{brief(name)} is no function here. {hint}")
         wanted, given = FUNCTIONS[name][1], len(node.args)
         if node.keywords or any(isinstance(part, ast.Starred) for part in node.args):
             raise self.error(node, f"{name} takes plain arguments, one after another")
@@ -221,8 +221,3 @@ def _refusal(node: ast.expr) -> str:
         case ast.UnaryOp() | ast.BinOp() | ast.Compare():
             return "this operator is not known here. There are: + - * / ** % < <= > >= == != and or not."
     return "this cannot stand in a formula; it is made of numbers, names, operators and functions"
-
-
-def shown(text: str) -> str:
-    """Return a text, shortened for a message."""
-    return text if len(text) <= 80 else text[:77] + "…"

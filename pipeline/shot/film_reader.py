@@ -12,9 +12,9 @@ from pipeline.shot.documents.fields import is_number
 from pipeline.shot.documents.shot import FilmDocument, SoundDocument
 from pipeline.shot.shot import Card, Clip, Film, Shot, SoundTrack
 from pipeline.shot.shot_reader import read_rate, read_shot
-from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, is_there, shown
+from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, is_there, name_fault, shown
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
-from pipeline.shot.yaml.validation import validated
+from pipeline.shot.yaml.validation import Checks, unforeseen, validated
 from render.base.input_files import digest_of_file
 from render.base.plural import plural
 
@@ -27,8 +27,15 @@ def read_film(path: str | Path, settings: Iterable[str] = (), text: str | None =
 
     Raises ShotError with all mistakes in all of the files, and MissingInputError where one is not there.
     """
-    path, settings = Path(path), tuple(settings)
-    source = YamlSource.read(path, text)
+    path = Path(path)
+    if fault := name_fault(path.stem, "edit"):
+        raise ShotError(f"{shown(path)}:1:1: {fault}")
+    with unforeseen(path):
+        return _read(YamlSource.read(path, text), tuple(settings))
+
+
+def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
+    path = source.path
     rate, problems = read_rate(source)
     failed: list[FlowsculptError] = []
     entries: list[Clip | Card | None] = []
@@ -64,7 +71,7 @@ def read_film(path: str | Path, settings: Iterable[str] = (), text: str | None =
         problems += dict(reversed(dissolves)).items()  # the first of each place
     missing = list(_missing_sound(source, path.parent))
     problems += [] if missing else _unreadable_sound(source, path.parent)
-    document = validated(source, FilmDocument, problems, missing, failed)
+    document = validated(Checks(source, problems), FilmDocument, missing, failed)
     return Film(
         title=document.title,
         subtitle=document.subtitle,

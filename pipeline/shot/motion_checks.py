@@ -6,8 +6,9 @@ import math
 from collections.abc import Iterator
 from typing import Any, TypeGuard
 
+from pipeline.errors import shortened
 from pipeline.flow.easing import BEZIER
-from pipeline.frames import FrameRange, FrameRate, shortened
+from pipeline.frames import FrameRange, FrameRate
 from pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.fields import is_number

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pipeline.arrays import Floats, Points
-from pipeline.errors import MeshError, UsageError, suggestion
+from pipeline.errors import MeshError, UsageError, shortened, suggestion
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.control_net import Lattice, Net, sheet_net, torus_net, tube_net
 from pipeline.mesh.points import PointSet, on_surface, read_net, read_points, within
@@ -106,7 +106,7 @@ def radii_of(file: PointSet, radius: float | str, name: str) -> Floats:
         return np.full(len(file.points), radius)
     if radius not in file.attributes:
         hint = suggestion(radius, file.attributes) if file.attributes else "It has none; write a number."
-        raise MeshError(f"{name}: its points have no attribute {radius!r} for a radius. {hint}")
+        raise MeshError(f"{name}: its points have no attribute {shortened(radius)} for a radius. {hint}")
     radii = file.attributes[radius].astype(np.float64)
     bad = np.flatnonzero(~(np.isfinite(radii) & (radii > 0)))
     if len(bad):

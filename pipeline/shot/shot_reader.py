@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from pipeline.errors import UsageError
+from pipeline.errors import ShotError, UsageError
 from pipeline.flow import Sequence, Streamlines
 from pipeline.flow.streamlines import DEFAULT_TOLERANCE
 from pipeline.frames import FrameRate
@@ -28,8 +28,9 @@ from pipeline.shot.point_subjects import CloudOfFile, ControlNet, NetOfFile
 from pipeline.shot.shot import AovSelection, Picture, Shot
 from pipeline.shot.subject import Subject
 from pipeline.shot.yaml.inheritance import inherited
+from pipeline.shot.yaml.lookup import name_fault, shown
 from pipeline.shot.yaml.source import Problem, YamlSource
-from pipeline.shot.yaml.validation import ParseContext, validated
+from pipeline.shot.yaml.validation import Checks, ParseContext, unforeseen, validated
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.quality import QUALITIES
@@ -74,28 +75,36 @@ def read_shot(
     Raises ShotError with one message `file:line:column: …` for each mistake, and MissingInputError where the
     file, or a file that it names, is not there.
     """
-    source = inherited(Path(path), text, tuple(settings), beside)
+    path = Path(path)
+    if path.suffix in (".yaml", ".yml") and (fault := name_fault(path.stem)):  # others are models
+        raise ShotError(f"{shown(path)}:1:1: {fault}")
+    with unforeseen(path):
+        return _read(inherited(path, text, tuple(settings), beside), allow_code)
+
+
+def _read(source: YamlSource, allow_code: bool) -> Shot:
     clock, problems = read_clock(source)
     retimed, faults = (None, []) if clock is None else with_speed(clock, source.get("speed"))
-    problems += [*faults, *motion_checks.keys(source, retimed)]
+    checks = Checks(source, [*problems, *faults])
+    checks.run(motion_checks.keys, retimed)
     for check in CHECKS:
-        problems += check(source)
+        checks.run(check)
     missing = list(subject_checks.files(source))
     parse_context = ParseContext(source.path.parent, allow_code)
     context = {"clock": clock, "parse_context": parse_context}
-    document = validated(source, ShotDocument, problems, missing, context=context)
+    document = validated(checks, ShotDocument, missing, context=context)
     assert clock is not None, "without problems there is a clock"
     motion = _motion(document, clock, source.path.parent)
     subject, files = motion.subject, dict(parse_context.digests)
     if isinstance(subject, Model | CloudOfFile | NetOfFile):
         files[subject.path] = subject.digest
     return Shot(
-        name=Path(path).stem,
+        name=source.path.stem,
         title=document.title,
         intent=document.intent,
         motion=motion,
         picture=_picture(document, clock, subject),
-        path=Path(path),
+        path=source.path,
         files=tuple(sorted(files.items())),
     )
 

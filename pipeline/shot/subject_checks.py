@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.errors import MeshError, MissingInputError, UsageError, suggestion
+from pipeline.errors import MeshError, MissingInputError, UsageError, shortened, suggestion
 from pipeline.mesh.control_net import LEAST, Lattice
 from pipeline.mesh.points import read_net, read_points
 from pipeline.shot.documents.fields import LARGEST, is_number
@@ -167,7 +167,8 @@ def _unfillable(source: YamlSource, written: dict[str, Any]) -> Iterator[Problem
     if written.get("solid") == "sheet" and fill in (None, "volume"):
         yield ("subject", "cloud"), "a sheet encloses no volume to fill. Write fill: surface."
     if isinstance(radius, str):
-        yield ("subject", "radius"), f"points in a solid have no attribute {radius!r}; write a number."
+        fact = f"points in a solid have no attribute {shortened(radius)}"
+        yield ("subject", "radius"), f"{fact}; write a number."
 
 
 def _require_good_file(source: YamlSource, kind: str, path: Path) -> None:

@@ -5,14 +5,26 @@ A message says place, fact, rule and remedy, in that order and in one line.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+MOST_QUOTED = 80
+"""Most characters of a value that a message quotes."""
+
+_LONGEST_WORD, _LONGEST_LINE = 250, 1500
+
 
 class FlowsculptError(Exception):
-    """Base class: anything that a user can be told in one line. `exit_code` is what the process ends with."""
+    """Base class: anything that a user can be told in one line. `exit_code` is what the process ends with.
+
+    Its message is of a length to read, whatever is quoted in it.
+    """
 
     exit_code = 2
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(readable(message))
 
 
 class MachineError(FlowsculptError):
@@ -52,6 +64,24 @@ def reason_of(error: Exception) -> str:
     text = " ".join(str(error).split()) or type(error).__name__
     text = text if text.isprintable() else ascii(text)
     return text if len(text) <= 120 else text[:117] + "…"
+
+
+def shortened(value: object) -> str:
+    """Return the repr of a value for a message; a long one loses its middle."""
+    return brief(repr(value))
+
+
+def brief(value: object) -> str:
+    """Return a value as text for a message; a long one loses its middle."""
+    text = str(value)
+    return text if len(text) <= MOST_QUOTED else f"{text[:50]}…{text[-5:]}"
+
+
+def readable(message: str) -> str:
+    """Return a message whose long words lose their middle, and long lines their end."""
+    words = re.sub(rf"\S{{{_LONGEST_WORD},}}", lambda word: f"{word[0][:50]}…{word[0][-80:]}", message)
+    lines = (line if len(line) <= _LONGEST_LINE else f"{line[:_LONGEST_LINE]}…" for line in words.split("\n"))
+    return "\n".join(lines)
 
 
 MOST_LISTED = 20

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from render.base.errors import BadInputError, suggestion
+from render.base.errors import BadInputError, shortened, suggestion
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,12 @@ class Encode:
     def suffix(self) -> str:
         """The suffix of its files."""
         return self.container.suffix
+
+    def file_name(self, *parts: str) -> str:
+        """Return the name of a file of this encode: `A010.1-48.h264.mp4`. `.webp` stands for itself."""
+        name, *more = parts
+        own = [] if self.suffix == f".{self.name}" else [self.name]
+        return ".".join([name, *own, *more]) + self.suffix
 
     @property
     def is_rgb(self) -> bool:
@@ -135,6 +141,26 @@ PLAYBLAST = replace(REVIEW, options={**_X264, "preset": "superfast", "g": "12", 
 """For previews: encoded soon, and stepped through quickly."""
 
 
+MEANT = {
+    "dnxhd": "prores4444",
+    "exr": "ffv1",
+    "gif": "webp",
+    "hevc": "h265",
+    "lossless": "ffv1",
+    "m4v": "h264",
+    "mkv": "ffv1",
+    "mov": "prores4444",
+    "mp4": "h264",
+    "preview": "review",
+    "prores": "prores4444",
+    "quicktime": "prores4444",
+    "webm": "av1",
+    "x264": "h264",
+    "x265": "h265",
+}
+"""Words for formats of movies, and the deliverables that are proposed for them."""
+
+
 def movie_encode(bits: int) -> Encode:
     """Return the encode of films and movies of shots, by bits a sample: 8 or 10. Raises BadInputError."""
     if bits not in (8, 10):
@@ -145,9 +171,10 @@ def movie_encode(bits: int) -> Encode:
 def encode_named(name: str) -> Encode:
     """Return a deliverable by its name. Raises BadInputError, with the names there are."""
     if name not in ENCODES:
-        close = suggestion(name, ENCODES)
+        meant = MEANT.get(name.lower().lstrip("."))
+        close = f"Did you mean {meant!r}?" if meant else suggestion(name, ENCODES)
         known = "" if close.startswith("There are") else f" There are: {', '.join(ENCODES)}."
-        raise BadInputError(f"{name!r} is no deliverable. {close}{known}")
+        raise BadInputError(f"{shortened(name)} is no deliverable. {close}{known}")
     return ENCODES[name]
 
 

@@ -54,7 +54,7 @@ def test_an_edit_is_told_from_a_shot_even_where_it_is_no_good_yaml(there):
         ("T010_tiny", UsageError, "shots/T010_tiny.yaml is a shot, not an edit; flowsculpt render T010_tiny"),
         ("shots/T010_tiny.yaml", UsageError, "is a shot, not an edit"),
         ("T010_tinny", MissingInputError, "no such edit; did you mean film, reel?"),
-        ("a b", UsageError, "an edit is named by letters"),
+        ("a b", UsageError, "cannot name an edit"),
     ],
 )
 def test_what_is_no_edit_is_told_with_the_nearest_that_is(there, name, kind, says):

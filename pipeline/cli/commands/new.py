@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import filecmp
 import os
-import re
 import shlex
 import shutil
 from collections.abc import Callable
@@ -19,17 +18,14 @@ from pipeline.cli.commands.schema import SCHEMAS, names_with_defaults, write_sch
 from pipeline.cli.options import Common
 from pipeline.cli.output import print_result, print_warning
 from pipeline.errors import FlowsculptError, UsageError, suggestion
-from pipeline.production.request.lookup import FILM, NAME, SHOTS, find_shot, shot_names
+from pipeline.production.request.lookup import FILM, SHOTS, find_shot, shot_names
 from pipeline.shot import read_shot
 from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.model_template import model_template
 from pipeline.shot.show_template import FIRST_SHOT, SHARED, show_files, without_shared
 from pipeline.shot.templates import FLOW_FILES, SCHEMA, presets, shot_of_flow, shot_of_shot
-from pipeline.shot.yaml.lookup import DEFAULTS, is_edit
+from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, name_fault
 from render.base.atomic_write import disk_errors
-
-RESERVED = ("film", "published", "repeated", "turntable", "wedge", Path(DEFAULTS).stem)
-"""Names that no shot may have: folders in renders/ beside those of shots, and the file of defaults."""
 
 MODELS = "models"
 """Folder in shots/ for copies of models."""
@@ -98,11 +94,8 @@ def new(
         )
     if name.endswith((".yaml", ".yml")):
         raise UsageError(f"{name} is the name of a file; write {Path(name).stem}, the name of the shot")
-    if name in RESERVED:
-        use = "the file of defaults in shots/" if name == Path(DEFAULTS).stem else "a folder in renders/"
-        raise UsageError(f"{name} is the name of {use}; choose another one, as A010_{name}")
-    if not re.fullmatch(NAME, name):
-        raise UsageError(f"{name!r} cannot name a shot; use letters, digits, _ and -, as in A010_cube")
+    if fault := name_fault(name):
+        raise UsageError(fault)
     path = SHOTS / f"{name}.yaml"
     if path.exists():
         raise UsageError(f"{path} is there already; choose another name or edit that file")

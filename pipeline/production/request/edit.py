@@ -17,6 +17,7 @@ from pipeline.production.request.shot_source import ShotSummary
 from pipeline.production.stages import FILM
 from pipeline.production.store import paths
 from pipeline.production.store.store import Key, key_of
+from pipeline.shot.yaml.lookup import text_of
 from render.base.input_files import digest_of_file
 from render.base.serialise import from_plain, to_plain
 
@@ -165,8 +166,8 @@ def resolved_edit(
     Raises what `read_film` raises.
     """
     text = None
-    with suppress(OSError, UnicodeDecodeError):  # `read_film` tells why it cannot be read
-        text = path.read_text(encoding="utf-8")
+    with suppress(FlowsculptError):  # `read_film` tells why it cannot be read
+        text = text_of(path)
     found_from = "film", text, str(path.absolute()), settings
     known = cache.get(*found_from)
     if known is not None:

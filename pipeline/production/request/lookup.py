@@ -7,13 +7,10 @@ import re
 from pathlib import Path
 
 from pipeline.errors import MissingInputError, UsageError
-from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, is_there, shown
+from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, is_there, name_fault, shown
 
 SHOTS = Path("shots")
 FILM = SHOTS / "film.yaml"
-NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
-"""Names of shots: they become part of file names, on any system."""
-
 MODELS = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
 """Endings of model files, for the message to one who names such a file in place of a shot."""
 
@@ -35,11 +32,11 @@ def find_shot(name: str) -> Path:
             f"{shown(name)} is a model, not a shot; flowsculpt new A010_{own} --model {shown(name)} makes a "
             "shot of it"
         )
-    path = _path(name, "a shot", "A010_cube")
+    path = _path(name)
     if is_edit(path):
-        raise UsageError(
-            f"{shown(path)} is an edit, not a shot; flowsculpt film {shown(name)} makes its film"
-        )
+        own = "" if path == FILM else f" {shown(name)}"
+        raise UsageError(f"{shown(path)} is an edit, not a shot; flowsculpt film{own} renders it")
+    _require_name(path, "shot")
     if is_there(path):
         return path
     if path == Path(name):
@@ -57,7 +54,8 @@ def find_edit(name: str) -> Path:
     Raises MissingInputError with the nearest names, UsageError for a shot, and for a name that a film cannot
     be called by.
     """
-    path = _path(name, "an edit", "showreel")
+    path = _path(name)
+    _require_name(path, "edit")
     hint = _near(path.stem, edit_names(), "flowsculpt new --show writes shots/film.yaml")
     if not is_there(path):
         _require_shots()
@@ -76,14 +74,15 @@ def _require_shots() -> None:
         raise UsageError(NO_SHOTS)
 
 
-def _path(name: str, kind: str, example: str) -> Path:
-    """Return the path of a shot or an edit. Raises UsageError for a name that files cannot have."""
-    path = Path(name) if name.endswith((".yaml", ".yml")) else SHOTS / f"{name}.yaml"
-    if not re.fullmatch(NAME, path.stem):
-        raise UsageError(
-            f"{path}: {kind} is named by letters, digits, _, - and ., as in {example}; rename it"
-        )
-    return path
+def _path(name: str) -> Path:
+    """Return the path of a shot or an edit."""
+    return Path(name) if name.endswith((".yaml", ".yml")) else SHOTS / f"{name}.yaml"
+
+
+def _require_name(path: Path, kind: str) -> None:
+    """Raise UsageError for a name that no shot or edit can have."""
+    if fault := name_fault(path.stem, kind):
+        raise UsageError(f"{shown(path)}: {fault}")
 
 
 def _near(name: str, known: list[str], otherwise: str) -> str:

@@ -13,7 +13,7 @@ from pipeline.errors import FlowsculptError, MissingInputError, UsageError
 from pipeline.production.request.planning_cache import NO_CACHE, PlanningCache
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Key, key_of
-from pipeline.shot.yaml.lookup import DEFAULTS
+from pipeline.shot.yaml.lookup import DEFAULTS, is_there, text_of
 from render.base.input_files import digest_of_file
 from render.base.serialise import NOT_PLAIN, from_plain, to_plain
 
@@ -174,21 +174,13 @@ def _rests_on(path: Path, text: str) -> dict[str, str]:
 
         return inherited_files(path, text)
     defaults = path.with_name(DEFAULTS)
-    try:
-        return {DEFAULTS: defaults.read_text(encoding="utf-8")}
-    except (OSError, UnicodeDecodeError):
-        return {}
+    return {DEFAULTS: text_of(defaults)} if is_there(defaults) else {}
 
 
 def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise MissingInputError(f"{path}: no such shot file; flowsculpt new makes one") from None
-    except UnicodeDecodeError:
-        raise UsageError(f"{path}: not UTF-8 text; save it as UTF-8") from None
-    except OSError as error:
-        raise MissingInputError(f"{path}: cannot be read ({error.strerror})") from None
+    if not is_there(path):
+        raise MissingInputError(f"{path}: no such shot file; flowsculpt new makes one")
+    return text_of(path)
 
 
 def input_digests(files: Iterable[tuple[Path, str]]) -> InputDigests:

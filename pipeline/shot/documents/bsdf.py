@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import suggestion
+from pipeline.errors import shortened, suggestion
 from pipeline.shot.documents.colours import HEX_PATTERN, is_hex, linear_of
 from pipeline.shot.documents.fields import is_number
-from pipeline.shot.yaml.lookup import is_there, shown
+from pipeline.shot.yaml.lookup import is_there
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from pipeline.shot.yaml.validation import ParseContext, missing_file
 from render.base.errors import RenderError
@@ -81,7 +81,7 @@ def _plugin(
         return
     kind = plugin["type"]
     if kind not in known:
-        yield (*where, "type"), f"{shown(kind)!r} is no {role} of Mitsuba. {suggestion(kind, known)}"
+        yield (*where, "type"), f"{shortened(kind)} is no {role} of Mitsuba. {suggestion(kind, known)}"
         return
     form = PLUGINS[kind]
     inner = [0, 0]

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
 
+from pipeline.errors import shortened
 from pipeline.shot.documents.fields import SchemaKeywords, ZeroToOne, is_number
 from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.validation import bad_value, finding
@@ -55,17 +56,17 @@ def _linear(value: float) -> float:
 
 
 def _fault(text: str) -> str:
-    match, rgb = _HEX.fullmatch(text), _RGB.match(text)
+    match, rgb, quote = _HEX.fullmatch(text), _RGB.match(text), shortened(text)
     if rgb:
         return f"a colour of sRGB is written '{_hex([int(part) for part in rgb.groups()])}', in quotes."
     if match and len(match[1]) in (4, 8):
         count = 3 * len(match[1]) // 4
-        return f"{text!r} has {len(match[1])} digits; colours have no alpha. Write '#{match[1][:count]}'."
+        return f"{quote} has {len(match[1])} digits; colours have no alpha. Write '#{match[1][:count]}'."
     if match and text.startswith("#"):
-        return f"{text!r} has {len(match[1])} digits; it must have 3 or 6. Write it as '#c04020'."
+        return f"{quote} has {len(match[1])} digits; it must have 3 or 6. Write it as '#c04020'."
     if match and len(match[1]) in (3, 6):
         return f"a colour of sRGB begins with #. Write '#{match[1]}', in quotes."
-    return f"{text!r} is no colour. Write red, green, blue from 0 to 1, as [0.5, 0.2, 0.1], or '#c04020'."
+    return f"{quote} is no colour. Write red, green, blue from 0 to 1, as [0.5, 0.2, 0.1], or '#c04020'."
 
 
 def _hex(values: list[int]) -> str:

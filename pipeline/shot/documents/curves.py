@@ -6,7 +6,7 @@ from typing import Annotated, Any, Generic, NamedTuple, TypeVar, cast, get_args
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
-from pipeline.errors import UsageError
+from pipeline.errors import UsageError, shortened
 from pipeline.flow.easing import BEZIER, EASINGS, Handle
 from pipeline.flow.keyframes import Extrapolation, FormulaCurve, Keyframes
 from pipeline.flow.parameters import Curve, Number, Values, VectorParameter
@@ -171,7 +171,7 @@ def _require_form(value: Any) -> Any:
         if {"x", "y", "z"} == set(value):
             raise bad_value(f"a place is a list. Write {in_yaml([value[name] for name in 'xyz'])}.")
     elif isinstance(value, str) and not is_written_number(value) and _is_formula(value):
-        raise bad_value(f"{value!r} is a formula. Write {{formula: {value}}}.")
+        raise bad_value(f"{shortened(value)} is a formula. Write {{formula: {value}}}.")
     return value
 
 

@@ -19,7 +19,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from pipeline.errors import suggestion
+from pipeline.errors import shortened, suggestion
 from pipeline.flow.parameters import Vector, X, Y, Z
 from pipeline.flow.streamlines import MAX_SUBSTEPS
 from pipeline.formula import Expression, FormulaError
@@ -102,7 +102,7 @@ def one_of(names: Iterable[str], kind: str) -> OneOf:
         if word not in known:
             meant = VALUES.get(as_name(word))
             hint = f"Did you mean {meant!r}?" if meant in known else suggestion(word, known)
-            raise bad_value(f"{word!r} is no {kind}. {hint}")
+            raise bad_value(f"{shortened(word)} is no {kind}. {hint}")
         return word
 
     return OneOf(check, known)

@@ -22,6 +22,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
+from pipeline.errors import shortened
 from pipeline.flow import catalogue
 from pipeline.flow.catalogue.attraction import Attraction, Target, Wind
 from pipeline.flow.catalogue.user_fields import MAX_NUMBERS, FormulaField, Sampled
@@ -37,12 +38,14 @@ from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NumberField, number
 from pipeline.shot.documents.fields import NumberOrText, Positive, Triple, exactly_one, parsed_formula, vector
 from pipeline.shot.documents.flow_parameters import FlowParameters, document_of
+from pipeline.shot.yaml.messages import list_in
 from pipeline.shot.yaml.validation import ParseContext, as_finding, finding
 
 
 def _check_name(word: str) -> str:
     if not word.isidentifier() or word in {*NAMES, *CONSTANTS, *FUNCTIONS}:
-        raise finding(f"{word!r} cannot name a number: it is no word, or has a meaning. Choose another.")
+        rule = "it is no word, or has a meaning"
+        raise finding(f"{shortened(word)} cannot name a number: {rule}. Choose another.")
     return word
 
 
@@ -73,10 +76,10 @@ class FormulaDocument(FlowParameters):
     @classmethod
     def _bare(cls, value: Any) -> Any:
         """`formula: [a, b, c]` is `formula: {velocity: [a, b, c]}`."""
-        if isinstance(value, str | int | float):
-            three = str(value).count(",") == 2
-            remedy = f"Write [{value}]" if three else "Write one for each axis, such as [-y, x, 0]"
-            raise finding(f"formula is {value!r}; it must be a list of three. {remedy}.")
+        given = value.get("velocity", []) if isinstance(value, dict) else value
+        if isinstance(given, str | int | float):
+            meant = list_in(str(given)) or "one for each axis, such as [-y, x, 0]"
+            raise finding(f"formula is {shortened(given)}; it must be a list of three. Write {meant}.")
         return {"velocity": value} if isinstance(value, list) else value
 
     @classmethod
@@ -205,7 +208,8 @@ class PythonDocument(FlowParameters):
     @classmethod
     def _is_a_name(cls, function: str) -> str:
         if not function.isidentifier():
-            raise finding(f"{function!r} names no function; write it as in the file, without brackets.")
+            remedy = "write it as in the file, without brackets"
+            raise finding(f"{shortened(function)} names no function; {remedy}.")
         return function
 
     @model_validator(mode="after")

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, create_model, model_validator
 
+from pipeline.errors import shortened
 from pipeline.flow import Flow, Repeated, Reversed, Sequence, Streamlines, Sum, Transform, VelocityField
 from pipeline.flow.composed_fields import RegionField, ScaledField, TransformedField, blended, placed, within
 from pipeline.flow.composed_maps import Mirror
 from pipeline.flow.parameters import Number
-from pipeline.frames import FrameRange, FrameRate, shortened
+from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.clock import SECONDS_PATTERN, Clock
 from pipeline.shot.documents.curves import PlaceField, PositiveField, WeightField, number, place
 from pipeline.shot.documents.fields import (

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
+from pipeline.errors import shortened
 from pipeline.shot.documents.colours import HEX_PATTERN, Colour, parsed_colour
 from pipeline.shot.documents.fields import (
     DEGREE,
@@ -97,7 +98,7 @@ def _hours(value: Any) -> Any:
     """Refuse a time of day with minutes, with the hours that it means."""
     if isinstance(value, str) and (match := re.fullmatch(r"(\d{1,2}):([0-5]\d)(?::\d\d)?", value)):
         hours = int(match[1]) + int(match[2]) / 60
-        raise bad_value(f"{value!r} is no number of hours. Write {hours:.4g}.")
+        raise bad_value(f"{shortened(value)} is no number of hours. Write {hours:.4g}.")
     return value
 
 
@@ -259,7 +260,7 @@ _SPELT_OUT = {
 def require_rig(value: Any) -> Any:
     """Refuse words that are no rig and mean lights that are spelt out."""
     if isinstance(value, str) and (meant := _SPELT_OUT.get(value)):
-        raise bad_value(f"{value!r} is no light rig. Write lights: {meant}.")
+        raise bad_value(f"{shortened(value)} is no light rig. Write lights: {meant}.")
     return value
 
 

@@ -85,15 +85,20 @@ class PigmentDocument(Document):
 
     @model_validator(mode="after")
     def _names_one(self) -> Self:
-        if len(self.model_fields_set) != 1:
+        if len(self._named) != 1:
             raise bad_value(
-                f"pigment names {len(self.model_fields_set)} patterns; it is one of {', '.join(PATTERNS)}. "
+                f"pigment names {len(self._named)} patterns; it is one of {', '.join(PATTERNS)}. "
                 "Write one, such as pigment: {layers: {colours: [[1, 1, 1], [0, 0, 0]]}}."
             )
         return self
 
+    @property
+    def _named(self) -> list[str]:
+        """The patterns that are not left empty."""
+        return [name for name in PATTERNS if getattr(self, name) is not None]
+
     def build(self) -> Pigment:
-        (pattern,) = self.model_fields_set
+        (pattern,) = self._named
         return getattr(self, pattern).build(pattern)
 
 

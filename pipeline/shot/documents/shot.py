@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_validator
 
+from pipeline.errors import shortened
 from pipeline.frames import FASTEST, SLOWEST
 from pipeline.mesh.pn_triangles import MOST_PIECES
 from pipeline.shot.documents.camera import CameraDocument, ShutterDocument
@@ -76,7 +77,7 @@ def _pixels(value: Any) -> Any:
         return value
     match = re.match(_PIXELS, value)
     if not match:
-        raise bad_value(f"{value!r} is no length in pixels. Write 2px.")
+        raise bad_value(f"{shortened(value)} is no length in pixels. Write 2px.")
     return float(match[1])
 
 

@@ -7,6 +7,9 @@ is reported once, and read as it was meant, so that nothing else is reported abo
 from __future__ import annotations
 
 import re
+from collections import deque
+from itertools import islice
+from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
@@ -18,22 +21,26 @@ Mistake = tuple[Node, str]
 """The node at which a mistake stands, and the message."""
 
 _NUMBER = re.compile(r"[-+]?\d+")
+_COMMENT = re.compile(r"\s*:\s+(#.*)$")
+
+_MOST_PARTS = 30
+"""Most parts into which commas are taken to have cut a formula."""
 
 
 def meant_pairs(node: MappingNode) -> tuple[list[Pair], list[Mistake]]:
     """Return the entries of a mapping in braces as they were meant, and the mistakes in them."""
     pairs: list[Pair] = []
     mistakes: list[Mistake] = []
-    given = list(node.value)
+    given = deque(node.value)
     while given:
-        key, value = given.pop(0)
+        key, value = given.popleft()
         if (text := _name_alone(key, value)) is not None:
             key, value = _split(key, value, text, mistakes)
         elif _is_plain(value) and _depth(value.value) > 0:
-            value = _rejoined(value, [name for name, empty in given if _is_empty(empty)], mistakes)
-            del given[: value.value.count(",")]
+            parts = [name for name, empty in islice(given, _MOST_PARTS) if _is_empty(empty)]
+            value = _rejoined(value, parts, mistakes, given)
         elif given and _is_decimal(value, *given[0]):
-            value = _decimal(value, given.pop(0)[0], mistakes)
+            value = _decimal(value, given.popleft()[0], mistakes)
         pairs.append((key, value))
     return pairs, mistakes
 
@@ -42,12 +49,11 @@ def meant_items(node: SequenceNode) -> tuple[list[Node], list[Mistake]]:
     """Return the items of a list in brackets as they were meant, and the mistakes in them."""
     items: list[Node] = []
     mistakes: list[Mistake] = []
-    given = list(node.value)
+    given = deque(node.value)
     while given:
-        item = given.pop(0)
+        item = given.popleft()
         if _is_plain(item) and _depth(item.value) > 0:
-            item = _rejoined(item, given, mistakes)
-            del given[: item.value.count(",")]
+            item = _rejoined(item, list(islice(given, _MOST_PARTS)), mistakes, given)
         items.append(item)
     return items, mistakes
 
@@ -56,10 +62,12 @@ LOST = "for # begins a comment in YAML"
 """Why a value that begins with # is empty."""
 
 
-def lost_colour(value: Node, line: str) -> str | None:
-    """Return the colour that a line has as a comment in place of a value; None if there is none."""
-    match = re.search(r":\s+(#.*)$", line) if _is_empty(value) else None
-    colour = HEX_COLOUR.match(match[1]) if match else None
+def lost_colour(key: Node, value: Node, lines: list[str]) -> str | None:
+    """Return the colour that stands as a comment in place of a value; None if there is none."""
+    if not _is_empty(value):
+        return None
+    comment = _COMMENT.match(lines[key.end_mark.line], key.end_mark.column)
+    colour = HEX_COLOUR.match(comment[1]) if comment else None
     return colour[0] if colour else None
 
 
@@ -121,14 +129,19 @@ def _depth(text: str) -> int:
     return text.count("(") - text.count(")")
 
 
-def _rejoined(item: Node, following: list[Node], mistakes: list[Mistake]) -> Node:
-    """Return the text that commas between round brackets have parted, or the item if they stay open."""
+def _rejoined(item: Node, parts: list[Node], mistakes: list[Mistake], given: deque[Any]) -> Node:
+    """Return the text that commas between round brackets have parted, or the item if they stay open.
+
+    Its parts are removed from those that are still to be read, `given`.
+    """
     text = str(item.value)
-    for node in following:
+    for count, node in enumerate(parts, 1):
         if not _is_plain(node):
             break
         text = f"{text}, {node.value}"
         if _depth(text) == 0:
+            for _ in range(count):
+                given.popleft()
             return _whole(item, text, mistakes)
     return item
 

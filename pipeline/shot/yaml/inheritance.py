@@ -13,9 +13,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import MissingInputError, ShotError, UsageError, suggestion
+from pipeline.errors import MissingInputError, ShotError, UsageError, brief, shortened, suggestion
 from pipeline.shot.clock import Clock, parse_frames, parse_rate
-from pipeline.shot.yaml.lookup import DEFAULTS, shown
+from pipeline.shot.yaml.lookup import DEFAULTS, is_there, shown, text_of
 from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.source import Where, YamlSource
 from pipeline.shot.yaml.syntax import HEX_COLOUR, quoted
@@ -69,8 +69,8 @@ def inherited_files(path: Path, text: str) -> dict[str, str]:
             texts[name] = content
         return content
 
-    read_text(DEFAULTS)
     try:
+        read_text(DEFAULTS)
         _extended(_read(path, text), read_text, (path.name,))
     except (ShotError, MissingInputError):
         return texts
@@ -113,11 +113,11 @@ def over(source: YamlSource, base: YamlSource) -> YamlSource:
     """Return the values of `source`, and those of `base` that it does not have."""
     if not isinstance(source.data, dict):
         return source
-    replaced: list[Where] = []
+    replaced: set[Where] = set()
     data = _merged(source.data, base.data, (), replaced)
 
     kept = base.without_places(
-        lambda where: where in source.places or any(where[: len(r)] == r for r in replaced)
+        lambda where: where in source.places or any(where[:i] in replaced for i in range(len(where) + 1))
     )
     others = {where: kept.others.get(where, str(base.path)) for where in kept.places}
     problems = []
@@ -136,11 +136,11 @@ def over(source: YamlSource, base: YamlSource) -> YamlSource:
     )
 
 
-def _merged(value: Any, base: Any, where: Where, replaced: list[Where]) -> Any:
-    """Return a value merged over a base; append the paths where the base is replaced as a whole."""
+def _merged(value: Any, base: Any, where: Where, replaced: set[Where]) -> Any:
+    """Return a value merged over a base; add the paths where the base is replaced as a whole."""
     both = isinstance(value, dict) and isinstance(base, dict)
     if not both or (where and KIND_NAMES & set(value)):
-        replaced.append(where)
+        replaced.add(where)
         return value
     merged = dict(base)
     for name, item in value.items():
@@ -157,10 +157,8 @@ def _require_mapping(base: YamlSource) -> YamlSource:
 
 
 def _text(path: Path) -> str | None:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, ValueError):  # not there, not UTF-8, or a name that no file can have
-        return None
+    """Return the text of a file, None if there is none. Raises what `text_of` raises."""
+    return text_of(path) if is_there(path) else None
 
 
 def with_settings(source: YamlSource, settings: Iterable[str]) -> YamlSource:
@@ -178,7 +176,7 @@ def with_settings(source: YamlSource, settings: Iterable[str]) -> YamlSource:
 
 
 def _set(source: YamlSource, setting: str) -> YamlSource:
-    place = f"{OPTION} {setting}"
+    place = f"{OPTION} {brief(setting)}"
     for former, name in FORMER_NAMES.items():
         setting = re.sub(rf"^(\s*quality\.){former}\b", rf"\1{name}", setting)
     match = _FORM.fullmatch(setting)
@@ -199,7 +197,7 @@ def _set(source: YamlSource, setting: str) -> YamlSource:
         value = YamlSource.read(Path(OPTION), _yaml_of(match[2].strip())).data
     except ShotError:
         raise ShotError(
-            f"{place}: {match[2]!r} is not YAML. Quote it for the shell, and look at its brackets."
+            f"{place}: {shortened(match[2])} is not YAML. Quote it for the shell, and look at its brackets."
         ) from None
     data = copy.deepcopy(source.data)
     where = _put(data, match[1].split("."), value, place)

@@ -5,8 +5,30 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from pipeline.errors import MissingInputError, ShotError, shortened
+from render.base.errors import BadInputError
+from render.base.input_files import read_input
+from render.base.plural import indefinite
+
 DEFAULTS = "defaults.yaml"
 """The file beside shots that holds defaults for all of them."""
+
+MOST_BYTES = 500_000
+"""Size of the largest shot file or edit that is read; its parser takes some seconds for as much."""
+
+NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
+"""Names of shots and edits: they become part of file names, on any system."""
+
+MOST_LETTERS = 100
+"""Letters in a name; file systems allow some 250 with the numbers and suffixes of files."""
+
+FOLDERS = ("film", "published", "repeated", "review", "turntable", "wedge")
+"""Folders in renders/ beside those of shots, by whose names no shot may be called."""
+
+_TOO_LARGE = (
+    f"the file is larger than {MOST_BYTES // 1000} kB; a shot file has a few. Put points and samples in files "
+    "of their own."
+)
 
 _EDIT, _SHOT = re.compile(r"^shots\s*:", re.MULTILINE), re.compile(r"^(subject|extends)\s*:", re.MULTILINE)
 
@@ -27,14 +49,45 @@ def is_folder(path: Path) -> bool:
         return False
 
 
+def name_fault(name: str, kind: str = "shot") -> str | None:
+    """Return rule and remedy for a name that a shot or an edit cannot have; None for a good one."""
+    example = "showreel" if kind == "edit" else "A010_cube"
+    if name.lower() == Path(DEFAULTS).stem:
+        return f"{name} is the name of the file of defaults in shots/; choose another one, as A010_{name}"
+    if name.lower() in FOLDERS and not (kind == "edit" and name == "film"):
+        return f"{name} is the name of a folder in renders/; choose another one, as A010_{name}"
+    if len(name) > MOST_LETTERS or not re.fullmatch(NAME, name):
+        rule = f"use letters, digits, _ and -, as in {example}"
+        return f"{shortened(name)} cannot name {indefinite(kind)}; {rule}"
+    return None
+
+
+def text_of(path: Path) -> str:
+    """Return the text of a shot file or an edit.
+
+    Raises MissingInputError where no regular file can be read, ShotError for other text than UTF-8 and for
+    files over MOST_BYTES.
+    """
+    try:
+        content = read_input(path, MOST_BYTES)
+    except BadInputError:
+        raise ShotError(f"{path}:1:1: {_TOO_LARGE}") from None
+    try:
+        return content.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as error:
+        raise ShotError(
+            f"{path}:1:1: byte {error.start} is not UTF-8; a shot file is plain text. Save it as UTF-8."
+        ) from None
+
+
 def is_edit(path: Path) -> bool:
     """Tell whether a file is an edit: it lists shots and has no subject. Works on broken YAML too.
 
     False for a file that cannot be read; whoever reads it reports why.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
+        text = text_of(path)
+    except (MissingInputError, ShotError):
         return False
     return bool(_EDIT.search(text)) and not _SHOT.search(text)
 

@@ -67,6 +67,15 @@ def number_in(text: str) -> float | int | None:
     return int(value) if value == int(value) and "." not in match[1] else round(value, 12)
 
 
+def list_in(text: str) -> str | None:
+    """Return the list that a text means, such as `(1, 2, 3)`, `1 2 3` or `x, y`; None if it means none."""
+    inner = re.fullmatch(r"\s*[\[(](.*)[\])]\s*", text)
+    if "," in text:
+        return f"[{inner[1] if inner else text.strip()}]"
+    numbers = re.findall(r"[-+]?\d*\.?\d+", text)
+    return f"[{', '.join(numbers)}]" if numbers and not re.search(r"[A-Za-z]", text) else None
+
+
 def example_of(document: type[BaseModel], value: Any) -> str:
     """Return how to write a mapping in place of a value: the value under the first name that takes it."""
     for name in field_names([document]):
@@ -229,13 +238,8 @@ def _flag(value: Any) -> str:
 
 def _list(value: Any, kinds: list[Any]) -> str:
     items = {member for kind in kinds for inner in types_in_list(kind) for member in members(inner)}
-    if isinstance(value, str) and str in items:
-        return f"[{value}]"
     if isinstance(value, str):
-        numbers = re.findall(r"[-+]?\d*\.?\d+", value)
-        return (
-            f"[{', '.join(numbers)}]" if numbers and not re.search(r"[A-Za-z]", value) else "it as [a, b, c]"
-        )
+        return list_in(value) or (f"[{value}]" if str in items else "it as [a, b, c]")
     if isinstance(value, dict):
         if {"x", "y", "z"} == set(value):
             return in_yaml([value["x"], value["y"], value["z"]])
@@ -251,6 +255,8 @@ def _mapping(value: Any, loc: Where, document: type[BaseModel]) -> str:
         return f"its names without dashes: {in_yaml(whole)}"
     if not models or not name:
         return "it as {name: value}"
+    if isinstance(value, str) and re.fullmatch(r"\s*\{.*:.*\}\s*", value):
+        return f"it without quotes: {name}: {value.strip()}"
     return f"{name}: {example_of(models[0], value)}"
 
 

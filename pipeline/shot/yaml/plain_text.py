@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from pipeline.frames import shortened
+from pipeline.errors import brief, shortened
 from pipeline.shot.yaml.source import Where
 
 MOST_CHARACTERS = 100
@@ -14,7 +14,7 @@ MOST_CHARACTERS = 100
 
 def dotted(where: Where) -> str:
     """Return a path as `--set` has it: flows.0.vortex."""
-    return ".".join(str(step) for step in where)
+    return ".".join(brief(step) for step in where)
 
 
 def listed(names: Iterable[Any], last: str = "and") -> str:
@@ -29,7 +29,8 @@ def in_yaml(value: Any) -> str:
     if len(text) <= MOST_CHARACTERS:
         return text
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{name}: …" for name in value) + "}"
+        names = "{" + ", ".join(f"{name}: …" for name in value) + "}"
+        return names if len(names) <= 2 * MOST_CHARACTERS else f"{names[:MOST_CHARACTERS]}…}}"
     return f"{text[:MOST_CHARACTERS]}…"
 
 

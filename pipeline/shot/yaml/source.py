@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,12 +18,21 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from pipeline.errors import MissingInputError, ShotError
+from pipeline.errors import ShotError
 from pipeline.shot.yaml.bracket_mistakes import LOST, Mistake, lost_colour, meant_items, meant_pairs
+from pipeline.shot.yaml.lookup import MOST_BYTES, text_of
 from pipeline.shot.yaml.syntax import syntax_fault
 
 TOO_LARGE = 10**300
 """Whole numbers from here on count as infinite, as decimal numbers do that no float can hold."""
+
+MOST_VALUES, DEEPEST = 100_000, 60
+"""Values in one file, with those of aliases each time, and how deep they are nested."""
+
+_TOO_DEEP = (
+    "lists and mappings are nested too deep from here on; a shot needs about ten levels. Look for brackets "
+    "that never close."
+)
 
 _FOLD = "\a"
 """ruamel's mark for the line ends of folded text (`>`)."""
@@ -57,33 +67,21 @@ class YamlSource:
     def read(cls, path: Path, text: str | None = None) -> YamlSource:
         """Parse the file at `path`, or `text` in its place.
 
-        Raises MissingInputError where there is no such file, ShotError where it is not YAML.
+        Raises MissingInputError where there is no such file, ShotError where it is not YAML or too large.
         """
-        try:
-            text = path.read_text(encoding="utf-8") if text is None else text
-        except OSError as error:
-            raise MissingInputError(
-                f"{path}: {error.strerror or error}; give the path of a shot file, or its name in shots/"
-            ) from None
-        except UnicodeDecodeError as error:
-            raise ShotError(
-                f"{path}:1:1: byte {error.start} is not UTF-8; a shot file is plain text. Save it as UTF-8."
-            ) from None
+        text = text_of(path) if text is None else text
         try:
             return cls._from_node(path, YAML().compose(text), text.splitlines())
         except YAMLError as error:
             raise ShotError(f"{path}:{syntax_fault(error, text)}") from None
         except RecursionError:
-            raise ShotError(
-                f"{path}:1:1: lists or mappings are nested too deep to be read; a shot needs about ten "
-                "levels. Look for brackets that never close."
-            ) from None
+            raise ShotError(f"{path}:1:1: {_TOO_DEEP}") from None
 
     @classmethod
     def _from_node(cls, path: Path, node: Node | None, lines: list[str]) -> YamlSource:
         if node is None:
             raise ShotError(f"{path}:1:1: the file is empty; it must hold at least title, frames and subject")
-        reader = _Reader(lines)
+        reader = _Reader(path, lines)
         data = reader.value(node, (), ())
         return cls(path, data, reader.places, reader.problems, reader.texts)
 
@@ -168,9 +166,9 @@ class YamlSource:
 
     def mappings(self) -> Iterator[tuple[Where, dict[Any, Any]]]:
         """Yield all mappings of the file with their paths, from the top down."""
-        waiting: list[tuple[Where, Any]] = [((), self.data)]
+        waiting: deque[tuple[Where, Any]] = deque([((), self.data)])
         while waiting:
-            where, value = waiting.pop(0)
+            where, value = waiting.popleft()
             if isinstance(value, dict):
                 yield where, value
                 waiting += [((*where, key), inner) for key, inner in value.items()]
@@ -182,12 +180,16 @@ class YamlSource:
 class _Reader:
     """Converts a tree of nodes to plain values, and notes places, texts and problems on the way."""
 
+    path: Path
     lines: list[str]
     places: dict[Where, tuple[int, int]] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
     texts: dict[Where, tuple[int, int]] = field(default_factory=dict)
+    values: int = 0
+    characters: int = 0
 
     def value(self, node: Node, where: Where, parents: tuple[Node, ...]) -> Any:
+        self._count(node, len(parents))
         self.places.setdefault(where, (node.start_mark.line + 1, node.start_mark.column + 1))
         if any(node is parent for parent in parents):
             self.problems.append((where, "this alias contains itself; write the value out"))
@@ -203,6 +205,19 @@ class _Reader:
         self._note_text(node, where)
         return _scalar(node)
 
+    def _count(self, node: Node, depth: int) -> None:
+        """Raise ShotError where the values, of aliases again each time, become too many or too deep."""
+        self.values += 1
+        self.characters += len(node.value) if isinstance(node, ScalarNode) else 0
+        fault = _TOO_DEEP if depth > DEEPEST else None
+        if self.values > MOST_VALUES or self.characters > 4 * MOST_BYTES:
+            fault = (
+                f"with this value the file holds more than {MOST_VALUES} values, or their text is too long; "
+                "aliases (*name) count each time. Shorten it."
+            )
+        if fault:
+            raise ShotError(f"{self.path}:{node.start_mark.line + 1}:{node.start_mark.column + 1}: {fault}")
+
     def _note_text(self, node: ScalarNode, where: Where) -> None:
         """Note the position of a text's first character, if the file writes its characters one by one."""
         start, end = node.start_mark, node.end_mark
@@ -215,8 +230,11 @@ class _Reader:
         pairs, mistakes = meant_pairs(node) if node.flow_style else (node.value, [])
         self._note_mistakes(mistakes, where)
         for key_node, value_node in pairs:
-            key = _scalar(key_node) if isinstance(key_node, ScalarNode) else str(key_node.value)
             mark = key_node.start_mark
+            if not isinstance(key_node, ScalarNode):
+                self._note_mistakes([(key_node, "a list or mapping is no name; names are text.")], where)
+                continue
+            key = _scalar(key_node)
             if key in values:
                 line = self.places[(*where, key)][0]
                 problem = (
@@ -227,7 +245,7 @@ class _Reader:
                 continue
             self.places[(*where, key)] = (mark.line + 1, mark.column + 1)
             values[key] = self.value(value_node, (*where, key), parents)
-            if colour := lost_colour(value_node, self.lines[mark.line]):
+            if colour := lost_colour(key_node, value_node, self.lines):
                 fact = f"{key} is empty, {LOST}"
                 self.problems.append(((*where, key), f"{fact}. Put the colour in quotes: '{colour}'."))
                 values[key] = colour

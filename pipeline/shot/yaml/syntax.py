@@ -154,6 +154,10 @@ class _Failure:
         if "mapping values are not allowed" not in self.problem:
             return None
         text = self._text(self.line)
+        brace = re.match(r"\s*((?:- )?)(\w+)\s*(\{.*\})\s*$", text)
+        if brace:
+            fact = f"a colon is missing after {brace[2]}"
+            return self.line, brace.end(2), f"{fact}. Write {brace[1]}{brace[2]}: {brace[3]}."
         entry = re.match(r"(\s*(?:- )?)([^:]+): +(.*)$", text)
         if entry and self.column > entry.end(2):
             name, value = entry[2], _without_comment(entry[3])

@@ -199,6 +199,12 @@ class _Mapping:
             if mark in text and as_name(first) in self._fields:
                 self.found.supplied.add((*self.where, first))
                 return f"{fact}. Write {first}: …"
+        brace = re.fullmatch(r"([\w ]+?)\s*(\{.*)", text)
+        if brace and as_name(brace[1]) in self._fields:
+            self.found.covered.add(self.where)
+            dash = "- " if self._is_entry else ""
+            rest = f"{brace[2]}: {in_yaml(self._values[name])}"
+            return f"a colon is missing after {brace[1]}. Write {dash}{as_name(brace[1])}: {rest}."
         spelt = as_name(name)
         if spelt in self._fields and spelt != name:
             self.found.supplied.add((*self.where, spelt))
@@ -275,6 +281,8 @@ class _Mapping:
         for own, kind in self._fields.items():
             if name in field_names(models_in(types_in_list(kind))):
                 self.found.supplied.add((*self.where, own))
+                if isinstance(value, list):
+                    return f"{name} is called {own} in {self._here}. Rename it."
                 return f"{name} belongs under {own}. Write {own}: [{in_yaml({name: value})}]."
         beside = self._beside(name)
         every = list(paths_to(name, self.models, 2))

@@ -5,7 +5,8 @@ A message says place, fact, rule and remedy.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
@@ -14,12 +15,16 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError, ValidationInfo
 from pydantic_core import PydanticCustomError
 
-from pipeline.errors import FlowsculptError, MissingInputError, ShotError
+from pipeline.errors import FlowsculptError, MissingInputError, ShotError, reason_of
 from pipeline.shot.yaml.bracket_mistakes import LOST
 from pipeline.shot.yaml.lookup import is_folder, is_there, shown
 from pipeline.shot.yaml.messages import problems_of
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from render.base.input_files import digest_of_file
+from render.base.plural import plural
+
+MOST_PROBLEMS = 50
+"""Most problems of one file that are told at once."""
 
 T = TypeVar("T")
 D = TypeVar("D", bound=BaseModel)
@@ -81,19 +86,24 @@ def missing_file(name: str, path: Path, kind: str = "file") -> str:
         return f"{kind} {shown(name)} is a folder; it must be a file. Write the name of a file in it."
     return (
         f"{kind} {shown(name)} is not there; it is looked for beside the shot file, as {shown(path)}. "
-        f"{_similar_file(path) or 'Put it there or correct the name.'}"
+        f"{_similar_file(name, path) or 'Put it there or correct the name.'}"
     )
 
 
-def _similar_file(path: Path) -> str | None:
-    """Return a did-you-mean for a file with another suffix, other capitals or a misspelt name."""
+def _similar_file(name: str, path: Path) -> str | None:
+    """Return a did-you-mean for a file with another suffix, other capitals or a misspelt name.
+
+    It has the folder that the shot file writes.
+    """
     try:
         names = sorted(item.name for item in path.parent.iterdir() if item.is_file())
     except (OSError, ValueError):
         return None
     same = [name for name in names if Path(name).stem.lower() == path.stem.lower()]
     close = same or get_close_matches(path.name, names, n=1, cutoff=0.8)
-    return f"Did you mean {close[0]}?" if close and close[0] != path.name else None
+    if not close or close[0] == path.name:
+        return None
+    return f"Did you mean {(Path(name).parent / close[0]).as_posix()}?"
 
 
 def finding(text: str) -> PydanticCustomError:
@@ -119,6 +129,43 @@ def as_finding(make: Callable[[], T]) -> T:
         raise finding(str(error)) from None
 
 
+@contextmanager
+def unforeseen(path: Path) -> Iterator[None]:
+    """Turn an error that is none of ours into a ShotError: no file may end in a traceback."""
+    try:
+        yield
+    except FlowsculptError:
+        raise
+    except Exception as error:
+        raise ShotError(
+            f"{path}:1:1: flowsculpt fails on this file by a fault of its own "
+            f"({type(error).__name__}: {reason_of(error)}). Undo the last change, and report the fault."
+        ) from error
+
+
+@dataclass
+class Checks:
+    """Runs checks of the values as the file has them, before the document has checked their types.
+
+    problems   what they find
+    failures   the errors of checks that a value of a wrong type has stopped; the document reports such values
+    """
+
+    source: YamlSource
+    problems: list[Problem] = field(default_factory=list)
+    failures: list[Exception] = field(default_factory=list)
+
+    def run(self, check: Callable[..., Iterable[Problem]], *arguments: Any) -> list[Problem]:
+        """Add the problems that `check(source, *arguments)` yields, and return them."""
+        found: list[Problem] = []
+        try:
+            found += check(self.source, *arguments)
+        except Exception as error:
+            self.failures.append(error)
+        self.problems += found
+        return found
+
+
 def _is_reported(where: Where, reported: set[Where]) -> bool:
     """Tell whether a check has reported a value, or the list in which it stands."""
     return where in reported or (bool(where) and isinstance(where[-1], int) and where[:-1] in reported)
@@ -133,24 +180,27 @@ def _with_remedy_of(found: list[Problem], problem: Problem) -> Problem:
 
 
 def validated(
-    source: YamlSource,
+    checks: Checks,
     kind: type[D],
-    problems: list[Problem],
     missing: list[Problem],
     failed: list[FlowsculptError] | None = None,
     context: Mapping[str, Any] | None = None,
 ) -> D:
     """Return the file as a document.
 
-    problems  mistakes that checks have found
-    missing   files that are named and not there
-    failed    errors of other files
+    checks   of the file, which have run
+    missing  files that are named and not there
+    failed   errors of other files
 
-    Raises ShotError with all of them in the order of the file; MissingInputError if only files are missing.
+    Raises ShotError with all mistakes, or the first MOST_PROBLEMS, in the order of the file;
+    MissingInputError if only files are missing.
     """
-    wrong, document = [*source.problems, *problems], None
+    source = checks.source
+    wrong, document = [*source.problems, *checks.problems], None
     try:
         document = kind.model_validate(source.data, context=dict(context or {}))
+        for failure in checks.failures:
+            raise failure
     except ValidationError as error:
         found, supplied = problems_of(error, source, kind)
         wrong = [_with_remedy_of(found, problem) for problem in wrong if problem[0] not in supplied]
@@ -166,7 +216,11 @@ def validated(
     ]
     lines += [line for error in others if isinstance(error, ShotError) for line in error.messages]
     if lines:
-        raise ShotError(*dict.fromkeys([*lines, *absent]))
+        lines = list(dict.fromkeys([*lines, *absent]))
+        if len(lines) > MOST_PROBLEMS:
+            rest = plural(len(lines) - MOST_PROBLEMS, "more problem")
+            lines[MOST_PROBLEMS:] = [f"{source.path}: {rest}; correct these first"]
+        raise ShotError(*lines)
     if absent:
         raise MissingInputError("\n".join(absent))
     assert document is not None
