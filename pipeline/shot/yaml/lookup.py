@@ -26,8 +26,8 @@ FOLDERS = ("film", "published", "repeated", "review", "turntable", "wedge")
 """Folders in renders/ beside those of shots, by whose names no shot may be called."""
 
 _TOO_LARGE = (
-    f"the file is larger than {MOST_BYTES // 1000} kB; a shot file has a few. Put points and samples in files "
-    "of their own."
+    f"the file is larger than {MOST_BYTES // 1000} kB; a shot file has a few. Put points and samples in "
+    "files of their own."
 )
 
 _EDIT, _SHOT = re.compile(r"^shots\s*:", re.MULTILINE), re.compile(r"^(subject|extends)\s*:", re.MULTILINE)
