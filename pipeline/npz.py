@@ -31,7 +31,7 @@ _HEADERS: dict[tuple[int, int], Callable[[Any], Any]] = {
 
 @dataclass(frozen=True)
 class ArrayHeader:
-    """What an array of an archive is before it is unpacked. `size` is its number of bytes."""
+    """The shape and type of an array in an archive. `size` is its number of bytes once unpacked."""
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]

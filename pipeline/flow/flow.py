@@ -18,6 +18,7 @@ import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.errors import FrameError, UsageError
+from render.base.input_files import read_input
 
 Displacement = Callable[[Points, float, float], Points]
 """Any callable `points, time, dt -> points` (P1)."""
@@ -150,6 +151,10 @@ def require_permission(flow: Flow) -> None:
             )
 
 
+MOST_CODE = 4 << 20
+"""Size of the largest Python file."""
+
+
 def _function(path: Path, digest: str, name: str) -> Displacement:
     """Return a function of a file with that digest. Raises FrameError."""
     function: Displacement | None = getattr(_module(path, digest), name, None)
@@ -161,7 +166,7 @@ def _function(path: Path, digest: str, name: str) -> Displacement:
 @lru_cache(maxsize=64)
 def _module(path: Path, digest: str) -> ModuleType:
     """Run a file as a module in sys.modules, where dataclasses look up their own."""
-    source = path.read_bytes()
+    source = read_input(path, MOST_CODE)
     if hashlib.sha256(source).hexdigest() != digest:
         raise FrameError(f"{path}: it was changed since the work was planned; run again")
     module = ModuleType(f"flowsculpt_flow_{digest}")

@@ -81,8 +81,11 @@ _TYPES = {
 
 _DECOMPRESSORS: dict[str, Callable[[], Any]] = {
     "vtkZLibDataCompressor": zlib.decompressobj,
-    "vtkLZMADataCompressor": lzma.LZMADecompressor,
+    "vtkLZMADataCompressor": lambda: lzma.LZMADecompressor(memlimit=256 << 20),
 }
+
+_MOST_A_BYTE = {None: 1, "vtkZLibDataCompressor": 1032, "vtkLZMADataCompressor": 8000}
+"""Numbers that a byte of a file holds at most, by its compressor; even data are packed so densely."""
 
 _LONGEST_AXIS = 1 << 20
 """The most numbers on an axis of a rectilinear grid."""
@@ -112,12 +115,14 @@ def read_vtk(
 class _Grid:
     """The parts of a file.
 
+    size      bytes of the file
     head      the XML elements, without appended bytes
     piece     the only piece
     appended  the bytes after the underscore, base64 or raw
     """
 
     file: Path
+    size: int
     head: ElementTree.Element
     piece: ElementTree.Element
     appended: bytes
@@ -145,7 +150,7 @@ class _Grid:
                 f"{file}: it has {len(pieces)} pieces; a field is read from one. Save it as one."
             )
         end = body.rfind(b"</AppendedData")
-        return cls(file, head, pieces[0], body[:end] if end >= 0 else body)
+        return cls(file, len(content), head, pieces[0], body[:end] if end >= 0 else body)
 
     def fail(self, fact: str) -> NoReturn:
         raise UsageError(f"{self.file}: {fact}; save it again from VTK or ParaView, with point data")
@@ -163,7 +168,10 @@ class _Grid:
         if not all(end.is_integer() for end in extent):
             self.fail(f"Extent is {self.piece.get('Extent')!r} and must be 6 whole numbers")
         ends = [(int(extent[k]), int(extent[k + 1]) + 1) for k in (0, 2, 4)]
-        require_size(self.file, (max(1, end - begin) for begin, end in ends), most)
+        lengths = [max(1, end - begin) for begin, end in ends]
+        require_size(self.file, lengths, most)
+        if 3 * math.prod(lengths) > _MOST_A_BYTE.get(self.head.get("compressor"), 1) * self.size:
+            self.fail(f"Extent is {self.piece.get('Extent')!r}, more points than {self.size} bytes can hold")
         origin, spacing = self._row(image, "Origin", 3, "0 0 0"), self._row(image, "Spacing", 3, "1 1 1")
         direction = self._row(image, "Direction", 9, "1 0 0 0 1 0 0 0 1")
         if not np.array_equal(direction, np.eye(3).ravel()):

@@ -74,6 +74,7 @@ def read_surface(path: str | Path, repair: bool = True) -> ImportedSurface:
     loaded = read_by_suffix(path, _READERS, "a mesh format")
     if len(loaded.corners) == 0:
         raise MeshError(f"{path}: it holds no faces; a surface needs at least one triangle")
+    _require_cuttable(path, loaded)
     try:
         mesh, repairs = repair_surface(loaded, repair)
     except MeshError as error:
@@ -81,6 +82,21 @@ def read_surface(path: str | Path, repair: bool = True) -> ImportedSurface:
     suffix = path.suffix.lstrip(".").upper()
     vertices = len(loaded.points) if loaded.shares_vertices else len(mesh.vertices)
     return ImportedSurface(mesh, repairs, suffix, vertices, len(loaded.offsets) - 1)
+
+
+_FEW_CORNERS, _MOST_WORK = 64, 3e9
+"""Cutting a face of n corners takes n³ steps; those of faces with few corners are not counted."""
+
+
+def _require_cuttable(path: Path, surface: FileSurface) -> None:
+    """Raise MeshError where cutting the faces into triangles would take more than seconds."""
+    sides = np.diff(surface.offsets)
+    if (sides[sides > _FEW_CORNERS].astype(np.float64) ** 3).sum() > _MOST_WORK:
+        face = int(np.argmax(sides))
+        raise MeshError(
+            f"{path}: face {face + (surface.base or 0)} has {sides[face]} corners, too many to be cut into "
+            "triangles here. Triangulate the model in the program that made it."
+        )
 
 
 def reader_of(parse: Callable[[bytes], T]) -> Callable[[Path], T]:

@@ -161,7 +161,7 @@ def _without_dangling(soup: FaceSoup, faults: RepairLog) -> tuple[FaceSoup, AnyA
     linked[owners[link >= 0]] = True
     touching[owners[crowded]] = True
     dangling = touching & ~linked & (soup.areas <= _DANGLING * soup.areas.sum())
-    if not dangling.any():
+    if not dangling.any() or dangling.all():
         return soup, link, crowded
     one, many = "face hangs at an edge of two others", "faces hang at edges of two others"
     faults.add(_first_vertices(soup, dangling), one, many, "dropped")

@@ -1,4 +1,4 @@
-"""Parsers that are not ours run in a process of their own, with limits.
+"""Run parsers that are not ours in a process of their own, with limited memory and time.
 
 Libraries that decode pictures, sound and scenes may crash, hang or fill the memory on a damaged file. With
 limits, a process of its own takes the damage, and the caller gets an error. It costs the time to import the
@@ -13,9 +13,11 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from importlib.metadata import version
 from pathlib import Path
 
-from render.base.errors import reason_of
+from render.base.disk_cache import cache_path, load_answer, store_answer
+from render.base.errors import MachineError, reason_of
 
 SECONDS = 60.0
 """Time that a parser may take."""
@@ -35,8 +37,8 @@ class ParserError(Exception):
 def answer_of(module: str, *words: str, seconds: float = SECONDS) -> bytes:
     """Return what a module answers about words; it calls `serve` where it is run.
 
-    Raises ParserError where it refuses, crashes, or takes too long or too much memory; OSError where no
-    process can be started.
+    Raises ParserError where it refuses, crashes, or takes too long or too much memory; MachineError where
+    no process can be started.
     """
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(_PACKAGE_ROOT), *filter(None, sys.path)])}
     try:
@@ -50,11 +52,30 @@ def answer_of(module: str, *words: str, seconds: float = SECONDS) -> bytes:
         )
     except subprocess.TimeoutExpired:
         raise ParserError(f"its reader took over {seconds:.0f} seconds") from None
+    except OSError as error:
+        raise MachineError(f"no process can be started to read a file ({error.strerror})") from None
     if done.stdout.startswith(_PARSED):
         return done.stdout.removeprefix(_PARSED)
     if done.stdout.startswith(_REFUSED):
         raise ParserError(done.stdout.removeprefix(_REFUSED).decode("utf-8", "replace"))
     raise ParserError("its reader crashed or ran out of memory")
+
+
+def answer_about_content(module: str, path: Path, digest: str, library: str) -> str:
+    """Return what a module answers about the path of a file; the disk cache stores it by content.
+
+    digest   of the file's content
+    library  the package that reads it; another version is asked again
+
+    Raises as `answer_of`.
+    """
+    known = cache_path("parsed", [module, library, version(library), digest])
+    stored = load_answer(known)
+    if stored is not None and isinstance(stored.get("answer"), str):
+        return str(stored["answer"])
+    answer = answer_of(module, str(path.absolute())).decode()
+    store_answer(known, {"answer": answer})
+    return answer
 
 
 def serve(answer: Callable[..., bytes]) -> None:

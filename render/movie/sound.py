@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +14,9 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.disk_cache import cache_path, load_answer, store_answer
 from render.base.errors import BadInputError, reason_of
 from render.base.input_files import digest_of_file, require_input
-from render.base.limited_process import ParserError, answer_of, serve
+from render.base.limited_process import ParserError, answer_about_content, serve
 
 RATE = 48_000
 """Samples per second, as film sound has."""
@@ -155,15 +153,10 @@ def _unreadable(file: Path, reason: object) -> BadInputError:
 @lru_cache(maxsize=16)
 def _count_samples(file: Path, _modified: int, _size: int) -> int:
     """Return the number of samples of a file, counted once for each content."""
-    known = cache_path("sounds", [version("av"), digest_of_file(file)])
-    answer = load_answer(known)
-    if answer is None:
-        try:
-            answer = {"samples": int(answer_of("render.movie.sound", str(file.absolute())))}
-        except ParserError as error:
-            raise _unreadable(file, error) from None
-        store_answer(known, answer)
-    return int(answer["samples"])
+    try:
+        return int(answer_about_content("render.movie.sound", file, digest_of_file(file), "av"))
+    except ParserError as error:
+        raise _unreadable(file, error) from None
 
 
 def _counted(file: str) -> bytes:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from render.base.atomic_write import atomic_write, cannot_write
 from render.base.errors import BadInputError, CorruptImageError, MissingImageError
 from render.scene.aovs import AOVS, RenderedFrame
+from render.scene.textures import last_message
 
 Header = Mapping[str, Any]
 Displayed = NDArray[np.uint8] | NDArray[np.uint16]
@@ -69,7 +70,9 @@ def read_exr(path: Path) -> tuple[RenderedFrame, dict[str, Any]]:
         spec = file.spec()
         pixels: Any = file.read_image(0, 0, 0, spec.nchannels, oiio.FLOAT)
         if pixels is None:
-            raise CorruptImageError(f"{path}: cannot be read to its end ({_reason(file)}); render it again")
+            raise CorruptImageError(
+                f"{path}: cannot be read to its end ({last_message(file)}); render it again"
+            )
         header = _header(spec)
     columns: dict[str, list[int]] = {}
     for index, channel in enumerate(spec.channelnames):
@@ -129,7 +132,9 @@ def read_png(path: Path) -> NDArray[Any]:
         spec = file.spec()
         pixels: Any = file.read_image(0, 0, 0, spec.nchannels, spec.format)
         if pixels is None:
-            raise CorruptImageError(f"{path}: cannot be read to its end ({_reason(file)}); make it again")
+            raise CorruptImageError(
+                f"{path}: cannot be read to its end ({last_message(file)}); make it again"
+            )
         return np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
 
 
@@ -176,7 +181,7 @@ def _opened(path: Path) -> Iterator[Any]:
         raise MissingImageError(f"{path}: there is no such picture")
     file = oiio.ImageInput.open(str(path))
     if file is None:
-        raise CorruptImageError(f"{path}: cannot be opened ({_reason(oiio)}); make it again")
+        raise CorruptImageError(f"{path}: cannot be opened ({last_message(oiio)}); make it again")
     try:
         yield file
     finally:
@@ -187,9 +192,9 @@ def _write(path: Path, kind: str, spec: Any, pixels: NDArray[Any]) -> None:
     with atomic_write(path) as temporary:
         output: Any = oiio.ImageOutput.create(kind)
         written = output.open(str(temporary), spec) and output.write_image(pixels)
-        reason = "" if written else _reason(output)
+        reason = "" if written else last_message(output)
         if not (output.close() and written):
-            raise cannot_write(path, reason or _reason(output))
+            raise cannot_write(path, reason or last_message(output))
         _check_whole(temporary, path)
 
 
@@ -200,10 +205,4 @@ def _check_whole(temporary: Path, path: Path) -> None:
     if file is not None:
         file.close()
     if not whole:
-        raise cannot_write(path, f"what was written cannot be read: {_reason(file or oiio)}")
-
-
-def _reason(source: Any) -> str:
-    """Return OpenImageIO's last message, in one line."""
-    complaints = str(source.geterror()).strip().splitlines()
-    return complaints[-1].strip() if complaints else "no reason given"
+        raise cannot_write(path, f"what was written cannot be read: {last_message(file or oiio)}")

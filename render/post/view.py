@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from render.base.errors import BadInputError, suggestion
-from render.scene.textures import DEFAULT_CONFIG
+from render.base.limited_process import ParserError, answer_about_content, serve
+from render.scene.textures import DEFAULT_CONFIG, last_message
 
 BUILT_IN = "ocio://"
 
@@ -19,6 +21,9 @@ LINEAR_REC709 = (
     "lin_srgb",
 )
 """Names of linear Rec.709, the space of pictures, in common configs."""
+
+_MOST_TRIED = 64
+"""Views whose tables are read before a config is used."""
 
 
 @dataclass(frozen=True)
@@ -94,16 +99,21 @@ def view_of(
 
 @cache
 def _read(config: str, digest: str) -> Any:
-    """Read a config, once for each content of its file."""
+    """Read a config, once for each content of its file, and first in a process of its own."""
     import OpenImageIO as oiio
 
+    if digest:
+        try:
+            answer_about_content("render.post.view", Path(config), digest, "OpenImageIO")
+        except ParserError as error:
+            raise BadInputError(
+                f"{config}: it cannot be read as an OpenColorIO config ({error}); mend it, or name another"
+            ) from None
     opened = oiio.ColorConfig(config)
     if not opened.getNumDisplays():
-        reason = str(opened.geterror()).strip().splitlines()
-        detail = f" ({reason[-1].strip()})" if reason else ""
         raise BadInputError(
-            f"{config} is no OpenColorIO config with a display{detail}; name a file, or a built-in config "
-            f"such as {DEFAULT_CONFIG}"
+            f"{config} is no OpenColorIO config with a display ({last_message(opened)}); "
+            f"name a file, or a built-in config such as {DEFAULT_CONFIG}"
         )
     return opened
 
@@ -111,3 +121,18 @@ def _read(config: str, digest: str) -> Any:
 def _require_known(kind: str, name: str, names: list[str], config: str) -> None:
     if name not in names:
         raise BadInputError(f"{config} has no {kind} {name!r}. {suggestion(name, names, cutoff=0.4)}")
+
+
+def _try_views(config: str) -> bytes:
+    """Read a config, and the tables of its views."""
+    import OpenImageIO as oiio
+
+    opened, pixel = oiio.ColorConfig(config), oiio.ImageBuf(oiio.ImageSpec(1, 1, 3, oiio.FLOAT))
+    pairs = [(d, view) for d in opened.getDisplayNames() for view in opened.getViewNames(d)]
+    for display, view in pairs[:_MOST_TRIED]:
+        oiio.ImageBufAlgo.ociodisplay(pixel, display, view, colorconfig=config)
+    return b""
+
+
+if __name__ == "__main__":
+    serve(_try_views)

@@ -6,14 +6,12 @@ reader says itself. The answer is stored by the content of the file.
 
 from __future__ import annotations
 
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from render.base.disk_cache import cache_path, load_answer, store_answer
 from render.base.errors import BadInputError
 from render.base.input_files import require_input
-from render.base.limited_process import MEMORY, ParserError, allow_memory, answer_of, serve
+from render.base.limited_process import MEMORY, ParserError, allow_memory, answer_about_content, serve
 
 MOST_BYTES = 4 << 30
 """Size of the largest file."""
@@ -38,18 +36,12 @@ def require_decodable(path: str, digest: str) -> None:
     digest  of the file's content
     """
     require_input(Path(path), MOST_BYTES)
-    known = cache_path("pictures", [version("OpenImageIO"), digest])
-    if load_answer(known) is not None:
-        return
     try:
-        answer_of("render.scene.picture_check", str(Path(path).absolute()))
+        answer_about_content("render.scene.picture_check", Path(path), digest, "OpenImageIO")
     except ParserError as error:
         raise BadInputError(
             f"{path}: it cannot be read as a picture ({error}); write it again, as EXR, PNG, JPEG or TIFF"
         ) from None
-    except OSError:  # no process can be started now; the next reader asks again
-        return
-    store_answer(known, {"is_decodable": True})
 
 
 def _decode(path: str) -> bytes:

@@ -7,12 +7,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cache, lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError
+from render.base.errors import BadInputError, reason_of
+from render.base.input_files import parsing
 from render.base.serialise import NOT_PLAIN
 from render.scene.picture_check import require_decodable
 
@@ -147,26 +149,37 @@ def opened_picture(path: str, kinds: str, *options: Any) -> Iterator[Any]:
     kinds    file formats that the message recommends
     options  an ImageSpec for the reader
 
-    Raises BadInputError where it is no picture.
+    Raises BadInputError where it is no picture, and for any error of OpenImageIO while it is open.
     """
     import OpenImageIO as oiio
 
-    file = oiio.ImageInput.open(path, *options)
-    if file is None:
-        reason = str(oiio.geterror() or "unknown format").splitlines()[0]
-        raise BadInputError(f"{path}: it cannot be read as a picture ({reason}); write an {kinds}")
-    try:
-        yield file
-    finally:
-        file.close()
+    with parsing(Path(path), "a picture", f"Write an {kinds}."):
+        file = oiio.ImageInput.open(path, *options)
+        if file is None:
+            raise BadInputError(
+                f"{path}: it cannot be read as a picture ({last_message(oiio)}); write an {kinds}"
+            )
+        try:
+            yield file
+        finally:
+            file.close()
 
 
 def read_channels(file: Any, count: int, path: str) -> Pixels:
     """Return the first channels of an opened picture. Raises BadInputError where it is truncated."""
     pixels = file.read_image(0, 0, 0, count)
     if pixels is None:
-        raise BadInputError(f"{path}: it cannot be read to its end ({file.geterror()}); write it again")
+        raise BadInputError(f"{path}: it cannot be read to its end ({last_message(file)}); write it again")
     return np.asarray(pixels, dtype=np.float32)
+
+
+def last_message(source: Any) -> str:
+    """Return the first line of OpenImageIO's last message."""
+    try:
+        lines = str(source.geterror()).strip().splitlines()
+    except UnicodeDecodeError:  # it quotes the file
+        lines = []
+    return reason_of(ValueError(lines[0] if lines else "unknown format"))
 
 
 def linear_of_srgb(srgb: NDArray[np.floating]) -> NDArray[np.float64]:

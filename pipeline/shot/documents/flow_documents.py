@@ -22,12 +22,12 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from pipeline.errors import shortened
+from pipeline.errors import reason_of, shortened
 from pipeline.flow import catalogue
 from pipeline.flow.catalogue.attraction import Attraction, Target, Wind
 from pipeline.flow.catalogue.user_fields import MAX_NUMBERS, FormulaField, Sampled
 from pipeline.flow.catalogue.vortices import CurlNoise
-from pipeline.flow.flow import PythonFlow
+from pipeline.flow.flow import MOST_CODE, PythonFlow
 from pipeline.flow.parameters import ParameterDoc, shot_name
 from pipeline.flow.samples import Samples, read_samples
 from pipeline.formula import FUNCTIONS
@@ -40,6 +40,7 @@ from pipeline.shot.documents.fields import NumberOrText, Positive, Triple, exact
 from pipeline.shot.documents.flow_parameters import FlowParameters, document_of
 from pipeline.shot.yaml.messages import list_in
 from pipeline.shot.yaml.validation import ParseContext, as_finding, finding
+from render.base.input_files import read_input
 
 
 def _check_name(word: str) -> str:
@@ -217,13 +218,13 @@ class PythonDocument(FlowParameters):
         context = ParseContext.of(info)
         self._path, self._allowed = context.file(self.file), context.allow_code
         self._digest = context.digests[self._path]
+        code = as_finding(lambda: read_input(self._path, MOST_CODE))
         try:
-            ast.parse(self._path.read_bytes(), str(self._path))
+            ast.parse(code, str(self._path))
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             line = f" (line {error.lineno})" if isinstance(error, SyntaxError) and error.lineno else ""
-            raise finding(
-                f"{self._path}: this is not Python{line}: {getattr(error, 'msg', error)}. Correct it there."
-            ) from None
+            reason = reason_of(error if not isinstance(error, SyntaxError) else ValueError(error.msg))
+            raise finding(f"{self._path}: this is not Python{line}: {reason}. Correct it there.") from None
         return self
 
     def own_values(self, clock: Clock) -> dict[str, Any]:

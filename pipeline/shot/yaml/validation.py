@@ -20,7 +20,7 @@ from pipeline.shot.yaml.bracket_mistakes import LOST
 from pipeline.shot.yaml.lookup import is_folder, is_there, shown
 from pipeline.shot.yaml.messages import problems_of
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
-from render.base.input_files import digest_of_file
+from render.base.input_files import digest_of_file, kind_of_path
 from render.base.plural import plural
 
 MOST_PROBLEMS = 50
@@ -84,6 +84,8 @@ def missing_file(name: str, path: Path, kind: str = "file") -> str:
     """Return the message about a file that a shot file names and that is not there."""
     if is_folder(path):
         return f"{kind} {shown(name)} is a folder; it must be a file. Write the name of a file in it."
+    if special := kind_of_path(path):
+        return f"{kind} {shown(name)} is {special}; it must be a regular file. Name another."
     return (
         f"{kind} {shown(name)} is not there; it is looked for beside the shot file, as {shown(path)}. "
         f"{_similar_file(name, path) or 'Put it there or correct the name.'}"

@@ -1,0 +1,327 @@
+"""Mutated files for every reader of files from outside: sound samples, and what must hold for any mutation.
+
+`python -m tests.fuzz.files 20000` tries so many files, `--kind glb` only those of one kind. Readers run in a
+worker process, which also calls what `render.base.limited_process` would start, so that a crash is noticed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import os
+import resource
+import shutil
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from tests.fuzz.mutations import mutated
+from tests.fuzz.samples import samples
+
+MOST_SECONDS, MOST_BYTES, MOST_WORDS = 5.0, 512 << 20, 1200
+PATIENCE = 60.0
+"""Seconds until a worker is ended; `MOST_SECONDS` are of its CPU."""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """How a reader took a file: `fault` is empty where it behaved."""
+
+    fault: str
+    message: str = ""
+    seconds: float = 0.0
+    megabytes: float = 0.0
+
+
+def _model(path: Path) -> None:
+    from pipeline.shot.model_subject import Model
+
+    Model("", path=path, fit=2.0).build()
+
+
+def _scene(path: Path) -> None:
+    """Read glTF as `read_gltf` does, but in this process."""
+    import io
+
+    import numpy as np
+
+    from pipeline.errors import MeshError
+    from pipeline.mesh.file_surface import file_surface
+    from pipeline.mesh.gltf_files import _arrays, _require_whole
+    from pipeline.mesh.repair import repair_surface
+    from render.base.input_files import parsing
+
+    with parsing(path, "a scene", ""):
+        if path.suffix == ".glb":
+            _require_whole(path.read_bytes())
+        file = io.BytesIO(_arrays(str(path)))
+        surface = file_surface(np.load(file), np.load(file), base=None)
+        if not len(surface.corners):
+            raise MeshError("it holds no faces")
+        repair_surface(surface).mesh.triangulated()
+
+
+def _points(path: Path) -> None:
+    from pipeline.mesh.points import read_points
+
+    read_points(path)
+
+
+def _net(path: Path) -> None:
+    from pipeline.mesh.points import read_net
+
+    read_net(path, 4)
+
+
+def _field(path: Path) -> None:
+    from pipeline.flow.samples import read_samples
+
+    read_samples((path,))
+
+
+def _decodable(path: Path, answer: Callable[[str], bytes], module: str, library: str) -> str:
+    """Ask in this process what `answer_about_content` asks in another, and store the answer."""
+    from importlib.metadata import version
+
+    from render.base.disk_cache import cache_path, store_answer
+    from render.base.input_files import digest_of_file, parsing
+
+    digest = digest_of_file(path)
+    with parsing(path, "a file of its kind", ""):
+        answered = answer(str(path))
+    store_answer(
+        cache_path("parsed", [module, library, version(library), digest]), {"answer": answered.decode()}
+    )
+    return digest
+
+
+def _picture(path: Path) -> None:
+    from render.scene import picture_check
+    from render.scene.textures import read_picture
+
+    digest = _decodable(path, picture_check._decode, "render.scene.picture_check", "OpenImageIO")
+    read_picture.__wrapped__(str(path), digest, None)
+
+
+def _sky(path: Path) -> None:
+    from render.scene import picture_check
+    from render.scene.sky import read_map
+
+    digest = _decodable(path, picture_check._decode, "render.scene.picture_check", "OpenImageIO")
+    read_map.__wrapped__(str(path), digest)
+
+
+def _sound(path: Path) -> None:
+    from fractions import Fraction
+
+    from render.movie import sound
+
+    _decodable(path, sound._counted, "render.movie.sound", "av")
+    for _ in sound.blocks(sound.Sound(path, 0.1, fade_out=0.1), Fraction(2)):
+        pass
+
+
+def _view(path: Path) -> None:
+    from render.post import view
+
+    digest = _decodable(path, view._try_views, "render.post.view", "OpenImageIO")
+    view._read.__wrapped__(str(path), digest)
+    view.view_of(str(path), None, None, "LINEAR", digest)
+
+
+def _flow(path: Path) -> None:
+    from pipeline.shot import read_shot
+
+    text = "title: a\nframes: 1-2\nsubject: {solid: box}\nresample: {max_edge_length: 0.5}\n"
+    text += "flows: [{python: {file: %s, function: move}}]\n"
+    read_shot(path.with_name("shot.yaml"), text % path.name)
+
+
+READERS: dict[str, Callable[[Path], None]] = {
+    "model": _model,
+    "scene": _scene,
+    "points": _points,
+    "net": _net,
+    "field": _field,
+    "picture": _picture,
+    "sky": _sky,
+    "sound": _sound,
+    "view": _view,
+    "flow": _flow,
+}
+
+
+def read(kind: str, path: Path) -> Attempt:
+    """Read a file by the reader of a kind; return how it went, measured in this process."""
+    from pipeline.errors import FlowsculptError
+
+    fault = message = ""
+    before, start = _reset_peak(), time.process_time()
+    try:
+        READERS[kind](path)
+    except FlowsculptError as error:
+        message = str(error)
+        if error.exit_code not in (2, 3):
+            fault = f"exit code {error.exit_code}"
+        elif len(message) > MOST_WORDS or len(message.split("\n")) > 3 or not message.isprintable():
+            fault = "a message that is no short line"
+    except BaseException as error:
+        fault = f"{type(error).__name__} in {traceback.extract_tb(error.__traceback__)[-1].name}"
+        message = "".join(traceback.format_exception(error)[-6:])
+    seconds, size = time.process_time() - start, _peak() - before
+    if seconds > MOST_SECONDS:
+        fault = fault or "slow"
+    if size > MOST_BYTES:
+        fault = fault or "memory"
+    return Attempt(fault, message, seconds, size / 2**20)
+
+
+def _reset_peak() -> int:
+    """Reset the peak of this process's memory; return what it holds now, bytes."""
+    Path("/proc/self/clear_refs").write_text("5")
+    return _peak()
+
+
+def _peak() -> int:
+    line = next(line for line in Path("/proc/self/status").read_text().splitlines() if "VmHWM" in line)
+    return int(line.split()[1]) << 10
+
+
+def _work(connection: Any, folder: Path) -> None:
+    """Read the files whose kinds and paths come in; the parent ends this process where it hangs."""
+    import pipeline.shot.model_subject  # noqa: F401  # compiled kernels stay in the user's cache
+    from render.base.kernel_cache import cache_folder
+
+    kernels = str(cache_folder())
+
+    os.environ["XDG_CACHE_HOME"] = str(folder / "cache")
+    for stream in (sys.stdout, sys.stderr):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    sys.addaudithook(lambda event, given: _watch(event, given, str(folder), kernels))
+    while True:
+        kind, path = connection.recv()
+        _SEEN.clear()
+        attempt = read(kind, path)
+        if _SEEN and not attempt.fault:
+            attempt = Attempt(f"did {_SEEN[0]}", attempt.message)
+        resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+        connection.send(attempt)
+
+
+_SEEN: list[str] = []
+
+
+def _watch(event: str, given: tuple[Any, ...], *allowed: str) -> None:
+    """Note writes outside the allowed folders, processes and connections that a file causes."""
+    if event == "open" and isinstance(given[0], str | bytes | Path):
+        name = os.fsdecode(given[0])
+        writes = isinstance(given[2], int) and given[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT)
+        if writes and not name.startswith((*allowed, "/proc/self", "/dev/null")):
+            _SEEN.append(f"open {name}")
+    elif event in ("os.system", "subprocess.Popen", "os.exec", "os.posix_spawn", "socket.connect"):
+        _SEEN.append(f"{event} {given[:2]}")
+
+
+class Worker:
+    """A process that reads files; it is started anew after a crash or a hang."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._start()
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._connection, other = context.Pipe()
+        self._process = context.Process(target=_work, args=(other, self._folder), daemon=True)
+        self._process.start()
+        other.close()
+
+    def read(self, kind: str, path: Path) -> Attempt:
+        self._connection.send((kind, path))
+        try:
+            if self._connection.poll(PATIENCE):
+                attempt: Attempt = self._connection.recv()
+                return attempt
+            fault = "hang"
+        except EOFError:
+            self._process.join()
+            code = self._process.exitcode or 0
+            fault = f"crash {signal.Signals(-code).name if code < 0 else code}"
+        self.close()
+        self._start()
+        return Attempt(fault)
+
+    def close(self) -> None:
+        self._process.kill()
+        self._process.join()
+
+
+def attempts(
+    seed: int, folder: Path, kinds: tuple[str, ...] = ()
+) -> Iterator[tuple[str, str, bytes, Attempt]]:
+    """Yield kind, name, content and outcome of mutated files, without end, all kinds in turn."""
+    random, worker = Random(seed), Worker(folder)
+    known = [sample for sample in samples(folder / "samples") if not kinds or sample.kind in kinds]
+    try:
+        for sample in known:  # imports and compilation are not the files' fault
+            worker.read(sample.kind, sample.path)
+            attempt = worker.read(sample.kind, sample.path)
+            assert not attempt.fault and not attempt.message, (sample.path.name, attempt)
+        while True:
+            for sample in known:
+                content = mutated(sample.path.read_bytes(), random)
+                path = folder / "tried" / sample.path.name
+                path.parent.mkdir(exist_ok=True)
+                path.write_bytes(content)
+                yield sample.kind, path.name, content, worker.read(sample.kind, path)
+    finally:
+        worker.close()
+
+
+def main() -> None:
+    """Try files, keep those with faults, and tell the faults by kind."""
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("count", type=int, nargs="?", default=1000)
+    arguments.add_argument("--seed", type=int, default=0)
+    arguments.add_argument("--kind", action="append", default=[], choices=sorted(READERS))
+    arguments.add_argument("--keep", type=Path, default=Path(tempfile.gettempdir()) / "flowsculpt_fuzz")
+    chosen = arguments.parse_args()
+    folder = Path(tempfile.mkdtemp(prefix="fuzz_"))
+    tally: Counter[str] = Counter()
+    slowest = largest = (0.0, "")
+    try:
+        for number, (kind, name, content, attempt) in enumerate(
+            attempts(chosen.seed, folder, tuple(chosen.kind)), 1
+        ):
+            tally["refused" if attempt.message else "read"] += not attempt.fault
+            slowest, largest = (
+                max(slowest, (attempt.seconds, name)),
+                max(largest, (attempt.megabytes, name)),
+            )
+            if attempt.fault:
+                tally[f"{kind}: {attempt.fault}"] += 1
+                kept = chosen.keep / f"{chosen.seed}_{number}_{name}"
+                kept.parent.mkdir(exist_ok=True)
+                kept.write_bytes(content)
+                print(f"{kept}: {attempt.fault} ({attempt.seconds:.1f} s, {attempt.megabytes:.0f} MiB)")
+                print("   ", attempt.message.strip()[-1500:].replace("\n", "\n    "), flush=True)
+            if number >= chosen.count:
+                break
+    finally:
+        shutil.rmtree(folder)
+    for words, count in tally.most_common():
+        print(f"{count:7} {words}")
+    print(f"slowest {slowest[0]:.2f} s ({slowest[1]}), largest {largest[0]:.0f} MiB ({largest[1]})")
+
+
+if __name__ == "__main__":
+    main()

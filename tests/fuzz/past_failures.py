@@ -1,0 +1,230 @@
+"""Files that once crashed, hung or flooded a reader, or could: damaged, hostile, or of no regular kind."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+
+
+class PastFailure(NamedTuple):
+    """kind: of the reader; fact: what the message says; empty for a file that is read."""
+
+    kind: str
+    name: str
+    make: Callable[[Path], object]
+    fact: str
+
+
+def _bytes(content: bytes | str) -> Callable[[Path], object]:
+    text = content.encode() if isinstance(content, str) else content
+    return lambda path: path.write_bytes(text)
+
+
+def _ply(header: str, body: bytes | str, form: str = "ascii") -> Callable[[Path], object]:
+    head = f"ply\nformat {form} 1.0\n{header}\nend_header\n".encode()
+    return _bytes(head + (body.encode() if isinstance(body, str) else body))
+
+
+_VERTICES = "element vertex 3\nproperty float x\nproperty float y\nproperty float z"
+_FACES = "element face {}\nproperty list {} int vertex_indices"
+_CORNERS = "0 0 0 1 0 0 0 1 0 "
+
+
+def _npz(**members: bytes) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            archive.writestr(f"{name}.npy", content)
+    return file.getvalue()
+
+
+def _npy(shape: tuple[int, ...], content: bytes = b"", dtype: str = "<f8") -> bytes:
+    file = io.BytesIO()
+    header = {"descr": dtype, "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(file, header)  # type: ignore[arg-type]
+    return file.getvalue() + content
+
+
+_POINTS = _npy((4, 3), np.arange(12.0).tobytes())
+
+
+def _fan(count: int) -> str:
+    """Return an OBJ of triangles that share one edge."""
+    points = "".join(f"v 0 {k} 1\n" for k in range(count))
+    return f"v 0 0 0\nv 1 0 0\n{points}" + "".join(f"f 1 2 {k + 3}\n" for k in range(count))
+
+
+def _polygon(corners: int) -> str:
+    at = np.linspace(0.0, 2.0 * np.pi, corners, endpoint=False)
+    points = "".join(f"v {x:.6f} {y:.6f} 0\n" for x, y in zip(np.cos(at), np.sin(at), strict=True))
+    return f"{points}f {' '.join(map(str, range(1, corners + 1)))}\n"
+
+
+def _glb(scene: dict[str, object], binary: bytes = b"\x00" * 36) -> bytes:
+    text = json.dumps(scene).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = (
+        struct.pack("<I", len(text)) + b"JSON" + text + struct.pack("<I", len(binary)) + b"BIN\x00" + binary
+    )
+    return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+
+
+def _scene(**changes: object) -> bytes:
+    return _glb(
+        {
+            "asset": {"version": "2.0"},
+            "scene": 0,
+            "scenes": [{"nodes": [0]}],
+            "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+            "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+            "bufferViews": [{"buffer": 0, "byteLength": 36}],
+            "buffers": [{"byteLength": 36}],
+            **changes,
+        }
+    )
+
+
+def _png(width: int, height: int) -> bytes:
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
+    return b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(bytes(1000))) + chunk(b"IEND", b"")
+
+
+def _wav(rate: int, channels: int = 1, size: int = 20_000) -> bytes:
+    form = struct.pack("<HHIIHH", 1, channels, rate, rate, 2 * channels % (1 << 16), 16)
+    body = b"WAVEfmt " + struct.pack("<I", 16) + form + b"data" + struct.pack("<I", size) + bytes(size)
+    return b"RIFF" + struct.pack("<I", len(body)) + body
+
+
+def _vti(extent: str, values: str = "1 1 1", head: str = "") -> str:
+    return (
+        f'<?xml version="1.0"?>{head}<VTKFile type="ImageData"><ImageData>'
+        f'<Piece Extent="{extent}"><PointData>'
+        f'<DataArray type="Float64" Name="u" NumberOfComponents="3" format="ascii">{values}</DataArray>'
+        "</PointData></Piece></ImageData></VTKFile>"
+    )
+
+
+_LAUGHS = (
+    "<!DOCTYPE a [<!ENTITY a0 'ha'>"
+    + "".join(f"<!ENTITY a{k + 1} '{f'&a{k};' * 10}'>" for k in range(12))
+    + "]>"
+)
+
+PAST_FAILURES = (  # one line each, however long
+    PastFailure("model", "a.obj", os.mkfifo, "it is a named pipe; it must be a regular file"),
+    PastFailure("model", "b.obj", lambda path: path.symlink_to("/dev/zero"), "it is a device"),
+    PastFailure("model", "c.obj", lambda path: path.symlink_to("/proc/kmsg"), "the file is empty"),
+    PastFailure("model", "d.obj", Path.mkdir, "it is a folder"),
+    PastFailure("picture", "a.png", os.mkfifo, "it is a named pipe"),
+    PastFailure("sky", "a.exr", lambda path: path.symlink_to("/dev/zero"), "it is a device"),
+    PastFailure("sound", "a.wav", lambda path: path.symlink_to("/dev/zero"), "it is a device"),
+    PastFailure("field", "a.npz", os.mkfifo, "it is a named pipe"),
+    PastFailure("points", "a.xyz", os.mkfifo, "it is a named pipe"),
+    PastFailure("flow", "a.py", os.mkfifo, "a named pipe"),
+    PastFailure("view", "a.ocio", os.mkfifo, "it is a named pipe"),
+    PastFailure(
+        "model",
+        "rows.ply",
+        _ply(f"{_VERTICES}\nelement foo 99999999999\nproperty int a", _CORNERS),
+        "its header promises 99999999999 foos, and 0 are there",
+    ),
+    PastFailure(
+        "model",
+        "empty_rows.ply",
+        _ply(f"{_VERTICES}\nelement foo 99999999999\n{_FACES.format(1, 'uchar')}", _CORNERS + "3 0 1 2"),
+        "",
+    ),
+    PastFailure(
+        "model",
+        "length.ply",
+        _ply(f"{_VERTICES}\n{_FACES.format(2, 'int')}", _CORNERS + "3 0 1 2 -1 0 1 2"),
+        "a list of vertex_indices has the length -1",
+    ),
+    PastFailure(
+        "model",
+        "binary_length.ply",
+        _ply(
+            f"{_VERTICES}\n{_FACES.format(2, 'int')}",
+            np.eye(3, dtype="<f4").tobytes() + np.array([3, 0, 1, 2, -1, 0, 0], "<i4").tobytes(),
+            "binary_little_endian",
+        ),
+        "a list of vertex_indices has the length -1",
+    ),
+    PastFailure(
+        "model",
+        "digits.ply",
+        _ply(f"{_VERTICES}\n{_FACES.format(1, 'int')}", "0 " * 20_000 + "1" * 20_000),
+        "has 20000 digits",
+    ),
+    PastFailure("model", "counts.off", _bytes("OFF\n99999999999 -1 0\n0 0 0\n"), "do not fit in it"),
+    PastFailure("model", "damaged.stl", _bytes(b"solid " + bytes(range(256)) * 3), "has no STL header"),
+    PastFailure("model", "huge.obj", _bytes(TRIANGLE.replace("v 1", "v 1e300")), "which is too large"),
+    PastFailure(
+        "model",
+        "tiny.obj",
+        _bytes("v 0 0 0\nv 1e-300 0 0\nv 0 1e-300 0\nf 1 2 3\n"),
+        "all its faces are degenerate",
+    ),
+    PastFailure("model", "long.obj", _bytes(TRIANGLE + "f " + "9" * 100_000), "line 5"),
+    PastFailure("model", "corners.obj", _bytes(_polygon(20_000)), "20000 corners"),
+    PastFailure("model", "fan.obj", _bytes(_fan(20_000)), ""),
+    PastFailure("points", "shape.npz", _bytes(_npz(points=_npy((1 << 40, 3)))), "and ends before"),
+    PastFailure("points", "negative.npz", _bytes(_npz(points=_npy((-1, 3)))), "and ends before"),
+    PastFailure(
+        "points", "empty.npz", _bytes(_npz(points=_npy((1 << 40, 3), b"", "|S0"))), "and ends before"
+    ),
+    PastFailure(
+        "points", "unread.npz", _bytes(_npz(points=_POINTS, other=_npy((1 << 26,), bytes(1 << 29)))), ""
+    ),
+    PastFailure("points", "cut.npz", _bytes(_npz(points=_POINTS)[:-30]), "not a zip file"),
+    PastFailure("points", "wide.xyz", _bytes("0 0 " + "1" * 100_000), "not finite"),
+    PastFailure("field", "extent.vti", _bytes(_vti("0 300000000 0 0 0 0")), "bytes can hold"),
+    PastFailure("field", "laughs.vti", _bytes(_vti("0 0 0 0 0 0", "&a12;", _LAUGHS)), "XML"),
+    PastFailure("field", "deep.vti", _bytes("<a>" * 300_000), "XML"),
+    PastFailure("scene", "cycle.glb", _bytes(_scene(nodes=[{"mesh": 0, "children": [0]}])), "degenerate"),
+    PastFailure(
+        "scene",
+        "count.glb",
+        _bytes(_scene(accessors=[{"bufferView": 0, "componentType": 5126, "count": 10**12, "type": "VEC3"}])),
+        "cannot be read",
+    ),
+    PastFailure(
+        "scene",
+        "no_view.glb",
+        _bytes(_scene(accessors=[{"componentType": 5126, "count": 10**9, "type": "VEC3"}])),
+        "cannot be read",
+    ),
+    PastFailure("picture", "wide.png", _bytes(_png(60_000, 60_000)), "picture"),
+    PastFailure("picture", "large.png", _bytes(_png(16_000, 16_000)), "16000 × 16000 pixels"),
+    PastFailure("sound", "slow.wav", _bytes(_wav(1)), "it has 1 samples a second"),
+    PastFailure("sound", "channels.wav", _bytes(_wav(8000, 60_000)), "cannot be read"),
+    PastFailure(
+        "sound", "list.wav", _bytes("#EXTM3U\n#EXTINF:1,\nhttp://127.0.0.1:9/a.ts\n"), "cannot be read"
+    ),
+    PastFailure("sound", "concat.wav", _bytes("ffconcat version 1.0\nfile /etc/passwd\n"), "cannot be read"),
+    PastFailure(
+        "view",
+        "deep.ocio",
+        _bytes("roles: " + "[" * 100_000),
+        "is no OpenColorIO config",
+    ),
+    PastFailure("flow", "minus.py", _bytes("-" * 100_000 + "1"), "this is not Python"),
+    PastFailure("flow", "brackets.py", _bytes("(" * 100_000), "this is not Python"),
+    PastFailure("flow", "sum.py", _bytes("+".join("1" * 50_000)), "this is not Python"),
+    PastFailure("flow", "zeros.py", _bytes(b"a = 1\x00"), "this is not Python"),
+)

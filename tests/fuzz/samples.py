@@ -1,0 +1,212 @@
+"""Small sound files of every format that is read, made by code."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import av
+import numpy as np
+import OpenImageIO as oiio
+import trimesh
+
+FLOW = """\
+import math
+\"\"\"A flow.\"\"\"
+
+def move(points, start, end):
+    return points + math.sin(end) * [0.0, 1.0, f"{start!r}" and 0.0]
+"""
+
+VIEW = """\
+ocio_profile_version: 2
+roles: {default: LINEAR, scene_linear: LINEAR}
+displays:
+  wall:
+    - !<View> {name: Plain, colorspace: rooted}
+    - !<View> {name: Graded, colorspace: graded}
+colorspaces:
+  - !<ColorSpace> {name: LINEAR}
+  - !<ColorSpace>
+    name: rooted
+    from_scene_reference: !<ExponentTransform> {value: 2, direction: inverse}
+  - !<ColorSpace>
+    name: graded
+    from_scene_reference: !<MatrixTransform> {matrix: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}
+"""
+
+OBJ = """\
+# a box of quads with parts, creases and a long statement
+mtllib box.mtl
+o box
+v -1 -1 -1
+v 1 -1 -1
+v 1 1 -1
+v -1 1 -1
+v -1 -1 1
+v 1 -1 1
+v 1 1 1
+v -1 1 1
+vt 0 0
+vn 0 0 1
+s 1
+usemtl red
+f 1/1/1 4/1/1 3/1/1 2/1/1
+f 5//1 6//1 \\
+  7//1 8//1
+g sides
+s off
+f 1 2 6 5
+f 2 3 7 6
+f 3 4 8 7
+f -8 -4 -1 -5
+t crease 2/1/0 0 1 2.5
+"""
+
+
+class Sample(NamedTuple):
+    """kind: the reader that takes it, one of `files.READERS`."""
+
+    kind: str
+    path: Path
+
+
+def samples(folder: Path) -> list[Sample]:
+    """Write a sample of each format into a folder, and return them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    made = [
+        Sample(kind, folder / name) for kind, name, content in _contents() if _write(folder / name, content)
+    ]
+    return made + [Sample(kind, path) for kind, path in (*_pictures(folder), *_sounds(folder))]
+
+
+def _write(path: Path, content: bytes) -> bool:
+    path.write_bytes(content)
+    return True
+
+
+def _contents() -> Iterator[tuple[str, str, bytes]]:
+    ball = trimesh.creation.icosphere(1)
+    yield "model", "box.obj", OBJ.encode()
+    yield "model", "binary.ply", ball.export(file_type="ply")
+    yield "model", "text.ply", ball.export(file_type="ply", encoding="ascii")
+    yield "model", "uneven.ply", _uneven_ply()
+    yield "model", "binary.stl", ball.export(file_type="stl")
+    yield "model", "text.stl", ball.export(file_type="stl_ascii").encode()
+    yield "model", "ball.off", ball.export(file_type="off").encode()
+    yield "scene", "ball.glb", trimesh.Scene([ball, trimesh.creation.box()]).export(file_type="glb")
+    yield "flow", "flow.py", FLOW.encode()
+    yield "view", "view.ocio", VIEW.encode()
+    points = np.random.default_rng(0).normal(size=(24, 3))
+    yield "points", "cloud.xyz", "\n".join(f"{x:.4f}, {y:.4f} {z:.4f} 7" for x, y, z in points).encode()
+    yield "points", "cloud.ply", trimesh.PointCloud(points).export(file_type="ply")
+    yield "points", "cloud.npz", _npz(points=points, size=np.ones(24), names=np.array(["a", "b"]))
+    yield "net", "net.npz", _npz(vertices=points.reshape(6, 4, 3))
+    yield "net", "net.obj", "".join(f"v {x} {y} {z}\n" for x, y, z in points).encode()
+    axis = np.linspace(-1.0, 1.0, 4)
+    velocity = np.ones((2, 4, 4, 4, 3), np.float32)
+    yield "field", "wind.npz", _npz(x=axis, y=axis, z=axis, t=np.arange(2.0), velocity=velocity)
+    yield "field", "text.vti", _vtk("ascii", "").encode()
+    yield "field", "packed.vti", _vtk("binary", 'compressor="vtkZLibDataCompressor"').encode()
+    yield "field", "wind.vtr", _rectilinear().encode()
+
+
+def _npz(**arrays: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    np.savez_compressed(file, **arrays)
+    return file.getvalue()
+
+
+def _uneven_ply() -> bytes:
+    """Return a pyramid over a square, big-endian, with a property beside the corners."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 1]], ">f4")
+    faces = [[3, 2, 1, 0], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
+    head = (
+        "ply\nformat binary_big_endian 1.0\ncomment a pyramid\nelement vertex 5\nproperty float x\n"
+        "property float y\nproperty float z\nelement face 5\nproperty uchar red\n"
+        "property list uchar int vertex_indices\nend_header\n"
+    )
+    rows = (b"\x07" + bytes([len(face)]) + np.array(face, ">i4").tobytes() for face in faces)
+    return head.encode() + points.tobytes() + b"".join(rows)
+
+
+def _vtk(form: str, compressor: str) -> str:
+    import base64
+    import zlib
+
+    values = np.ones((64, 3), "<f8")
+    text = " ".join(f"{value:g}" for value in values.ravel())
+    if form == "binary":
+        block = zlib.compress(values.tobytes())
+        header = np.array([1, values.nbytes, 0, len(block)], "<u4").tobytes()
+        text = (base64.b64encode(header) + base64.b64encode(block)).decode()
+    return (
+        f'<?xml version="1.0"?>\n<VTKFile type="ImageData" byte_order="LittleEndian" {compressor}>\n'
+        '<ImageData WholeExtent="0 3 0 3 0 3" Origin="-1 -1 -1" Spacing="1 1 1">\n'
+        '<Piece Extent="0 3 0 3 0 3"><PointData Vectors="u">\n'
+        f'<DataArray type="Float64" Name="u" NumberOfComponents="3" format="{form}">\n{text}\n'
+        "</DataArray></PointData></Piece></ImageData></VTKFile>"
+    )
+
+
+def _rectilinear() -> str:
+    axis = '<DataArray type="Float32" format="ascii">0 1 3</DataArray>'
+    values = " ".join(["0.5"] * 81)
+    return (
+        '<VTKFile type="RectilinearGrid"><RectilinearGrid WholeExtent="0 2 0 2 0 2">\n'
+        f'<Piece Extent="0 2 0 2 0 2"><Coordinates>\n{axis}\n{axis}\n{axis}\n</Coordinates>\n<PointData>\n'
+        f'<DataArray type="Float32" Name="u" NumberOfComponents="3" format="ascii">{values}</DataArray>\n'
+        "</PointData></Piece></RectilinearGrid></VTKFile>"
+    )
+
+
+def _pictures(folder: Path) -> Iterator[tuple[str, Path]]:
+    random = np.random.default_rng(0)
+    for kind, name, compression, height in (
+        ("picture", "picture.png", "", 24),
+        ("picture", "picture.jpg", "", 24),
+        ("picture", "picture.tif", "zip", 24),
+        ("picture", "tiles.exr", "zip", 24),
+        ("picture", "wavelets.exr", "piz", 24),
+        ("sky", "sky.hdr", "", 16),
+        ("sky", "sky.exr", "zips", 16),
+    ):
+        spec = oiio.ImageSpec(32, height, 3, "half" if name.endswith("exr") else "uint8")
+        if compression:
+            spec.attribute("compression", compression)
+        if name == "tiles.exr":
+            spec.tile_width = spec.tile_height = 16
+        output = oiio.ImageOutput.create(str(folder / name))
+        output.open(str(folder / name), spec)
+        output.write_image(random.random((height, 32, 3), dtype=np.float32))
+        output.close()
+        yield kind, folder / name
+
+
+def _sounds(folder: Path) -> Iterator[tuple[str, Path]]:
+    noise = np.random.default_rng(0).integers(-9000, 9000, (1, 4800), dtype=np.int16)
+    for name, codec in (
+        ("a.wav", "pcm_s16le"),
+        ("a.flac", "flac"),
+        ("a.mp3", "mp3"),
+        ("a.m4a", "aac"),
+        ("a.ogg", "vorbis"),
+    ):
+        with av.open(str(folder / name), "w") as container:
+            stream = container.add_stream(codec, rate=24000, layout="mono" if codec != "vorbis" else "stereo")
+            if codec == "vorbis":
+                stream.options = {"strict": "experimental"}
+            frame = av.AudioFrame.from_ndarray(noise, format="s16", layout="mono")
+            frame.sample_rate = 24000
+            resampler = av.AudioResampler(
+                format=stream.format.name if stream.format else "s16",
+                layout=stream.layout.name,
+                rate=24000,
+                frame_size=stream.codec_context.frame_size or 0,
+            )
+            for part in (*resampler.resample(frame), *resampler.resample(None)):
+                container.mux(stream.encode(part))
+            container.mux(stream.encode(None))
+        yield "sound", folder / name
