@@ -4,7 +4,7 @@ Shots of a twisted box, 1000 frames each, in a folder of their own. Where files 
 store is filled with dummies under the right keys, and nothing is rendered. Orchestration is a run of a plan
 that was made for an empty store while the store holds everything: Snakemake runs every job, in processes of
 its own, and each job finds its frames and links them. Simulation is left out: it has only its last frame to
-find.
+find. The status is listed after twenty runs, each of which logged every frame of ten shots.
 
 Targets are compared with the CPU seconds of all cores together; for a run on two cores with half of them,
 because the clock of a busy machine says more.
@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 import resource
 import subprocess
 import sys
@@ -22,6 +23,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import chdir
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,7 +33,10 @@ from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
 from pipeline.production.render_inputs.framing import Framing
-from pipeline.production.store.paths import STATE
+from pipeline.production.store.event_log import RUNS
+from pipeline.production.store.history import summarise
+from pipeline.production.store.paths import EVENTS, STATE
+from pipeline.production.store.store import Store
 from render.base.serialise import to_plain
 from render.scene.camera import Camera
 from render.scene.stage import StagePlacement
@@ -65,6 +70,7 @@ def main(frames: int = 1000) -> list[Target]:
         names = write_shots(MANY, frames)
         lines = [*planning(names[:FEW], frames, most=6.0), *planning(names, frames, most=15.0)]
         lines += running(names[0], frames)
+        lines += history(names[:FEW], frames)
     rows = [line.row for line in lines]
     show("Orchestration", rows)
     keep("orchestration", rows)
@@ -96,6 +102,43 @@ def running(name: str, frames: int) -> Iterator[Target]:
     yield Target(work, "nothing to be done: s by the clock", spent.clock)
 
 
+def history(names: list[str], frames: int) -> Iterator[Target]:
+    """Measure `status` of finished shots after many runs, and the summary of one run."""
+    plan = Project(Path.cwd(), CORES).pictures(names, "draft")
+    fill(plan)
+    Project(Path.cwd(), CORES).pictures(names, "draft").restore_links(Store(Path.cwd()))
+    for number in range(RUNS):
+        write_log(f"20260101-0000{number:02d}-1", names, frames)
+        spent = timed(lambda: summarise(Path.cwd()))
+    work = f"{len(names)} × {frames} frames after {RUNS} runs"
+    yield Target(work, "summary of a run: s of a core", spent.cpu)
+    process = subprocess.Popen(_line("status", *names), stdout=subprocess.DEVNULL, env=_environment())
+    used = os.wait4(process.pid, 0)[2]
+    yield Target(work, "status: s of a core", used.ru_utime + used.ru_stime, most=2.0)
+    yield Target(work, "status: MiB", used.ru_maxrss / 1024.0, most=300.0)
+
+
+def write_log(run: str, names: list[str], frames: int) -> None:
+    """Write the event log of a run that made every frame of some shots."""
+    path = EVENTS / f"{run}.jsonl"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    stages = ("simulate", "smooth_normals", "frame_camera", "render", "finish")
+    with path.open("w") as file:
+        for name, stage in product(names, stages):
+            about = {"job": f"{stage}_{name}", "stage": stage, "shot": name, "quality": "draft"}
+            begin: dict[str, object] = {"event": "begin", "threads": 1, "process": 1, "host": platform.node()}
+            events = [begin]
+            for number in range(1, frames + 1):
+                events += [
+                    {"event": "start", "frame": number},
+                    {"event": "frame", "frame": number, "found": False, "seconds": 0.5},
+                ]
+            events.append({"event": "end"})
+            for event in events:
+                file.write(json.dumps({"time": 1767225600.0, **about, **event}) + "\n")
+        file.write(json.dumps({"time": 1767225600.0, "event": "ran", "job": ""}) + "\n")
+
+
 def write_shots(count: int, frames: int) -> list[str]:
     """Write shots to `shots/` of the working folder, no two of which share meshes; return their names."""
     Path("shots").mkdir()
@@ -112,7 +155,7 @@ def fill(plan: Plan) -> None:
     store = Project(Path.cwd(), CORES).store
     for request in plan.requests:
         cameras = {str(number): to_plain(framing) for number in request.angles}
-        store.put("cameras", request.cameras_key, lambda path, data=cameras: _write(path, json.dumps(data)))
+        _put(store, "cameras", request.cameras_key, json.dumps(cameras))
         keys = request.picture_keys(store)
         assert keys is not None
         files = [("mesh", request.mesh_key(n)) for n in request.requested]
@@ -121,7 +164,7 @@ def fill(plan: Plan) -> None:
         files.append(("movie", request.movie_key([keys[n].frame for n in sorted(request.requested)])))
         keys.remember()  # as finding cameras does
         for kind, key in files:
-            store.put(kind, key, lambda path: _write(path, "a dummy"))
+            _put(store, kind, key, "a dummy")
 
 
 def carry_out(plan: Plan) -> None:
@@ -148,8 +191,15 @@ def snakemake_looks_at(plan: Plan) -> None:
 
 
 def command(*words: str) -> None:
-    line = [sys.executable, "-m", "pipeline.cli", "--no-progress", "-j", str(CORES), *words]
-    subprocess.run(line, check=True, stdout=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": _room()})
+    subprocess.run(_line(*words), check=True, stdout=subprocess.DEVNULL, env=_environment())
+
+
+def _line(*words: str) -> list[str]:
+    return [sys.executable, "-m", "pipeline.cli", "--no-progress", "-j", str(CORES), *words]
+
+
+def _environment() -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": _room()}
 
 
 def timed(work: Callable[[], None]) -> Spent:
@@ -168,7 +218,10 @@ def _room() -> str:
     return str(Path(__file__).parents[1])
 
 
-def _write(path: Path, text: str) -> None:
+def _put(store: Store, kind: str, key: str, text: str) -> None:
+    """Put a file into the store without flushing the disk, which takes most of the time of small files."""
+    path = store.path(kind, key)
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
 
 

@@ -14,7 +14,8 @@ from pipeline.production.maintenance.why import explain
 from pipeline.production.planning.forecast import Forecast
 from pipeline.production.planning.frame_states import KnownPictures, mesh_states, picture_states
 from pipeline.production.request.lookup import find_shot
-from pipeline.production.store.event_log import EventReader, History
+from pipeline.production.store.event_log import EventReader
+from pipeline.production.store.history import History
 from pipeline.production.store.paths import EVENTS
 from tests.production.test_why import CASES, NAME, Case
 
@@ -76,7 +77,11 @@ def check_a_run(edited: Any, case: Case) -> None:
         for run in json.loads(done.out)["runs"]
         for event in EventReader(folder.path / EVENTS / f"{run}.jsonl").new()
     ]
-    made = {e["frame"] for e in events if e["event"] == "frame" and e["stage"] == "finish" and not e["found"]}
+    made = {
+        event["frame"]
+        for event in events
+        if event["event"] == "frame" and event["stage"] == "finish" and not event["found"]
+    }
     assert certain <= made <= certain | perhaps
     after = states(Project(folder.path, 2, settings=case.settings))
     assert not (after["stale"] | after["unframed"] | after["missing"])
@@ -131,4 +136,6 @@ def test_links_that_no_job_needs_are_shown_again(finished: Any, monkeypatch: pyt
     project = Project(finished.path, 2)
     plan = project.pictures([NAME], "draft")
     assert not plan.jobs and plan.restore_links(project.store) == 3
-    assert not mesh_states(project.request(find_shot(NAME), "draft"), project.store, History(())).missing
+    assert not mesh_states(
+        project.request(find_shot(NAME), "draft"), project.store, History(finished.path)
+    ).missing

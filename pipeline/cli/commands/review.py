@@ -14,7 +14,7 @@ from pipeline.dailies.review.sequences import Search
 from pipeline.dailies.review.view_3d import HINT, three_js
 from pipeline.errors import UsageError
 from pipeline.production.request.crop_and_scale import require_quality
-from pipeline.production.store.event_log import History
+from pipeline.production.store.history import History
 from pipeline.shot.yaml.lookup import NAME
 from render.base.plural import plural
 from render.scene.quality import QUALITIES

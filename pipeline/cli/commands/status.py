@@ -9,7 +9,7 @@ from pipeline.cli.output import duration, exit_with, print_error, print_result, 
 from pipeline.errors import FlowsculptError
 from pipeline.production.planning.frame_states import FrameStates, states
 from pipeline.production.request.lookup import find_shot, shot_names
-from pipeline.production.store.event_log import History
+from pipeline.production.store.history import History
 from render.scene.quality import QUALITIES
 
 

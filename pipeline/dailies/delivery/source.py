@@ -21,7 +21,7 @@ from pipeline.production.request.edit import Edit
 from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import paths, readers
-from pipeline.production.store.event_log import History
+from pipeline.production.store.history import History
 from pipeline.production.store.store import Store
 from pipeline.production.tasks.encode import cut_together
 from pipeline.production.versions.provenance import Provenance, records

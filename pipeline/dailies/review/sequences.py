@@ -17,7 +17,7 @@ from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import STAGES
-from pipeline.production.store.event_log import History
+from pipeline.production.store.history import History
 from pipeline.production.store.paths import Folders, published
 from pipeline.production.store.paths import wedge as wedge_folder
 from pipeline.production.store.store import Key, key_of

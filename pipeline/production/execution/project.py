@@ -28,7 +28,7 @@ from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.request.shot_source import ShotSource, SourceCache, shot_around
 from pipeline.production.request.variants import variant_for
 from pipeline.production.stages import forced_with
-from pipeline.production.store.event_log import History
+from pipeline.production.store.history import History
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store
 from render.scene.quality import DEFAULT_QUALITY

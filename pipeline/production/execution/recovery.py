@@ -117,7 +117,7 @@ class Watchdog:
 
     def _end(self, name: str, job: _BegunJob) -> None:
         """End a job; the log says so first, for who waits for the process reads there why it ended."""
-        about = {part: job.event.get(part) for part in ("stage", "shot", "frame")}
+        about = {part: job.event.get(part) for part in ("stage", "shot", "quality", "frame")}
         message = f"{name} gave no sign of life for {self._patience:g} s and was ended"
         EventLog(self._log, name).write("hung", **about, message=message)
         end_family(job.process)

@@ -14,6 +14,7 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.store.event_log import Event, EventLog, EventReader
+from pipeline.production.store.history import summarise
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.store import Store
@@ -87,22 +88,37 @@ def run(
         store.sweep()
         PlanningCache(root).prune()
         outcome, policy = Outcome(make_plan() if waited else plan), RetryPolicy(cores)
-        hopeful = True
-        while True:
-            outcome.restored += outcome.plan.restore_links(store)
-            if not (outcome.plan.jobs and hopeful):
-                break
-            where = profile or Profile.local()
-            events = _execute(outcome.plan, root, policy.cores, watch, where, patience)
-            outcome.runs.append(outcome.plan.name)
-            outcome.events += events
-            outcome.plan = make_plan()
-            hopeful = policy.allows(events)
+        try:
+            _run_rounds(outcome, policy, make_plan, root, watch, profile or Profile.local(), patience)
+        finally:
+            summarise(root)
         outcome.unfinished = bool(outcome.plan.jobs)
         outcome.events += policy.failures
         if not outcome.unfinished:
             store.remove_checkpoints(outcome.plan.raw_places)
         return outcome
+
+
+def _run_rounds(
+    outcome: Outcome,
+    policy: RetryPolicy,
+    make_plan: Callable[[], Plan],
+    root: Path,
+    watch: Callable[[Plan, EventReader], Watcher],
+    profile: Profile,
+    patience: float,
+) -> None:
+    """Execute the plan of an outcome, and plan again while that may help."""
+    hopeful = True
+    while True:
+        outcome.restored += outcome.plan.restore_links(Store(root))
+        if not (outcome.plan.jobs and hopeful):
+            return
+        events = _execute(outcome.plan, root, policy.cores, watch, profile, patience)
+        outcome.runs.append(outcome.plan.name)
+        outcome.events += events
+        outcome.plan = make_plan()
+        hopeful = policy.allows(events)
 
 
 def _execute(
@@ -116,7 +132,7 @@ def _execute(
     """Have Snakemake run a plan; return the events of its log."""
     log = root / EVENTS / f"{plan.name}.jsonl"
     plan.freeze(root)
-    EventLog(log).write("run", cores=cores)
+    EventLog(log).write("run", cores=cores, host=plan.host)
     try:
         with watch(plan, EventReader(log)), watched(log, patience):
             well = snakemake.execute(plan, root, cores, profile)

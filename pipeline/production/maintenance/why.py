@@ -1,6 +1,6 @@
 """Explain why a frame would be made again: what of its key differs from today's shot file.
 
-A picture records in its header what it was made from, and a mesh its key. The event log tells which run made
+A picture records in its header what it was made from, and a mesh its key. The history tells which run made
 a file, and the plan of that run holds the shot file as it was then.
 """
 
@@ -25,7 +25,7 @@ from pipeline.production.request.keys import PictureKeys, picture_header, raw_he
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.stages import STAGES
-from pipeline.production.store.event_log import EventReader, logs_of
+from pipeline.production.store.history import History
 from pipeline.production.store.paths import PLANS
 from pipeline.production.store.store import Key, Store
 from pipeline.shot.yaml.inheritance import OPTION, inherited
@@ -266,18 +266,11 @@ class _Frame:
         return file.relative_to(self.store.root) if file.is_relative_to(self.store.root) else file
 
     def _source_of_run(self) -> ShotSource | None:
+        """Return the source of which the run that finished the frame read the shot, if its plan is there."""
         request = self.request
-        subject = request.folders.name, request.quality_name, self.number
-        for log in reversed(logs_of(self.store.root)):
-            for event in EventReader(log).new():
-                if (
-                    (event.get("shot"), event.get("quality"), event.get("frame")) == subject
-                    and event["event"] == "frame"
-                    and event["stage"] == "finish"
-                    and not event["found"]
-                ):
-                    return _source_in(self.store.root / PLANS / f"{log.stem}.json", event["job"])
-        return None
+        history = History.of(self.store.root)
+        made = history.stage("finish", request.folders.name, request.quality_name).made.get(self.number)
+        return None if made is None else _source_in(self.store.root / PLANS / f"{made.run}.json", request)
 
 
 def _read(source: ShotSource) -> YamlSource:
@@ -294,12 +287,13 @@ def _version(value: Any) -> str:
     return "none" if value is MISSING else str(value)
 
 
-def _source_in(plan: Path, job: str) -> ShotSource | None:
-    """Return the source that a job of a frozen plan read."""
-    with contextlib.suppress(OSError, ValueError, KeyError, StopIteration, RenderError):
-        data = json.loads(plan.read_text())
-        requests = next(each["requests"] for each in data["jobs"] if each["name"] == job)
-        return from_plain(ShotSource, data["requests"][requests[0]]["source"])
+def _source_in(plan: Path, request: RenderRequest) -> ShotSource | None:
+    """Return the source of a request's shot at its quality in a frozen plan."""
+    with contextlib.suppress(OSError, ValueError, KeyError, RenderError):
+        for data in json.loads(plan.read_text())["requests"]:
+            planned = from_plain(RenderRequest, data)
+            if (planned.label, planned.home) == (request.label, request.home):
+                return planned.source
     return None
 
 

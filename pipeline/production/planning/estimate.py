@@ -13,13 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.production.planning.plan import Job, Plan
-from pipeline.production.planning.timings import SHARED_STAGES, frame_timings, statistics_in
+from pipeline.production.planning.timings import SHARED_STAGES, statistics_in
 from pipeline.production.request.crop_and_scale import base_of, quality_named
+from pipeline.production.store.history import History
 from render.base.plural import plural
 from render.scene.quality import DEFAULT_QUALITY, QUALITIES, Quality
-
-_RUNS = 30
-"""The number of latest runs that are read."""
 
 _FRAMES = 100
 """The most frames of one kind that are read."""
@@ -58,13 +56,17 @@ class MeanTimings:
         """
         if stage == "render":
             return self._render_seconds(shot, quality)
-        known = self._logged.get(stage, {})
-        if not known:
-            return None
-        source = min(known, key=lambda place: (place[0] != shot, place[1] != quality))
-        scale = 1.0 if stage in SHARED_STAGES else pixels(quality) / pixels(source[1])
-        taken = known[source]
-        return Sample(scale * sum(taken) / len(taken), len(taken), f"{source[0]} at {source[1]}")
+        history = self._history
+        places = [(shot, quality)]
+        if not history.stage(stage, shot, quality).made:
+            places = sorted(history.places(), key=lambda place: (place[0] != shot, place[1] != quality))
+        for name, at in places:
+            if made := history.stage(stage, name, at).made.values():
+                known = at if base_of(at) in QUALITIES else DEFAULT_QUALITY
+                scale = 1.0 if stage in SHARED_STAGES else pixels(quality) / pixels(known)
+                taken = sum(each.seconds * each.threads for each in made)
+                return Sample(scale * taken / len(made), len(made), f"{name} at {at}")
+        return None
 
     def _render_seconds(self, shot: str, quality: str) -> Sample | None:
         for name, at in ((shot, quality), (shot, "*"), ("*", quality), ("*", "*")):
@@ -95,13 +97,8 @@ class MeanTimings:
         return None
 
     @cached_property
-    def _logged(self) -> dict[str, dict[tuple[str, str], list[float]]]:
-        """Core-seconds of the latest runs by stage, shot and quality."""
-        logged: dict[str, dict[tuple[str, str], list[float]]] = defaultdict(lambda: defaultdict(list))
-        for timing in frame_timings(self._root, _RUNS):
-            quality = timing.quality if base_of(timing.quality) in QUALITIES else DEFAULT_QUALITY
-            logged[timing.stage][timing.shot, quality].append(timing.seconds * timing.threads)
-        return logged
+    def _history(self) -> History:
+        return History.of(self._root)
 
 
 def samples(quality: str) -> int:

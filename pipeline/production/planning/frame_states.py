@@ -12,7 +12,7 @@ from pipeline.frames import FrameRange
 from pipeline.production.request.framing_inputs import ShownCameras
 from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import FORMS, RenderRequest
-from pipeline.production.store.event_log import History
+from pipeline.production.store.history import SHARED, History
 from pipeline.production.store.store import Key, Store
 
 PICTURE_STAGES = ("render", "finish")
@@ -72,7 +72,7 @@ def mesh_states(request: RenderRequest, store: Store, history: History) -> Frame
         path = request.place("mesh", number)
         return "done" if store.shows("mesh", request.mesh_key(number), path) else _undone(store, path)
 
-    return _states(request, "meshes", state, history, (request.name, MESH_STAGES, None))
+    return _states(request, "meshes", state, history, (request.name, MESH_STAGES, SHARED))
 
 
 def picture_states(request: RenderRequest, store: Store, history: History) -> FrameStates:
@@ -147,7 +147,7 @@ def _states(
     what: str,
     state: Callable[[int], str],
     history: History,
-    about: tuple[str, Sequence[str], str | None],
+    about: tuple[str, Sequence[str], str],
 ) -> FrameStates:
     """Return the states of the files of a kind.
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -16,8 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.production.stages import STAGES
-from pipeline.production.store.event_log import EventReader, logs_of
-from render.scene.quality import DEFAULT_QUALITY
+from pipeline.production.store.history import History
 
 if TYPE_CHECKING:
     from pipeline.production.request.render_request import RenderRequest
@@ -71,47 +69,11 @@ def statistics_in(folder: Path) -> Iterator[RenderStatistics]:
             yield statistics
 
 
-@dataclass(frozen=True)
-class FrameTiming:
-    """Seconds that one frame took at a stage, on so many threads."""
-
-    stage: str
-    shot: str
-    quality: str
-    frame: int
-    seconds: float
-    threads: int
-
-
-def frame_timings(root: Path, runs: int | None = None) -> Iterator[FrameTiming]:
-    """Yield the frames that the latest runs made (all runs by default), in the order in which they made them.
-
-    Frames that the store held already are left out.
-    """
-    for log in logs_of(root)[-runs if runs else 0 :]:
-        threads: dict[str, int] = {}
-        for event in EventReader(log).new():
-            if event["event"] == "begin":
-                threads[event["job"]] = int(event.get("threads", 1))
-            elif event["event"] == "frame" and not event["found"]:
-                yield FrameTiming(
-                    str(event["stage"]),
-                    str(event["shot"]),
-                    str(event.get("quality", DEFAULT_QUALITY)),
-                    event["frame"],
-                    float(event["seconds"]),
-                    threads.get(event["job"], 1),
-                )
-
-
 class LatestTimings:
     """Seconds of every frame made under a root, the last time it was made."""
 
     def __init__(self, root: Path) -> None:
-        self._seconds: dict[tuple[str, str, str], dict[int, float]] = defaultdict(dict)
-        for timing in frame_timings(root):
-            quality = "" if timing.stage in SHARED_STAGES else timing.quality
-            self._seconds[timing.stage, timing.shot, quality][timing.frame] = timing.seconds
+        self._history = History.of(root)
 
     def by_stage(
         self, subject: str, shot: str, quality: str, stages: Iterable[str]
@@ -122,12 +84,11 @@ class LatestTimings:
         """
         timed = {}
         for stage in stages:
-            shared = stage in SHARED_STAGES
-            seconds = self._seconds.get((stage, subject, "" if shared else quality))
-            if shared and not seconds:
-                seconds = self._seconds.get((stage, shot, ""))
-            if seconds:
-                timed[stage] = dict(seconds)
+            made = self._history.stage(stage, subject, quality).made
+            if stage in SHARED_STAGES and not made:
+                made = self._history.stage(stage, shot, quality).made
+            if made:
+                timed[stage] = {frame: each.seconds for frame, each in made.items()}
         return timed
 
 

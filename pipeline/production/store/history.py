@@ -1,0 +1,312 @@
+"""The history of runs: for each frame of a shot, its last failure and what making it took.
+
+Event logs grow with every frame of every run. When a run ends, its log is added to a summary per shot and
+quality, which holds the last word on each frame and so stays small; files that all qualities share have one
+summary a shot. Only logs of runs that are at work, or were killed, are read as they are. Old ones are
+removed.
+
+.flowsculpt/history/<shot>.<quality>.json    a summary
+.flowsculpt/history/logs.json                the size of each log in the summaries
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import platform
+import time
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pipeline.errors import MachineError
+from pipeline.production.stages import STAGES
+from pipeline.production.store.event_log import RUNS, Event, EventReader, logs_of
+from pipeline.production.store.locks import lock_name, of_key
+from pipeline.production.store.paths import STATE
+from render.base.atomic_write import atomic_write
+
+HISTORY = STATE / "history"
+
+SHARED = "meshes"
+"""Stands for the quality of files that all qualities share."""
+
+KEPT_BYTES = 64 * 1024 * 1024
+"""The most that the logs of ended runs take, but those of the last LATEST runs."""
+
+LATEST = 3
+
+SILENT_SECONDS = 24 * 3600.0
+"""Seconds without a line after which a run of another host counts as ended."""
+
+_ENDINGS = ("frame", "fail", "hung")
+"""Events that end the work on a frame."""
+
+_TAIL = 4096
+"""Bytes at the end of a log in which its last line is sought."""
+
+
+class Made(NamedTuple):
+    """The run that made a frame last, and the seconds and threads that it took."""
+
+    run: str
+    seconds: float
+    threads: int
+
+
+@dataclass
+class StageHistory:
+    """The last word on each frame at one stage.
+
+    pace    mean seconds from one frame to the next in the last run that made two
+    failed  messages by frame, of those that failed at the last try
+    made    frames that were computed, not found in the store
+    """
+
+    pace: float | None = None
+    failed: dict[int, str] = field(default_factory=dict)
+    made: dict[int, Made] = field(default_factory=dict)
+
+    def as_data(self) -> dict[str, Any]:
+        by_run: defaultdict[str, dict[int, list[float]]] = defaultdict(dict)
+        for frame, (run, seconds, threads) in self.made.items():
+            by_run[run][frame] = [seconds, threads]
+        return {"pace": self.pace, "failed": self.failed, "made": by_run}
+
+    @classmethod
+    def from_data(cls, data: Any) -> StageHistory:
+        failed = {int(frame): str(message) for frame, message in data["failed"].items()}
+        made = {
+            int(frame): Made(run, seconds, int(threads))
+            for run, frames in data["made"].items()
+            for frame, (seconds, threads) in frames.items()
+        }
+        return cls(data["pace"], failed, made)
+
+
+Place = tuple[str, str]
+"""A shot, or another subject of events, and a quality or SHARED."""
+
+
+class History:
+    """The history of all runs under a root. Summaries are read when they are asked for."""
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+        self._stages: dict[Place, dict[str, StageHistory]] = {}
+        self._working: dict[tuple[Place, str], dict[tuple[str, int], int]] = {}
+
+    @classmethod
+    def of(cls, root: Path) -> History:
+        """Return the history with the runs that are at work, and those that were killed."""
+        history, ended = cls(root), _logs_added(root)
+        for log in logs_of(root):
+            if ended.get(log.stem) != _size(log):
+                history.add(log)
+        return history
+
+    def stage(self, stage: str, shot: str, quality: str) -> StageHistory:
+        """Return the history of a stage of a shot; one that all qualities share has one for all."""
+        place = shot, quality if STAGES[stage].per_quality else SHARED
+        return self._at(place).setdefault(stage, StageHistory())
+
+    def failed(self, shot: str, stages: Iterable[str], quality: str) -> dict[int, str]:
+        """Return the frames whose last try failed, with the message."""
+        known = [self.stage(stage, shot, quality).failed for stage in stages]
+        return {frame: message for failed in known for frame, message in failed.items()}
+
+    def running(self, shot: str, stages: Iterable[str], quality: str) -> set[int]:
+        """Return the frames that processes are working on now."""
+        places = [(shot, quality if STAGES[stage].per_quality else SHARED) for stage in stages]
+        works = [self._working.get(about, {}) for about in zip(places, stages, strict=True)]
+        return {frame for jobs in works for (job, frame), process in jobs.items() if _works_on(process, job)}
+
+    def pace(self, shot: str, stages: Iterable[str], quality: str) -> float | None:
+        """Return the mean seconds from one frame to the next at the slowest of the stages in its last run.
+
+        Frames made side by side count one after the other. None where no run made two.
+        """
+        return max(filter(None, (self.stage(s, shot, quality).pace for s in stages)), default=None)
+
+    def places(self) -> list[Place]:
+        """Return the shots and qualities of which anything is known."""
+        for path in sorted((self._root / HISTORY).glob("*.*.json")):
+            with contextlib.suppress(OSError, ValueError, KeyError):
+                data = json.loads(path.read_text())
+                self._stages.setdefault((data["shot"], data["quality"]), _stages_in(data))
+        return list(self._stages)
+
+    # Writing
+
+    def add(self, log: Path) -> None:
+        """Add the events of a run's log, and of those of other hosts."""
+        run = _Run(self, log.stem)
+        for event in EventReader(log).new():
+            run.add(event)
+        run.finish()
+
+    def write(self) -> None:
+        """Write the summaries to which runs were added."""
+        for (shot, quality), stages in self._stages.items():
+            data = {name: stage.as_data() for name, stage in stages.items()}
+            with atomic_write(_summary(self._root, (shot, quality)), flush=False) as draft:
+                draft.write_text(json.dumps({"shot": shot, "quality": quality, "stages": data}))
+
+    def _at(self, place: Place) -> dict[str, StageHistory]:
+        if place not in self._stages:
+            self._stages[place] = {}
+            with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+                data = json.loads(_summary(self._root, place).read_text())
+                if (data["shot"], data["quality"]) == place:
+                    self._stages[place] = _stages_in(data)
+        return self._stages[place]
+
+    def works_on(self, place: Place, stage: str) -> dict[tuple[str, int], int]:
+        """Return jobs and frames that are worked on, with the processes; `add` keeps them."""
+        return self._working.setdefault((place, stage), {})
+
+
+def _stages_in(data: Any) -> dict[str, StageHistory]:
+    return {name: StageHistory.from_data(stage) for name, stage in data["stages"].items()}
+
+
+class _Run:
+    """Adds the events of one run to a history."""
+
+    def __init__(self, history: History, name: str) -> None:
+        self._history, self._name = history, name
+        self._threads: dict[str, int] = {}
+        self._processes: dict[str, int] = {}
+        self._spans: dict[tuple[Place, str], tuple[float, float, int]] = {}
+
+    def add(self, event: Event) -> None:
+        what, job = event["event"], event.get("job", "")
+        if what == "begin":
+            self._threads[job] = int(event.get("threads", 1))
+            self._processes[job] = int(event.get("process", 0))
+        elif what == "end":
+            self._processes.pop(job, None)
+        elif (what == "start" or what in _ENDINGS) and event.get("frame") is not None:
+            self._add_frame(what, job, event)
+
+    def _add_frame(self, what: str, job: str, event: Event) -> None:
+        stage, frame = event.get("stage"), event["frame"]
+        if stage not in STAGES:  # of an earlier version
+            return
+        place = str(event.get("shot")), str(event.get("quality", "")) if STAGES[stage].per_quality else SHARED
+        known = self._history.stage(stage, *place)
+        first, last, count = self._spans.get((place, stage), (float("inf"), 0.0, 0))
+        works = self._history.works_on(place, stage)
+        if what == "start":
+            first = min(first, event["time"])
+            if job in self._processes:
+                works[job, frame] = self._processes[job]
+        else:
+            works.pop((job, frame), None)
+        if what == "frame":
+            known.failed.pop(frame, None)
+            if not event["found"]:
+                seconds = float(event.get("seconds", 0.0))
+                known.made[frame] = Made(self._name, seconds, self._threads.get(job, 1))
+                last, count = max(last, event["time"]), count + 1
+        elif what != "start":
+            known.failed[frame] = str(event["message"])
+        self._spans[place, stage] = first, last, count
+
+    def finish(self) -> None:
+        """Note the pace of each stage, and forget the frames of jobs that have ended."""
+        for (place, stage), (first, last, count) in self._spans.items():
+            if count and last > first:
+                self._history.stage(stage, *place).pace = (last - first) / count
+            works = self._history.works_on(place, stage)
+            for job, frame in [about for about in works if about[0] not in self._processes]:
+                works.pop((job, frame))
+
+
+def summarise(root: Path) -> None:
+    """Add the logs of ended runs to the summaries, and remove old ones. Ignore errors of the disk."""
+    with contextlib.suppress(OSError, MachineError), of_key(root, "history", lambda: None):
+        added, logs = _logs_added(root), logs_of(root)
+        for log in logs:
+            if added.get(log.stem) != _size(log) and _has_ended(log):
+                history, size = History(root), _size(log)
+                history.add(log)
+                history.write()
+                added[log.stem] = size
+        kept = {log.stem for log in _rotated([log for log in logs if log.stem in added])}
+        added = {name: size for name, size in added.items() if name in kept}
+        with atomic_write(root / HISTORY / "logs.json", flush=False) as draft:
+            draft.write_text(json.dumps(added))
+
+
+def _rotated(logs: Sequence[Path]) -> Iterator[Path]:
+    """Remove the logs of all but the latest runs; yield those that stay."""
+    total = 0
+    for age, log in enumerate(reversed(logs)):
+        total += _size(log)
+        if age < LATEST or (age < RUNS and total <= KEPT_BYTES):
+            yield log
+            continue
+        for path in log.parent.glob(f"{log.stem}.*jsonl"):
+            path.unlink(missing_ok=True)
+
+
+def _logs_added(root: Path) -> dict[str, int]:
+    """Return the size that each log had when it was added to the summaries."""
+    with contextlib.suppress(OSError, ValueError):
+        return dict(json.loads((root / HISTORY / "logs.json").read_text()))
+    return {}
+
+
+def _summary(root: Path, place: Place) -> Path:
+    return root / HISTORY / f"{lock_name(*place)}.json"
+
+
+def _size(log: Path) -> int:
+    """Return the bytes of a log and of those of other hosts."""
+    total = 0
+    for path in log.parent.glob(f"{log.stem}.*jsonl"):
+        with contextlib.suppress(OSError):
+            total += path.stat().st_size
+    return total
+
+
+def _has_ended(log: Path) -> bool:
+    """Tell whether a run has ended: its log says so, its process is gone, or it is silent for very long."""
+    try:
+        with log.open("rb") as file:
+            first = file.readline()
+            file.seek(max(0, log.stat().st_size - _TAIL))
+            last = file.read().rstrip(b"\n").rpartition(b"\n")[2]
+        if json.loads(last)["event"] == "ran":
+            return True
+        event = json.loads(first)
+    except (OSError, ValueError, KeyError):
+        event = {}
+    if event.get("host") == platform.node():
+        process = log.stem.rpartition("-")[2]
+        return not (process.isdecimal() and _is_alive(int(process)))
+    with contextlib.suppress(OSError):
+        return time.time() - log.stat().st_mtime > SILENT_SECONDS
+    return False
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:  # of another user
+        return True
+    return True
+
+
+def _works_on(process: int, job: str) -> bool:
+    import psutil  # which most processes never need
+
+    with contextlib.suppress(psutil.Error):
+        return job in psutil.Process(process).cmdline()
+    return False
