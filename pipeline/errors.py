@@ -47,3 +47,15 @@ class FrameError(FlowsculptError):
     def of(self, frame: int) -> FrameError:
         """Return this error with a frame, unless it has one."""
         return self if self.frame is not None else FrameError(str(self), frame)
+
+
+class VertexBudgetError(FrameError):
+    """A frame that would have more vertices than `max_vertices` allows; `fact` says how many."""
+
+    def __init__(self, fact: str) -> None:
+        super().__init__(f"{fact}; raise max_vertices or max_edge_length")
+        self.fact = fact
+
+    def with_remedy(self, settings: str, frame: int) -> FrameError:
+        """Return the error of a frame, with settings that help as the first remedy."""
+        return FrameError(f"{self.fact}; write {settings}, or raise max_vertices or max_edge_length", frame)

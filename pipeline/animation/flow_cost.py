@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.animation.fit_remedy import TYPICAL_EXTENT
 from pipeline.arrays import Points
 from pipeline.flow import Sequence, Streamlines, VelocityField
 from pipeline.flow.sensitivity import Sensitivity, sensitivity
@@ -19,9 +20,6 @@ SAMPLE = 1000
 
 MANY_VERTICES = 200_000
 """Vertices from which on fewer of them are advised."""
-
-TYPICAL_EXTENT = 2.0
-"""Units: the extent of the solids, for which flows have their defaults."""
 
 COMPARABLE = 4.0
 """One cause of sub-steps outweighs another by this factor."""

@@ -6,8 +6,11 @@ from dataclasses import replace
 from functools import partial
 from typing import Generic, TypeVar
 
+import numpy as np
+
+from pipeline.animation.fit_remedy import fit_remedy, is_usual_size
 from pipeline.animation.frame import MATERIAL, FrameReport, MeshFrame, material_of
-from pipeline.errors import FlowsculptError, FrameError
+from pipeline.errors import FlowsculptError, FrameError, VertexBudgetError
 from pipeline.flow import Flow
 from pipeline.flow.flow_map import FlowMap, FrameStep
 from pipeline.mesh import TriangleMesh
@@ -81,7 +84,7 @@ class _ResampledSurface(MovingSurface, Generic[R]):
     """A surface that is resampled when its frame is taken."""
 
     def __init__(self, motion: Motion, resampling: Resampling, resampler: R) -> None:
-        self._thresholds = partial(thresholds_at, motion, resampling)
+        self._motion, self._thresholds = motion, partial(thresholds_at, motion, resampling)
         self._resampler: R = resampler
 
     def move(self, step: FrameStep) -> None:
@@ -92,6 +95,12 @@ class _ResampledSurface(MovingSurface, Generic[R]):
         try:
             self._resampler.thresholds = self._thresholds(number)
             return self._resampler.resample()
+        except VertexBudgetError as error:
+            extent = float(np.ptp(self._resampler.vertices, axis=0).max())
+            fit = fit_remedy(self._motion, extent)
+            if not fit or is_usual_size(extent):
+                raise error.of(number) from error
+            raise error.with_remedy(fit, number) from error
         except FrameError as error:
             raise error.of(number) from error
         except FlowsculptError as error:

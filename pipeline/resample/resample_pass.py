@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from pipeline.arrays import Indices, Points
-from pipeline.errors import FrameError
+from pipeline.errors import FrameError, VertexBudgetError
 from pipeline.mesh.halfedge_mesh import WORTH_SHARING, HalfedgeMesh
 from pipeline.progress import report_progress
 from pipeline.resample.kernels.can_collapse import REASONS, TOO_LONG
@@ -215,16 +215,29 @@ class ResamplePass:
     def _keep_to_budget(self, splits: Indices) -> None:
         """Raise FrameError where splits at these half-edges exceed the budget; some name an edge twice."""
         vertices, budget = int(self.mesh.sizes[0]), self.thresholds.max_vertices
+        if not self.passes and 4 * len(splits) > vertices:
+            self._keep_area_to_budget()
         if vertices + len(splits) <= budget:
             return
         more = len(np.unique(np.maximum(splits, self.mesh.arrays.twin[splits])))
         if vertices + more > budget:
             corners = self.mesh.vertices[self.mesh.faces]
             longest = float(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max())
-            raise FrameError(
+            raise VertexBudgetError(
                 f"{vertices} vertices and {plural(more, 'edge')} to split exceed the budget of {budget} "
-                f"vertices (longest edge {longest:g}, allowed {self.limits.max_edge_length:g}); "
-                "raise max_vertices or max_edge_length"
+                f"vertices (longest edge {longest:g}, allowed {self.limits.max_edge_length:g})"
+            )
+
+    def _keep_area_to_budget(self) -> None:
+        """Raise FrameError where even the largest triangles allowed, equilateral ones, would be too many."""
+        a, b, c = (self.mesh.vertices[corners] for corners in self.mesh.faces.T)
+        area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+        longest, budget = self.limits.max_edge_length, self.thresholds.max_vertices
+        needed = 0.5 * area / (math.sqrt(3.0) / 4.0 * longest**2)  # half as many vertices as faces
+        if needed > 1.01 * budget:
+            raise VertexBudgetError(
+                f"a surface of {area:.3g} square units takes at least {needed:,.0f} vertices where edges are "
+                f"{longest:g} units long at most, which exceeds the budget of {budget}"
             )
 
     def _report(self) -> Report:

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.animation import animate
+from pipeline.errors import FrameError
 from pipeline.mesh import icosphere
 from pipeline.production.maintenance.finding import Finding
 from pipeline.production.maintenance.first_frame import FirstFrame, FirstFrames, estimated_vertices
@@ -69,12 +70,9 @@ def test_edges_over_a_twelfth_of_the_subject_are_coarse_and_the_advised_length_i
 
 def test_a_small_bunny_with_edges_of_half_its_size_is_no_good(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj", 0.15)
-    texts = [finding.text for finding in found(tmp_path, ball_shot(edge=0.08))]
-    assert any("max_edge_length 0.08 is coarse" in text for text in texts)
-    fit = next(text for text in texts if "subject.fit: 2" in text)
-    edge = re.search(r"max_edge_length: ([\d.]+)", fit)
-    assert edge
-    assert found(tmp_path, ball_shot(edge=float(edge[1]), fit=", fit: 2")) == []
+    finding = the_only(found(tmp_path, ball_shot(edge=0.08)))
+    assert "Write subject.fit: 2, or choose" in finding.text
+    assert found(tmp_path, ball_shot(edge=0.08, fit=", fit: 2")) == []
 
 
 @pytest.mark.parametrize("edge", [0.03, 0.04, 0.05])
@@ -152,6 +150,43 @@ def test_a_flow_that_tears_the_surface_is_told_and_fitting_the_model_serves(tmp_
     told = [f for f in found(tmp_path, ball_shot(edge=20.0)) if "times as long" in f.text]
     assert the_only(told).where == ("flows", 0) and "twist makes edges" in told[0].text
     assert found(tmp_path, ball_shot(edge=0.08, fit=", fit: 2")) == []
+
+
+def test_a_large_model_that_a_twist_shears_to_pieces_is_told_to_be_fitted(tmp_path: Path) -> None:
+    write_ball(tmp_path / "ball.obj", 200.0)
+    twist = "twist: {axis: y, amount: {keys: {1: 0, 24: 30}}}"
+    told = found(tmp_path, ball_shot(edge=4.0, flow=twist))
+    assert {finding.where for finding in told} == {("subject", "model"), ("flows", 0)}
+    assert all("Write subject.fit: 2 and max_edge_length: 0.04" in finding.text for finding in told)
+    assert found(tmp_path, ball_shot(edge=0.08, flow=twist, fit=", fit: 2")) == []
+
+
+@pytest.mark.parametrize(("scale", "edge"), [(1000.0, 0.08), (100.0, 4.0), (1e5, 1.0), (0.001, 0.002)])
+def test_a_model_of_another_size_is_fitted_whatever_else_is_wrong_and_that_serves(
+    tmp_path: Path, scale: float, edge: float
+) -> None:
+    write_ball(tmp_path / "ball.obj")
+    told = found(tmp_path, ball_shot(edge, fit=f", scale: {scale}"))
+    fits = [
+        re.search(r"Write subject\.fit: 2 in place of scale(?:, and max_edge_length: (\d[.\d]*\d))?", f.text)
+        for f in told
+    ]
+    assert told and fits[0] and fits[0][0] in told[0].text
+    mended = float(fits[0][1]) if fits[0][1] else edge
+    assert found(tmp_path, ball_shot(mended, fit=", fit: 2")) == []
+
+
+def test_a_frame_over_the_budget_says_so_at_once_and_names_the_fit(tmp_path: Path) -> None:
+    write_ball(tmp_path / "ball.obj")
+    path = tmp_path / "shot.yaml"
+    path.write_text(f"title: A ball\nframes: 1-24\n{ball_shot(0.08, fit=', scale: 1000')}\nlook: clay\n")
+    with pytest.raises(
+        FrameError, match=r"frame 1: .*at least \d.*write subject\.fit: 2 in place of scale, or"
+    ):
+        next(animate(read_shot(path)))
+    path.write_text(f"title: A ball\nframes: 1-24\n{ball_shot(0.002)}\nlook: clay\n")
+    with pytest.raises(FrameError, match=r"exceeds the budget of 2000000; raise max_vertices or max_edge"):
+        next(animate(read_shot(path)))
 
 
 def test_too_many_sub_steps_are_an_error_before_they_are_taken(tmp_path: Path) -> None:

@@ -11,13 +11,8 @@ from typing import Any
 import numba
 import numpy as np
 
-from pipeline.animation.flow_cost import (
-    TYPICAL_EXTENT,
-    FlowCost,
-    along_velocities,
-    costliest_flow,
-    flow_costs,
-)
+from pipeline.animation.fit_remedy import fit_remedy, is_usual_size
+from pipeline.animation.flow_cost import FlowCost, along_velocities, costliest_flow, flow_costs
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
 from pipeline.flow import Flow, Placed, Sequence, VelocityField
@@ -29,7 +24,6 @@ from pipeline.flow.streamlines import MAX_SUBSTEPS
 from pipeline.production.maintenance.finding import Finding, Where, sampled_frames
 from pipeline.production.maintenance.first_frame import FirstFrame
 from pipeline.shot import Motion, Shot
-from pipeline.shot.model_subject import Model
 
 FAR_OFF = 5.0
 """Extents from a flow's centre to the middle of the subject: farther off it moves the subject as a whole."""
@@ -37,8 +31,9 @@ FAR_OFF = 5.0
 SLOW_SECONDS = 60.0
 """Seconds of a frame from which on its flow is named."""
 
-STRETCH = 2.0
-"""Length of edges over that of the frame before from which on a flow tears the surface apart."""
+STRETCH, STRETCHED = 2.0, 0.1
+"""Length of edges over that of the frame before from which on a flow tears the surface apart, and the share
+of the edges that are so long."""
 
 MOST_MEASURED = 500
 """Sub-steps up to which edges are followed to measure their stretch."""
@@ -57,11 +52,12 @@ def acts_elsewhere(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         if far:
             name, offset = far[0]
             middle = ", ".join(f"{x:.4g}" for x in first.middle)
-            fits = f"subject.fit: {TYPICAL_EXTENT:g}, which moves the model to the origin, or "
+            fit = fit_remedy(shot.motion, first.extent)
+            fits = f"{fit}, which moves the model to the origin, or " if fit else ""
             yield Finding(
                 ("flows", k),
                 f"{name} acts about a place {_norm(offset) / first.extent:.3g} times the size of the subject "
-                f"away from it. Write {fits if isinstance(shot.motion.subject, Model) else ''}"
+                f"away from it. Write {fits}"
                 f"centre: [{middle}] under {name}.",
             )
 
@@ -130,7 +126,7 @@ def takes_long(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
 
 
 def stretches(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
-    """Check that no flow multiplies the length of most edges in one frame: vertices grow in number alike."""
+    """Check that no flow multiplies the length of edges in one frame: vertices grow in number alike."""
     motion = shot.motion
     if motion.resampling is None or not len(first.faces) or any(acts_elsewhere(shot, first)):
         return  # far from the subject a flow may well stretch it, which the other finding mends
@@ -143,14 +139,14 @@ def stretches(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
                 moved = checked_displacement(flow, corners, *motion.step(number), number)
             except FrameError:
                 continue  # `takes_long` tells what fails for certain
-            ratio = float(np.median(_lengths(moved) / _lengths(corners)))
+            ratio = float(np.quantile(_lengths(moved) / _lengths(corners), 1.0 - STRETCHED))
             if ratio > STRETCH:
-                fits = isinstance(motion.subject, Model) and first.extent > 10.0 * TYPICAL_EXTENT
-                remedy = f"Write subject.fit: {TYPICAL_EXTENT:g}, lower" if fits else "Lower"
+                fit = "" if is_usual_size(first.extent) else fit_remedy(motion, first.extent)
+                remedy = f"Write {fit}, lower" if fit else "Lower"
                 yield Finding(
                     ("flows", k),
                     f"{flow.name} makes edges {ratio:.3g} times as long in the one frame {number}, so that "
-                    f"the vertices soon exceed max_vertices. {remedy} its amount or strength, or "
+                    f"vertices multiply and frames take long. {remedy} its amount or strength, or "
                     "spread its keys over more frames.",
                 )
                 return

@@ -8,22 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.animation.flow_cost import (
-    TYPICAL_EXTENT,
-)
+from pipeline.animation.fit_remedy import COARSE, FINE, TYPICAL_EXTENT, fit_remedy, is_usual_size
 from pipeline.arrays import Points
 from pipeline.production.maintenance.finding import Finding, sampled_frames
 from pipeline.production.maintenance.first_frame import FirstFrame
 from pipeline.production.maintenance.flow_rules import acts_elsewhere, deforms_nothing, stretches, takes_long
 from pipeline.production.render_inputs.framing import frame_all
 from pipeline.shot import Shot
-from pipeline.shot.model_subject import Model
-
-COARSE, FINE = 12, 24
-"""Edges along the largest extent: with fewer than COARSE a subject loses its shape; FINE are suggested."""
-
-SMALL, LARGE = 0.1, 10.0
-"""Extents over TYPICAL_EXTENT between which flows and looks work as they are."""
 
 SINGLE_PRECISION = 2.0**-24
 """The relative error of the positions that are rendered."""
@@ -52,19 +43,24 @@ def _budget(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         budget = resampling.thresholds.max_vertices
         more = 10 ** math.ceil(math.log10(2.0 * max(first.vertices, budget)))
         fits = rounded_up(first.longest * math.sqrt(4.0 * first.vertices / budget))
+        fit = fit_remedy(shot.motion, first.extent) if _should_fit(shot, first) else ""
+        remedy = fit or f"max_edge_length: {fits:g}, or max_vertices: {more}"
         yield Finding(
             ("resample", "max_edge_length"),
             f"max_edge_length {first.longest:g} takes about {first.vertices:,} vertices on frame "
             f"{shot.frames.first}, for a subject {first.extent:.3g} units large; max_vertices is {budget:,}. "
-            f"Write max_edge_length: {fits:g}, or max_vertices: {more}.",
+            f"Write {remedy}.",
             is_error=True,
         )
 
 
 def _edges(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
-    """Check that edges are short against the subject. Polyhedra are meant to have few."""
+    """Check that edges are short against the subject. Polyhedra are meant to have few.
+
+    A model to be fitted has another size then.
+    """
     resampling = shot.motion.resampling_at(shot.frames.first)
-    if resampling is None or resampling.method != "triangles":
+    if resampling is None or resampling.method != "triangles" or _should_fit(shot, first):
         return
     longest = resampling.thresholds.max_edge_length
     if isinstance(longest, float) and longest > first.extent / COARSE * (1.0 + 1e-9):
@@ -102,30 +98,30 @@ def _is_set(camera: Any, name: str) -> bool:
 
 def _size(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     """Check that a model has about the size that flows and looks are made for."""
-    if not isinstance(shot.motion.subject, Model):
-        return
-    if not SMALL * TYPICAL_EXTENT <= first.extent <= LARGE * TYPICAL_EXTENT:
-        edge = ""
-        if first.longest is not None:
-            wanted = min(first.longest / first.extent, 1.0 / FINE) * TYPICAL_EXTENT
-            edge = f" and, in place of its length for this size, max_edge_length: {rounded(wanted):g}"
+    if _should_fit(shot, first) and not first.exceeds:
+        fit = fit_remedy(shot.motion, first.extent)
         yield Finding(
             ("subject", "model"),
             f"the model is {first.extent:.3g} units large; flows and looks are made for about "
-            f"{TYPICAL_EXTENT:g}. Write subject.fit: {TYPICAL_EXTENT:g}{edge}, or choose the lengths of the "
-            "flows for this size.",
+            f"{TYPICAL_EXTENT:g}. Write {fit}, or choose max_edge_length and the lengths of the flows for "
+            "this size.",
         )
+
+
+def _should_fit(shot: Shot, first: FirstFrame) -> bool:
+    """Tell whether fitting the subject gives it a usual size."""
+    return bool(fit_remedy(shot.motion, first.extent)) and not is_usual_size(first.extent)
 
 
 def _precision(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     """Check that renderers, which compute in single precision, resolve the subject where it is."""
-    detail = first.extent / 1000.0
+    detail, fit = first.extent / 1000.0, fit_remedy(shot.motion, first.extent)
     if float(np.abs(first.middle).max()) * SINGLE_PRECISION > 0.1 * detail:
         yield Finding(
             ("subject",),
             f"the subject is {np.abs(first.middle).max():.3g} units from the origin and {first.extent:.3g} "
             "large; pictures resolve positions to a 16-millionth of their distance from the origin. "
-            f"Write subject.fit: {TYPICAL_EXTENT:g}, which moves it there.",
+            f"{f'Write {fit}, which moves it there' if fit else 'Move it nearer'}.",
         )
 
 
