@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import json
+import re
+import socket
 import threading
 import time
 import urllib.error
@@ -13,6 +17,7 @@ from typing import Any
 
 import pytest
 
+from pipeline.dailies.preview import live_server
 from pipeline.dailies.preview.live_server import LiveFeed, serving
 from pipeline.dailies.preview.live_session import LiveSession
 from pipeline.dailies.preview.sketch import Sketch
@@ -123,14 +128,80 @@ def test_browsers_on_this_machine_are_served_and_no_others() -> None:
             ("frames/1/2.jpg", None, 404),
             ("page/../server.py", None, 404),
             ("frames/1/1.jpg", "evil.example", 403),
+            ("frames/1/1.jpg", "localhost.evil.example", 403),
+            ("..%2f..%2fetc/passwd", None, 404),
         ):
-            request = urllib.request.Request(address + path, headers={"Host": host} if host else {})
-            with pytest.raises(urllib.error.HTTPError) as refused:
-                urllib.request.urlopen(request)
-            assert refused.value.code == code
-            refused.value.close()
+            assert code_of(address + path, {"Host": host} if host else {}) == code
         with pytest.raises(MachineError, match="leave --port out"), serving(feed, int(address[17:-1])):
             pass
+
+
+def code_of(url: str, headers: dict[str, str]) -> int:
+    try:
+        with urllib.request.urlopen(urllib.request.Request(url, headers=headers)) as answer:
+            return int(answer.status)
+    except urllib.error.HTTPError as refused:
+        refused.close()
+        return refused.code
+
+
+def test_a_page_of_another_site_may_link_to_the_page_but_neither_show_nor_hear_it() -> None:
+    with serving(LiveFeed()) as address:
+        assert code_of(address, {"Sec-Fetch-Site": "cross-site"}) == 200
+        for path in ("page.js", "events", "frames/1/1.jpg"):
+            assert code_of(address + path, {"Sec-Fetch-Site": "cross-site"}) == 403
+        with urllib.request.urlopen(address) as answer:
+            assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
+
+
+def connected(address: str) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", int(address[17:-1])), timeout=PATIENCE)
+
+
+def test_clients_that_are_slow_or_say_too_much_are_cut_off_and_others_served(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(live_server, "PATIENCE", 1.0)
+    feed = LiveFeed()
+    with serving(feed) as address:
+        slow = [connected(address) for _ in range(live_server.MOST_CONNECTIONS)]
+        for number, client in enumerate(slow):
+            client.sendall(b"GET / HTTP/1.1\r\n"[: number % 17])
+        time.sleep(0.5)
+        with connected(address) as one_more:
+            assert one_more.recv(100) == b"", "there are too many"
+        assert all(client.recv(100) == b"" for client in slow), "each had its time"
+        for words in (
+            b"GET /" + b"a" * 100_000 + b" HTTP/1.1\r\n\r\n",
+            b"GET / HTTP/1.1\r\n" + b"A: " + b"a" * 100_000 + b"\r\n\r\n",
+            b"GET / HTTP/1.1\r\n" + b"A: a\r\n" * 1000 + b"\r\n",
+            b"\x16\x03\x01\x00\xff\r\n\r\n",
+            b"POST / HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n",
+        ):
+            with connected(address) as client, contextlib.suppress(ConnectionError):
+                client.sendall(words)
+                assert re.search(rb"^HTTP/1.0 [45]|Error code: 4", client.recv(10_000)), words[:20]
+        assert b"page.js" in fetched(address)
+    assert capfd.readouterr().err == "", "nothing is printed over the command's progress"
+    for client in slow:
+        client.close()
+
+
+def test_a_page_that_reads_nothing_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_server, "PATIENCE", 0.5)
+    feed = LiveFeed()
+    take = feed.begin("A", 1, 2, 24.0, (8, 4))
+    with serving(feed) as address, connected(address) as client:
+        client.sendall(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        client.recv(10)
+        limit = time.monotonic() + PATIENCE
+        for frame in itertools.count():
+            feed.say("word " * 100_000)
+            feed.show(take, frame % 2 + 1, b"picture")
+            time.sleep(0.1)
+            if not feed._subscribers:
+                break
+            assert time.monotonic() < limit
 
 
 def test_a_page_hears_of_all_that_it_missed_and_of_what_comes() -> None:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import queue
 import re
+import socket
 import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -28,8 +29,23 @@ PAGE = {
 
 _PICTURE = re.compile(r"/frames/(\d{1,9})/(\d{1,9})\.jpg(?:\?\d+)?")
 
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "X-Content-Type-Options": "nosniff",
+}
+"""Headers of every answer: the page runs its own scripts alone, and pages of other sites show none of it."""
+
 KEEP_ALIVE = 5.0
 """Seconds between comments in a stream without messages, by which a closed page is noticed."""
+
+PATIENCE = 10.0
+"""Seconds that a browser has to send its request, and to take each part of the answer."""
+
+MOST_CONNECTIONS = 64
+"""Connections that are served at once: each open page has one, and six more while it loads pictures."""
 
 
 @contextmanager
@@ -53,7 +69,35 @@ def serving(feed: LiveFeed, port: int = 0) -> Iterator[str]:
 
 
 class _Server(ThreadingHTTPServer):
+    """A thread for each connection, of which each has one request and PATIENCE seconds to send it."""
+
     daemon_threads = True
+    request_queue_size = MOST_CONNECTIONS
+
+    def __init__(self, *arguments: Any) -> None:
+        self.waiting: dict[socket.socket, float] = {}
+        self._open = threading.BoundedSemaphore(MOST_CONNECTIONS)
+        super().__init__(*arguments)
+
+    def verify_request(self, request: Any, client_address: Any) -> bool:
+        """Refuse connections beyond the most."""
+        return self._open.acquire(blocking=False)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        self.waiting[request] = time.monotonic() + PATIENCE
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self.waiting.pop(request, None)
+            self._open.release()
+
+    def service_actions(self) -> None:
+        """Close connections whose request takes too long; called twice a second."""
+        now = time.monotonic()
+        for connection, limit in list(self.waiting.items()):
+            if now > limit:
+                with suppress(OSError):
+                    connection.shutdown(socket.SHUT_RDWR)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Ignore browsers that close a connection early."""
@@ -62,13 +106,18 @@ class _Server(ThreadingHTTPServer):
 
 
 class _Handler(BaseHTTPRequestHandler):
-    protocol_version = "HTTP/1.1"
+    server: _Server
 
     def __init__(self, feed: LiveFeed, request: Any, client_address: Any, server: Any) -> None:
         self._feed = feed
         super().__init__(request, client_address, server)
 
+    def setup(self) -> None:
+        self.request.settimeout(PATIENCE)
+        super().setup()
+
     def do_GET(self) -> None:
+        self.server.waiting.pop(self.connection, None)
         if not self._is_local():
             self.send_error(403, "this page is for browsers on this machine")
         elif self.path in PAGE:
@@ -90,15 +139,23 @@ class _Handler(BaseHTTPRequestHandler):
         """Log nothing."""
 
     def _is_local(self) -> bool:
-        """Tell whether a request names this machine; scripts of other sites name another host."""
+        """Tell whether a request names this machine and comes from our page, or from nobody else's.
+
+        Scripts of a site whose name was bound to this machine name another host.
+        """
         host = self.headers.get("Host", "").rsplit(":", 1)[0]
-        return host in (ADDRESS, "localhost")
+        site = self.headers.get("Sec-Fetch-Site", "none")
+        return host in (ADDRESS, "localhost") and (site in ("none", "same-origin") or self.path == "/")
+
+    def end_headers(self) -> None:
+        for name, value in HEADERS.items():
+            self.send_header(name, value)
+        super().end_headers()
 
     def _send(self, content: bytes, kind: str) -> None:
         self.send_response(200)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(content)))
-        self.send_header("Cache-Control", "no-store")
         self.end_headers()
         self.wfile.write(content)
 
@@ -106,10 +163,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Send events until the page is closed."""
         self.send_response(200)
         self.send_header("Content-Type", "text/event-stream")
-        self.send_header("Cache-Control", "no-store")
-        self.send_header("Connection", "close")
         self.end_headers()
-        self.close_connection = True
         messages = self._feed.subscribe()
         try:
             while True:

@@ -171,8 +171,8 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _json(data: object) -> str:
-    """Return JSON for a script: it contains no end of a line or of a script."""
-    return json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
+    """Return JSON for a script: it contains no end of a line, and no tag wherever it is pasted."""
+    return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _keep(folder: Path, names: set[str]) -> None:

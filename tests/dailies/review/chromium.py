@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from filelock import FileLock
-from playwright.sync_api import Browser, Error, sync_playwright
+from playwright.sync_api import Browser, Error, Page, sync_playwright
 
 from render.base.errors import MachineError
 from render.mitsuba.llvm import PrivateApt, apt_available
@@ -130,6 +130,14 @@ def running() -> Iterator[Browser]:
             yield browser
         finally:
             browser.close()
+
+
+def wait_for(tab: Page, condition: str, seconds: float) -> None:
+    """Wait until an expression is true. The page's own policy forbids Playwright's `wait_for_function`."""
+    limit = time.monotonic() + seconds
+    while not tab.evaluate(f"Boolean({condition})"):
+        assert time.monotonic() < limit, f"waited in vain for {condition}"
+        tab.wait_for_timeout(20)
 
 
 def main(words: list[str]) -> int:

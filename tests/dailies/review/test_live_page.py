@@ -18,6 +18,7 @@ from pipeline.dailies.preview.sketch import Sketch
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project
 from tests.conftest import TINY
+from tests.dailies.review.chromium import wait_for
 
 NAME = "T010_tiny"
 SHOWN = "document.getElementById('state').textContent.startsWith('Save')"
@@ -31,7 +32,7 @@ class Follower:
     shot: Path
 
     def wait(self, condition: str) -> None:
-        self.tab.wait_for_function(condition, timeout=60_000)
+        wait_for(self.tab, condition, 60.0)
 
     @property
     def frame(self) -> int:

@@ -18,6 +18,7 @@ from playwright.sync_api import Page as Tab
 
 from pipeline.dailies.review import view_3d
 from render.post.image import read_png
+from tests.dailies.review.chromium import wait_for
 from tests.dailies.review.studio import FAILED, LAST, MISSING, Desk, number_in
 
 
@@ -41,7 +42,7 @@ class Looker:
         return int(self.tab.input_value("#frame"))
 
     def wait(self, condition: str) -> None:
-        self.tab.wait_for_function(condition, timeout=20_000)
+        wait_for(self.tab, condition, 20.0)
 
     def settled(self) -> None:
         """Wait until the pictures that are to be shown are there."""
