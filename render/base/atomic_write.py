@@ -14,7 +14,10 @@ from pathlib import Path
 
 from render.base.errors import MachineError
 
-_REMEDIES = {
+PROBE = 65536
+"""Bytes that tell whether a disk takes more."""
+
+REMEDIES = {
     errno.ENOSPC: "the disk is full; free some space and run again, nothing done is lost",
     errno.EDQUOT: "the disk quota is used up; free some space or ask for more",
     errno.EFBIG: "the file is larger than this process may write; raise `ulimit -f`",
@@ -26,6 +29,7 @@ _REMEDIES = {
     errno.EISDIR: "a folder stands where a file should be; move it away",
     errno.ENAMETOOLONG: "the name is too long for this file system; choose a shorter one",
 }
+"""What a user can do about what an operating system refuses, by error number."""
 
 
 @contextmanager
@@ -54,6 +58,8 @@ def atomic_write(path: Path, draft: Path | None = None, *, flush: bool = True) -
                 with draft.open("rb") as file:
                     os.fsync(file.fileno())
             draft.replace(path)
+    except MachineError as error:  # of a writer that knows only the draft
+        raise MachineError(str(error).replace(str(draft), str(path))) from error
     finally:
         with suppress(OSError):  # not there, or its folder is a file
             draft.unlink()
@@ -65,12 +71,25 @@ def disk_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        fact = _REMEDIES.get(error.errno or 0) or os.strerror(error.errno or errno.EIO)
-        raise MachineError(f"{path}: cannot be written: {fact}") from error
+        raise machine_error(path, error) from error
 
 
-def cannot_write(path: Path, reason: str) -> MachineError:
-    """Return the error for a file that a library failed to write without an errno."""
+def machine_error(path: Path, error: OSError) -> MachineError:
+    """Return the error of a path, which the operating system refused to write."""
+    fact = REMEDIES.get(error.errno or 0) or os.strerror(error.errno or errno.EIO)
+    return MachineError(f"{path}: cannot be written: {fact}")
+
+
+def cannot_write(path: Path, draft: Path, reason: str) -> MachineError:
+    """Return the error for a file that a library failed to write without an errno.
+
+    What the operating system refuses is found out by writing more to the draft.
+    """
+    try:
+        with draft.open("ab", buffering=0) as file:
+            file.write(bytes(PROBE))
+    except OSError as error:
+        return machine_error(path, error)
     return MachineError(
         f"{path}: cannot be written: {reason}; check the disk's free space and the folder's permissions"
     )

@@ -194,7 +194,7 @@ def _write(path: Path, kind: str, spec: Any, pixels: NDArray[Any]) -> None:
         written = output.open(str(temporary), spec) and output.write_image(pixels)
         reason = "" if written else last_message(output)
         if not (output.close() and written):
-            raise cannot_write(path, reason or last_message(output))
+            raise cannot_write(path, temporary, reason or last_message(output))
         _check_whole(temporary, path)
 
 
@@ -205,4 +205,4 @@ def _check_whole(temporary: Path, path: Path) -> None:
     if file is not None:
         file.close()
     if not whole:
-        raise cannot_write(path, f"what was written cannot be read: {last_message(file or oiio)}")
+        raise cannot_write(path, temporary, f"what was written cannot be read: {last_message(file or oiio)}")

@@ -149,7 +149,7 @@ def test_a_full_disk_is_reported_and_keeps_the_old_picture(
 
     write()
     before = path.read_bytes()
-    with disk_of(700), pytest.raises(MachineError, match="free space") as raised:
+    with disk_of(700), pytest.raises(MachineError, match="larger than this process may write") as raised:
         write()
     assert raised.value.exit_code == 4
     assert path.read_bytes() == before

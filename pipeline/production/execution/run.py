@@ -37,11 +37,17 @@ class Outcome:
 
     @property
     def failures(self) -> list[Event]:
-        """Failures, one for each shot, stage and frame; none if the run ended well all the same."""
-        seen: dict[tuple[object, ...], Event] = {}
+        """Failures, one for each shot, stage and frame; none if the run ended well all the same.
+
+        What the machine refuses, such as more of a full disk, is one failure, whatever jobs met it.
+        """
+        seen: dict[object, Event] = {}
         for event in self.events:
             if event["event"] == "fail":
-                seen.setdefault((event.get("shot"), event.get("stage"), event.get("frame")), event)
+                about: object = (event.get("shot"), event.get("stage"), event.get("frame"))
+                if self._exit_code(event) == MachineError.exit_code:
+                    about = str(event["message"]).rpartition(": ")[2]
+                seen.setdefault(about, event)
         return list(seen.values()) if self.unfinished else []
 
     @property
@@ -141,18 +147,19 @@ def _execute(
     events = list(EventReader(log).new())
     if well or {"fail", "healed", "hung", "killed"} & {event["event"] for event in events}:
         return events
-    output = snakemake.log_of(plan)
-    return events + _unexplained(events, output, snakemake.complaint(root / output))
+    return events + _unexplained(events, root, snakemake.log_of(plan))
 
 
-def _unexplained(events: list[Event], log: Path, complaint: str | None) -> list[Event]:
-    """Return events for what no job wrote: it was killed, a farm refused it, or Snakemake failed."""
+def _unexplained(events: list[Event], root: Path, log: Path) -> list[Event]:
+    """Return events for what no job wrote: killed, refused by disk or farm, or Snakemake failed."""
     ended = {event["job"] for event in events if event["event"] == "end"}
     killed = [e for e in events if e["event"] == "begin" and e["job"] not in ended]
     if not killed:
-        if complaint is None:
-            message, code = f"the workflow failed; {log} says more", FrameError.exit_code
-        else:
+        message, code = f"the workflow failed; {log} says more", FrameError.exit_code
+        refusal = snakemake.refusal(root, root / log)
+        if refusal is not None:
+            message, code = refusal, MachineError.exit_code
+        elif (complaint := snakemake.complaint(root / log)) is not None:
             message, code = f"no job could run: {complaint} {log} says more", MachineError.exit_code
         return [{"event": "fail", "shot": "workflow", "stage": "", "message": message, "exit_code": code}]
     return [{**begun, "event": "killed", "message": f"{begun['job']} was killed"} for begun in killed]

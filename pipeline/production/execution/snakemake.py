@@ -16,6 +16,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from tempfile import TemporaryFile
 
 import psutil
 
@@ -23,9 +24,9 @@ from pipeline.errors import MachineError
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile, shipped
 from pipeline.production.stages import STILLS
-from pipeline.production.store.paths import LOGS
+from pipeline.production.store.paths import LOGS, STATE
 from pipeline.production.tasks.job_server import job_server
-from render.base.atomic_write import disk_errors
+from render.base.atomic_write import PROBE, REMEDIES, disk_errors, machine_error
 
 RULES = {stage.name: "stills" for stage in STILLS}
 """The rules of stages that are not called as their rule is."""
@@ -56,6 +57,20 @@ def complaint(log: Path) -> str | None:
     text = log.read_text(errors="replace") if log.exists() else ""
     message = re.search(r"^ +message: (?!None)(.+?)(?:For further error details.*)?$", text, re.MULTILINE)
     return message.group(1).strip().rstrip(".") + "." if message else None
+
+
+def refusal(root: Path, log: Path) -> str | None:
+    """Return why Snakemake could not write what it needs itself: by its log, or as the disk is full."""
+    text = log.read_text(errors="replace") if log.exists() else ""
+    for number, path in re.findall(r"Error: \[Errno (\d+)\] [^\n:]+: '([^'\n]+)'", text):
+        if int(number) in REMEDIES:
+            return str(machine_error(root / path, OSError(int(number), "")))
+    try:
+        with disk_errors(root / STATE), TemporaryFile(dir=root / STATE, buffering=0) as file:
+            file.write(bytes(PROBE))
+    except MachineError as error:
+        return str(error)
+    return None
 
 
 def execute(plan: Plan, root: Path, cores: int, profile: Profile) -> bool:

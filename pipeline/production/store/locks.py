@@ -132,8 +132,9 @@ def _held(
                 break
             os.close(descriptor)  # removed by its holder meanwhile
         if descriptor >= 0 and not shared:
-            os.ftruncate(descriptor, 0)
-            os.write(descriptor, json.dumps(_myself(words)).encode())
+            with contextlib.suppress(OSError):  # a full disk; `clean` must work there
+                os.ftruncate(descriptor, 0)
+                os.write(descriptor, json.dumps(_myself(words)).encode())
     try:
         yield
     finally:

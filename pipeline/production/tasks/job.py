@@ -239,10 +239,12 @@ class Context:
 
     def warn(self, number: int, message: str) -> None:
         """Warn of something in spite of which a frame is made."""
-        print(message, file=sys.stderr)
         self.write("warn", number, message=message)
+        with suppress(OSError):  # the job's log may lie on a full disk
+            print(message, file=sys.stderr, flush=True)
 
     def fail(self, error: FlowsculptError, number: int | None = None) -> None:
         """Report the error of the job, or of one of its frames."""
-        print(error, file=sys.stderr)
         self.write("fail", number, message=str(error), exit_code=error.exit_code)
+        with suppress(OSError):  # the job's log may lie on a full disk
+            print(error, file=sys.stderr, flush=True)

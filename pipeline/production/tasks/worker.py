@@ -12,7 +12,7 @@ import sys
 import traceback
 from argparse import ArgumentParser
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -32,6 +32,7 @@ from pipeline.production.tasks.supervisor import (
     fall_back_to_other_variant,
     renderer,
 )
+from render.base.atomic_write import REMEDIES, machine_error
 from render.mitsuba.engine import available_cores
 
 
@@ -104,11 +105,17 @@ def work(context: Context) -> int:
     except FlowsculptError as error:
         context.fail(error)
     except Exception as error:
-        traceback.print_exc()
+        with suppress(OSError):  # the job's log may lie on a full disk
+            traceback.print_exc()
         on_gpu = job.stage == "render" and context.request.variant == ON_GPU
         if on_gpu and fall_back_to_other_variant(context, f"failed ({str(error).partition(chr(10))[0]})"):
             return 1  # its memory may be too small, its driver too old: nothing that another frame would mend
-        context.fail(FrameError(f"{job.name}: {type(error).__name__}: {error}; this is a bug in flowsculpt"))
+        if isinstance(error, OSError) and error.errno in REMEDIES:
+            context.fail(machine_error(Path(error.filename or context.root), error))
+        else:
+            context.fail(
+                FrameError(f"{job.name}: {type(error).__name__}: {error}; this is a bug in flowsculpt")
+            )
     context.log.write("end", stage=job.stage)
     return 0 if well else 1
 
