@@ -8,7 +8,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,8 @@ from pipeline.mesh import TriangleMesh
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import MEASURE
 from pipeline.production.store import readers
-from pipeline.production.store.store import CorruptFileError, Key, Store, key_of
+from pipeline.production.store.digests import CorruptFileError
+from pipeline.production.store.store import Key, Store, key_of
 
 BINS = 48
 """Bins of a histogram."""
@@ -144,10 +144,12 @@ def _of_frame(request: RenderRequest, store: Store, number: int) -> dict[str, An
     key = key_of(MEASURE.recipe, mesh, maximum := _maximum(request, number))
     known = store.path("measures", key)
     try:
+        store.digests.check(known)
         return dict(json.loads(known.read_text()))
-    except (OSError, ValueError):
+    except (CorruptFileError, OSError, ValueError):
         store.discard("measures", key)
     try:
+        store.digests.check(path)
         found = asdict(Measures.of(readers.mesh_frame(mesh)(path), maximum))
     except (CorruptFileError, OSError):
         return None
@@ -162,9 +164,8 @@ def simulated(request: RenderRequest, store: Store, number: int, kind: str) -> t
     """
     shown = store.root / request.place(kind, number)
     try:
-        with np.load(shown, allow_pickle=False) as arrays:
-            return shown, str(arrays["key"])
-    except (OSError, ValueError, KeyError, BadZipFile):
+        return shown, readers.key_in(shown)
+    except (CorruptFileError, OSError):
         key = request.mesh_key(number) if kind == "mesh" else request.normals_key(number)
         return (store.path(kind, key), key) if store.holds(kind, key) else None
 

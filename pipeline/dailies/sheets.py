@@ -62,7 +62,8 @@ class ShotSheet:
         pictures = [shown_picture(request, keys, self.store, n, factor, 8, "srgb") for n in numbers]
         sheet = ContactSheet(request.shot.heading, captions, (width, height), columns)
         header = {"shot": request.name, "frames": str(FrameRange.of(numbers))}
-        write_png(path, sheet.picture(pictures, request.quality_name), header)
+        page = sheet.picture(pictures, request.quality_name)
+        self.store.write(path, lambda draft: write_png(draft, page, header))
 
 
 Row = Mapping[str, Any]

@@ -113,7 +113,7 @@ def test_a_frame_that_cannot_be_read_is_told_and_forgotten_and_nothing_delivered
     project.store.discard("frame", key)
     project.store.put("frame", key, lambda path: path.write_bytes(b"cut short"))
     source = shot_source(request, project.store, {})
-    with pytest.raises(FrameError, match=r"0003\.exr cannot be read to its end; run again"):
+    with pytest.raises(FrameError, match=r"0003\.exr is damaged; run again"):
         Delivery(source, DeliveryOptions((ENCODES["review"],)), project.store).make(silent)
     assert not project.store.holds("frame", key)
     assert not list((there.path / "renders" / NAME / "draft" / "deliver").glob("*.mp4"))

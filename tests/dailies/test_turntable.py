@@ -160,7 +160,7 @@ def test_a_damaged_picture_makes_no_sheet_and_is_told(desk: Desk, turned_in_two_
     path.chmod(0o644)
     path.write_bytes(whole[:-99])
     try:
-        with pytest.raises(FrameError, match=f"{NAME}.0002.0006.exr cannot be read to its end"):
+        with pytest.raises(FrameError, match=f"{NAME}.0002.0006.exr is damaged"):
             TurntableSheets(turning).draw()
     finally:
         path.write_bytes(whole)

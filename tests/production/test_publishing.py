@@ -169,7 +169,7 @@ def test_a_frame_that_cannot_be_read_is_forgotten_and_not_published(desk: Desk) 
     stored = desk.release().store.path("frame", keys[3].frame)
     stored.chmod(0o644)
     os.truncate(stored, 500)
-    with pytest.raises(FrameError, match=f"frame 3 cannot be read to its end.*{RENDER} makes it again"):
+    with pytest.raises(FrameError, match=f"frame 3 is damaged.*{RENDER} makes it again"):
         desk.release().publish()
     assert not stored.exists() and [place.name for place in desk.home.iterdir()] == ["v001"]
 

@@ -11,8 +11,8 @@ import pytest
 
 from pipeline.animation import animate
 from pipeline.production.store import readers
+from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.readers import write_npz
-from pipeline.production.store.store import CorruptFileError
 from pipeline.shot import read_shot
 from render.base.errors import CorruptImageError
 from render.post.image import write_exr

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import nullcontext
 from typing import Annotated
 
@@ -10,15 +9,10 @@ import typer
 
 from pipeline.cli.options import Common, Settings, project_of
 from pipeline.cli.output import print_result, print_warning, size
-from pipeline.errors import FlowsculptError
-from pipeline.production.execution.project import Project
 from pipeline.production.maintenance.clean import collect_garbage
-from pipeline.production.planning.frame_states import is_begun
-from pipeline.production.request.lookup import find_shot, shot_names
-from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.maintenance.known_requests import begun_requests
 from pipeline.production.store.locks import exclusive
 from render.base.plural import plural
-from render.scene.quality import QUALITIES
 
 
 def clean(
@@ -35,7 +29,7 @@ def clean(
     much would be freed; `flowsculpt clean --keep 0` frees the most.
     """
     project = project_of(common, settings)
-    requests = list(begun_requests(project))
+    requests = list(begun_requests(project, print_warning))
     with nullcontext() if common.dry_run else exclusive(common.root):
         done = collect_garbage(project.store, requests, keep, common.dry_run)
     verb = "Would free" if common.dry_run else "Freed"
@@ -43,15 +37,3 @@ def clean(
     words = f"{verb} {freed}, and {'keep' if common.dry_run else 'kept'} {plural(done.kept, 'file')}."
     facts = {"removed": len(done.removed), "freed_bytes": done.freed, "kept": done.kept}
     print_result(words, facts, common.json)
-
-
-def begun_requests(project: Project) -> Iterator[RenderRequest]:
-    """Yield today's shots at every quality begun so far; warn of shots that cannot be read."""
-    for name in shot_names():
-        try:
-            requests = [project.request(find_shot(name), quality) for quality in QUALITIES]
-        except FlowsculptError as error:
-            print_warning(str(error))
-            continue
-        begun = [request for request in requests if is_begun(request, project.store)]
-        yield from begun or requests[:1]

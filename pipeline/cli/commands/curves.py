@@ -7,6 +7,7 @@ from pipeline.cli.output import make_folder_of, print_result
 from pipeline.errors import UsageError
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.store.paths import Folders
+from pipeline.production.store.store import Store
 from pipeline.shot import read_shot
 from pipeline.shot.keyed_curves import curves_of
 from render.graphics.plot import Curves, plot_panels
@@ -28,6 +29,7 @@ def curves(common: Common, shot: Shot, output: Plot = None, settings: Settings =
     if not common.dry_run:
         make_folder_of(page)
         tracks = [Curves(c.name, c.unit, c.frames, c.values, c.keys) for c in keyed]
-        plot_panels(path.stem, tracks, float(clock.rate.fps), page)
+        store, rate = Store(common.root), float(clock.rate.fps)
+        store.write(page, lambda draft: plot_panels(path.stem, tracks, rate, draft))
     words = f"{page}: {len(keyed)} curves{', would be written' if common.dry_run else ''}."
     print_result(words, {"path": str(page), "curves": [curve.name for curve in keyed]}, common.json)

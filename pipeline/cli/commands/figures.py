@@ -38,7 +38,8 @@ def figures(
         seconds["render"] = {number: sum(parts.values()) for number, parts in rendered.items()}
     drawn = panels(numbers, measures, limits_of(request), seconds)
     if not common.dry_run:
-        plot_panels(request.shot.heading, drawn, float(request.shot.rate.fps), page)
+        title, rate = request.shot.heading, float(request.shot.rate.fps)
+        project.store.write(page, lambda path: plot_panels(title, drawn, rate, path))
     words = f"{page}: {len(drawn)} figures{', would be written' if common.dry_run else ''}."
     facts = {"path": str(page), "figures": [panel.name for panel in drawn], "frames": sorted(measures)}
     print_result(words, facts, common.json)

@@ -1,93 +1,177 @@
-"""The command `verify`: check every stored file."""
+"""The command `verify`: check every file that was written."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TypeVar
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple, TypeVar
 
 import typer
 
-from pipeline.cli.commands.clean import begun_requests
 from pipeline.cli.execution import execute
 from pipeline.cli.options import Common, Settings, project_of
 from pipeline.cli.output import print_error, print_result, print_warning, progress_bars
+from pipeline.production.maintenance.known_requests import begun_films, begun_requests, last_requests
+from pipeline.production.maintenance.repair import evict, remedy, repairs
 from pipeline.production.maintenance.verify import (
     PublishedFile,
+    ShownFile,
     StoredFile,
     checked,
-    damages,
+    files_without_digest,
+    inode,
     published_files,
     remedies,
-    repairs,
+    roots,
+    shown_files,
+    shown_with_digest,
+    verify_shown,
 )
 from pipeline.production.maintenance.verify import verify as verify_store
+from pipeline.production.store.event_log import RUNS
 from pipeline.production.store.locks import exclusive
 from pipeline.production.store.store import Store
 from render.base.plural import plural
 
-File = TypeVar("File", StoredFile, PublishedFile)
+File = TypeVar("File", StoredFile, ShownFile, PublishedFile)
 
 
 def verify(common: Common, settings: Settings = None) -> None:
-    """Check every stored file, and make damaged ones again.
+    """Check every file that was written, and make damaged ones again.
 
-    Every mesh, picture and movie of the store is decoded to its end. Truncated, foreign and damaged files are
-    evicted, and made again where today's shots need them. `flowsculpt verify --dry-run` only lists them.
+    Every stored mesh, picture and movie, and every file in renders/, is compared with the digest of what was
+    written. Damaged files are evicted, and made again where they were shown. Of previews, sheets and the like
+    the command is printed that makes them again (exit code 1). Files of earlier versions have no digest:
+    stored ones are decoded to their end, and get one. `flowsculpt verify --dry-run` changes nothing.
 
     Published files are compared with the digests in their provenance.json. They are never written to: a
     damaged, altered or missing one is listed with the command that reproduces it (exit code 1).
     """
-    store = Store(common.root)
-    damaged = _reported(
-        common, "verifying", verify_store(store, common.cores), sum(1 for _ in store.entries())
-    )
-    files = list(published_files(common.root))
-    altered = _reported(common, "verifying versions", checked(files, common.cores), len(files))
-    for remedy in remedies(altered, common.root):
-        print_warning(remedy)
+    checks = [_checked(common, Store(root)) for root in roots(common.root)]
+    files = list(published_files(Store(common.root)))
+    versions = _faulty(_verified(common, checked(files, common.cores), "verifying versions", len(files)))
+    _report(common, common.root, versions)
+    for line in remedies(versions, common.root):
+        print_warning(line)
+    faulty = sum(len(check.damaged) + len(check.altered) for check in checks)
     facts = {
-        "faulty": [{"kind": file.kind, "file": str(file.path), "fault": file.fault} for file in damaged],
+        "faulty": [
+            {"kind": file.kind, "file": str(file.path), "fault": file.fault}
+            for check in checks
+            for file in check.damaged
+        ],
+        "shown": [
+            {"file": str(file.path), "fault": file.fault} for check in checks for file in check.altered
+        ],
         "published": [
             {"version": str(file.version), "file": str(file.path), "frame": file.number, "fault": file.fault}
-            for file in altered
+            for file in versions
         ],
+        "unchecked": [str(path) for check in checks for path in check.unchecked],
     }
-    if common.dry_run or not damaged:
-        words = _summary(len(damaged), len(altered), "; nothing was changed")
+    if common.dry_run or not faulty:
+        words = _summary(faulty, len(versions), "; nothing was changed")
         print_result(words, {**facts, "healed": False}, common.json)
-        raise typer.Exit(1 if damaged or altered else 0)
-    project = project_of(common, settings)
-    names = {(file.kind, file.key) for file in damaged}
-    damaged_requests = list(damages(begun_requests(project), store, names))
-    with exclusive(common.root):
-        for kind, key in names:
-            store.discard(kind, key)
-    outcome = execute(common, lambda: repairs(project, damaged_requests))
-    words = _summary(len(damaged), len(altered), "; those that today's shots need are made again")
-    print_result(words, {**facts, "healed": not outcome.unfinished}, common.json)
-    if outcome.exit_code or altered:
-        raise typer.Exit(outcome.exit_code or 1)
+        raise typer.Exit(1 if faulty or versions else 0)
+    code, left = _repair(common, settings, checks)
+    became = ": made again, or shown again" if not left else f", and {left} not made again: see above"
+    words = _summary(faulty, len(versions), became)
+    print_result(words, {**facts, "healed": not (code or left)}, common.json)
+    if code or left or versions:
+        raise typer.Exit(code or 1)
 
 
-def _reported(common: Common, name: str, files: Iterable[File], total: int) -> list[File]:
-    """Check files with a progress bar; report and return the faulty ones."""
-    faulty = []
+class _Check(NamedTuple):
+    """The damaged files of a root: stored and shown ones; and files in renders/ that nothing is known of."""
+
+    store: Store
+    damaged: list[StoredFile]
+    altered: list[ShownFile]
+    unchecked: list[Path]
+
+
+def _checked(common: Common, store: Store) -> _Check:
+    """Check a root, report what is damaged, and give a digest to files that had none."""
+    stored = _verified(common, verify_store(store, common.cores), "verifying", store.count())
+    paths = shown_with_digest(store)
+    shown = _verified(
+        common, verify_shown(store, stored, paths, common.cores), "verifying renders/", len(paths)
+    )
+    _report(common, store.root, [*_faulty(stored), *_faulty(shown)])
+    undecided = [file.path for file in stored if not file.has_digest and file.fault is None]
+    unchecked = files_without_digest(store, stored)
+    if undecided:
+        files = plural(len(undecided), "stored file")
+        print_warning(f"{files} without digest, made by an earlier version: decoded to the end instead")
+    if unchecked:
+        files, first = plural(len(unchecked), "file"), unchecked[0].relative_to(common.root)
+        print_warning(f"{files} without digest, not made by this version, could not be checked, as {first}")
+    if not common.dry_run:
+        for path in undecided:
+            store.digests.add(path)
+    return _Check(store, _faulty(stored), _faulty(shown), unchecked)
+
+
+def _repair(common: Common, settings: Settings, checks: Sequence[_Check]) -> tuple[int, int]:
+    """Repair what is damaged; return the exit code of the run, and how many files it did not make again."""
+    project, code = project_of(common, settings), 0
+    evicted = []
+    for check in checks:
+        with exclusive(check.store.root):
+            evicted.append(evict(check.store, check.damaged, check.altered))
+    requests, films, lost = [], [], evicted[0].lost
+    if lost:
+        requests = [*begun_requests(project, print_warning), *last_requests(common.root, RUNS)]
+        films = list(begun_films(project))
+    while lost:  # pictures are known by their cameras, so these are made again first
+        todo = replace(evicted[0], lost=lost)
+        code = execute(common, partial(repairs, project, requests, films, todo)).exit_code
+        before, lost = lost, tuple(path for path in lost if not (common.root / path).exists())
+        lost = () if lost == before else lost
+    left = [
+        check.store.root / path
+        for check, each in zip(checks, evicted, strict=True)
+        for path in (*each.lost, *each.altered)
+        if path in each.altered or not (check.store.root / path).exists()
+    ]
+    for path in left:
+        print_warning(remedy(path.relative_to(common.root)))
+    return code, len(left)
+
+
+def _verified(common: Common, files: Iterable[File], name: str, total: int) -> list[File]:
+    """Check files with a progress bar; return them."""
+    checked = []
     with progress_bars(common.progress and total > 0) as bar:
         advance = bar(name, total)
         for file in files:
             advance()
-            if file.fault is not None:
-                faulty.append(file)
+            checked.append(file)
+    return checked
+
+
+def _report(common: Common, root: Path, faulty: Sequence[StoredFile | ShownFile | PublishedFile]) -> None:
+    """Report faulty files below a root; those of the store by the names under which renders/ shows them."""
+    names: defaultdict[tuple[int, int], list[Path]] = defaultdict(list)
+    for path in shown_files(root) if faulty else ():
+        names[inode(path)].append(path)
     for file in faulty:
-        print_error(f"{file.path.relative_to(common.root)}: {file.fault}")
-    return faulty
+        for path in names.get(inode(file.path)) or [file.path]:
+            print_error(f"{path.relative_to(common.root)}: {file.fault}")
 
 
-def _summary(damaged: int, altered: int, what_became: str) -> str:
-    """`what_became`: of the damaged files, those that are not published."""
+def _faulty(files: Iterable[File]) -> list[File]:
+    return [file for file in files if file.fault is not None]
+
+
+def _summary(damaged: int, altered: int, became: str) -> str:
+    """Return the outcome in words; `became` says what became of damaged files that are not published."""
     if not (damaged or altered):
         return "Every file is what it should be."
-    sentences = [f"{_count(damaged)} damaged{what_became}."] if damaged else []
+    sentences = [f"{_count(damaged)} damaged{became}."] if damaged else []
     sentences += [f"{_count(altered, ' of published versions')} not what was published."] if altered else []
     return " ".join(sentences)
 

@@ -18,7 +18,7 @@ from urllib.parse import quote
 from pipeline.frames import FrameRange
 from pipeline.production.request.edit import Edit, EditItem
 from pipeline.production.request.render_request import RenderRequest
-from render.base.atomic_write import atomic_write
+from pipeline.production.store.store import Store
 from render.movie.codecs import ENCODES, Encode
 from render.movie.sequences import FILM_START
 
@@ -48,8 +48,8 @@ class Timeline:
         sound that cannot be read.
         """
         timeline = self.build()
-        with atomic_write(self.place) as temporary:
-            temporary.write_text(timeline.to_json_string(indent=2) + "\n", encoding="utf-8")
+        text = timeline.to_json_string(indent=2) + "\n"
+        Store(self.root).write(self.place, lambda draft: draft.write_text(text, encoding="utf-8"))
 
     def build(self) -> Any:
         """Return the timeline as an object of opentimelineio."""

@@ -19,6 +19,7 @@ from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.production.render_inputs.framing import AHEAD, Framer, Framing, with_stage_in_view
 from pipeline.production.render_inputs.view_geometry import BoundingSpheres
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.store.store import Store
 from render.movie.codecs import PLAYBLAST
 from render.movie.encode import write_movie
 from render.movie.sequences import timecode
@@ -62,7 +63,8 @@ class Animatic:
             framing = known[number]
         size = size_for(request.aspect, SIZES["still"])
         picture = next(self._pictures(iter([(number, framing)]), size, "srgb"))
-        write_png(path, picture, {"shot": request.name, "frame": number})
+        header = {"shot": request.name, "frame": number}
+        stream.store.write(path, lambda draft: write_png(draft, picture, header))
         tell("drawing", number)
         return framing
 
@@ -71,7 +73,7 @@ class Animatic:
         request = self.sketch.request
         framed = self._framed(set(request.requested), tell)
         pictures = self._pictures(framed, size_for(request.aspect, SIZES["movie"]), "rec709")
-        return write_playblast(path, request, pictures, tell)
+        return write_playblast(self.stream.store, path, request, pictures, tell)
 
     def played_for_still(self, number: int) -> list[int]:
         """Return the frames that must be simulated to draw one: none after it."""
@@ -129,7 +131,7 @@ class FramedSurfaces:
         pictures = self.pictures(
             sorted(request.requested), size_for(request.aspect, SIZES["movie"]), "rec709"
         )
-        return write_playblast(path, request, pictures, tell)
+        return write_playblast(self.stream.store, path, request, pictures, tell)
 
 
 def drawn(
@@ -158,7 +160,7 @@ def drawn(
 
 
 def write_playblast(
-    path: Path, request: RenderRequest, pictures: Iterator[Picture], tell: FrameCallback
+    store: Store, path: Path, request: RenderRequest, pictures: Iterator[Picture], tell: FrameCallback
 ) -> int:
     """Write an MP4 of the requested frames and return their number."""
     numbers, rate = sorted(request.requested), request.shot.rate.fps
@@ -168,7 +170,9 @@ def write_playblast(
             yield picture
             tell("drawing", number)
 
-    return write_movie(path, told(), rate, PLAYBLAST, timecode(numbers[0], rate))
+    start = timecode(numbers[0], rate)
+    store.write(path, lambda draft: write_movie(draft, told(), rate, PLAYBLAST, start))
+    return len(numbers)
 
 
 def size_for(aspect: float, like: tuple[int, int]) -> tuple[int, int]:

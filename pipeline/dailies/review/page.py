@@ -23,7 +23,7 @@ from pipeline.dailies.review.proxies import Proxies, ProxyWriter
 from pipeline.dailies.review.sequences import PictureSequence, ShotMaterial
 from pipeline.production.planning.timings import LatestTimings
 from pipeline.production.store.store import Store
-from render.base.atomic_write import atomic_write, disk_errors
+from render.base.atomic_write import disk_errors
 
 SOURCES = files("pipeline.dailies.review") / "page"
 
@@ -84,16 +84,21 @@ class ReviewPage:
         }
         for source in SOURCES.iterdir():
             path = self.index if source.name == self.index.name else self.folder / "page" / source.name
-            _write(path, source.read_bytes())
+            self._write(path, source.read_bytes())
         if three_js:
-            _write(self.folder / "three.js", f"window.reviewThree = {_json(three_js)};\n".encode())
-        _write(self.folder / "data.js", f"window.reviewData = {_json(data)};\n".encode())
+            self._write(self.folder / "three.js", f"window.reviewThree = {_json(three_js)};\n".encode())
+        self._write(self.folder / "data.js", f"window.reviewData = {_json(data)};\n".encode())
         pictures = {name for sequence in sequences for name in sequence["files"] if name}
         models = {file for shot in shots.values() for _, file in shot["models"]}
         sheets = {sequence["sheet"]["file"] for sequence in sequences if sequence["sheet"]}
         _keep(self.folder / "pictures", pictures | sheets)
         _keep(self.folder / "models", models)
         return {"sequences": len(sequences), "pictures": len(pictures), "models": len(models)}
+
+    def _write(self, path: Path, content: bytes) -> None:
+        """Write a file unless it has this content."""
+        if not path.exists() or path.read_bytes() != content:
+            self.store.write(path, lambda draft: draft.write_bytes(content))
 
     def _shot(self, material: ShotMaterial, tell: Tell) -> dict[str, Any]:
         """Return data of a shot that all its sequences share."""
@@ -161,13 +166,6 @@ class ReviewPage:
             for cells in material.wedges
             if cells.sequences
         ]
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Write a file unless it has this content."""
-    if not path.exists() or path.read_bytes() != content:
-        with atomic_write(path) as draft:
-            draft.write_bytes(content)
 
 
 def _json(data: object) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.dailies.review.sequences import PictureSequence
+from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.store import SUFFIXES, Store, key_of
 from render.base.errors import RenderError
 from render.graphics.contact_sheet import reduced
@@ -60,7 +61,7 @@ class ProxyWriter:
         with ThreadPoolExecutor(self.threads) as pool:
             for number, name in pool.map(lambda n: (n, self._proxy(sequence, n)), sequence.pictures):
                 if name is None:
-                    faults[number] = "it cannot be read to its end; flowsculpt verify repairs it"
+                    faults[number] = "it is damaged; flowsculpt verify repairs it"
                 else:
                     files[number] = name
                 tell()
@@ -75,6 +76,7 @@ class ProxyWriter:
         display = sequence.display
 
         def write(path: Path) -> None:
+            self.store.digests.check(picture.path)
             light = read_exr(picture.path)[0]["beauty"]
             pixels = quantise(to_display(light, display.exposure, "srgb", display.view))
             header = {"shot": sequence.shot, "frame": number, "key": key}
@@ -82,7 +84,7 @@ class ProxyWriter:
 
         try:
             self.store.put(self.form, key, write)
-        except RenderError:
+        except (CorruptFileError, RenderError):
             return None
         name = f"{key}{SUFFIXES[self.form]}"
         self.store.link(self.form, key, (self.folder / name).relative_to(self.store.root))
@@ -99,8 +101,9 @@ class ProxyWriter:
         width, height = (max(1, side // factor) for side in proxies.size)
         names = [proxies.files[number] for number in numbers]
         name = f"{key_of('thumbs', names, factor, columns)}.jpg"
-        if not (self.folder / name).exists():
-            write_jpeg(self.folder / name, self._laid_out(names, factor, columns, (width, height)))
+        if not self.store.is_whole(self.folder / name):
+            sheet = self._laid_out(names, factor, columns, (width, height))
+            self.store.write(self.folder / name, lambda path: write_jpeg(path, sheet))
         return {"file": name, "columns": columns, "size": [width, height], "frames": numbers}
 
     def _laid_out(

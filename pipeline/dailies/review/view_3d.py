@@ -29,7 +29,8 @@ from pipeline.dailies.measures import simulated
 from pipeline.errors import MachineError
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
-from pipeline.production.store.store import CorruptFileError, Key, Store, key_of
+from pipeline.production.store.digests import CorruptFileError
+from pipeline.production.store.store import Key, Store, key_of
 from render.base.atomic_write import atomic_write
 
 REQUIREMENTS = Path(__file__).with_name("requirements.txt")
@@ -74,13 +75,14 @@ class PageMeshes:
             return None
         path, key = file
         name = f"{key_of('model', FORMAT, key)}.js"
-        if not (self.folder / name).exists():
+        if not self.store.is_whole(self.folder / name):
             try:
+                self.store.digests.check(path)
                 arrays = readers.arrays(key)(path)
             except (CorruptFileError, OSError):
                 return None
-            with atomic_write(self.folder / name) as draft:
-                draft.write_text(as_script(name, arrays))
+            script = as_script(name, arrays)
+            self.store.write(self.folder / name, lambda draft: draft.write_text(script))
         return name
 
     def _file(self, number: int) -> tuple[Path, Key] | None:

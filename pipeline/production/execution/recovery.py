@@ -18,8 +18,9 @@ from pathlib import Path
 from pipeline.production.execution.snakemake import end_family
 from pipeline.production.store.event_log import Event, EventLog, EventReader, poll
 
-ROUNDS = 4
-"""The most times that a run plans again."""
+ROUNDS = 6
+"""The most times that a run plans. Each may find one more damaged file on the way from a film to a mesh: a
+finished frame, a rendered one, its normals, its mesh."""
 
 TRIES = 2
 """The most times that a frame may hang."""

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import shutil
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from pipeline.errors import FlowsculptError
-from pipeline.production.request.crop_and_scale import is_quality
+from pipeline.production.maintenance.known_requests import last_requests
 from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.store.event_log import RUNS
-from pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS
+from pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS, RENDERS
 from pipeline.production.store.store import Key, Store
-from render.base.serialise import from_plain
 
 
 @dataclass(frozen=True)
@@ -40,9 +36,9 @@ def collect_garbage(store: Store, requests: Iterable[RenderRequest], keep: int, 
     Files that renders/ shows stay. Unless `dry_run`, only the holder of the root's lock may call this.
     """
     needed = {
-        name for request in (*requests, *_of_last_runs(store.root, keep)) for name in _needs(request, store)
+        name for request in (*requests, *last_requests(store.root, keep)) for name in _needs(request, store)
     }
-    shown = set(_inodes(store.root / "renders"))
+    shown = set(_inodes(store.root / RENDERS))
     removed: list[Path] = []
     kept, freed = 0, 0
     for kind, key, path in store.entries():
@@ -56,6 +52,7 @@ def collect_garbage(store: Store, requests: Iterable[RenderRequest], keep: int, 
             store.discard(kind, key)
     if not dry_run:
         _forget_runs(store.root, max(keep, RUNS))
+        store.digests.prune()
         for folder in (DONE, LOGS / "jobs"):  # Snakemake finds out anew what is done
             for path in (store.root / folder).glob("*"):
                 if path.name != "renders":  # by which keys Snakemake knows movies
@@ -79,20 +76,6 @@ def _needs(request: RenderRequest, store: Store) -> Iterator[tuple[str, Key]]:
             yield from ((form, request.still_key(form, keys[number].frame)) for form in FORMS)
         for numbers in (request.requested, tuple(request.angles)):
             yield "movie", request.movie_key([keys[n].frame for n in sorted(numbers)])
-
-
-def _of_last_runs(root: Path, count: int) -> Iterator[RenderRequest]:
-    """Yield the requests of the last `count` runs of each shot at each quality, from their plans."""
-    seen: Counter[tuple[Any, ...]] = Counter()
-    for path in sorted((root / PLANS).glob("*.json"), reverse=True):
-        with contextlib.suppress(OSError, ValueError, KeyError):
-            for data in json.loads(path.read_text())["requests"]:
-                if not is_quality(data["quality_name"]):
-                    continue  # a quality of an earlier version
-                about = data["source"]["path"], data["quality_name"], str(data["turntable"])
-                seen[about] += 1
-                if seen[about] <= count:
-                    yield from_plain(RenderRequest, data)
 
 
 def _inodes(folder: Path) -> Iterator[tuple[int, int]]:

@@ -1,29 +1,24 @@
-"""Verify the store, by decoding every file to its end, and published versions, by their digests.
-
-Meshes carry checksums (CRC-32), and pictures those of their compression (Adler-32): a flipped bit is found.
-"""
+"""Verify all that was written, by digests: the store, the files that are shown, and published versions."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from pipeline.errors import MissingInputError
 from pipeline.frames import FrameRange
-from pipeline.production.execution.project import Project
-from pipeline.production.planning.plan import Plan
-from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
-from pipeline.production.store.paths import PUBLISHED, repeated
-from pipeline.production.store.store import CorruptFileError, Key, Store
+from pipeline.production.store.digests import ALTERED, CorruptFileError
+from pipeline.production.store.paths import PUBLISHED, RENDERS, REPEATED, STATE, repeated
+from pipeline.production.store.store import Key, Store
 from pipeline.production.versions.provenance import FILE, Provenance, records
 from pipeline.shot.yaml.lookup import is_there
-from render.base.errors import RenderError
 from render.base.input_files import digest_of_file
 from render.movie.probe import probe_movie
 from render.post.image import read_png
@@ -35,6 +30,9 @@ def _json(path: Path) -> object:
     except ValueError as error:
         raise CorruptFileError(f"{path}: {error}") from error
 
+
+APART = (PUBLISHED, REPEATED)
+"""Folders of published versions, which nothing repairs, and of the roots that these are made again in."""
 
 READERS: dict[str, Callable[[Key], Callable[[Path], Any]]] = {
     "mesh": readers.mesh_frame,
@@ -53,65 +51,106 @@ READERS: dict[str, Callable[[Key], Callable[[Path], Any]]] = {
 
 @dataclass(frozen=True)
 class StoredFile:
-    """A file of the store; `fault` says what is wrong with it, if anything."""
+    """A file of the store.
+
+    fault       what is wrong with it, if anything
+    has_digest  whether its digest is known; if not, it was decoded
+    """
 
     kind: str
     key: Key
     path: Path
     fault: str | None
+    has_digest: bool = True
 
 
 @dataclass(frozen=True)
-class Damage:
-    """The damaged files of a request: the numbers of its meshes and pictures, and its movie."""
+class ShownFile:
+    """A file outside of the store; `fault` says what is wrong with it, if anything."""
 
-    request: RenderRequest
-    meshes: tuple[int, ...]
-    pictures: tuple[int, ...]
-    movie: bool
+    path: Path
+    fault: str | None
 
 
 def verify(store: Store, threads: int) -> Iterator[StoredFile]:
-    """Read every file of the store and yield it with its fault; change nothing."""
+    """Read every file of the store and yield it with its fault; change nothing.
+
+    Its digest decides. A file without one, made before there were digests, is decoded to its end.
+    """
     with ThreadPoolExecutor(threads) as pool:
-        yield from pool.map(lambda entry: _verified(*entry), store.entries())
+        yield from pool.map(lambda entry: _verified(store, *entry), store.entries())
 
 
-def _verified(kind: str, key: Key, path: Path) -> StoredFile:
+def _verified(store: Store, kind: str, key: Key, path: Path) -> StoredFile:
     try:
-        READERS[kind](key)(path)
-    except (CorruptFileError, RenderError, OSError) as error:
+        has_digest = store.digests.check(path)
+        if not has_digest:
+            READERS[kind](key)(path)
+    except Exception as error:  # libraries raise all kinds for what is damaged
         return StoredFile(kind, key, path, str(error).removeprefix(f"{path}: "))
-    return StoredFile(kind, key, path, None)
+    return StoredFile(kind, key, path, None, has_digest)
 
 
-def damages(
-    requests: Iterable[RenderRequest], store: Store, faulty: Collection[tuple[str, Key]]
-) -> Iterator[Damage]:
-    """Yield what requests lose by faulty files, given by kind and key. Call it before these are evicted."""
-    for request in requests:
-        angles, keys = request.angles, request.picture_keys(store)
-        meshes = tuple(n for n, angle in angles.items() if ("mesh", request.mesh_key(angle.mesh)) in faulty)
-        if keys is None:
-            yield Damage(request, meshes, (), False)
-            continue
-        pictures = (n for n in angles if {("raw", keys[n].raw), ("frame", keys[n].frame)} & set(faulty))
-        movie = ("movie", request.movie_key([keys[n].frame for n in sorted(angles)])) in faulty
-        yield Damage(request, meshes, tuple(pictures), movie)
+def shown_with_digest(store: Store) -> list[Path]:
+    """Return the files that have digests, wherever output was written to, but the store and versions."""
+    apart = [store.root / place for place in (STATE, *APART)]
+    folders = (f for f in store.digests.folders() if not any(map(f.is_relative_to, apart)))
+    paths = (folder / name for folder in folders for name in sorted(store.digests.in_folder(folder)))
+    return [path for path in paths if path.is_file()]
 
 
-def repairs(project: Project, damages: Iterable[Damage]) -> Plan:
-    """Return the plan that makes damaged files again."""
-    planner = project.planner()
-    for damage in damages:
-        if damage.meshes:
-            planner.simulate(replace(damage.request, requested=damage.meshes))
-        if damage.pictures:
-            planner.pictures(replace(damage.request, requested=damage.pictures))
-        if damage.movie:
-            planner.pictures(damage.request.whole())
-            planner.movie(damage.request.whole())
-    return planner.plan()
+def verify_shown(
+    store: Store, stored: Iterable[StoredFile], paths: Iterable[Path], threads: int
+) -> Iterator[ShownFile]:
+    """Yield files outside of the store, each with its fault; change nothing.
+
+    stored  the files of the store; links to them are not read again, and have no fault of their own
+    """
+    linked = {inode(file.path) for file in stored}
+
+    def shown(path: Path) -> ShownFile:
+        try:
+            if inode(path) not in linked:
+                store.digests.check(path)
+        except (CorruptFileError, OSError) as error:
+            return ShownFile(path, str(error).removeprefix(f"{path}: "))
+        return ShownFile(path, None)
+
+    with ThreadPoolExecutor(threads) as pool:
+        yield from pool.map(shown, paths)
+
+
+def files_without_digest(store: Store, stored: Iterable[StoredFile]) -> list[Path]:
+    """Return files in renders/ that cannot be checked: they have no digest, and are no links to the store."""
+    linked = {inode(file.path) for file in stored}
+    known = cache(store.digests.in_folder)
+    return [
+        path
+        for path in shown_files(store.root)
+        if path.name not in known(path.parent) and inode(path) not in linked
+    ]
+
+
+def shown_files(root: Path) -> Iterator[Path]:
+    """Yield the files in renders/, but those in APART."""
+    apart = [root / place for place in APART]
+    for path in sorted((root / RENDERS).rglob("*")):
+        if path.is_file() and not any(map(path.is_relative_to, apart)):
+            yield path
+
+
+def roots(root: Path) -> list[Path]:
+    """Return a root and those below it in which published versions were made again."""
+    return [root, *sorted(path for path in (root / REPEATED).glob("*") if (path / STATE).is_dir())]
+
+
+def inode(path: Path) -> tuple[int, int]:
+    """Return what links to one file have in common; a file that is gone has nothing in common."""
+    try:
+        facts = path.stat()
+    except OSError:
+        return -1, -1
+    return facts.st_dev, facts.st_ino
 
 
 # Published versions
@@ -139,11 +178,13 @@ class PublishedFile:
         return self.path.parents[0 if self.number is None else 1]
 
 
-def published_files(root: Path) -> Iterator[PublishedFile]:
-    """Yield the files of all versions under a root, unchecked, and each provenance that cannot be read."""
-    for home in sorted((root / PUBLISHED).glob("*")):
+def published_files(store: Store) -> Iterator[PublishedFile]:
+    """Yield the files of all versions under a root, unchecked, and each provenance that is damaged."""
+    for home in sorted((store.root / PUBLISHED).glob("*")):
         for place, record in records(home):
             if isinstance(record, Provenance):
+                if not store.is_whole(place / FILE):
+                    yield PublishedFile(place / FILE, None, fault=ALTERED)
                 for number, frame in record.frames.items():
                     yield PublishedFile(place / frame.file, record, number, frame.sha256)
                 yield PublishedFile(place / record.movie["file"], record, None, record.movie["sha256"])

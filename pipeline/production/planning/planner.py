@@ -95,6 +95,15 @@ class Planner:
             self._rest(entry, "render", _union(names[n].window for n in frames))
             self._rest(entry, "finish", frames)
 
+    def rendered(self, request: RenderRequest) -> None:
+        """Ask for the rendered frames of a request, with all AOVs."""
+        entry, frames = self._enter(request, "render"), request.requested
+        self._targets += request.places("raw", frames)
+        unrendered = self._absent(entry, "render", frames)
+        if unrendered:
+            self._surfaces(entry, unrendered)
+        self._batches(entry, "render", unrendered)
+
     def stills(self, request: RenderRequest, form: str) -> None:
         """Ask for the frames of a request as a display shows them."""
         self.pictures(request)

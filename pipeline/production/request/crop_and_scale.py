@@ -34,6 +34,17 @@ def cropped_name(quality: str, crop: str | None = None, scale: str | None = None
     return name
 
 
+def options_of(name: str) -> str:
+    """Return the options that ask for a quality, or for a crop or scale of one: `-q draft --scale 50%`."""
+    match = _NAME.fullmatch(name)
+    assert match, "names are made by `cropped_name`, or looked up before"
+    base, scale, *crop = match.groups()
+    options = [f"-q {base}"]
+    options += [f"--scale {scale}%"] if scale else []
+    options += [f"--crop {','.join(crop)}"] if crop[0] else []
+    return " ".join(options)
+
+
 def today_name(name: str) -> str:
     """Return the name of a quality, or of a crop or scale of one, as it is today: draft for preview."""
     base = base_of(name)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FrameError
 from pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS
+from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
@@ -150,12 +151,14 @@ class CameraFile(Mapping[int, "Framing"]):
     @classmethod
     def of(cls, store: Store, key: Key, numbers: Iterable[int]) -> CameraFile | None:
         """Return None where the store does not hold it; a damaged file is evicted."""
+        path = store.path("cameras", key)
         try:
-            data = json.loads(store.path("cameras", key).read_text())
+            store.digests.check(path)
+            data = json.loads(path.read_text())
             return cls(store, key, {number: data[str(number)] for number in numbers})
         except FileNotFoundError:
             return None
-        except (ValueError, KeyError, TypeError):  # cut short
+        except (CorruptFileError, ValueError, KeyError, TypeError):
             store.discard("cameras", key)
             return None
 

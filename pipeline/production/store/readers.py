@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,8 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import MeshError, UsageError
-from pipeline.production.store.store import CorruptFileError, Key
+from pipeline.production.store.digests import CorruptFileError
+from pipeline.production.store.store import Key
 from render.post.image import read_exr
 from render.scene.aovs import RenderedFrame
 
@@ -79,10 +80,24 @@ def write_npz(path: Path, named: Mapping[str, AnyArray]) -> None:
 
 def read_npz(path: Path) -> dict[str, AnyArray]:
     """Return all arrays of a file. Raises CorruptFileError where it cannot be read to its end."""
+    with _opened(path) as named:
+        return {name: named[name] for name in named.files}
+
+
+def key_in(path: Path) -> Key:
+    """Return the key of a file of arrays. Raises as `read_npz` does."""
+    with _opened(path) as named:
+        return str(named["key"])
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as named:
-            return {name: named[name] for name in named.files}
-    except (zipfile.BadZipFile, ValueError, KeyError, EOFError) as error:
+            yield named
+    except FileNotFoundError:
+        raise
+    except Exception as error:  # zipfile, zlib and numpy raise a dozen kinds for what is damaged
         raise CorruptFileError(f"{path}: {error}") from error
 
 

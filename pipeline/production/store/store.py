@@ -6,7 +6,8 @@ mapping, a file's time) must stay out of it.
 
 Snakemake deletes a job's declared outputs before the job runs and after it fails, so those outputs
 are links; the store is what survives. A file appears under its name whole or not at all: it is written
-in `tmp/` beside the store, flushed, made read-only and renamed into place.
+in `tmp/` beside the store, flushed, made read-only and renamed into place. Its digest is recorded before, and
+compared whenever the file is read: `digests.py`.
 
 Checkpoints, the sums of samples of unfinished pictures, lie beside the store. Each is named after the place
 and the key of its picture, so one of another look, camera or version is never resumed.
@@ -28,9 +29,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import FrameError, MachineError
+from pipeline.production.store.digests import CorruptFileError, Digests
 from pipeline.production.store.paths import CHECKPOINTS, STATE
 from render.base.atomic_write import atomic_write, disk_errors
-from render.base.errors import CorruptImageError, MissingImageError
+from render.base.errors import CorruptImageError, FlowsculptError, MissingImageError
 
 if TYPE_CHECKING:
     from render.frame.accumulator import Checkpoint
@@ -49,10 +51,6 @@ def key_of(*parts: Any) -> Key:
     Raises TypeError for anything else, and ValueError for NaN or infinity, which JSON cannot say.
     """
     return hashlib.sha256(_CANONICAL.encode(parts).encode()).hexdigest()[:32]
-
-
-class CorruptFileError(Exception):
-    """Raised for a stored file that cannot be read to its end, or does not hold what its key promises."""
 
 
 DAMAGED = (CorruptFileError, CorruptImageError, MissingImageError, FileNotFoundError)
@@ -100,6 +98,10 @@ class Store:
     def scratch(self) -> Path:
         return self.root / STATE / "tmp"
 
+    @property
+    def digests(self) -> Digests:
+        return Digests(self.root)
+
     def path(self, kind: str, key: Key) -> Path:
         return Path(self._name(kind, key))
 
@@ -119,6 +121,10 @@ class Store:
             for path in sorted((self.root / STATE / "store" / kind).glob(f"*/*{suffix}")):
                 yield kind, path.stem, path
 
+    def count(self) -> int:
+        """Return how many files are stored."""
+        return sum(1 for _ in self.entries())
+
     def draft(self, suffix: str = "") -> Path:
         """Return a new path for an unfinished file; its name tells the host and the process."""
         return self.scratch / f"{platform.node()}+{os.getpid()}+{uuid.uuid4().hex}{suffix}"
@@ -134,9 +140,23 @@ class Store:
         if final.exists() and not replace:
             return final
         with atomic_write(final, self.draft(SUFFIXES[kind])) as draft:
-            write(draft)
+            with _named(draft, final):
+                write(draft)
             draft.chmod(0o644 if kind in WRITABLE else 0o444)
+            self.digests.add(final, draft)
         return final
+
+    def write(self, path: Path, write: Callable[[Path], object], flush: bool = True) -> None:
+        """Write a file that is shown and not stored by `write(draft)`, whole or not at all, with its digest.
+
+        flush  as `atomic_write` takes it
+
+        Raises MachineError where the disk refuses.
+        """
+        with atomic_write(path, flush=flush) as draft:
+            with _named(draft, path):
+                write(draft)
+            self.digests.add(path, draft)
 
     def link(self, kind: str, key: Key, target: Path, replace: bool = False) -> None:
         """Show the file of `key` at `target` under the root: a hard link, or a copy if links fail.
@@ -146,6 +166,7 @@ class Store:
         if not replace and self.shows(kind, key, target):
             return
         source, place = self.path(kind, key), self.root / target
+        self.digests.add_copy(place, source)
         try:
             with atomic_write(place, self.draft(), flush=False) as draft:
                 draft.hardlink_to(source)
@@ -170,17 +191,27 @@ class Store:
             return False
 
     def read(self, kind: str, key: Key, target: Path, reader: Callable[[Path], T]) -> T:
-        """Read the file of `key` whole. A damaged one is evicted, so that the next run makes it again.
+        """Read the file of `key` whole; compare its digest. Evict a damaged one: the next run makes it again.
 
         target  where the file is shown, for the message
 
         Raises FrameError where it is missing or damaged.
         """
+        path = self.path(kind, key)
         try:
-            return reader(self.path(kind, key))
+            self.digests.check(path)
+            return reader(path)
         except DAMAGED as error:
             self.discard(kind, key)
-            raise FrameError(f"{target} cannot be read to its end; run again to make it again") from error
+            raise FrameError(f"{target} is damaged; run again to make it again") from error
+
+    def is_whole(self, path: Path) -> bool:
+        """Tell whether a shown file is there and, if its digest is known, has that."""
+        try:
+            self.digests.check(path)
+        except (CorruptFileError, OSError):
+            return False
+        return path.is_file()
 
     def discard(self, kind: str, key: Key) -> None:
         """Evict a damaged file; the next run that needs it makes it again."""
@@ -226,6 +257,16 @@ class Store:
 
     def _checkpoints(self) -> list[Path]:
         return sorted((self.root / CHECKPOINTS).glob("*.npz"))
+
+
+@contextlib.contextmanager
+def _named(draft: Path, path: Path) -> Iterator[None]:
+    """Let the messages of errors in the block name the file, not its draft."""
+    try:
+        yield
+    except FlowsculptError as error:
+        error.args = tuple(a.replace(str(draft), str(path)) if isinstance(a, str) else a for a in error.args)
+        raise
 
 
 def _checkpoint_name(target: Path) -> str:

@@ -22,7 +22,6 @@ from pipeline.production.store import readers
 from pipeline.production.store.store import Key
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.supervisor import MemoryGuard, StopRequest, deferred_signals
-from render.base.atomic_write import disk_errors
 from render.frame.accumulator import Checkpoint
 from render.frame.render_frame import render_frame
 from render.frame.sample_batches import ShutterInterval
@@ -254,7 +253,6 @@ def _write_statistics(
         "threads": context.job.threads,
         "peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
     }
+    text = json.dumps(statistics, indent=1) + "\n"
     path = context.root / context.request.place("statistics", number)
-    with disk_errors(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(statistics, indent=1) + "\n")
+    context.store.write(path, lambda draft: draft.write_text(text), flush=False)

@@ -27,7 +27,7 @@ from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import lock_name, making, writing
 from pipeline.production.store.paths import published
-from pipeline.production.store.store import Key, Store
+from pipeline.production.store.store import DAMAGED, Key, Store
 from pipeline.production.versions.provenance import (
     FILE,
     VERSION,
@@ -41,7 +41,6 @@ from pipeline.production.versions.provenance import (
     stage_versions,
 )
 from render.base.atomic_write import disk_errors
-from render.base.errors import CorruptImageError, MissingImageError
 from render.base.input_files import digest_of_file
 from render.movie.probe import probe_movie
 
@@ -79,7 +78,7 @@ class Release:
         dry  change nothing
 
         Raises MissingInputError where frames are missing, UsageError where they are stale or the version is
-        taken, FrameError where one cannot be read to its end, MachineError where another run is at work or
+        taken, FrameError where one is damaged, MachineError where another run is at work or
         the disk refuses.
         """
         if dry:
@@ -182,8 +181,9 @@ class Release:
         request, found = self.request, keys[number]
         file, mesh = self.store.path("frame", found.frame), request.angles[number].mesh
         try:
+            self.store.digests.check(file)
             pixels = pixels_of(file)
-        except (CorruptImageError, MissingImageError):
+        except DAMAGED:
             raise self._evicted("frame", found.frame, f"frame {number}") from None
         return FrameRecord(
             file=f"frames/{request.name}.{number:04d}.exr",
@@ -201,8 +201,9 @@ class Release:
         """Return the digest of the movie. Raises FrameError if it cannot be decoded to its end."""
         file = self.store.path("movie", key)
         try:
+            self.store.digests.check(file)
             whole = probe_movie(file).frames == len(self.request.angles)
-        except (CorruptImageError, MissingImageError):
+        except DAMAGED:
             whole = False
         if not whole:
             raise self._evicted("movie", key, self.request.movie_path.name)
@@ -212,7 +213,7 @@ class Release:
         """Evict a damaged file, so that the next run makes it again, and return the error."""
         self.store.discard(kind, key)
         return FrameError(
-            f"{self.request.name} at {self.request.quality_name}: {what} cannot be read to its end and was "
+            f"{self.request.name} at {self.request.quality_name}: {what} is damaged and was "
             f"evicted; {self.command} makes it again"
         )
 
@@ -236,11 +237,14 @@ def freeze(store: Store, record: Provenance, final: Path, copy: bool = False) ->
     with disk_errors(final):
         try:
             for frame in record.frames.values():
-                freeze_frame(store.path("frame", frame.frame), draft / frame.file)
+                source = store.path("frame", frame.frame)
+                freeze_frame(source, draft / frame.file)
+                store.digests.add_copy(final / frame.file, source)
             _copy(store.path("movie", record.movie["key"]), draft / record.movie["file"])
             text = json.dumps(record.as_data(), indent=1, ensure_ascii=False)
             (draft / FILE).write_text(text + "\n", encoding="utf-8")
             _settle(draft / FILE)
+            store.digests.add(final / FILE, draft / FILE)
             draft.rename(final)
         finally:
             shutil.rmtree(draft, ignore_errors=True)

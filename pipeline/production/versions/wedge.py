@@ -12,7 +12,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import FlowsculptError, ShotError, UsageError
@@ -22,16 +21,15 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.variants import variant_for
-from pipeline.production.store import paths
+from pipeline.production.store import paths, readers
 from pipeline.production.store.store import Store
 from pipeline.production.versions.grid import OPTION, Cell, Grid, Variation
 from pipeline.shot.yaml.lookup import shown
-from render.base.errors import RenderError
 from render.graphics.contact_sheet import ContactSheet, columns_for, reduced, reduction
 from render.movie.codecs import H264_8_BITS
 from render.movie.encode import write_movie
 from render.post.colour import quantise, to_display
-from render.post.image import read_exr, write_png
+from render.post.image import write_png
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,15 +107,16 @@ class Wedge:
 
         Cells that were not rendered are shown as such. Raises MachineError where the disk refuses.
         """
-        root, shot = self.project.root, self.shot.stem
+        store, shot = self.project.store, self.shot.stem
         header = {"shot": shot, "frame": self.number, "wedge": [v.said for v in self.grid.variations]}
         (page,) = self._pages([self.number], 8, "srgb")
-        write_png(root / self.still_path, page, header)
+        store.write(store.root / self.still_path, lambda path: write_png(path, page, header))
         if self.movie_path is None:
             return [self.still_path]
         first = self._read[0][1]
         pages = self._pages(sorted(first.requested), 16, "rec709")
-        write_movie(root / self.movie_path, pages, first.shot.rate.fps, H264_8_BITS)
+        rate = first.shot.rate.fps
+        store.write(store.root / self.movie_path, lambda path: write_movie(path, pages, rate, H264_8_BITS))
         return [self.still_path, self.movie_path]
 
     def _pages(self, numbers: Sequence[int], bits: int, display: str) -> Iterator[NDArray[Any]]:
@@ -159,13 +158,15 @@ def shown_picture(
     bits: int,
     display: str,
 ) -> NDArray[Any] | None:
-    """Return a frame as a display shows it, `factor` times smaller; None where it is not there."""
-    try:
-        if keys is None:
-            return None
-        light: NDArray[np.float32] = read_exr(store.path("frame", keys[number].frame))[0]["beauty"]
-    except RenderError:
+    """Return a frame as a display shows it, `factor` times smaller; None where it is not there.
+
+    Raises FrameError where it is damaged.
+    """
+    key = None if keys is None else keys[number].frame
+    if key is None or not store.holds("frame", key):
         return None
+    reader = readers.picture(key, request.quality.rendered_size)
+    light = store.read("frame", key, request.place("frame", number), reader)[0]["beauty"]
     picture = request.shot.picture
     return quantise(to_display(reduced(light, factor), picture.lights.exposure, display, picture.view), bits)
 

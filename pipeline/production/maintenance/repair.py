@@ -1,0 +1,191 @@
+"""Repair a root: evict what is damaged, show whole files again, and plan what makes the others again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from pathlib import Path
+
+from pipeline.errors import FlowsculptError
+from pipeline.production.execution.project import Project
+from pipeline.production.maintenance.known_requests import Film
+from pipeline.production.maintenance.verify import ShownFile, StoredFile, inode, shown_files
+from pipeline.production.planning.plan import Plan
+from pipeline.production.planning.planner import Planner
+from pipeline.production.request.crop_and_scale import is_quality, options_of
+from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.render_request import FORMS, RenderRequest
+from pipeline.production.store.paths import output_folder
+from pipeline.production.store.store import Key, Store
+
+Names = Collection[tuple[str, Key]]
+"""Kinds and keys of stored files."""
+
+
+@dataclass(frozen=True)
+class Evicted:
+    """What a root has lost by damage.
+
+    names    the damaged files of the store
+    lost     paths, relative to the root, that showed them
+    altered  paths of damaged files outside of the store that no stored file replaces
+    """
+
+    names: Names
+    lost: tuple[Path, ...]
+    altered: tuple[Path, ...]
+
+
+def evict(store: Store, damaged: Sequence[StoredFile], shown: Sequence[ShownFile]) -> Evicted:
+    """Remove damaged files from the store, and what shows them; link whole ones again.
+
+    shown  the damaged files outside of the store
+
+    Only the holder of the root's lock may call this.
+    """
+    inodes = {inode(file.path) for file in damaged}
+    digests = {digest for file in damaged for digest in store.digests.known(file.path)}
+    faulty = {file.path for file in shown}
+    in_folder = cache(store.digests.in_folder)
+    links = _by_digest(store, damaged) if faulty else {}
+    lost: list[Path] = []
+    altered: list[Path] = []
+    for path in sorted({*shown_files(store.root), *faulty}):
+        known = in_folder(path.parent).get(path.name, ())
+        is_link = inode(path) in inodes
+        if is_link or digests & set(known):
+            if is_link or path in faulty:
+                path.unlink(missing_ok=True)
+            lost.append(path.relative_to(store.root))
+        elif path in faulty:
+            place = path.relative_to(store.root)
+            folder = output_folder(place)
+            if name := next((links[digest] for digest in reversed(known) if digest in links), None):
+                store.link(*name, place, replace=True)
+            elif folder is not None and folder[0].command is None:
+                path.unlink()
+            else:
+                altered.append(place)
+    for file in damaged:
+        store.discard(file.kind, file.key)
+    return Evicted({(file.kind, file.key) for file in damaged}, tuple(lost), tuple(altered))
+
+
+def _by_digest(store: Store, damaged: Iterable[StoredFile]) -> dict[str, tuple[str, Key]]:
+    """Return kind and key of the whole files of the store, by their digests."""
+    bad = {file.path for file in damaged}
+    in_folder = cache(store.digests.in_folder)
+    return {
+        digest: (kind, key)
+        for kind, key, path in store.entries()
+        if path not in bad
+        for digest in in_folder(path.parent).get(path.name, ())
+    }
+
+
+def repairs(
+    project: Project, requests: Iterable[RenderRequest], films: Iterable[Film], evicted: Evicted
+) -> Plan:
+    """Return the plan that makes evicted files again where they were shown.
+
+    requests, films  those that the root holds output of; the first that asks for a file makes it
+    """
+    repairs = _Repairs(project.planner(), evicted.names, set(evicted.lost))
+    for request in requests:
+        with suppress(FlowsculptError):  # a shot that is elsewhere now, or may not run its Python files
+            if repairs.left:
+                repairs.add(request)
+    for film in films:
+        with suppress(FlowsculptError):
+            if repairs.left:
+                repairs.add_film(film)
+    return repairs.planner.plan()
+
+
+@dataclass
+class _Repairs:
+    """Repairs that are planned; `left` are the paths that nothing makes again yet."""
+
+    planner: Planner
+    names: Names
+    left: set[Path]
+    _film: bool = False
+
+    def add(self, request: RenderRequest) -> None:
+        """Plan what a request makes again."""
+        planner, store, every = self.planner, self.planner.store, tuple(request.angles)
+        meshes = tuple(dict.fromkeys(angle.mesh for angle in request.angles.values()))
+        if lost := self._claim(request, "mesh", meshes, request.mesh_key):
+            planner.simulate(replace(request, requested=lost))
+        if lost := self._claim(request, "normals", meshes, request.normals_key):
+            turned = tuple(n for n, angle in request.angles.items() if angle.mesh in lost)
+            planner.surfaces(replace(request, requested=turned if request.turntable else lost))
+        keys = request.picture_keys(store)
+        if keys is None:  # its cameras are lost, by which its pictures are known
+            places = zip(every, map(Path, request.places("frame", every)), strict=True)
+            shown = tuple(n for n, place in places if place in self.left or (store.root / place).exists())
+            if self._claim_one(request.folders.cameras(), "cameras", request.cameras_key) and shown:
+                planner.pictures(replace(request, requested=shown))
+            return
+        if lost := self._claim(request, "raw", every, lambda n: keys[n].raw):
+            planner.rendered(replace(request, requested=lost))
+        if lost := self._claim(request, "frame", every, lambda n: keys[n].frame):
+            planner.pictures(replace(request, requested=lost))
+        for form in FORMS:
+            if lost := self._claim(request, form, every, partial(_still_key, request, keys, form)):
+                planner.stills(replace(request, requested=lost), form)
+        for part in (request, request.whole()):
+            key = part.movie_key([keys[n].frame for n in sorted(part.requested)])
+            if self._claim_one(part.movie_path, "movie", key):
+                planner.pictures(part)
+                planner.movie(part)
+
+    def add_film(self, film: Film) -> None:
+        """Plan what makes a film again; a plan has room for one."""
+        edit, requests = film
+        keys = [request.picture_keys(self.planner.store) for request in requests]
+        path = edit.path(requests[0].quality_name)
+        if self._film or path not in self.left or None in keys:
+            return
+        if self._claim_one(path, "movie", edit.key(requests, [each for each in keys if each is not None])):
+            for request in requests:
+                self.planner.pictures(request)
+            self.planner.film(edit, requests)
+            self._film = True
+
+    def _claim(
+        self, request: RenderRequest, kind: str, numbers: Sequence[int], key_of: Callable[[int], Key]
+    ) -> tuple[int, ...]:
+        """Return the numbers whose lost files the request makes, and take these from those left."""
+        places = zip(numbers, map(Path, request.places(kind, numbers)), strict=True)
+        return tuple(
+            n for n, place in places if place in self.left and self._claim_one(place, kind, key_of(n))
+        )
+
+    def _claim_one(self, place: Path, kind: str, key: Key) -> bool:
+        if place not in self.left or (kind, key) not in self.names:
+            return False
+        self.left.discard(place)
+        return True
+
+
+def _still_key(request: RenderRequest, keys: PictureKeys, form: str, number: int) -> Key:
+    return request.still_key(form, keys[number].frame)
+
+
+def remedy(path: Path) -> str:
+    """Return the line that says how a damaged file, given relative to its root, is made again."""
+    known = output_folder(path)
+    if known is None:
+        return f"{path}: the command that wrote it makes it again"
+    folder, names = known
+    words = {"name": path.stem, **names}
+    if is_quality(words.get("quality", "")):
+        words["quality"] = options_of(words["quality"])
+    if folder.command is None:
+        return f"{path}: the next run that needs it makes it again"
+    command, more, _ = folder.command.format(**words).partition(" …")
+    options = ", with the options that it was made with," if more else ""
+    return f"{path}: flowsculpt {command}{options} makes it again"
