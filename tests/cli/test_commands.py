@@ -154,6 +154,9 @@ def test_a_new_shot_of_a_model_is_good_at_once_and_tells_what_was_repaired(proje
     assert "{model: models/ball.stl, fit: 2, up: z}" in text and "write up: y" in text
     shown = project.run("preview", "A030_ball", "--at", "2")
     assert shown.code == 0 and shown.err.count("model repaired") == 1, shown.err
+    shown = project.run("preview", "A030_ball", "--at", "3")
+    assert shown.code == 0 and "model repaired" not in shown.err, "it is told once"
+    assert "model repaired" in project.run("validate", "A030_ball").out
     again = project.run("--json", "new", "A040", "--model", "shots/models/ball.stl", "--from", "bend")
     assert again.code == 0 and json.loads(again.out)["files"] == ["shots/A040.yaml"], again.err
     assert "- bend:" in (project.path / "shots" / "A040.yaml").read_text()

@@ -21,6 +21,7 @@ from pipeline.production.request.lookup import find_shot
 from pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER
 from render.post.image import read_exr, write_exr
 from render.scene.aovs import RenderedFrame
+from tests.conftest import commanded
 
 NAME = "T010_tiny"
 
@@ -329,3 +330,23 @@ def test_why_is_told_at_the_command_line(finished: Any) -> None:
     assert told.code == 0 and "is stale" in told.out and "camera.azimuth: -30 → 20" in told.out
     outside = finished.run("why", NAME, "60", "-q", "draft")
     assert outside.code == 2 and "1-6" in outside.err
+
+
+def test_numbers_are_rounded_unless_that_hides_their_difference() -> None:
+    was, now = {"a": 0.1 + 0.2, "b": [1.0, 2.0]}, {"a": 0.4, "b": [1.0, 2.0 + 1e-9]}
+    told = [str(each) for each in differences(was, now)]
+    assert told == ["a: 0.3 → 0.4", "b.1: 2.0 → 2.000000001"]
+
+
+def test_why_without_a_frame_explains_the_first_that_is_not_up_to_date(
+    made: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(made.path)
+    assert "All frames of T010_tiny at draft are" in commanded(made.path, "why", NAME)[1]
+    before = made.shot.read_text()
+    try:
+        made.shot.write_text(before.replace("6: 60}", "6: 90}"))
+        code, told = commanded(made.path, "why", NAME)
+        assert code == 0 and "T010_tiny.0001.exr is unframed" in told and "-f 1 makes it" in told
+    finally:
+        made.shot.write_text(before)

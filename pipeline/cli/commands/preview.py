@@ -28,6 +28,7 @@ from pipeline.dailies.preview.sketch import Sketch
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.production.request.lookup import find_shot
+from pipeline.production.request.model_notes import new_notes
 from pipeline.production.store.store import Store
 from render.base.plural import plural
 from render.graphics.burn_in import BurnIn
@@ -124,8 +125,8 @@ def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, pat
 
 
 def _tell_notes(sketch: Sketch) -> None:
-    """Tell what the subject notes of its model, if it was read for this preview."""
-    for line in sketch.request.shot.motion.subject.notes:
+    """Print notes on the model, if it was read for this preview and they are new."""
+    for line in new_notes(sketch.request):
         print_warning(f"{sketch.request.name}: {line}")
 
 

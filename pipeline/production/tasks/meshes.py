@@ -18,6 +18,7 @@ from pipeline.production.render_inputs.shading import Shading, radii
 from pipeline.production.render_inputs.view_geometry import BoundingSpheres, rotate_y
 from pipeline.production.request.framing_inputs import note_framing
 from pipeline.production.request.keys import thresholds_at
+from pipeline.production.request.model_notes import new_notes
 from pipeline.production.store import readers
 from pipeline.production.store.readers import write_npz
 from pipeline.production.tasks.job import Context
@@ -57,10 +58,10 @@ def simulate(context: Context) -> bool:
 
 
 def _tell_notes(context: Context) -> None:
-    """Warn of what was repaired in the file of the subject, and of its place."""
-    motion = context.request.shot.motion
-    for line in motion.subject.notes:
-        context.warn(motion.frames.first, f"{context.request.name}: {line}")
+    """Warn of what was repaired in the file of the subject, and of its place; once for each content."""
+    request = context.request
+    for line in new_notes(request):
+        context.warn(request.shot.frames.first, f"{request.name}: {line}")
 
 
 def _report_progress(context: Context, progress: FrameProgress) -> None:
