@@ -104,10 +104,13 @@ class Project:
             return
         whole, store = request.whole(), self.store
         keys = whole.picture_keys(store)
+        if keys is None:
+            return
         rest = set(whole.requested) - set(request.requested)
-        if keys and all(store.holds("frame", keys[n].frame) or store.holds("raw", keys[n].raw) for n in rest):
+        if all(store.holds("frame", keys[n].frame) or store.holds("raw", keys[n].raw) for n in rest):
             planner.pictures(whole)
             planner.movie(whole)
+        keys.remember()
 
     def whole(self, shot: str, quality: str, frames: str | None = None) -> Plan:
         """Return the plan of finished frames of a shot and their movie, whatever is stored already."""
