@@ -84,7 +84,7 @@ def read_surface(path: str | Path, repair: bool = True) -> ImportedSurface:
     return ImportedSurface(mesh, repairs, suffix, vertices, len(loaded.offsets) - 1)
 
 
-_FEW_CORNERS, _MOST_WORK = 64, 3e9
+_FEW_CORNERS, _MOST_WORK = 64, 1.2e9
 """Cutting a face of n corners takes n³ steps; those of faces with few corners are not counted."""
 
 

@@ -77,8 +77,15 @@ def brief(value: object) -> str:
     return text if len(text) <= MOST_QUOTED else f"{text[:50]}…{text[-5:]}"
 
 
+_CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
+
+
 def readable(message: str) -> str:
-    """Return a message whose long words lose their middle, and long lines their end."""
+    """Return a message whose long words lose their middle, and long lines their end.
+
+    Control characters, by which a file could command a terminal, are spelt out.
+    """
+    message = _CONTROL.sub(lambda letter: ascii(letter[0])[1:-1], message)
     words = re.sub(rf"\S{{{_LONGEST_WORD},}}", lambda word: f"{word[0][:50]}…{word[0][-80:]}", message)
     lines = (line if len(line) <= _LONGEST_LINE else f"{line[:_LONGEST_LINE]}…" for line in words.split("\n"))
     return "\n".join(lines)

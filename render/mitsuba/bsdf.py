@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 from importlib.metadata import version
@@ -24,6 +25,8 @@ from render.scene.textures import Texture
 
 TIMEOUT = 60.0
 """Seconds that Mitsuba may take to check a material."""
+
+_CRASHES = (signal.SIGSEGV, signal.SIGABRT, signal.SIGFPE, signal.SIGILL)
 
 Refusal = tuple[tuple[str, ...], str]
 """The path of names to the refused part of a description, and Mitsuba's reason."""
@@ -50,11 +53,11 @@ def build(bsdf: Bsdf, coordinates: TextureCoordinates, projection: Projection) -
 
 
 def refusal(bsdf: Bsdf) -> Refusal | None:
-    """Return where and why Mitsuba refuses a material, or None. Cached by text and version of Mitsuba.
+    """Return where and why Mitsuba refuses a material, or None. Cached by text, files and version of Mitsuba.
 
     None also where the machine is too busy to ask: rendering will then report it.
     """
-    path = cache_path("materials", [version("mitsuba"), bsdf.text])
+    path = cache_path("materials", [version("mitsuba"), bsdf.text, *(file.digest for file in bsdf.files)])
     stored = load_answer(path)
     answer = stored["refused"] if stored is not None and "refused" in stored else _ask_process(bsdf)
     if answer is None:
@@ -110,6 +113,8 @@ def _ask_process(bsdf: Bsdf) -> Any:
             text=True,
             timeout=TIMEOUT,
         )
+        if bsdf.files and -done.returncode in _CRASHES:
+            return [[], "Mitsuba crashes on its files"]
         return json.loads(done.stdout) if done.returncode == 0 else None
     except (OSError, ValueError, subprocess.TimeoutExpired):
         return None
@@ -135,7 +140,7 @@ def load_error(bsdf: Bsdf) -> list[Any]:
 
     try:
         mi.load_dict(without_files(bsdf.description))
-    except RuntimeError as error:
+    except Exception as error:  # files may raise anything
         names, text = parse_reason(str(error))
         return [list(names), text]
     return []
