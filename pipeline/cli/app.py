@@ -5,11 +5,13 @@ The module of a command is imported when the command is called. Help lists comma
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import version
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -18,7 +20,8 @@ from typer.core import TyperArgument, TyperCommand, TyperGroup
 from pipeline.cli.options import REFERENCE, CommonOptions, parameters_of, with_options, with_parameters
 from pipeline.cli.other_words import require_command, require_options
 from pipeline.cli.output import print_error
-from pipeline.errors import FlowsculptError
+from pipeline.errors import FlowsculptError, MachineError
+from render.base.atomic_write import REMEDIES, machine_error
 
 HELP = """Films of shapes that flow like putty, from a shot file to a finished film.
 
@@ -172,3 +175,8 @@ def main() -> None:
     except FlowsculptError as error:
         print_error(str(error))
         sys.exit(error.exit_code)
+    except OSError as error:
+        if error.errno not in REMEDIES or error.filename is None:
+            raise
+        print_error(str(machine_error(Path(os.fsdecode(error.filename)), error, "used")))
+        sys.exit(MachineError.exit_code)

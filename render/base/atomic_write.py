@@ -27,6 +27,9 @@ REMEDIES = {
     errno.ENOTDIR: "a file stands where a folder should be; choose another folder",
     errno.EEXIST: "a file stands where a folder should be; choose another folder",
     errno.EISDIR: "a folder stands where a file should be; move it away",
+    errno.EIO: "the disk reports an error; check it, and `flowsculpt verify` what was made",
+    errno.ESTALE: "the network folder has gone away; mount it again",
+    errno.ELOOP: "links point at each other; remove one of them",
     errno.ENAMETOOLONG: "the name is too long for this file system; choose a shorter one",
 }
 """What a user can do about what an operating system refuses, by error number."""
@@ -74,10 +77,10 @@ def disk_errors(path: Path) -> Iterator[None]:
         raise machine_error(path, error) from error
 
 
-def machine_error(path: Path, error: OSError) -> MachineError:
-    """Return the error of a path, which the operating system refused to write."""
+def machine_error(path: Path, error: OSError, verb: str = "written") -> MachineError:
+    """Return the error of a path, which the operating system refused to have written, or read."""
     fact = REMEDIES.get(error.errno or 0) or os.strerror(error.errno or errno.EIO)
-    return MachineError(f"{path}: cannot be written: {fact}")
+    return MachineError(f"{path}: cannot be {verb}: {fact}")
 
 
 def cannot_write(path: Path, draft: Path, reason: str) -> MachineError:

@@ -18,6 +18,7 @@ from pipeline.production.store.history import summarise
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.store import Store
+from render.base.atomic_write import disk_errors
 
 Watcher = AbstractContextManager[object]
 
@@ -138,6 +139,9 @@ def _execute(
     """Have Snakemake run a plan; return the events of its log."""
     log = root / EVENTS / f"{plan.name}.jsonl"
     plan.freeze(root)
+    with disk_errors(log):  # events that cannot be written are lost without a word, and failures with them
+        log.parent.mkdir(parents=True, exist_ok=True)
+        log.touch()
     EventLog(log).write("run", cores=cores, host=plan.host)
     try:
         with watch(plan, EventReader(log)), watched(log, patience):

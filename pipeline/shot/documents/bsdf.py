@@ -23,7 +23,7 @@ from render.scene.textures import Texture, read_picture
 _KINDS = {
     "number": "a number",
     "bool": "true or false",
-    "text": "text",
+    "text": "a plain name",
     "index": "a number, or the name of a substance such as bk7",
     "file": "the name of a file",
     "texture": "a number, a colour such as [0.5, 0.4, 0.3], or a texture such as {type: bitmap, …}",
@@ -126,7 +126,7 @@ def _value(value: Any, kind: str, where: Where, folder: Path) -> Iterator[Proble
     fits = {
         "number": is_number(value),
         "bool": isinstance(value, bool),
-        "text": isinstance(value, str),
+        "text": isinstance(value, str) and "/" not in value,  # Mitsuba makes a path of some
         "index": is_number(value) or isinstance(value, str),
         "file": isinstance(value, str),
         "texture": is_number(value) or bool(is_colour),
