@@ -136,7 +136,7 @@ class CommonOptions:
     json_: Annotated[
         bool, _common("--json", help="Answer in JSON on standard output; messages go to standard error.")
     ] = False
-    no_progress: Annotated[bool, _common("--no-progress", help="Draw no progress bars.")] = False
+    no_progress: Annotated[bool, _common("--no-progress", help="Show no progress.")] = False
     cores: Annotated[int | None, _common("-j", min=1, metavar="N", help="Use N cores. Default: all.")] = None
     dry_run: Annotated[bool, _common("--dry-run", help="Say what would be done, and do nothing.")] = False
     root: Annotated[
