@@ -29,6 +29,7 @@ from pipeline.production.planning.timings import LEAST_MIB, UNMEASURED_MIB
 from pipeline.production.request.crop_and_scale import today_name
 from pipeline.production.request.lookup import FILM, find_edit, find_shot
 from pipeline.production.stages import STAGES, forced_with
+from pipeline.production.store.history import summarise
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.store import Store
 from render.base.atomic_write import atomic_write
@@ -174,6 +175,7 @@ class PlannedWorkflow:
             _HELD.enter_context(writing(self._root))
             _HELD.enter_context(making(self._root, plan.lock_names))
             plan.restore_links(project.store)
+            summarise(self._root)
             for target in filter(_FRAME.fullmatch, settings.targets):
                 _unprotect(self._root / target)
             plan.freeze(self._root)

@@ -15,6 +15,7 @@ import contextlib
 import json
 import os
 import platform
+import shutil
 import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
@@ -26,7 +27,7 @@ from pipeline.errors import MachineError
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import RUNS, Event, EventReader, logs_of
 from pipeline.production.store.locks import lock_name, of_key
-from pipeline.production.store.paths import STATE
+from pipeline.production.store.paths import LOGS, STATE
 from render.base.atomic_write import atomic_write
 
 HISTORY = STATE / "history"
@@ -228,22 +229,26 @@ class _Run:
 
 def summarise(root: Path) -> None:
     """Add the logs of ended runs to the summaries, and remove old ones. Ignore errors of the disk."""
+    logs = logs_of(root)
+    if not logs:
+        return
     with contextlib.suppress(OSError, MachineError), of_key(root, "history", lambda: None):
-        added, logs = _logs_added(root), logs_of(root)
+        added = before = _logs_added(root)
         for log in logs:
             if added.get(log.stem) != _size(log) and _has_ended(log):
                 history, size = History(root), _size(log)
                 history.add(log)
                 history.write()
-                added[log.stem] = size
-        kept = {log.stem for log in _rotated([log for log in logs if log.stem in added])}
+                added = {**added, log.stem: size}
+        kept = {log.stem for log in _rotated(root, [log for log in logs if log.stem in added])}
         added = {name: size for name, size in added.items() if name in kept}
-        with atomic_write(root / HISTORY / "logs.json", flush=False) as draft:
-            draft.write_text(json.dumps(added))
+        if added != before:
+            with atomic_write(root / HISTORY / "logs.json", flush=False) as draft:
+                draft.write_text(json.dumps(added))
 
 
-def _rotated(logs: Sequence[Path]) -> Iterator[Path]:
-    """Remove the logs of all but the latest runs; yield those that stay."""
+def _rotated(root: Path, logs: Sequence[Path]) -> Iterator[Path]:
+    """Remove the logs of all but the latest runs, Snakemake's too; yield those that stay."""
     total = 0
     for age, log in enumerate(reversed(logs)):
         total += _size(log)
@@ -252,6 +257,7 @@ def _rotated(logs: Sequence[Path]) -> Iterator[Path]:
             continue
         for path in log.parent.glob(f"{log.stem}.*jsonl"):
             path.unlink(missing_ok=True)
+        shutil.rmtree(root / LOGS / log.stem, ignore_errors=True)
 
 
 def _logs_added(root: Path) -> dict[str, int]:
