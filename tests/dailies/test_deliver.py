@@ -165,7 +165,7 @@ def test_a_film_says_of_every_frame_where_it_comes_from(there):
         (("--burn-in", "fraem"), 2, "'fraem' is nothing to burn in. Did you mean 'frame'?"),
         (("--slate", "haed"), 2, "Did you mean 'head'?"),
         (("-f", "9"), 2, "frame 9 is not in the shot, which has 1-6"),
-        (("--sound", "none.wav"), 3, "none.wav: there is no such sound"),
+        (("--sound", "none.wav"), 3, "none.wav: there is no such file"),
         (("-o", "shots/film.yaml"), 4, "a file stands where a folder should be"),
     ],
 )
