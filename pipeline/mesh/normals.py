@@ -113,9 +113,9 @@ def split_at_creases(mesh: TriangleMesh, hard_angle: float | Floats = HARD_ANGLE
 def trusted_normals(mesh: TriangleMesh) -> AnyArray:
     """Return flags (V,) of the vertices to be shaded with their attribute `normal`.
 
-    A normal is not trusted where it is zero or not finite, at tagged creases, or where it points into a
-    surrounding face. A sheet thinner than its triangles has a rim that they do not show, and a visible face
-    must not be shaded with the normal of its back.
+    A normal is not trusted where it is zero or not finite, at tagged creases, or far from that of a
+    surrounding face (`AGREEMENT`). A sheet thinner than its triangles has a rim that they do not show, and a
+    visible face must not be shaded with the normal of its back or of the rim.
     """
     return _trusted(mesh, _known(mesh), face_normals(mesh)).view(bool)
 

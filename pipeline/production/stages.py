@@ -59,7 +59,7 @@ SIMULATE = PipelineStage(
 )
 SMOOTH_NORMALS = PipelineStage(
     "smooth_normals",
-    version=1,
+    version=2,
     doing="smoothing",
     makes="normals",
     reads=("simulate",),

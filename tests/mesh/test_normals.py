@@ -20,6 +20,7 @@ from pipeline.mesh import (
     split_at_creases,
     vertex_normals,
 )
+from pipeline.mesh.kernels.normals import AGREEMENT
 from pipeline.mesh.normals import ShadedMesh, trusted_normals
 
 
@@ -125,6 +126,17 @@ def test_where_there_is_no_normal_the_geometry_decides() -> None:
     assert unit(shaded.normals)
 
 
+def test_the_rim_of_a_thin_sheet_is_not_smeared_over_its_triangles() -> None:
+    """The normals along the rim of a coin point sideways, those of its two sides up and down."""
+    coin = icosphere(8)
+    flat = coin.with_vertices(coin.vertices * [1.0, 1.0, 0.02])
+    normal = coin.vertices / [1.0, 1.0, 0.02]
+    shaded = split_at_creases(flat.with_attributes(normal=normal))
+    corners = shaded.normals[shaded.faces]
+    assert np.einsum("fik,fk->fi", corners, face_normals(flat)).min() > AGREEMENT - 0.1
+    assert len(shaded.vertices) > len(flat.vertices), "the rim is a crease"
+
+
 def test_a_normal_that_points_into_the_surface_is_not_trusted() -> None:
     ball = icosphere(8)
     normal = ball.vertices.copy()
@@ -168,7 +180,7 @@ def test_the_hard_angle_may_differ_from_vertex_to_vertex() -> None:
 
 def slowly_trusted(mesh: TriangleMesh, own: Vectors) -> AnyArray:
     face = face_normals(mesh)
-    behind = (np.einsum("fik,fk->fi", own[mesh.faces], face) <= 0) & face.any(axis=1, keepdims=True)
+    behind = (np.einsum("fik,fk->fi", own[mesh.faces], face) <= AGREEMENT) & face.any(axis=1, keepdims=True)
     trusted: AnyArray = own.any(axis=1)
     trusted[mesh.faces[behind]] = False
     return trusted
@@ -206,7 +218,7 @@ def test_shading_is_that_of_the_formulas(mesh: TriangleMesh, seed: int, tagged: 
     assert np.array_equal(trusted, slowly_trusted(mesh, own))
     assert not trusted[shaded.source_vertex[len(mesh.vertices) :]].any(), "what is trusted is not divided"
     expected, brought = slowly_smooth(mesh, shaded), own[shaded.source_vertex]
-    agreeing = trusted[shaded.source_vertex] | (np.einsum("ij,ij->i", brought, expected) > 0)
+    agreeing = trusted[shaded.source_vertex] | (np.einsum("ij,ij->i", brought, expected) > AGREEMENT)
     expected[agreeing] = brought[agreeing]
     np.testing.assert_allclose(shaded.normals, expected, atol=1e-12)
 

@@ -24,6 +24,10 @@ FLAGS = numba.uint8[::1]
 CONST_FACES = only_read(FACES)
 _ANGLES = numba.types.UniTuple(numba.float64, 3)
 
+AGREEMENT = 0.7
+"""Least cosine of the angle between a known normal and the triangles that it shades. At more than 45° the
+surface bends within a triangle, as at the rim of a thin sheet, and its normal would be smeared over it."""
+
 
 @kernel((CONST_MATRIX, CONST_FACES, MATRIX), error_model="numpy")
 def normals_of_faces(points: Points, faces: Faces, normals: Vectors) -> None:
@@ -70,7 +74,7 @@ def scale_known(given: Vectors, known: Vectors) -> None:
 
 @kernel((CONST_FACES, MATRIX, MATRIX, FLAGS), error_model="numpy")
 def flag_trusted(faces: Faces, face_normals: Vectors, known: Vectors, trusted: AnyArray) -> None:
-    """Flag vertices whose known normal points out of all surrounding faces with area."""
+    """Flag vertices whose known normal agrees with all surrounding faces with area."""
     for v in range(len(known)):
         trusted[v] = known[v, 0] != 0.0 or known[v, 1] != 0.0 or known[v, 2] != 0.0
     for f in range(len(faces)):
@@ -79,7 +83,7 @@ def flag_trusted(faces: Faces, face_normals: Vectors, known: Vectors, trusted: A
             continue
         for i in range(3):
             v = faces[f, i]
-            if known[v, 0] * x + known[v, 1] * y + known[v, 2] * z <= 0.0:
+            if known[v, 0] * x + known[v, 1] * y + known[v, 2] * z <= AGREEMENT:
                 trusted[v] = 0
 
 
@@ -202,7 +206,7 @@ def prefer_known(known: Vectors, trusted: AnyArray, source: Indices, normals: Ve
     for i in range(len(normals)):
         v = source[i]
         x, y, z = known[v, 0], known[v, 1], known[v, 2]
-        if trusted[v] or x * normals[i, 0] + y * normals[i, 1] + z * normals[i, 2] > 0.0:
+        if trusted[v] or x * normals[i, 0] + y * normals[i, 1] + z * normals[i, 2] > AGREEMENT:
             normals[i, 0], normals[i, 1], normals[i, 2] = x, y, z
 
 
