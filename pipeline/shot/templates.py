@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import resources
@@ -45,7 +45,7 @@ rate: 24  # frames per second
 subject: {subject}
 
 # Edges longer than this are split, those shorter than 40% of it collapse. Half the length: 4 × the faces.
-{about_edges}resample: {{max_edge_length: {edge:g}}}
+{about_edges}resample: {{max_edge_length: {edge}}}
 
 # Entries act one after another in each frame, those under `sum:` at once. Keys are frames, "0.5s" is seconds.
 flows:
@@ -98,6 +98,8 @@ class FlowPreset:
     """A subject that suits a flow, and values of its parameters; all texts are as in a shot file.
 
     values   by parameter; others take their defaults
+    lights   the light rig
+    finest   edge length where the surface bends sharply, or None for one length everywhere
     within   a region that limits a flow which would move everything alike
     azimuth  of the camera, degrees, at the first and the last frame
     """
@@ -105,9 +107,19 @@ class FlowPreset:
     subject: str = "{solid: icosphere, radius: 1}"
     values: Mapping[str, str] = field(default_factory=dict)
     max_edge_length: float = 0.08
+    finest: float | None = None
     look: str = "clay"
+    lights: str = "studio"
     within: str = ""
     azimuth: tuple[float, float] = (-30.0, 0.0)
+
+    @property
+    def edge_length(self) -> str:
+        """The value of `max_edge_length` in the shot."""
+        if self.finest is None:
+            return f"{self.max_edge_length:g}"
+        lengths = {"tolerance": 0.002, "finest": self.finest, "coarsest": self.max_edge_length}
+        return _text({"curvature": lengths})
 
 
 @cache
@@ -190,20 +202,20 @@ def shot_of_flow(flow: str, name: str, model: ModelTemplate | None = None) -> st
         about_subject = "\n".join(f"# {line}" for line in model.facts)
         values = {**preset.values, **GENTLE.get(flow, {})}
         edge = model.max_edge_length
-        preset = replace(preset, subject=model.subject, max_edge_length=edge, values=values)
+        preset = replace(preset, subject=model.subject, max_edge_length=edge, finest=None, values=values)
     text = SHOT.format(
         title=title_of(name),
         last=FRAMES,
         about_subject=about_subject,
         about_edges="" if model is None else f"# {model.edges}\n",
         subject=preset.subject,
-        edge=preset.max_edge_length,
+        edge=preset.edge_length,
         flows="\n".join(_entry(flow, preset)).replace("NAME", name),
         look=preset.look,
         looks=", ".join(LOOKS),
         left=preset.azimuth[0],
         right=preset.azimuth[1],
-        lights=choice(LIGHTS),
+        lights=choice(LIGHTS, preset.lights),
         stage=choice(STAGES),
     )
     return re.sub(
@@ -224,10 +236,11 @@ def title_of(name: str) -> str:
     return f'"{title}"' if re.fullmatch(r"[\d.eE+ ]*|true|false|null|off|on|yes|no", title) else title
 
 
-def choice(registry: Any) -> str:
-    """Return the first name of a registry, and the others as a comment."""
-    first, *others = registry
-    return f"{first}  # or {', '.join(others)}"
+def choice(registry: Iterable[str], chosen: str = "") -> str:
+    """Return the chosen name of a registry, or the first one, and the others as a comment."""
+    names = list(registry)
+    chosen = chosen or names[0]
+    return f"{chosen}  # or {', '.join(name for name in names if name != chosen)}"
 
 
 def _entry(flow: str, preset: FlowPreset) -> list[str]:

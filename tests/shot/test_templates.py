@@ -30,10 +30,9 @@ def begun(flow: str, folder: Path, coarser: float = 1.0) -> tuple[str, Path]:
         ending, write = FLOW_FILES[flow]
         write(folder / f"N1{ending}")
     text = shot_of_flow(flow, "N1")
-    edge = preset_of(flow).max_edge_length
-    (folder / "N1.yaml").write_text(
-        text.replace(f"edge_length: {edge:g}", f"edge_length: {coarser * edge:g}")
-    )
+    preset = preset_of(flow)
+    length = f"{coarser * preset.max_edge_length:g}" if coarser > 1.0 else preset.edge_length
+    (folder / "N1.yaml").write_text(text.replace(preset.edge_length, length))
     return text, folder / "N1.yaml"
 
 
