@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from render.post.colour import to_display
+from render.post.view import ColourView
 from render.raster.contact import LOOKS_DARK, PACKED_DARK, ContactShadow
 from render.raster.large_triangles import SUPERSAMPLING, LargeTriangles
-from render.raster.lighting import Lighting, ShadowMap, apply_shadow
+from render.raster.lighting import Lighting, ShadowMap, apply_shadow, floor_light
 from render.raster.projection import LARGE, SMALL
 from render.raster.see_through import pack_light, pack_normals
 from render.raster.shapes import ScreenProjection, StageSetup, VisibleFaces
 from render.raster.triangles import average, draw_triangles, pack
 from render.scene.camera import Camera
+from render.scene.lights import LightRig
+from render.scene.stage import Stage, StagePlacement
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,14 +107,16 @@ class Canvas:
     def _large_triangles(self, faces: VisibleFaces, shadow: ShadowMap, is_stage: bool) -> LargeTriangles:
         """Return the inputs of large triangles."""
         shape, which = faces.shape, faces.corners_of(LARGE)
-        values = np.empty((len(shape.vertices) if len(which) else 0, 11), np.float32)
-        light = self.lighting.shade(shape, which, faces.outwards, is_stage).reshape(-1, 3)
-        values[which, :6] = _values(light, self.setup, self.display).reshape(-1, 6)
+        values = np.empty((len(shape.vertices) if len(which) else 0, 12), np.float32)
+        light = self.lighting.shade(shape, which, faces.outwards, is_stage).reshape(-1, 2, 3)
+        light = np.concatenate([light, light.mean(axis=1, keepdims=True)], axis=1)
+        shown = _values(light.reshape(-1, 3), self.setup, self.display).reshape(-1, 3, 3)
+        values[which, :6], values[which, 9] = shown[:, :2].reshape(-1, 6), bulges(shown)
         values[which, 6:9] = shadow.coordinates(shape, which, faces.outwards).T
         contact = self.lighting.contact
-        values[which, 9:] = contact.coordinates(shape.vertices[which]) if is_stage else -1.0
+        values[which, 10:] = contact.coordinates(shape.vertices[which]) if is_stage else -1.0
         pixels = self.nearness.size // SUPERSAMPLING**2
-        hits, values_at_hits = np.empty((4, pixels), np.int32), np.empty((14, pixels), np.float32)
+        hits, values_at_hits = np.empty((4, pixels), np.int32), np.empty((15, pixels), np.float32)
         return LargeTriangles(
             shape.vertices,
             *self.projection,
@@ -118,6 +124,7 @@ class Canvas:
             shadow.nearness,
             shadow.blocks,
             contact.factors(LOOKS_DARK if self.display else PACKED_DARK),
+            _ambient(self.setup.lights, self.setup.stage, self.setup.view, self.display),
             shadow.opacity,
             hits,
             values_at_hits,
@@ -129,6 +136,27 @@ class Canvas:
         picture = np.empty((rows // SUPERSAMPLING, columns // SUPERSAMPLING, 3), np.float32)
         average(self.colour, picture)
         return picture
+
+
+@lru_cache(maxsize=16)
+def _ambient(rig: LightRig, stage: Stage, view: ColourView, display: str) -> float:
+    """Return the fraction of a value in the middle of the floor that all light but the key light makes."""
+    lit, dark = floor_light(rig, stage)
+    setup = StageSetup(rig, stage, StagePlacement(), view)
+    whole, key = _values(np.stack([lit, lit - dark]), setup, display).mean(axis=1).tolist()
+    return 1.0 - float(key) / max(float(whole), 1e-6)
+
+
+def bulges(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return how far values (N,) fall in a penumbra from a straight line between light and shadow.
+
+    values  (N, 3, 3): in the key light, in its shadow, and half way between, in any display
+
+    In the fraction v of the key light, a value is v + bulge v (1 - v) of the way to that in the light.
+    """
+    lit, dark, half = values.mean(axis=2).T
+    way = np.maximum(lit - dark, 1e-3)
+    return np.clip(4.0 * (half - dark) / way - 2.0, 0.0, 1.0)
 
 
 def _values(light: NDArray[np.float32], setup: StageSetup, display: str) -> NDArray[np.float32]:

@@ -6,6 +6,7 @@ the light that a level square of its size takes (the form factor of two parallel
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -29,8 +30,11 @@ _HIGH = 1.5
 _LEAST_HEIGHT = 1.4 * CELL
 """Height of a subject that touches the floor, stage units: a lower one would show the cells."""
 
-_DARKEST = 0.12
-"""Least fraction of light that reaches the floor: it comes from the sides, and from the subject."""
+_DARKEST = 0.1
+"""Least fraction of light that reaches the floor: the subject reflects it."""
+
+_OVERLAP = 1.8
+"""Rate at which light falls with the sum of what cells take: of cells behind each other one takes it."""
 
 
 class ContactShadow(NamedTuple):
@@ -110,7 +114,8 @@ def unblocked(lowest: Array, opacity: float, reached: Array) -> None:
                     reached[m, n] -= taken / (distance * distance)
     for i in range(CELLS):
         for j in range(CELLS):
-            reached[i, j] = max(reached[i, j], np.float32(_DARKEST))
+            taken = 1.0 - reached[i, j]
+            reached[i, j] = _DARKEST + (1.0 - _DARKEST) * math.exp(-_OVERLAP * taken)
 
 
 @fast

@@ -45,13 +45,14 @@ class LargeTriangles(NamedTuple):
 
     vertices            (V, 3)
     origin, axes, near  of the camera, as of `project`
-    values              (V, 11): display values in the key light (3) and in its shadow (3), coordinates in
-                        the shadow map (3), and the place on the grid of the contact shadow (2)
+    values              (V, 12): display values in the key light (3) and in its shadow (3), coordinates in
+                        the shadow map (3), `bulges`, and the place on the grid of the contact shadow (2)
     nearness, blocks    the shadow map, as of `light_visibility`
     contact             the contact shadow, as `dim_floor` takes it
+    ambient             the fraction of display values on the floor that all but the key light make
     opacity             the fraction of the key light that the shadow lacks
     hits                (4, H W / SUPERSAMPLING²) int32, buffer for the pixels of one triangle
-    at_hits             (14, H W / SUPERSAMPLING²) float32, buffer for their values
+    at_hits             (15, H W / SUPERSAMPLING²) float32, buffer for their values
     """
 
     vertices: Array
@@ -62,6 +63,7 @@ class LargeTriangles(NamedTuple):
     nearness: Array
     blocks: Array
     contact: Array
+    ambient: float
     opacity: float
     hits: Array
     at_hits: Array
@@ -80,7 +82,7 @@ def draw_large_triangle(
 ) -> None:
     """Draw a triangle as `draw_triangles` does. a, b, c: indices of its corners"""
     rows, columns = nearness.shape[0] // SUPERSAMPLING, nearness.shape[1] // SUPERSAMPLING
-    corners, planes = np.empty((3, 3)), np.empty((3, 14))
+    corners, planes = np.empty((3, 3)), np.empty((3, 15))
     for k, v in enumerate((a, b, c)):
         corners[k, 0], corners[k, 1], corners[k, 2] = corner(large.vertices, v, large.origin, large.axes)
     if max(corners[0, 2], corners[1, 2], corners[2, 2]) <= large.near:
@@ -91,15 +93,15 @@ def draw_large_triangle(
     if left > right:
         return
     count = _cover(planes, left, right, top, bottom, nearness, large.hits)
-    reaches_contact = _overlaps(large.values, a, b, c, 9) and _overlaps(large.values, a, b, c, 10)
-    _interpolate(planes, large.hits, count, 11 if reaches_contact else 9, large.at_hits)
-    visible = large.at_hits[11, :count]
+    reaches_contact = _overlaps(large.values, a, b, c, 10) and _overlaps(large.values, a, b, c, 11)
+    _interpolate(planes, large.hits, count, 12 if reaches_contact else 10, large.at_hits)
+    visible = large.at_hits[12, :count]
     light_visibility(large.at_hits[6:9, :count], large.nearness, large.blocks, large.opacity, visible)
     if reaches_contact:
-        dim_floor(large.at_hits[9:11, :count], large.contact, large.at_hits[12, :count])
+        dim_floor(large.at_hits[10:12, :count], large.contact, large.at_hits[13, :count])
     else:
-        large.at_hits[12, :count] = 1.0
-    _write(large.hits, large.at_hits, count, face_id, colour, face_ids)
+        large.at_hits[13, :count] = 1.0
+    _write(large.hits, large.at_hits, count, large.ambient, face_id, colour, face_ids)
 
 
 @exact
@@ -168,8 +170,8 @@ def _interpolate(planes: Array, hits: Array, count: int, channels: int, at_hits:
     x = np.float32(planes[0, 0] + planes[0, 1] + planes[0, 2])
     y = np.float32(planes[1, 0] + planes[1, 1] + planes[1, 2])
     z = np.float32(planes[2, 0] + planes[2, 1] + planes[2, 2])
-    depth = at_hits[11]
-    rows, columns = at_hits[12], at_hits[13]
+    depth = at_hits[12]
+    rows, columns = at_hits[13], at_hits[14]
     for n in range(count):
         rows[n] = np.float32(hits[0, n]) + _MIDDLES[hits[2, n], 0]
         columns[n] = np.float32(hits[1, n]) + _MIDDLES[hits[2, n], 1]
@@ -183,17 +185,31 @@ def _interpolate(planes: Array, hits: Array, count: int, channels: int, at_hits:
 
 
 @fast
-def _write(hits: Array, at_hits: Array, count: int, face_id: int, colour: Array, face_ids: Array) -> None:
-    """Write colours of covered subsamples, mixed by the visibility of the key light in
-    at_hits[11], times the contact shadow in at_hits[12]."""
+def _write(
+    hits: Array,
+    at_hits: Array,
+    count: int,
+    ambient: float,
+    face_id: int,
+    colour: Array,
+    face_ids: Array,
+) -> None:
+    """Write colours of covered subsamples, mixed by the visibility of the key light in at_hits[12].
+
+    The contact shadow in at_hits[13] is a factor on values without the key light.
+    """
     has_ids, packed = face_ids.shape[0] > 0, hits[3]
-    none, white, half = np.float32(0.0), np.float32(WHITE), np.float32(0.5)
+    none, white, half, one = np.float32(0.0), np.float32(WHITE), np.float32(0.5), np.float32(1.0)
+    part, visible, open_above = np.float32(ambient), at_hits[12], at_hits[13]
+    for n in range(count):
+        visible[n] += at_hits[9, n] * visible[n] * (one - visible[n])
     packed[:count] = 0
     for k in range(3):
         with_key, without = at_hits[k], at_hits[3 + k]
         for n in range(count):
-            shown = without[n] + at_hits[11, n] * (with_key[n] - without[n])
-            shown = white * at_hits[12, n] * shown + half
+            dark = open_above[n] * without[n]
+            lit = (one - part * (one - open_above[n])) * with_key[n]
+            shown = white * (dark + visible[n] * (lit - dark)) + half
             shown = shown if shown > none else none
             packed[n] = packed[n] << 10 | np.int32(shown if shown < white else white)
     for n in range(count):
@@ -211,7 +227,7 @@ def _planes(
 ) -> bool:
     """Compute barycentric coordinates and values over the depth as linear functions of row and column.
 
-    planes  (3, 14), output: at the first pixel, per row, and per column
+    planes  (3, 15), output: at the first pixel, per row, and per column
 
     Returns False for a triangle seen edge-on.
     """
@@ -224,7 +240,7 @@ def _planes(
         x, y, z = n[k, 0] / volume, n[k, 1] / volume, n[k, 2] / volume
         planes[0, k] = x * (1.0 / columns - 1.0) + y * (1.0 - 1.0 / rows) + z
         planes[1, k], planes[2, k] = -2.0 / rows * y, 2.0 / columns * x
-    for k in range(11):
+    for k in range(12):
         for m in range(3):
             planes[m, 3 + k] = (
                 values[a, k] * planes[m, 0] + values[b, k] * planes[m, 1] + values[c, k] * planes[m, 2]

@@ -118,6 +118,16 @@ def _surroundings_of(rig: LightRig, stage: Stage | None, roughness: float) -> Su
     return surroundings_of(stage_radiance(stage, rig.sky, light), roughness)
 
 
+def floor_light(rig: LightRig, stage: Stage) -> NDArray[np.float32]:
+    """Return the linear light (2, 3) of the middle of a stage's floor, with the key light and without it."""
+    setup = StageSetup(rig, stage, StagePlacement())
+    contact = ContactShadow.of(np.empty((0, 3), np.float32), setup.placement, has_floor=False)
+    lighting = Lighting(setup, contact, _light_rows(setup), np.array([0.0, EYE_HEIGHT, 0.0]))
+    middle, upwards = np.zeros((1, 3), np.float32), np.array([[0.0, 1.0, 0.0]], np.float32)
+    floor = Shape(middle, upwards, np.empty((0, 3), np.int32), Diffuse(stage.colour))
+    return lighting.shade(floor, np.arange(1), 1, is_stage=True).reshape(2, 3)
+
+
 def _shaded(
     shape: Shape,
     colours: Floats,

@@ -9,8 +9,8 @@ from render.raster.projection import EDGE, Array, box, corner, exact, fast
 BLOCK = 8
 """Pixels along a block of the shadow map that is tested at once."""
 
-_RADIUS = 3
-_COARSE, _FINE = (-3, 0, 3), (-3, -2, 0, 1, 3)
+_RADIUS = 4
+_COARSE, _FINE = (-4, 0, 4), (-4, -2, 0, 2, 4)
 """Offsets of a filter's pixels: the coarse ones first, the fine ones where these differ."""
 
 

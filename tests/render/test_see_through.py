@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.mesh import icosphere
+from pipeline.mesh import box, icosphere, vertex_normals
 from render.raster import Shape, StageSetup, preview
 from render.raster.contact import CELL, CELLS, ContactShadow
 from render.raster.large_triangles import SUPERSAMPLING
@@ -105,6 +105,23 @@ def test_the_floor_is_dark_where_a_ball_touches_it():
         for y in (1.0, 1.6)
     )
     middle, away = CELLS // 2, CELLS // 2 + round(1.6 / CELL)
-    assert standing[middle, middle] < 0.2 < raised[middle, middle] < 0.8
-    assert standing[middle, away] > 0.8 and raised[middle, away] > 0.8
+    assert standing[middle, middle] < 0.25 < raised[middle, middle] < 0.8
+    assert standing[middle, away] > 0.7 and raised[middle, away] > 0.7
     assert (standing <= 1.0).all() and (standing > 0.0).all()
+
+
+def test_a_contact_shadow_is_no_dark_ring_where_the_key_light_falls():
+    """On the side of the key light the floor beside a block is almost as bright as far from it."""
+    block = box((1.0, 2.0, 1.0), 0.1)
+    vertices = block.vertices - [0.0, block.vertices[:, 1].min(), 0.0]
+    shape = Shape(vertices, vertex_normals(block), block.faces, LOOKS["clay"], closed=True)
+    setup = StageSetup(LIGHTS["studio"], STAGES["cyclorama"], StagePlacement())
+    camera = Camera((0.0, 12.0, 0.1), (0.0, 0.0, 0.0))
+    floor = preview(shape, setup, camera, SIZE, "srgb").picture.mean(axis=2)
+
+    def value(x, z):
+        column, row = camera.project(np.array([[x, 0.0, z]]), SIZE[0] / SIZE[1])[0, :2]
+        return floor[int((1.0 - row) / 2.0 * SIZE[1]), int((column + 1.0) / 2.0 * SIZE[0])]
+
+    towards_key, behind = value(-0.7, 0.7), value(0.7, -0.7)
+    assert 0.85 * value(-1.3, 1.3) < towards_key and behind < 0.8 * towards_key
