@@ -20,6 +20,7 @@ from pipeline.shot.camera import Shutter
 from pipeline.shot.clock import Clock, parse_frames, parse_rate
 from pipeline.shot.documents.bsdf import bsdf_problems
 from pipeline.shot.documents.curves import NumberField, number
+from pipeline.shot.documents.lights_and_stage import StageDocument
 from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.shot import ShotDocument
 from pipeline.shot.model_subject import Model
@@ -32,9 +33,9 @@ from pipeline.shot.yaml.lookup import name_fault, shown
 from pipeline.shot.yaml.source import Problem, YamlSource
 from pipeline.shot.yaml.validation import Checks, ParseContext, unforeseen, validated
 from render.scene.lights import LIGHTS
-from render.scene.materials import LOOKS
+from render.scene.materials import LOOKS, Material
 from render.scene.quality import QUALITIES
-from render.scene.stage import STAGES
+from render.scene.stage import STAGES, Stage
 
 CHECKS = (
     motion_checks.directions,
@@ -167,15 +168,24 @@ def _tolerance(document: ShotDocument) -> float | None:
     return DEFAULT_TOLERANCE if document.tolerance is None else float(document.tolerance)
 
 
+def _stage(document: str | StageDocument, look: Material) -> Stage:
+    """Return the stage of a shot. Where none is written, a cyclorama's colour suits the look."""
+    stage = STAGES[document] if isinstance(document, str) else document.build()
+    is_written = isinstance(document, StageDocument) and document.colour is not None
+    if is_written or look.stage_colour is None or stage.kind not in ("cyclorama", "plinth"):
+        return stage
+    return dataclasses.replace(stage, colour=look.stage_colour)
+
+
 def _picture(document: ShotDocument, clock: Clock, subject: Subject) -> Picture:
-    lights, stage, smooth = document.lights, document.stage, document.smooth
+    lights, smooth = document.lights, document.smooth
     look = LOOKS[document.look] if isinstance(document.look, str) else document.look.build()
     is_plain = smooth.tessellate is None and smooth.dicing is None and not isinstance(subject, ControlNet)
     return Picture(
         look=look,
         camera=document.camera.build(clock),
         lights=LIGHTS[lights] if isinstance(lights, str) else lights.build(),
-        stage=STAGES[stage] if isinstance(stage, str) else stage.build(),
+        stage=_stage(document.stage, look),
         view=document.view.build(),
         tessellate=smooth.tessellate or (PIECES if isinstance(subject, ControlNet) else 1),
         dicing=smooth.dicing,

@@ -148,9 +148,10 @@ def _times(colour: Triple, factor: float) -> Triple:
     return factor * red, factor * green, factor * blue
 
 
-_FILL = (0.42, 0.47, 0.56)
+_FILL = (0.13, 0.155, 0.2)
+"""Faint: with more, a subject would cast no contact shadow, and a mirror would show a sky like the floor."""
 
-_KEY = Softbox((-4.4, 5.4, 4.0), 1.9, 1.9, (136.0, 119.0, 97.0), name="key")
+_KEY = Softbox((-4.4, 5.4, 4.0), 1.9, 1.9, (166.0, 145.0, 118.0), name="key")
 """Warm, from the upper left front: it models the form."""
 
 _RIM = Softbox((4.9, 3.4, -4.4), 0.55, 2.8, (110.0, 132.0, 172.0), name="rim")

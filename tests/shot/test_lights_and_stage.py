@@ -99,6 +99,19 @@ def test_a_stage_says_how_its_floor_and_its_plinth_are(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    "look", ["chrome", "brushed", "smoke", "{bsdf: {type: roughconductor, material: Au}}"]
+)
+def test_a_metal_or_smoke_stands_out_from_a_stage_without_a_colour(look: str, tmp_path: Path) -> None:
+    def colour_of(stage: str) -> tuple[float, float, float]:
+        return shot_of(tmp_path, f"look: {look}\nstage: {stage}").picture.stage.colour
+
+    assert max(colour_of("cyclorama")) < 0.4 * max(STAGES["cyclorama"].colour)
+    assert colour_of("{kind: plinth, round: true}") == colour_of("cyclorama")
+    assert colour_of("{kind: cyclorama, colour: [0.4, 0.4, 0.4]}") == (0.4, 0.4, 0.4)
+    assert colour_of("turntable") == STAGES["turntable"].colour, "a chart needs its grey"
+
+
 def test_the_sun_alone_is_hard_light(tmp_path: Path) -> None:
     lights = shot_of(tmp_path, "lights: {sun: {elevation: 40}, intensity: {sky: 0}}").picture.lights
     assert lights.daylight is not None and (lights.daylight.sun, lights.daylight.sky) == (1.0, 0.0)

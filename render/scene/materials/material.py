@@ -68,6 +68,11 @@ class Material:
         return self.min_path_depth > 0
 
     @property
+    def stage_colour(self) -> Triple | None:
+        """Reflectance of floor and wall from which the material stands out, or None if any will do."""
+        return None
+
+    @property
     def pattern(self) -> Pigment | Measure | None:
         """The pattern that gives colours by a phase per vertex, or None."""
         return None

@@ -80,6 +80,8 @@ PLUGINS = {**BSDFS, **TEXTURES}
 _CLEAR = ("dielectric", "roughdielectric", "thindielectric", "principledthin", "mask", "null")
 """Materials that light passes through."""
 
+_METALS = ("conductor", "roughconductor")
+
 _COLOURS = ("base_color", "reflectance", "diffuse_reflectance", "specular_reflectance")
 
 Plain = dict[str, Any]
@@ -109,6 +111,11 @@ class Bsdf:
             for part in _parts(self.description)
             if "type" in part
         )
+
+    @property
+    def is_metal(self) -> bool:
+        """True if some of it is a metal."""
+        return any(part.get("type") in _METALS for part in _parts(self.description))
 
     @property
     def colour(self) -> Triple:

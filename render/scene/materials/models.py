@@ -18,6 +18,9 @@ from render.scene.patterns import Pigment
 from render.scene.texture_projection import Projection
 from render.scene.textures import Texture
 
+_DIM, _DARK = (0.12, 0.12, 0.123), (0.035, 0.037, 0.042)
+"""Reflectances of stages: a mirror of a pale floor is as pale, and so is smoke before a pale wall."""
+
 
 @dataclass(frozen=True)
 class Diffuse(PatternedMaterial):
@@ -55,6 +58,11 @@ class Metal(Glossy):
 
     model: str = field(default="metal", init=False)
 
+    @property
+    def stage_colour(self) -> Triple:
+        """A dim stage, in which lights stand out as reflections."""
+        return _DIM
+
 
 @dataclass(frozen=True)
 class Satin(Glossy):
@@ -89,6 +97,11 @@ class BrushedMetal(Material):
         super().__post_init__()
         if math.hypot(*self.grain) < 1e-12:
             raise BadInputError("look has grain (0, 0, 0); an axis has a length")
+
+    @property
+    def stage_colour(self) -> Triple:
+        """A dim stage, in which lights stand out as reflections."""
+        return _DIM
 
     @property
     def scratch_axes(self) -> NDArray[np.float64]:
@@ -148,6 +161,11 @@ class Smoke(Material):
         """Vertices of a path that scatters several times."""
         return 16
 
+    @property
+    def stage_colour(self) -> Triple:
+        """A dark stage."""
+        return _DARK
+
 
 @dataclass(frozen=True)
 class Gouraud(PatternedMaterial):
@@ -179,6 +197,11 @@ class MitsubaMaterial(Material):
     def min_path_depth(self) -> int:
         """Vertices of a path through glass, if it is clear."""
         return 10 if self.bsdf.is_clear else 0
+
+    @property
+    def stage_colour(self) -> Triple | None:
+        """A dim stage for metals."""
+        return _DIM if self.bsdf.is_metal else None
 
     @property
     def texture_projection(self) -> Projection:
