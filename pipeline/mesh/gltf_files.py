@@ -25,7 +25,7 @@ def read_gltf(path: Path) -> FileSurface:
     """
     if path.suffix.lower() == ".glb":
         _require_whole(read_input(path, MOST_BYTES))
-    arrays = io.BytesIO(answer_of("pipeline.mesh.gltf_files", str(path.absolute())))
+    arrays = io.BytesIO(answer_of("pipeline.mesh.gltf_files", path))
     vertices, faces = np.load(arrays, allow_pickle=False), np.load(arrays, allow_pickle=False)
     return file_surface(vertices, faces, base=None)
 

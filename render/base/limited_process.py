@@ -18,9 +18,10 @@ from pathlib import Path
 
 from render.base.disk_cache import cache_path, load_answer, store_answer
 from render.base.errors import MachineError, reason_of
+from render.base.input_files import require_input
 
 SECONDS = 60.0
-"""Time that a parser may take."""
+"""Time that a parser may take for any file; a MiB of it adds a second."""
 
 MEMORY = 1 << 30
 """Memory that a parser may take beside what its process has at the start, bytes; see `allow_memory`."""
@@ -34,17 +35,18 @@ class ParserError(Exception):
     """The reason why a file cannot be parsed, in one line."""
 
 
-def answer_of(module: str, *words: str, seconds: float = SECONDS) -> bytes:
-    """Return what a module answers about words; it calls `serve` where it is run.
+def answer_of(module: str, path: Path) -> bytes:
+    """Return what a module answers about the path of a file; it calls `serve` where it is run.
 
     Raises ParserError where it refuses, crashes, or takes too long or too much memory; MachineError where
     no process can be started.
     """
+    seconds = SECONDS + require_input(path) / 2**20
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(_PACKAGE_ROOT), *filter(None, sys.path)])}
     try:
         done = subprocess.run(
             [sys.executable, "-m", module],
-            input=json.dumps([seconds, words]).encode(),
+            input=json.dumps([seconds, str(path.absolute())]).encode(),
             env=environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -73,19 +75,19 @@ def answer_about_content(module: str, path: Path, digest: str, library: str) -> 
     stored = load_answer(known)
     if stored is not None and isinstance(stored.get("answer"), str):
         return str(stored["answer"])
-    answer = answer_of(module, str(path.absolute())).decode()
+    answer = answer_of(module, path).decode()
     store_answer(known, {"answer": answer})
     return answer
 
 
-def serve(answer: Callable[..., bytes]) -> None:
-    """Answer the words on stdin within their limits. What libraries print goes to stderr."""
+def serve(answer: Callable[[str], bytes]) -> None:
+    """Answer about the path on stdin within limits. What libraries print goes to stderr."""
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
-    seconds, words = json.loads(sys.stdin.buffer.read())
+    seconds, path = json.loads(sys.stdin.buffer.read())
     _limit(seconds)
     try:
-        result = _PARSED + answer(*words)
+        result = _PARSED + answer(path)
     except MemoryError:
         result = _REFUSED + b"its reader needed too much memory"
     except Exception as error:  # parsers raise anything

@@ -223,6 +223,7 @@ PAST_FAILURES = (  # one line each, however long
         _bytes("roles: " + "[" * 100_000),
         "is no OpenColorIO config",
     ),
+    PastFailure("view", "long.ocio", _bytes("x: {src: %s}" % ("a" * 3000)), "is no OpenColorIO config"),
     PastFailure("flow", "minus.py", _bytes("-" * 100_000 + "1"), "this is not Python"),
     PastFailure("flow", "brackets.py", _bytes("(" * 100_000), "this is not Python"),
     PastFailure("flow", "sum.py", _bytes("+".join("1" * 50_000)), "this is not Python"),

@@ -33,6 +33,7 @@ from pipeline.shot.yaml.messages import number_in
 from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.synonyms import synonym
 from pipeline.shot.yaml.validation import ParseContext, as_finding, bad_value, finding
+from render.base.input_files import read_input
 from render.post.view import ACES, BUILT_IN, ColourView, view_of
 from render.scene.aovs import AOVS
 from render.scene.lights import LIGHTS
@@ -69,6 +70,10 @@ _PIXELS = r"^\s*(\d+\.?\d*|\.\d+)\s*px\s*$"
 
 _TABLE = re.compile(r"\bsrc\s*:\s*([^,}\n]+)")
 """An OpenColorIO config's reference to a table file."""
+
+
+MOST_CONFIG = 64 << 20
+"""Size of the largest OpenColorIO config."""
 
 
 def _pixels(value: Any) -> Any:
@@ -151,9 +156,10 @@ def _tables(config: Path) -> list[Path]:
     """Return the files beside a config, or below, whose names it mentions as tables."""
     if config.suffix != ".ocio":
         return []
-    text = config.read_text(encoding="utf-8", errors="replace")
+    text = as_finding(lambda: read_input(config, MOST_CONFIG)).decode("utf-8", "replace")
     names = {Path(name.strip().strip("'\"")).name for name in _TABLE.findall(text)}
-    return sorted(file for name in names if name for file in config.parent.rglob(name) if file.is_file())
+    files = config.parent.rglob("*") if names else ()
+    return sorted(file for file in files if file.name in names and file.is_file())
 
 
 def _check_samples(samples: int) -> int:
