@@ -10,6 +10,11 @@ rendered in one call of 64 samples, which measures the cost of sample batches. W
 
 Runs twice unless STEADY says otherwise: without temporal denoising, and with 2 frames to either side, whose
 AOVs take batches of their own. A frame includes neither simulation nor the start of Python and Snakemake.
+
+`python -m benchmarks.overhead digests [SCALE]`: the share of digests in finishing a frame, for scenes of four
+kinds. Finishing reads a rendered frame with its AOVs, removes its noise, and writes the finished one. Both
+files are hashed. Few samples leave the most noise, which packs worst, so these files are the largest.
+Writes `benchmarks/out/digests.json`.
 """
 
 from __future__ import annotations
@@ -29,6 +34,7 @@ import pyoidn
 from benchmarks.measures import told
 from benchmarks.report import Row, Target, keep, show
 from benchmarks.sitting import Sitting
+from pipeline.production.store.digests import Digests
 from render.mitsuba.engine import Engine, choose
 from render.post.colour import prepare
 
@@ -101,10 +107,87 @@ class Watch:
         finally:
             mi.render, PathTracer.render, pyoidn.denoise = render, follow, denoise
 
+    @contextmanager
+    def over_digests(self) -> Iterator[None]:
+        """Record within the context how long digests take: reading records, hashing, and recording."""
+        methods = {name: getattr(Digests, name) for name in ("add", "add_copy", "check")}
+
+        def timed(method: Callable[..., Any]) -> Callable[..., Any]:
+            return lambda *arguments: self.timed("digests", lambda: method(*arguments))
+
+        for name, method in methods.items():
+            setattr(Digests, name, timed(method))
+        try:
+            yield
+        finally:
+            for name, method in methods.items():
+                setattr(Digests, name, method)
+
 
 def _layer(integrator: Any) -> str:
     """Return the activity of a render of AOVs: auxiliary features read positions, vertex AOVs do not."""
     return "auxiliary features" if "position" in str(integrator) else "vertex AOVs"
+
+
+SCENES = {
+    "mesh, glaze": "subject: {solid: box, size: [2, 2, 2]}\nresample: {max_edge_length: 0.1}\nlook: glaze",
+    "glass": "subject: {solid: icosphere, radius: 1}\nresample: {max_edge_length: 0.2}\nlook: glass",
+    "points": "subject: {cloud: {solid: torus, tube_radius: 0.3}, count: 20000, seed: 1, radius: 0.01}",
+    "all AOVs, 32 bits": "subject: {solid: torus, tube_radius: 0.3}\nresample: {max_edge_length: 0.1}\n"
+    "look: marble\naovs: {velocity: float, motion: float, position: float, normal: float, albedo: float}",
+}
+"""Scenes whose files differ most in size and packing."""
+
+SCENE = """\
+title: Digests
+frames: 1-4
+rate: 24
+{scene}
+flows:
+  - twist: {{axis: y, amount: {{ease: linear, keys: {{1: 0, 4: 30}}}}}}
+quality: {{final: {{samples: 4, auxiliary_samples: 4, temporal_denoise: {steady}}}}}
+"""
+
+MOST_OF_DIGESTS = 0.03
+"""Target: the seconds of digests over those of finishing a frame."""
+
+
+def digests(scale: str = "100") -> list[Target]:
+    """Measure the share of digests in finishing the frames of all scenes; return the targets."""
+    prepare()
+    engine = choose(threads=1)
+    engine.start()
+    rows = [_digests(name, scale, steady, engine) for name in SCENES for steady in (0, 2)]
+    show("Digests in finishing a frame", rows)
+    keep("digests", rows)
+    return [
+        Target(str(row["scene"]), "digests, share", told(row, "share"), most=MOST_OF_DIGESTS) for row in rows
+    ]
+
+
+def _digests(name: str, scale: str, steady: int, engine: Engine) -> Row:
+    """Return the mean seconds of finishing a frame of a scene, and those of the digests within."""
+    quality, watch = f"final.scale{scale}", Watch()
+    with tempfile.TemporaryDirectory() as folder:
+        text = SCENE.format(scene=SCENES[name], steady=steady)
+        shot = Sitting.of(Path(folder), text, quality, engine, 2, range(1, 5))
+        shot.do_all([*BEFORE, "smooth_normals", "render"])
+        begun = time.perf_counter()
+        with watch.over_digests():
+            shot.do_all(["finish"])
+        seconds = time.perf_counter() - begun
+        sizes = {
+            kind: sum(path.stat().st_size for path in Path(folder).rglob(f"store/{kind}/*/*.exr")) / 4e6
+            for kind in ("raw", "frame")
+        }
+    spent = watch.seconds["digests"]
+    return {
+        "scene": f"{name}; steady {steady}",
+        **{f"{kind}, MB": size for kind, size in sizes.items()},
+        "finishing, s": seconds / 4,
+        "digests, s": spent / 4,
+        "share": spent / (seconds - spent),
+    }
 
 
 def measure(frames: int, scale: str, steady: int, engine: Engine) -> Row:
@@ -178,4 +261,7 @@ def main(frames: int = 2, scale: str = "66.67", *steady: int) -> list[Target]:
 
 if __name__ == "__main__":
     given = sys.argv[1:]
+    if given[:1] == ["digests"]:
+        show("Targets", [target.row for target in digests(*given[1:2])])
+        sys.exit()
     show("Targets", [target.row for target in main(*map(int, given[:1]), *given[1:2], *map(int, given[2:]))])

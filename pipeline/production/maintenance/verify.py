@@ -73,15 +73,13 @@ class ShownFile:
 
 
 def verify(store: Store, threads: int) -> Iterator[StoredFile]:
-    """Read every file of the store and yield it with its fault; change nothing.
-
-    Its digest decides. A file without one, made before there were digests, is decoded to its end.
-    """
+    """Check every file of the store and yield it with its fault; change nothing."""
     with ThreadPoolExecutor(threads) as pool:
-        yield from pool.map(lambda entry: _verified(store, *entry), store.entries())
+        yield from pool.map(lambda entry: verify_stored(store, *entry), store.entries())
 
 
-def _verified(store: Store, kind: str, key: Key, path: Path) -> StoredFile:
+def verify_stored(store: Store, kind: str, key: Key, path: Path) -> StoredFile:
+    """Check a stored file by its digest; one without, made before there were digests, is decoded."""
     try:
         has_digest = store.digests.check(path)
         if not has_digest:
@@ -182,9 +180,9 @@ def published_files(store: Store) -> Iterator[PublishedFile]:
     """Yield the files of all versions under a root, unchecked, and each provenance that is damaged."""
     for home in sorted((store.root / PUBLISHED).glob("*")):
         for place, record in records(home):
-            if isinstance(record, Provenance):
-                if not store.is_whole(place / FILE):
-                    yield PublishedFile(place / FILE, None, fault=ALTERED)
+            if not store.is_whole(place / FILE):  # its digests of frames may be wrong
+                yield PublishedFile(place / FILE, None, fault=ALTERED)
+            elif isinstance(record, Provenance):
                 for number, frame in record.frames.items():
                     yield PublishedFile(place / frame.file, record, number, frame.sha256)
                 yield PublishedFile(place / record.movie["file"], record, None, record.movie["sha256"])
