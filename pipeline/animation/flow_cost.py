@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.animation.fit_remedy import TYPICAL_EXTENT
 from pipeline.arrays import Points
 from pipeline.flow import Sequence, Streamlines, VelocityField
-from pipeline.flow.sensitivity import Sensitivity, sensitivity
+from pipeline.flow.velocity import Sensitivity, sensitivity
 from pipeline.shot import Motion
 from pipeline.shot.model_subject import Model
 

@@ -73,7 +73,18 @@ COMMANDS = {
         "resample": "Resample one mesh file.",
     },
 }
-"""Commands with a line of help, by panel: each is a function in the module of its name in `commands/`."""
+"""Commands with a line of help, by panel: each is a function in a module in `commands/`."""
+
+SHARED_MODULES = {
+    "curves": "figures",
+    "film": "render",
+    "flows": "schema",
+    "report": "status",
+    "simulate": "render",
+    "versions": "publish",
+    "why": "status",
+}
+"""The modules of commands that share one; every other command has the module of its name."""
 
 
 class _WithoutTypes:
@@ -106,7 +117,7 @@ class _Commands(_WithoutTypes, TyperGroup):
 
 def command_named(name: str) -> Any:
     """Return the command of a name, with its options, as click has it."""
-    function = getattr(import_module(f"pipeline.cli.commands.{name}"), name)
+    function = getattr(import_module(f"pipeline.cli.commands.{SHARED_MODULES.get(name, name)}"), name)
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     alone.command(name, cls=_Command, help=_unwrapped(function.__doc__), epilog=REFERENCE)(
         with_options(function)

@@ -1,20 +1,39 @@
-"""A requested turntable: its frames, its angles and its plan."""
+"""A requested turntable: its frames, its angles and its plan; and sheets and movies drawn from its pictures.
+
+renders/turntable/<name>/<quality>/<name>.png                   key angles, beside the movie
+renders/turntable/<name>/<quality>/<name>.clay-glaze.{mp4,png}  looks side by side, and their key angles
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
 
 from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
 from pipeline.mesh.read import FORMATS
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
+from pipeline.production.request.crop_and_scale import movie_bits
+from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.turntable import TURNS, Turntable
+from pipeline.production.stages import TURNTABLE_SHEET
+from pipeline.production.store.paths import Folders
+from pipeline.production.store.store import Store, key_of
+from pipeline.production.versions.wedge import shown_picture
 from render.base.plural import plural
+from render.graphics.contact_sheet import Caption, ContactSheet, columns_for, reduction
+from render.movie.codecs import movie_encode
+from render.movie.encode import write_movie
+from render.movie.sequences import prefetch
+from render.post.image import write_png
 from render.scene.materials import LOOKS
 
 BOTH = "both"
@@ -120,3 +139,142 @@ def turn_and_angle(table: Turntable, number: int) -> tuple[str, str]:
     """Return what is turned in a picture, and by which angle: `object`, `45°`."""
     turn, numbers = next((t, table.numbers(t)) for t in ("object", "lights") if number in table.numbers(t))
     return turn, f"{round(360.0 * (number - numbers[0]) / table.frames, 1):g}°"
+
+
+ROW = 4
+"""Most looks in one row; with as many looks or more, each has its own row of key angles."""
+
+Bar = Callable[[str, int], Callable[[], None]]
+"""Adds a progress bar by name and total, and returns what advances it by one."""
+
+
+@dataclass(frozen=True, eq=False)
+class TurntableSheets:
+    """Sheets of a rendered turntable; missing pictures are shown as missing."""
+
+    turntable: TurntableRequest
+
+    def draw(self, bar: Bar = lambda name, total: lambda: None) -> list[Path]:
+        """Draw all sheets that are not stored yet, and return their paths relative to the root.
+
+        Return nothing if no picture is rendered. Raises FrameError for a damaged picture, MachineError if
+        the disk refuses.
+        """
+        first, looks = self._first, range(len(self._requests))
+        if not any(self._stored_key(look, number) for look in looks for number in first.requested):
+            return []
+        sheets = [self._key_angles([look], self._requests[look].movie_path) for look in looks]
+        if len(looks) == 1:
+            return sheets
+        turns = self.turntable.turns
+        part = "" if len(turns) > 1 else f".{turns[0]}"
+        folders = Folders(first.folders.home.parent, first.folders.name)
+        movie = folders.movie(first.quality_name, "-".join(self.turntable.looks) + part)
+        return [self._movie(movie, bar), self._key_angles(looks, movie), *sheets]
+
+    @cached_property
+    def _requests(self) -> list[RenderRequest]:
+        return self.turntable.requests
+
+    @cached_property
+    def _keys(self) -> list[PictureKeys | None]:
+        return [request.picture_keys(self._store) for request in self._requests]
+
+    @property
+    def _store(self) -> Store:
+        return self.turntable.project.store
+
+    @property
+    def _first(self) -> RenderRequest:
+        """The request of the first look; all looks have the same frames."""
+        return self._requests[0]
+
+    @property
+    def _table(self) -> Turntable:
+        table = self._first.turntable
+        assert table is not None, "all requests are of turntables"
+        return table
+
+    def _key_angles(self, looks: Sequence[int], movie: Path) -> Path:
+        """Draw key angles of one look, or of several: then each turn has a row, or each of many looks."""
+        is_single = len(looks) == 1
+        numbers = key_numbers(self._table, self.turntable.turns, EIGHTHS if is_single else QUARTERS)
+        cells = [(look, number) for look in looks for number in numbers]
+        columns = min(QUARTERS, self._table.frames) if len(looks) < ROW else len(numbers)
+        captions: list[Caption] = []
+        for look, number in cells:
+            turn, angle = turn_and_angle(self._table, number)
+            captions.append(
+                ((turn, angle),) if is_single else ((self.turntable.looks[look], f"{turn} {angle}"),)
+            )
+        sheet, factor = self._sheet(captions, columns)
+        name = self.turntable.looks[looks[0]] if is_single and self.turntable.looks else ""
+        frame = "" if self._table.of_file else f"frame {self._table.at}"
+        note = " · ".join(filter(None, (name, frame, self._first.quality_name)))
+        header = {"turntable": self._first.folders.name, "quality": self._first.quality_name}
+
+        def write(path: Path) -> None:
+            write_png(path, sheet.picture(self._pictures(cells, factor, 8, "srgb"), note), header)
+
+        key = self._key("png", cells, captions, columns, note)
+        self._store.put("png", key, write)
+        self._store.link("png", key, movie.with_suffix(".png"))
+        return movie.with_suffix(".png")
+
+    def _movie(self, path: Path, bar: Bar) -> Path:
+        """Write the movie of all looks side by side."""
+        first, looks = self._first, range(len(self._requests))
+        size = first.quality.width, first.quality.height
+        columns = len(looks) if len(looks) <= ROW else columns_for(len(looks), size)
+        captions: list[Caption] = [(("", name),) for name in self.turntable.looks]
+        sheet, factor = self._sheet(captions, columns, 16)
+
+        def write(path: Path) -> None:
+            advance = bar("side by side", len(first.requested))
+
+            def pages() -> Iterator[NDArray[Any]]:
+                for number in first.requested:
+                    pictures = self._pictures([(look, number) for look in looks], factor, 16, "rec709")
+                    yield sheet.picture(pictures, " ".join(turn_and_angle(self._table, number)))
+                    advance()
+
+            encode = movie_encode(movie_bits(first.quality_name))
+            write_movie(path, prefetch(pages()), first.shot.rate.fps, encode)
+
+        cells = [(look, number) for look in looks for number in first.requested]
+        key = self._key("movie", cells, captions, columns, str(first.source.summary.rate))
+        self._store.put("movie", key, write)
+        self._store.link("movie", key, path)
+        return path
+
+    def _sheet(self, captions: Sequence[Caption], columns: int, bits: int = 8) -> tuple[ContactSheet, int]:
+        """Return a sheet and the factor by which pictures are smaller on it."""
+        quality = self._first.quality
+        factor = reduction(len(captions), columns, (quality.width, quality.height))
+        size = quality.width // factor, quality.height // factor
+        return ContactSheet(self._heading, captions, size, columns, bits), factor
+
+    @property
+    def _heading(self) -> str:
+        name = self._first.name
+        return name if self._table.of_file else self._first.shot.heading
+
+    def _stored_key(self, look: int, number: int) -> str | None:
+        """Return the key of a finished picture, if it is stored."""
+        keys = self._keys[look]
+        key = keys[number].frame if keys is not None else None
+        return key if self._store.holds("frame", key) else None
+
+    def _pictures(
+        self, cells: Sequence[tuple[int, int]], factor: int, bits: int, display: str
+    ) -> list[NDArray[Any] | None]:
+        """Read the pictures of cells. Raises FrameError for a damaged one."""
+        return [
+            shown_picture(self._requests[look], self._keys[look], self._store, number, factor, bits, display)
+            for look, number in cells
+        ]
+
+    def _key(self, kind: str, cells: Sequence[tuple[int, int]], *content: Any) -> str:
+        frames = [self._stored_key(look, number) for look, number in cells]
+        displays = [dict(request.shown_as) for request in self._requests]
+        return key_of(TURNTABLE_SHEET.recipe, kind, self._heading, frames, displays, *content)

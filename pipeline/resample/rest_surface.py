@@ -11,16 +11,13 @@ from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError
 from pipeline.mesh.halfedge_mesh import HalfedgeMesh
 from pipeline.mesh.normals import unit
-from pipeline.resample.kernels.curved_patches import MAX_OPPOSITE, copy_rest_positions, opposite_corners
+from pipeline.resample.kernels.curved_patches import MAX_OPPOSITE, opposite_corners
 from pipeline.resample.kernels.ring import new_ring
-from pipeline.resample.placement import on_patches
 
 REST, REST_NORMAL, NORMAL, ASTRAY = "rest", "rest_normal", "normal", "astray"
 """Vertex attributes of exact placement: position and normal on the undeformed surface, present normal, and a
 flag for vertices that had to be left off the surface.
 """
-
-_ONLY_TAGGED = -1.0  # the cosine that makes no edge hard by its angle
 
 
 def column_of(mesh: HalfedgeMesh, name: str) -> int:
@@ -35,14 +32,6 @@ def rest_of(mesh: HalfedgeMesh) -> Points:
     """Return a view (V, 3) of the vertices' rest positions."""
     column = column_of(mesh, REST)
     return mesh.arrays.attributes[: mesh.sizes[0], column : column + 3]
-
-
-def on_patches_at_rest(mesh: HalfedgeMesh, births: Indices) -> tuple[Points, Vectors]:
-    """Return midpoints (N, 3) of edges at rest on curved patches, and unit normals there, zero on creases."""
-    room = 3 * len(mesh.arrays.points)
-    rest = mesh.scratch("rest", room, np.float64)[:room].reshape(-1, 3)
-    copy_rest_positions(mesh.arrays, births, column_of(mesh, REST), new_ring(), rest)
-    return on_patches(mesh.arrays._replace(points=rest), births, _ONLY_TAGGED)
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,8 @@ import pytest
 
 from pipeline.animation import animate
 from pipeline.dailies.preview import mesh_source
-from pipeline.dailies.preview.animatic import Animatic, framings_of, size_for
+from pipeline.dailies.preview.animatic import Animatic, framings_of, outline, size_for
 from pipeline.dailies.preview.sketch import Sketch, is_closed
-from pipeline.dailies.preview.still_framing import outline
 from pipeline.dailies.preview.surface_stream import SpillCache, SurfaceStream
 from pipeline.errors import FrameError, MachineError
 from pipeline.mesh import box, icosphere, sheet

@@ -13,8 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.dailies.turntable import TurntableRequest, key_numbers, turn_and_angle
-from pipeline.dailies.turntable_sheets import TurntableSheets
+from pipeline.dailies.turntable import TurntableRequest, TurntableSheets, key_numbers, turn_and_angle
 from pipeline.errors import FrameError
 from pipeline.production.execution.project import Project
 from pipeline.production.render_inputs.framing import Framing, frame_all, with_stage_in_view

@@ -21,8 +21,7 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from pipeline.dailies.measures import Measures
-from pipeline.dailies.turntable import TurntableRequest
-from pipeline.dailies.turntable_sheets import TurntableSheets
+from pipeline.dailies.turntable import TurntableRequest, TurntableSheets
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import find_shot

@@ -1,1 +1,1 @@
-"""The commands of flowsculpt: one module a command, named like it, with a function of that name."""
+"""The commands of flowsculpt: each a function of its name, alone in a module or with its like."""

@@ -1,16 +1,21 @@
-"""The command `publish`: freeze a rendered shot as a version."""
+"""The commands `publish` and `versions`: freeze a rendered shot as a version, and list versions."""
 
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from pipeline.cli.options import Common, PictureOptions, Quality, Shot
-from pipeline.cli.output import print_result
+from pipeline.cli.output import exit_with, print_error, print_result, table
+from pipeline.errors import MissingInputError
+from pipeline.frames import FrameRange
 from pipeline.production.request.lookup import find_shot
-from pipeline.production.versions.provenance import FILE
+from pipeline.production.store.paths import PUBLISHED, published
+from pipeline.production.versions.provenance import FILE, Provenance, records
 from pipeline.production.versions.publish import Release
 from render.base.plural import plural
 from render.scene.quality import DEFAULT_QUALITY
@@ -65,3 +70,55 @@ def _published(shot: str, frames: int, done: Any, dry: bool) -> str:
         return f"{shot} is already published as {done.version}, with the same frames: {done.folder}"
     verb = "would be published" if dry else "published"
     return f"{shot} {done.version}: {verb}, {plural(frames, 'frame')} and the movie, in {done.folder}"
+
+
+def versions(
+    common: Common,
+    shot: Annotated[
+        str | None, typer.Argument(metavar="SHOT", help="A shot's name. Default: all published shots.")
+    ] = None,
+) -> None:
+    """List published versions with quality, frames, date, user and note.
+
+    `flowsculpt versions A010_cube` lists the versions that `flowsculpt publish A010_cube` made.
+    """
+    home = common.root / PUBLISHED
+    known = sorted(folder.name for folder in home.glob("*") if folder.is_dir())
+    name = None if shot is None else Path(shot).stem if shot.endswith((".yaml", ".yml")) else shot
+    if name is not None and name not in known:
+        there = f"published are {', '.join(known)}" if known else "nothing is, yet"
+        raise MissingInputError(
+            f"{name} is not published in {home}; {there}. flowsculpt publish {name} does it"
+        )
+    provenances, errors = [], []
+    for each in known if name is None else [name]:
+        for folder, record in records(common.root / published(each)):
+            if isinstance(record, Provenance):
+                provenances.append((folder, record))
+            else:
+                errors.append(record)
+                print_error(str(record))
+    _report(provenances, common.json)
+    exit_with(max((error.exit_code for error in errors), default=0))
+
+
+def _report(provenances: Sequence[tuple[Path, Provenance]], as_json: bool) -> None:
+    listing = table("shot", "version", "quality", "frames", "published (UTC)", "by", "note")
+    for _, record in provenances:
+        when = record.published.replace("T", " ").removesuffix("Z")
+        frames = str(FrameRange.of(record.frames))
+        who, note = record.user or "–", record.note or "–"
+        row = (record.shot, record.version, record.quality, frames, when, who, note)
+        listing.add_row(*(word.replace("[", r"\[") for word in row))
+    words = listing if provenances else "Nothing is published here; flowsculpt publish does it."
+    print_result(words, [_facts(folder, record) for folder, record in provenances], as_json)
+
+
+def _facts(folder: Path, record: Provenance) -> dict[str, Any]:
+    names = ("shot", "version", "title", "quality", "variant", "published", "user", "note")
+    return {
+        **{name: getattr(record, name) for name in names},
+        "frames": list(record.frames),
+        "path": str(folder),
+        "provenance": str(folder / FILE),
+    }

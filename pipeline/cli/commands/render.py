@@ -1,4 +1,4 @@
-"""The command `render`: frames and movies of shots, or a published version again."""
+"""The commands `render`, `film` and `simulate`: frames and movies of shots, or a published version again."""
 
 from __future__ import annotations
 
@@ -10,10 +10,22 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipeline.cli.execution import execute, execute_and_report, report_plan
-from pipeline.cli.options import Common, Force, Frames, PictureOptions, quality_option, shots_argument
+from pipeline.cli.options import (
+    Common,
+    Force,
+    Frames,
+    PictureOptions,
+    Quality,
+    ShotOptions,
+    Shots,
+    Variant,
+    quality_option,
+    shots_argument,
+)
 from pipeline.cli.output import exit_with, print_result, print_warning
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
+from pipeline.production.request.lookup import FILM, find_edit
 from render.scene.quality import DEFAULT_QUALITY
 
 if TYPE_CHECKING:
@@ -106,3 +118,36 @@ def _compared(record: Provenance, home: Path, comparisons: Sequence[Comparison])
     told = [*numbers, *(["the movie"] if "movie" in same else [])]
     whole = f"{' and '.join(told) or 'nothing'} identical to what was published, to the last bit"
     return "\n".join([*lines, f"{record.shot} {record.version}: {whole}. It lies in {home}"])
+
+
+def film(
+    common: Common,
+    options: ShotOptions,
+    edit: Annotated[
+        str, typer.Argument(metavar="EDIT", help="An edit: its name in shots/, or the path of its file.")
+    ] = FILM.stem,
+    quality: Quality = DEFAULT_QUALITY,
+    variant: Variant = None,
+    force: Force = False,
+) -> None:
+    """Render every shot of an edit and cut them into a film.
+
+    `flowsculpt film` renders shots/film.yaml to renders/film/draft/film.mp4; `flowsculpt film showreel -q
+    final` renders shots/showreel.yaml to renders/film/final/showreel.mp4. `--set` holds for every shot.
+    """
+    project = options.project(common, variant)
+    project = project.forcing("render") if force else project
+    execute_and_report(common, lambda: project.film(quality, find_edit(edit)))
+
+
+def simulate(common: Common, shots: Shots, options: ShotOptions, frames: Frames = None) -> None:
+    """Simulate shots: move and resample their surfaces, frame by frame.
+
+    `flowsculpt simulate A010_cube -f 1-24` writes 24 mesh frames to renders/A010_cube/meshes. After an edit
+    of the shot, the simulation resumes at the last frame that is still valid.
+
+    Vertices keep their numbers through the whole shot, and new vertices name their parents; method polyhedra
+    numbers them anew.
+    """
+    project = options.project(common)
+    execute_and_report(common, lambda: project.meshes(shots, frames))

@@ -10,8 +10,7 @@ import typer
 from pipeline.cli.execution import execute_and_report
 from pipeline.cli.options import Common, Quality, Scale, ShotOptions, Variant, at_option, words_of
 from pipeline.cli.output import progress_bars
-from pipeline.dailies.turntable import BOTH, TurntableRequest
-from pipeline.dailies.turntable_sheets import TurntableSheets
+from pipeline.dailies.turntable import BOTH, TurntableRequest, TurntableSheets
 from pipeline.production.request.crop_and_scale import cropped_name
 from render.scene.quality import DEFAULT_QUALITY
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import ceil
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,9 +146,6 @@ def _version(request: RenderRequest, store: Store, keys: PictureKeys | None) -> 
     return IN_WORK
 
 
-T = TypeVar("T")
-
-
 @dataclass(frozen=True, eq=False)
 class DeliverySource:
     """Frames in order, and facts about them.
@@ -206,7 +203,7 @@ def shot_source(request: RenderRequest, store: Store, failures: Failures) -> Del
         has_coverage=all(reader.has_coverage(n) for n in finished),
         edit=None,
         frames=lambda form: (reader.read(n, form) for n in numbers),
-        poster=lambda form: reader.read(_middle(finished), form),
+        poster=lambda form: reader.read(finished[len(finished) // 2], form),
     )
 
 
@@ -231,7 +228,7 @@ def film_source(
 
         return dissolve(list(cut_together(edit, size, clip, card)), _mix)
 
-    poster = _middle(finished)
+    poster, number = finished[len(finished) // 2]
     shots = dict.fromkeys(f"{reader.request.name} {reader.version}" for reader in readers)
     return DeliverySource(
         name=edit.name,
@@ -248,17 +245,13 @@ def film_source(
         has_coverage=all(reader.has_coverage(n) for reader, n in finished),
         edit=edit,
         frames=frames,
-        poster=lambda form: poster[0].read(poster[1], form),
+        poster=lambda form: poster.read(number, form),
     )
 
 
 def _mix(before: LabelledFrame, after: LabelledFrame, weight: float) -> LabelledFrame:
     """Mix two frames; the labels are those of the one with more weight."""
     return mix_frames(before[0], after[0], weight), after[1] if weight >= 0.5 else before[1]
-
-
-def _middle(values: Sequence[T]) -> T:
-    return values[len(values) // 2]
 
 
 def _lost(numbered: Sequence[tuple[FrameReader, int]]) -> tuple[str, ...]:

@@ -1,22 +1,29 @@
-"""Surfaces of a shot for previews: the normals of a frame are computed while the next is simulated."""
+"""Surfaces of a shot for previews: the normals of a frame are computed while the next is simulated.
+
+Mesh frames come from memory, from the store, or are simulated, and are then not stored: a render simulates
+them again in less time than writing them takes. Frames that took longer than SLOW are stored, and a render
+reuses them.
+"""
 
 from __future__ import annotations
 
 import math
 import tempfile
+import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from threading import Lock
 from types import TracebackType
 
 import psutil
 
-from pipeline.animation import FrameProgressCallback, MeshFrame
+from pipeline.animation import FrameProgressCallback, MeshFrame, animate_reporting
 from pipeline.arrays import AnyArray
-from pipeline.dailies.preview.mesh_source import MeshCache, MeshSource, stored
 from pipeline.errors import FrameError
 from pipeline.mesh.pn_triangles import MOST_PIECES
 from pipeline.production.render_inputs.shading import Shading, speeds
@@ -27,8 +34,11 @@ from pipeline.production.store.store import Key, Store, key_of
 from render.base.atomic_write import atomic_write, disk_errors
 from render.scene.measure import SPEED
 
+SLOW = 0.25
+"""Core-seconds from which on a simulated frame is stored."""
+
 MEMORY_SHARE = 0.2
-"""Fraction of the free memory that cached surfaces may take."""
+"""Fraction of the free memory that mesh frames may take, and that surfaces may take."""
 
 UNSHADED = 4
 """Frames that may wait for normals while others are simulated."""
@@ -37,6 +47,79 @@ DICED = 100_000
 """Vertices, about, of a previewed surface that renders dice."""
 
 Arrays = Mapping[str, AnyArray]
+
+
+@dataclass(eq=False)
+class MeshCache:
+    """Mesh frames by key, from which a simulation can resume; `room` is the memory left, in bytes."""
+
+    room: float = field(default_factory=lambda: MEMORY_SHARE * psutil.virtual_memory().available)
+    frames: dict[Key, MeshFrame] = field(default_factory=dict)
+
+    def remember(self, key: Key, frame: MeshFrame) -> None:
+        """Keep a frame if there is room for it."""
+        if _size(frame) <= self.room:
+            self.room -= _size(frame)
+            self.frames[key] = frame
+
+    def keep_only(self, keys: set[Key]) -> None:
+        """Forget all frames but those of these keys."""
+        for key in self.frames.keys() - keys:
+            self.room += _size(self.frames.pop(key))
+
+
+@dataclass(eq=False)
+class MeshSource:
+    """The mesh frames of one shot, read in ascending order; `callback` hears of progress within a frame."""
+
+    request: RenderRequest
+    store: Store
+    cache: MeshCache
+    callback: FrameProgressCallback
+    _simulation: Iterator[MeshFrame] | None = None
+
+    def at(self, number: int) -> MeshFrame:
+        """Return a mesh frame. Raises FrameError where the flow or the resampling fails."""
+        known = self._known(number)
+        if known is not None:
+            self._simulation = None
+            return known
+        if self._simulation is None:
+            self._simulation = animate_reporting(self.request.shot, self._before(number), self.callback)
+        while True:
+            started = time.thread_time()
+            frame = next(self._simulation)
+            self._keep(frame, time.thread_time() - started)
+            if frame.number == number:
+                return frame
+
+    def _known(self, number: int) -> MeshFrame | None:
+        key = self.request.mesh_key(number)
+        if key in self.cache.frames:
+            return self.cache.frames[key]
+        if self.store.holds("mesh", key):
+            with suppress(FrameError):  # a damaged file is evicted, and the frame simulated again
+                place = self.request.place("mesh", number)
+                return self.store.read("mesh", key, place, readers.mesh_frame(key))
+        return None
+
+    def _before(self, number: int) -> MeshFrame | None:
+        """Return the latest known frame before `number`."""
+        first = self.request.shot.motion.frames.first
+        known = (self._known(earlier) for earlier in range(number - 1, first - 1, -1))
+        return next((frame for frame in known if frame is not None), None)
+
+    def _keep(self, frame: MeshFrame, seconds: float) -> None:
+        key = self.request.mesh_key(frame.number)
+        self.cache.remember(key, frame)
+        if seconds > SLOW:
+            arrays = readers.with_key(key, frame.to_arrays())
+            self.store.put("mesh", key, partial(readers.write_npz, named=arrays))
+
+
+def _size(frame: MeshFrame) -> int:
+    attributes = sum(values.nbytes for values in frame.mesh.attributes.values())
+    return int(frame.mesh.vertices.nbytes + frame.mesh.faces.nbytes + attributes)
 
 
 class SpillCache:
@@ -168,8 +251,8 @@ class SurfaceStream:
             yield number, surface
 
     def _read(self, request: RenderRequest, number: int) -> None:
-        read = readers.arrays(request.normals_key(number))
-        self.surfaces.put(_key(request, number), stored(request, self.store, "normals", number, read))
+        key, place = request.normals_key(number), request.place("normals", number)
+        self.surfaces.put(_key(request, number), self.store.read("normals", key, place, readers.arrays(key)))
 
     def _shade(self, request: RenderRequest, frame: MeshFrame) -> None:
         shading = Shading.of(frame, thresholds_at(request.shot.motion, frame.number), _pieces(request, frame))
