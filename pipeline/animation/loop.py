@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
 
-from pipeline.animation.frame import MeshFrame, with_material
+from pipeline.animation.frame import Mesh, MeshFrame, with_material
 from pipeline.animation.surface import (
     ExactSurface,
     MovingSurface,
@@ -63,8 +62,6 @@ def animate(
         surface.move(step_into(motion, acting, frame))
         yield surface.frame(frame)
 
-
-Mesh = TypeVar("Mesh", TriangleMesh, PolygonMesh)
 
 _STATELESS: Mapping[str, Placement] = {"chord": Chord(), "curved": Curved()}
 

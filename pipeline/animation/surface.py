@@ -34,7 +34,8 @@ class RestInterval:
     The cost of carrying points grows with the interval, so a new surface at rest bounds it. Intervals follow
     from frame numbers, so that a run resumed at any frame has the same ones.
 
-    end  the frame whose surface is the next one at rest
+    end   the frame whose surface is the next one at rest
+    next  returns the interval that begins there
     """
 
     def __init__(self, motion: Motion, resampling: Resampling, flow: Flow, number: int) -> None:
@@ -46,11 +47,7 @@ class RestInterval:
             self.history.add(step_into(motion, flow, frame))
         project = motion.subject.project if start == first else None
         self.placement = Exact(self.history.carry, project, tags_creases=False)
-        self._next = partial(RestInterval, motion, resampling, flow, self.end)
-
-    def next(self) -> RestInterval:
-        """Return the interval that begins at `end`."""
-        return self._next()
+        self.next = partial(RestInterval, motion, resampling, flow, self.end)
 
 
 R = TypeVar("R", Resampler, PolyhedralResampler)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,9 +30,10 @@ TIMED_STAGES = ("simulate", "smooth_normals", "finish")
 """The stages whose seconds are drawn, beside those of rendering."""
 
 
-@dataclass(frozen=True)
-class Measures:
-    """Measures of one mesh frame; those that do not apply are None.
+def measures_of(frame: MeshFrame, maximum: float | None) -> dict[str, Any]:
+    """Return the measures of a mesh frame by name; those that do not apply are None.
+
+    maximum  its maximum edge length, if one number holds for all edges
 
     vertices, faces   how many
     splits, collapses, flips, too_short, crossings   counts, as the frame's report has them
@@ -44,43 +44,20 @@ class Measures:
                       circumradius, 1 of an equilateral one
     worst             the roundness that a hundredth of the triangles fall short of
     """
-
-    vertices: int
-    faces: int
-    splits: int | None
-    collapses: int | None
-    flips: int | None
-    too_short: int | None
-    crossings: int | None
-    area: float | None
-    volume: float | None
-    mean_edge: float | None
-    edge_top: float | None
-    edges: tuple[float, ...] | None
-    quality: tuple[float, ...] | None
-    worst: float | None
-
-    @classmethod
-    def of(cls, frame: MeshFrame, maximum: float | None) -> Measures:
-        """Measure a frame; `maximum` is its maximum edge length, if one number holds for all edges."""
-        done, statistics = frame.report.resampling, frame.report.statistics
-        told = {name: getattr(done, name, None) for name in ("splits", "collapses", "flips", "too_short")}
-        mesh = frame.mesh
-        lengths, roundness = edge_lengths(mesh), roundness_of(mesh)
-        top = LONGEST * maximum if maximum else float(lengths.max(initial=0.0)) or None
-        return cls(
-            vertices=len(mesh.vertices),
-            faces=len(mesh.faces),
-            **told,
-            crossings=statistics.crossings if statistics else None,
-            area=statistics.area if statistics else None,
-            volume=volume_of(mesh),
-            mean_edge=statistics.mean_edge if statistics else None,
-            edge_top=top,
-            edges=_shares(lengths, top),
-            quality=_shares(roundness, 1.0),
-            worst=round(float(np.quantile(roundness, 0.01)), 4) if len(roundness) else None,
-        )
+    mesh, done, statistics = frame.mesh, frame.report.resampling, frame.report.statistics
+    lengths, roundness = edge_lengths(mesh), roundness_of(mesh)
+    top = LONGEST * maximum if maximum else float(lengths.max(initial=0.0)) or None
+    return {
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        **{name: getattr(done, name, None) for name in ("splits", "collapses", "flips", "too_short")},
+        **{name: getattr(statistics, name, None) for name in ("crossings", "area", "mean_edge")},
+        "volume": volume_of(mesh),
+        "edge_top": top,
+        "edges": _shares(lengths, top),
+        "quality": _shares(roundness, 1.0),
+        "worst": round(float(np.quantile(roundness, 0.01)), 4) if len(roundness) else None,
+    }
 
 
 def edge_lengths(mesh: TriangleMesh) -> Floats:
@@ -141,7 +118,9 @@ def _of_frame(request: RenderRequest, store: Store, number: int) -> dict[str, An
     if place is None:
         return None
     path, mesh = place
-    key = key_of(MEASURE.recipe, mesh, maximum := _maximum(request, number))
+    resampling = request.shot.motion.resampling_at(number)
+    maximum = None if resampling is None else _as_number(resampling.thresholds.max_edge_length)
+    key = key_of(MEASURE.recipe, mesh, maximum)
     known = store.path("measures", key)
     try:
         store.digests.check(known)
@@ -150,10 +129,10 @@ def _of_frame(request: RenderRequest, store: Store, number: int) -> dict[str, An
         store.discard("measures", key)
     try:
         store.digests.check(path)
-        found = asdict(Measures.of(readers.mesh_frame(mesh)(path), maximum))
+        found = measures_of(readers.mesh_frame(mesh)(path), maximum)
     except (CorruptFileError, OSError):
         return None
-    store.put("measures", key, lambda path: _write(path, found))
+    store.put("measures", key, lambda draft: draft.write_text(json.dumps(found)))
     return found
 
 
@@ -178,15 +157,5 @@ def limits_of(request: RenderRequest) -> tuple[float | None, float | None]:
     return _as_number(low), _as_number(high)
 
 
-def _maximum(request: RenderRequest, number: int) -> float | None:
-    """Return the frame's maximum edge length, if one number holds for the whole surface."""
-    resampling = request.shot.motion.resampling_at(number)
-    return None if resampling is None else _as_number(resampling.thresholds.max_edge_length)
-
-
 def _as_number(value: object) -> float | None:
     return float(value) if isinstance(value, (int, float)) else None
-
-
-def _write(path: Path, data: dict[str, Any]) -> None:
-    path.write_text(json.dumps(data))

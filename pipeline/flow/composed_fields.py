@@ -53,13 +53,29 @@ class Sum(VelocityField):
 
 
 @dataclass(frozen=True)
-class ScaledField(VelocityField):
+class _Modified(VelocityField):
+    """A field made of another one."""
+
+    field: VelocityField
+
+    def gradient_bound(self, time: float) -> float:
+        return self.field.gradient_bound(time)
+
+    def leaves(self, point: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
+        return self.field.leaves(point, time)
+
+    @property
+    def name(self) -> str:
+        return self.field.name
+
+
+@dataclass(frozen=True)
+class ScaledField(_Modified):
     """A field with its velocities multiplied by a weight from 0 to 1, or by the rest of it.
 
     rest  the factor is 1 − weight
     """
 
-    field: VelocityField
     weight: Number
     rest: bool = False
 
@@ -69,23 +85,15 @@ class ScaledField(VelocityField):
     def gradient_bound(self, time: float) -> float:
         return self._factor(time) * self.field.gradient_bound(time)
 
-    def leaves(self, point: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
-        return self.field.leaves(point, time)
-
-    @property
-    def name(self) -> str:
-        return self.field.name
-
     def _factor(self, time: float) -> float:
         weight = weight_at(self.weight, time, self.name)
         return 1.0 - weight if self.rest else weight
 
 
 @dataclass(frozen=True)
-class RegionField(VelocityField):
+class RegionField(_Modified):
     """A field within a region: its velocities times the region's weight at each point and time."""
 
-    field: VelocityField
     region: Region
 
     def program(self, time: float) -> Program:
@@ -107,28 +115,20 @@ class RegionField(VelocityField):
         between = inside * float(np.linalg.norm(half)) / (GRID - 1)
         return inside + MAX_SLOPE[self.region.falloff_type] / falloff * (fastest + between)
 
-    def leaves(self, point: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
-        return self.field.leaves(point, time)
-
     @property
     def name(self) -> str:
         return f"{self.field.name} within a {self.region.name}"
 
 
 @dataclass(frozen=True)
-class TransformedField(VelocityField):
-    """A field with a transform, keyed or not, or a mirror: see `Placed`."""
+class TransformedField(_Modified):
+    """A field with a transform, keyed or not, or a mirror: see `Placed`. Speeds and distances scale alike."""
 
-    field: VelocityField
     transform: Transform | Mirror
 
     def program(self, time: float) -> Program:
         origin, axes = self.transform.at(time)
         return transformed(self.field.program(time), tuple(origin.tolist()), axes)
-
-    def gradient_bound(self, time: float) -> float:
-        """Return the field's bound: speeds and distances scale alike."""
-        return self.field.gradient_bound(time)
 
     def leaves(self, point: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
         origin, axes = self.transform.at(time)

@@ -98,9 +98,6 @@ EASINGS: dict[str, Ease] = {
     **{f"{name}_in_out": _both(ease) for name, ease in _STARTS.items()},
 }
 
-OVERSHOOTING = frozenset(name for name in EASINGS if name.startswith(("back", "elastic")))
-"""The easings that leave the range between the two keys."""
-
 
 def kinks(name: str) -> tuple[float, ...]:
     """Return the shares of time between 0 and 1 at which an easing is not smooth, ascending."""

@@ -7,7 +7,6 @@ Splitting edges makes fewer vertices (P25); this method keeps the shapes of the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -180,9 +179,5 @@ def _distances(points: Points, a: Indices, b: Indices) -> Floats:
 
 def _fixed(fields: Floats, thresholds: Thresholds) -> Thresholds:
     """Return thresholds with these (V, 3) fields on any mesh."""
-    longest, shortest, angle = (_given(values) for values in fields.T)
+    longest, shortest, angle = (lambda mesh, values=values: values for values in fields.T)
     return Thresholds(longest, shortest, angle, thresholds.max_vertices, _NO_GRADATION)
-
-
-def _given(values: Floats) -> Callable[[TriangleMesh], Floats]:
-    return lambda mesh: values

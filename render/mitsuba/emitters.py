@@ -35,7 +35,9 @@ def emitters(lights: LightRig, to_scene: NDArray[np.float64]) -> dict[str, Any]:
 def _distant(lights: LightRig) -> dict[str, Any]:
     """Return the emitter that surrounds the scene."""
     if lights.daylight:
-        return _daylight(lights.daylight)
+        daylight, strength = lights.daylight, daylight_exposure(lights.daylight)
+        scales = {"sun_scale": strength * daylight.sun, "sky_scale": strength * daylight.sky}
+        return {**_sunsky(daylight), **scales}
     if lights.environment:
         return _environment(lights.environment)
     return _sky(lights.sky)
@@ -118,12 +120,6 @@ def _environment(environment: Environment) -> dict[str, Any]:
     }
 
 
-def _daylight(daylight: Daylight) -> dict[str, Any]:
-    """Return Mitsuba's sun and sky (Wilkie and Hošek 2012/2013), exposed by `daylight_exposure`."""
-    strength = daylight_exposure(daylight)
-    return {**_sunsky(daylight), "sun_scale": strength * daylight.sun, "sky_scale": strength * daylight.sky}
-
-
 def daylight_exposure(daylight: Daylight) -> float:
     """Return the factor on Mitsuba's radiance.
 
@@ -156,6 +152,7 @@ def daylight_irradiances(daylight: Daylight) -> tuple[NDArray[np.float64], NDArr
 
 
 def _sunsky(daylight: Daylight) -> dict[str, Any]:
+    """Return Mitsuba's sun and sky (Wilkie and Hošek 2012/2013)."""
     import mitsuba as mi
 
     x, y, z = daylight.direction

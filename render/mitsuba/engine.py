@@ -12,7 +12,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -95,7 +95,8 @@ def choose(prefer: Sequence[str] | None = None, threads: int = 0) -> Engine:
             raise BadInputError(f"{variant!r} is no renderer; it can be {', '.join(VARIANTS)}")
     refused: list[str] = []
     for variant in order:
-        for library in _libraries_for(variant):
+        libraries: list[LibLlvm | None] = [*llvm.candidates()] if variant == "llvm_ad_rgb" else [None]
+        for library in libraries:
             if works(variant, library):
                 return Engine(variant, threads, _why(variant, library, refused), _faster(variant), library)
         refused.append(variant)
@@ -158,13 +159,6 @@ def facts() -> dict[str, str]:
         "why": engine.why,
         "faster": engine.faster,
     }
-
-
-def _libraries_for(variant: str) -> Iterator[LibLlvm | None]:
-    if variant == "llvm_ad_rgb":
-        yield from llvm.candidates()
-    else:
-        yield None
 
 
 def _why(variant: str, library: LibLlvm | None, refused: list[str]) -> str:

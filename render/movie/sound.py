@@ -184,7 +184,7 @@ class AudioStream:
     def write_until(self, seconds: Fraction) -> None:
         """Write the sound up to a time, so that pictures and sound lie side by side in the file."""
         while self._written < seconds * RATE and (block := next(self._samples, None)) is not None:
-            frame = _float_frame(block) if self._is_float else _integer_frame(block)
+            frame = _audio_frame(block, self._is_float)
             frame.sample_rate, frame.pts, frame.time_base = RATE, self._written, Fraction(1, RATE)
             self._written += block.shape[1]
             self._container.mux(self._stream.encode(frame))
@@ -194,12 +194,10 @@ class AudioStream:
         self._container.mux(self._stream.encode(None))
 
 
-def _float_frame(block: Samples) -> av.AudioFrame:
-    return av.AudioFrame.from_ndarray(np.ascontiguousarray(block), format="fltp", layout="stereo")
-
-
-def _integer_frame(block: Samples) -> av.AudioFrame:
-    """Return samples of 24 bits, in the upper bits of 32."""
+def _audio_frame(block: Samples, is_float: bool) -> av.AudioFrame:
+    """Return samples as floats, or of 24 bits in the upper bits of 32."""
+    if is_float:
+        return av.AudioFrame.from_ndarray(np.ascontiguousarray(block), format="fltp", layout="stereo")
     steps = np.rint(np.clip(block.T.astype(np.float64), -1.0, 1.0) * (2**23 - 1)).astype(np.int32) << 8
     return av.AudioFrame.from_ndarray(steps.reshape(1, -1), format="s32", layout="stereo")
 

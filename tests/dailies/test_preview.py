@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pipeline.animation import animate
-from pipeline.dailies.preview import mesh_source
+from pipeline.dailies.preview import surface_stream
 from pipeline.dailies.preview.animatic import Animatic, framings_of, outline, size_for
 from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.dailies.preview.surface_stream import SpillCache, SurfaceStream
@@ -49,7 +49,7 @@ def root(tmp_path: Path) -> Path:
 def test_frames_come_in_order_and_nothing_is_left_in_the_store(
     root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(mesh_source, "SLOW", 60.0)
+    monkeypatch.setattr(surface_stream, "SLOW", 60.0)
     request = take_of(root)
     with SurfaceStream(Project(root, 2).store) as stream:
         assert list(stream.play(request, [5, 2, 3])) == [2, 3, 5]
@@ -74,7 +74,7 @@ def test_after_an_edit_only_what_it_changed_is_simulated_again(root: Path) -> No
 
 
 def test_frames_that_took_long_are_kept_for_the_render(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mesh_source, "SLOW", -1.0)
+    monkeypatch.setattr(surface_stream, "SLOW", -1.0)
     request = take_of(root)
     with SurfaceStream(Project(root, 2).store) as stream:
         list(stream.play(request, range(1, 7)))

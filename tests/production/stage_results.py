@@ -11,7 +11,6 @@ import os
 import sys
 import tempfile
 from collections.abc import Iterator
-from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ import av
 import llvmlite.binding as llvm
 import numpy as np
 
-from pipeline.dailies.measures import Measures
+from pipeline.dailies.measures import measures_of
 from pipeline.dailies.turntable import TurntableRequest, TurntableSheets
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
@@ -108,7 +107,7 @@ def results(root: Path) -> dict[str, Arrays]:
         "film": _decoded(root / "renders" / "film" / QUALITY / "film.mp4"),
         "deliver": _decoded(next(home.rglob("*.mov"))),
         "turntable_sheet": {"sheet": read_png(root / sheet)},
-        "measure": _numbers({n: asdict(Measures.of(frame, 0.5)) for n, frame in meshes.items()}),
+        "measure": _numbers({n: measures_of(frame, 0.5) for n, frame in meshes.items()}),
     }
     return {stage.name: gathered[stage.name] for stage in EVERY_STAGE}
 

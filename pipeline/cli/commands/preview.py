@@ -119,15 +119,10 @@ def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, pat
                     animatic.movie(path, report)
                 else:
                     animatic.still(at, path, report)
-    _tell_notes(sketch)
-    words = f"{path}: {frames}{' would be drawn' if common.dry_run else ''}."
-    print_result(words, {"path": str(path), "frames": len(numbers)}, common.json)
-
-
-def _tell_notes(sketch: Sketch) -> None:
-    """Print notes on the model, if it was read for this preview and they are new."""
     for line in new_notes(sketch.request):
         print_warning(f"{sketch.request.name}: {line}")
+    words = f"{path}: {frames}{' would be drawn' if common.dry_run else ''}."
+    print_result(words, {"path": str(path), "frames": len(numbers)}, common.json)
 
 
 def _redraw(

@@ -122,13 +122,10 @@ def _report(common: Common, checks: list[_Check]) -> None:
     lines = [f"Good: {', '.join(good)}"] if good else []
     lines += [f"With warnings: {', '.join(doubtful)}"] if doubtful else []
     notes = [f"Note: {note}" for check in checks for note in check.notes]
-    print_result("\n".join([*(lines or ["No shot is good."]), *notes]), _facts(checks), common.json)
+    words = "\n".join([*(lines or ["No shot is good."]), *notes])
+    print_result(words, [check.as_data() for check in checks], common.json)
     if not common.json:
         _print_first_frames(checks)
-
-
-def _facts(checks: list[_Check]) -> list[dict[str, Any]]:
-    return [check.as_data() for check in checks]
 
 
 def _print_first_frames(checks: list[_Check]) -> None:

@@ -93,7 +93,9 @@ class FrameReader:
         A damaged frame raises FrameError and leaves the store, so that the next run makes it again.
         """
         if not self.is_finished(number):
-            return self._card(number, self.reason(number), form), self._labels(number, "")
+            heading = f"{self.request.name}  frame {number} failed"
+            card = failure_card(self.request.quality.rendered_size, heading, self.reason(number))
+            return opaque(quantise(card, bits=16), form), self._labels(number, "")
         return self._picture(number, form), self._labels(number, self._key(number))
 
     def _picture(self, number: int, form: FrameFormat) -> Frame:
@@ -110,11 +112,6 @@ class FrameReader:
     def _layer(self, kind: str, number: int, key: str, layer: str) -> NDArray[np.float32]:
         read = readers.picture(key, self.request.quality.rendered_size)
         return self._store.read(kind, key, self.request.place(kind, number), read)[0][layer]
-
-    def _card(self, number: int, reason: str, form: FrameFormat) -> Frame:
-        size = self.request.quality.rendered_size
-        heading = f"{self.request.name}  frame {number} failed"
-        return opaque(quantise(failure_card(size, heading, reason), bits=16), form)
 
     def _key(self, number: int) -> str:
         return self.keys[number].frame if self.keys is not None else ""

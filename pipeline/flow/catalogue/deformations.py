@@ -112,16 +112,10 @@ class Stretch(Deformation):
         return {**super().cache_data(time, dt), "keep_volume": self.keep_volume}
 
 
-@dataclass(frozen=True)
-class Shear(Deformation):
-    """Slides in a direction by amount × height along the axis, like a pack of cards; keeps volume."""
+class _Directed(Deformation):
+    """A deformation with a direction, of which the part across the axis counts."""
 
-    amount: Annotated[Number, ParameterDoc("slide by height", required=True)] = 0.0
-    direction: Annotated[Direction, ParameterDoc("of sliding; its part across the axis counts")] = X
-
-    def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
-        centre, axis = self._line()
-        kernels.shear(points, centre, axis, self._across(), after - before, out)
+    direction: Vector
 
     def cache_data(self, time: float, dt: float) -> Any:
         return {**super().cache_data(time, dt), "direction": self._across().tolist()}
@@ -131,7 +125,19 @@ class Shear(Deformation):
 
 
 @dataclass(frozen=True)
-class Bend(Deformation):
+class Shear(_Directed):
+    """Slides in a direction by amount × height along the axis, like a pack of cards; keeps volume."""
+
+    amount: Annotated[Number, ParameterDoc("slide by height", required=True)] = 0.0
+    direction: Annotated[Direction, ParameterDoc("of sliding; its part across the axis counts")] = X
+
+    def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
+        centre, axis = self._line()
+        kernels.shear(points, centre, axis, self._across(), after - before, out)
+
+
+@dataclass(frozen=True)
+class Bend(_Directed):
     """Bends the axis to an arc; beyond the bent length it goes straight on.
 
     Between the heights −length/2 and length/2 the axis becomes an arc of the curvature `amount`, radians per
@@ -157,10 +163,7 @@ class Bend(Deformation):
         kernels.bend(points, centre, axis, self._across(), 0.5 * self.length, before, after, out)
 
     def cache_data(self, time: float, dt: float) -> Any:
-        return {**super().cache_data(time, dt), "direction": self._across().tolist(), "length": self.length}
-
-    def _across(self) -> Floats:
-        return np.array(across(self.axis, self.direction))
+        return {**super().cache_data(time, dt), "length": self.length}
 
 
 FLOWS: tuple[type, ...] = (Twist, Taper, Stretch, Shear, Bend)

@@ -83,7 +83,7 @@ class FormulaField(ExternalField):
     def _names(self) -> tuple[str, ...]:
         """The names of the numbers that the compiled function takes."""
         named = tuple(name for name, _ in self.words)
-        return (*named, FRAME) if self._uses(FRAME) else named
+        return (*named, FRAME) if FRAME in self._used_names else named
 
     @cached_property
     def block(self) -> BlockKernel:
@@ -91,22 +91,21 @@ class FormulaField(ExternalField):
 
     @cached_property
     def depends_on_time(self) -> bool:
-        return self._uses("t") or self._uses("time")
+        return bool({"t", "time"} & self._used_names)
 
     @cached_property
     def _used_names(self) -> frozenset[str]:
         return frozenset().union(*(expression.uses for expression in self.expressions))
 
-    def _uses(self, name: str) -> bool:
-        return name in self._used_names
-
     def numbers(self, time: float) -> tuple[float, ...]:
         numbers = tuple(number_at(value, time) for _, value in self.words)
-        return (*numbers, float(frame_at(time, self.fps, self.first))) if self._uses(FRAME) else numbers
+        if FRAME in self._used_names:
+            return (*numbers, float(frame_at(time, self.fps, self.first)))
+        return numbers
 
     def cache_data(self, time: float) -> Any:
         named = zip(self._names, self.numbers(time), strict=True)
-        numbers = {name: number for name, number in named if self._uses(name)}
+        numbers = {name: number for name, number in named if name in self._used_names}
         seconds = {"t": time} if self.depends_on_time else {}
         return {"formula": list(self.texts), "numbers": numbers, **seconds}
 

@@ -4,7 +4,6 @@ from render.scene.materials.material import Absorption, Material, PatternedMater
 from render.scene.materials.mitsuba_bsdf import Bsdf
 from render.scene.materials.models import (
     LOOKS,
-    AnyMaterial,
     BrushedMetal,
     Diffuse,
     Glass,
@@ -20,7 +19,6 @@ from render.scene.materials.models import (
 __all__ = [
     "LOOKS",
     "Absorption",
-    "AnyMaterial",
     "BrushedMetal",
     "Bsdf",
     "Diffuse",

@@ -209,10 +209,6 @@ class MitsubaMaterial(Material):
         return self.projection
 
 
-AnyMaterial = Diffuse | Plastic | Metal | Satin | BrushedMetal | Glass | Smoke | Gouraud | MitsubaMaterial
-"""The models, for `from_plain`."""
-
-
 _MARBLE = Pigment(
     "marble",
     ((0.80, 0.79, 0.77), (0.085, 0.09, 0.105), (0.36, 0.35, 0.34)),
