@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
@@ -24,15 +24,13 @@ from pipeline.mesh import PolygonMesh, TriangleMesh, vertex_normals
 from pipeline.mesh.identity import with_identities
 from pipeline.mesh.normals import NORMAL
 from pipeline.resample import (
-    Chord,
-    Curved,
-    Placement,
     PolyhedralResampler,
     Resampler,
     Thresholds,
     edges_by_angle,
 )
 from pipeline.resample.creases import edges_in_region
+from pipeline.resample.placement import STATELESS
 from pipeline.resample.rest_surface import REST
 from pipeline.shot import Motion, Resampling, Shot
 
@@ -61,9 +59,6 @@ def animate(
     for frame in range(number + 1, motion.frames.last + 1):
         surface.move(step_into(motion, acting, frame))
         yield surface.frame(frame)
-
-
-_STATELESS: Mapping[str, Placement] = {"chord": Chord(), "curved": Curved()}
 
 
 def at_rest(motion: Motion, flow: Flow) -> MovingSurface:
@@ -97,7 +92,7 @@ def _triangle_surface(
     """Return the surface of a resampler, made with the placement that the shot names."""
     options = resampling.min_roundness, resampling.splits
     if resampling.placement != "exact":
-        return TriangleSurface(motion, resampling, resampler(_STATELESS[resampling.placement], *options))
+        return TriangleSurface(motion, resampling, resampler(STATELESS[resampling.placement], *options))
     interval = RestInterval(motion, resampling, flow, frame)
     return ExactSurface(motion, resampling, resampler(interval.placement, *options), interval)
 

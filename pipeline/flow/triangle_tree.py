@@ -69,16 +69,11 @@ class TriangleTree:
         return np.concatenate([self.memory, numbers.ravel()])
 
 
-def segments(points: Floats, closed: bool = False) -> Floats:
-    """Return the segments between points (P, 3) as triangles (P − 1, 3, 3), or (P, 3, 3) where closed.
-
-    A single point becomes a triangle without extent.
-    """
+def segments(points: Floats) -> Floats:
+    """Return the segments between points (P, 3) as triangles (P − 1, 3, 3); one point as a triangle."""
     if len(points) == 1:
         return np.repeat(points[None], 3, axis=1)
-    ends = np.roll(points, -1, axis=0)
-    pairs = np.stack([points, ends, ends], axis=1)
-    return pairs if closed else pairs[:-1]
+    return np.stack([points[:-1], points[1:], points[1:]], axis=1)
 
 
 NODES = 64

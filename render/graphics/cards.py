@@ -19,7 +19,11 @@ from render.graphics.typesetting import cut_short, fit_size, line, wrap, write
 Floats = NDArray[np.float32]
 
 GROUND, CENTRE = (0.075, 0.068, 0.064), (0.150, 0.137, 0.127)
+TITLE_CENTRE = 0.205, 0.186, 0.172
+"""Display colours of the corners of a card, and of the glow behind the words of slates and of titles."""
+
 INK, QUIET, FAINT = (0.93, 0.90, 0.85), (0.70, 0.65, 0.59), (0.30, 0.278, 0.258)
+SUBTITLE_INK = 0.80, 0.75, 0.68
 WARNING: Triple = (0.86, 0.47, 0.30)
 
 _SANS, _SERIF = "DroidSans", "DroidSerif-Italic"
@@ -40,21 +44,10 @@ GREYS = 11
 
 @dataclass(frozen=True)
 class TitleCard:
-    """A title card; sizes are shares of the picture's height.
-
-    title, subtitle   one line each; the title is set in wide capitals
-    ground, centre    display colours of the corners and of the glow behind the words
-    ink, quiet        display colours of the title and of the subtitle
-    """
+    """A title card: one line each, the title in wide capitals."""
 
     title: str
     subtitle: str = ""
-    title_size: float = 0.085
-    subtitle_size: float = 0.06
-    ground: Triple = GROUND
-    centre: Triple = (0.205, 0.186, 0.172)
-    ink: Triple = INK
-    quiet: Triple = (0.80, 0.75, 0.68)
 
 
 def title_frames(card: TitleCard, size: tuple[int, int], count: int, fade: int) -> Iterator[Floats]:
@@ -70,31 +63,31 @@ def title_frames(card: TitleCard, size: tuple[int, int], count: int, fade: int) 
     title, subtitle = _words(card, size)
     for number in range(count):
         time = number / max(1, count - 1)
-        picture = _title_ground(card, size, swell=_smooth(time))
+        picture = _title_ground(size, swell=_smooth(time))
         strength = _fade(number, count, fade)
         # The subtitle follows the title and leaves with it.
         late = _fade(number - fade // 2, count - fade // 2, fade)
-        for ink, mask, amount in ((card.ink, title, strength), (card.quiet, subtitle, late)):
+        for ink, mask, amount in ((INK, title, strength), (SUBTITLE_INK, subtitle, late)):
             cover = (mask * amount)[..., None]
             picture = picture * (1.0 - cover) + np.array(ink, dtype=np.float32) * cover
         yield np.asarray(picture, dtype=np.float32)
 
 
-def _title_ground(card: TitleCard, size: tuple[int, int], swell: float) -> Floats:
+def _title_ground(size: tuple[int, int], swell: float) -> Floats:
     width, height = size
     y, x = np.mgrid[0:height, 0:width].astype(np.float32)
     across = (x - width / 2.0) / (0.80 * width)
     down = (y - 0.46 * height) / (0.95 * height)
     glow = np.exp(-(across**2 + down**2) / (0.10 + 0.03 * swell))[..., None]
-    ground, centre = np.array(card.ground), np.array(card.centre)
+    ground, centre = np.array(GROUND), np.array(TITLE_CENTRE)
     return np.asarray(ground + (centre - ground) * glow, dtype=np.float32)
 
 
 def _words(card: TitleCard, size: tuple[int, int]) -> tuple[Floats, Floats]:
     """Return the coverage (H, W) of the title, a little above the middle, and of the subtitle below it."""
     width, height = size
-    title = _fitted(card.title.upper(), "DroidSans", card.title_size * height, 0.30, width)
-    subtitle = _fitted(card.subtitle, "DroidSerif-Italic", card.subtitle_size * height, 0.03, width)
+    title = _fitted(card.title.upper(), "DroidSans", 0.085 * height, 0.30, width)
+    subtitle = _fitted(card.subtitle, "DroidSerif-Italic", 0.06 * height, 0.03, width)
     return _centred(title, size, 0.46), _centred(subtitle, size, 0.585)
 
 
@@ -140,14 +133,12 @@ class Slate:
     title     of the shot, below it
     facts     names and values, in two columns
     picture   display values 0 … 1 (h, w, 3), shown small; None for none
-    imprint   in the upper right corner
     """
 
     name: str
     title: str
     facts: Sequence[tuple[str, str]]
     picture: Floats | None = None
-    imprint: str = "flowsculpt"
 
     def draw(self, size: tuple[int, int]) -> Floats:
         """Draw the slate in display values (H, W, 3), for frames of that width and height."""
@@ -172,8 +163,7 @@ class _Card:
     def slate(self, slate: Slate) -> Floats:
         room, right, small = self.width - 2 * self.margin, self.width - self.margin, self._size(3.2)
         write(self.page, "SLATE", _SANS, small, (self.margin, self._down(12.0)), QUIET, 0.3)
-        imprint = slate.imprint.upper()
-        write(self.page, imprint, _SANS, small, (right, self._down(12.0)), QUIET, 0.3, from_right=True)
+        write(self.page, "FLOWSCULPT", _SANS, small, (right, self._down(12.0)), QUIET, 0.3, from_right=True)
         name = fit_size(slate.name, _SANS, self._size(9.5), room, 0.01)
         write(self.page, slate.name, _SANS, name, (self.margin, self._down(27.5)), INK, 0.01)
         if slate.title:

@@ -17,13 +17,13 @@ from pipeline.errors import MeshError, UsageError
 from pipeline.mesh import PolygonMesh, TriangleMesh, write_mesh
 from pipeline.mesh.read import read_surface
 from pipeline.mesh.write import WRITERS
-from pipeline.resample import Chord, Curved, Placement, PolyhedralResampler, Report, Thresholds
+from pipeline.resample import PolyhedralResampler, Report, Thresholds
 from pipeline.resample import resample as resample_triangles
+from pipeline.resample.placement import STATELESS
 from pipeline.resample.resampler import Splits
 from pipeline.statistics import mesh_statistics
 from render.base.plural import plural
 
-PLACEMENTS: dict[str, Placement] = {"chord": Chord(), "curved": Curved()}
 METHODS = ("triangles", "polyhedra")
 SPLITS = ("edges", "faces")
 
@@ -119,7 +119,7 @@ def resample(
         after = slicer.mesh
     else:
         split: Splits = "faces" if splits == "faces" else "edges"
-        triangles, placed = before.triangulated(), PLACEMENTS[placement or "chord"]
+        triangles, placed = before.triangulated(), STATELESS[placement or "chord"]
         after, report = resample_triangles(triangles, thresholds, placed, splits=split)
     write_mesh(after, target)
     facts = {"in": str(source), "out": str(target), **_facts(before, after, report)} if common.json else {}
@@ -129,7 +129,7 @@ def resample(
 def _check_options(method: str, placement: str | None, splits: str | None) -> None:
     """Raise UsageError for unknown words and for options that exclude each other."""
     require_one_of(method, METHODS, f"--method {method!r} is not known.")
-    require_one_of(placement or "chord", PLACEMENTS, f"--placement {placement!r} is not known.")
+    require_one_of(placement or "chord", STATELESS, f"--placement {placement!r} is not known.")
     require_one_of(splits or "edges", SPLITS, f"--splits {splits!r} is not known.")
     for option, word in (("placement", placement), ("splits", splits)):
         if method == "polyhedra" and word:

@@ -143,14 +143,14 @@ class StreamlineSet(NamedTuple):
     speeds: Floats
 
 
-def streamlines(motion: Motion, frame: int, vertices: Points, seeds: int = SEEDS) -> StreamlineSet:
+def streamlines(motion: Motion, frame: int, vertices: Points) -> StreamlineSet:
     """Trace streamlines of all flows of a shot together, held still at a frame, around vertices (V, 3).
 
     Raises FrameError where the flow fails.
     """
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     middle, half = (low + high) / 2, np.maximum((high - low) / 2, 0.15 * float((high - low).max()))
-    begin = middle + SEED_BOX * half * (2.0 * _even_points(seeds) - 1.0)
+    begin = middle + SEED_BOX * half * (2.0 * _even_points(SEEDS) - 1.0)
     speeds = np.linalg.norm(_velocity(motion, frame, begin), axis=1)
     fast = float(np.quantile(speeds, 0.95))
     begin = begin[speeds > STILL * fast]
