@@ -30,7 +30,7 @@ from pipeline.resample import (
     edges_by_angle,
 )
 from pipeline.resample.creases import edges_in_region
-from pipeline.resample.placement import STATELESS
+from pipeline.resample.resampler import STATELESS
 from pipeline.resample.rest_surface import REST
 from pipeline.shot import Motion, Resampling, Shot
 

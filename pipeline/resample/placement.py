@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -97,10 +96,6 @@ class Curved(Placement):
         places, _ = on_patches(mesh.arrays, births, limits.hard_cosine)
         moved = move_without_folds(mesh, births[:, BIRTH_HALFEDGE], places, places, limits)
         return len(births) - int(moved.sum())
-
-
-STATELESS: Mapping[str, Placement] = {"chord": Chord(), "curved": Curved()}
-"""Placements that keep nothing at the vertices, by name."""
 
 
 def on_patches(arrays: MeshArrays, births: Indices, cosine: float) -> tuple[Points, Vectors]:

@@ -18,7 +18,7 @@ from pipeline.interruption import interruptible
 from pipeline.mesh.halfedge_mesh import HalfedgeMesh
 from pipeline.mesh.identity import Register
 from pipeline.mesh.triangle_mesh import TriangleMesh
-from pipeline.resample.placement import Chord, Placement
+from pipeline.resample.placement import Chord, Curved, Placement
 from pipeline.resample.quadrisection import quadrisect
 from pipeline.resample.resample_pass import Report, ResamplePass, changes_of, reset
 from pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Thresholds, TriangleShape
@@ -26,6 +26,10 @@ from pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Thresholds, Triangle
 Splits = Literal["edges", "faces"]
 
 _CHORD = Chord()
+
+STATELESS: Mapping[str, Placement] = {"chord": _CHORD, "curved": Curved()}
+"""Placements that keep nothing at the vertices, by name."""
+
 _ATTRIBUTE = "attribute."
 _GIVEN = "identities"
 

@@ -19,8 +19,7 @@ from pipeline.mesh.read import read_surface
 from pipeline.mesh.write import WRITERS
 from pipeline.resample import PolyhedralResampler, Report, Thresholds
 from pipeline.resample import resample as resample_triangles
-from pipeline.resample.placement import STATELESS
-from pipeline.resample.resampler import Splits
+from pipeline.resample.resampler import STATELESS, Splits
 from pipeline.statistics import mesh_statistics
 from render.base.plural import plural
 
