@@ -80,7 +80,9 @@ SHARED_MODULES = {
     "film": "render",
     "flows": "schema",
     "report": "status",
+    "sheet": "wedge",
     "simulate": "render",
+    "stills": "render",
     "versions": "publish",
     "why": "status",
 }
