@@ -6,6 +6,7 @@ A message says place, fact, rule and remedy, in that order and in one line:
 
 from __future__ import annotations
 
+from render.base.errors import MOST_QUOTED as MOST_QUOTED
 from render.base.errors import FlowsculptError as FlowsculptError
 from render.base.errors import MachineError as MachineError
 from render.base.errors import MissingInputError as MissingInputError

@@ -6,7 +6,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -47,6 +47,14 @@ class Keyframes(Curve):
     right: tuple[Handle | None, ...] = ()
     before: Extrapolation = "hold"
     after: Extrapolation = "hold"
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        """The hash of all keys, computed once: integrals are cached by their curve."""
+        return hash((self.times, self.values, self.eases, self.left, self.right, self.before, self.after))
 
     def at(self, time: float) -> Values:
         start, length = self.times[0], self.times[-1] - self.times[0]
@@ -227,14 +235,15 @@ def _integrals(speed: Curve, start: float, end: float) -> list[float]:
         return []
     marks = {PIECE * i for i in range(math.ceil(start / PIECE), math.ceil(end / PIECE))}
     if isinstance(speed, Keyframes):
-        marks |= set(speed.times)
-        for (a, b), ease in zip(pairwise(speed.times), speed.eases, strict=False):
+        inside = slice(max(0, bisect_right(speed.times, start) - 1), bisect_right(speed.times, end) + 1)
+        marks |= set(speed.times[inside])
+        for (a, b), ease in zip(pairwise(speed.times[inside]), speed.eases[inside], strict=False):
             marks |= {a + share * (b - a) for share in kinks(ease)}
     within = sorted(mark for mark in marks if start < mark < end)
     return [_integral(speed, a, b) for a, b in pairwise([start, *within, end])]
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=32768)
 def _integral(speed: Curve, start: float, end: float) -> float:
     """Return the integral over one smooth interval, by a rule that tolerates infinite slopes at its ends.
 

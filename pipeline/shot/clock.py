@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from functools import cached_property
 
 from pipeline.errors import UsageError
 from pipeline.flow.keyframes import elapsed
-from pipeline.flow.parameters import Number
+from pipeline.flow.parameters import Curve, Number
 from pipeline.frames import FrameRange, FrameRate
 
 _SECONDS = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*s\s*")
@@ -21,6 +22,10 @@ TIME_PATTERN = rf"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|{SECONDS_PATTERN}"
 
 FURTHEST = 10**12
 """Frames beyond this number count as infinite; the flow's time may reach as many seconds."""
+
+
+MOST_CHECKED = 1000
+"""First frames at which a changing speed is checked while a shot is read: each takes integrals."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +80,7 @@ class Clock:
 
     def speed_fault(self) -> str | None:
         """Return the message about a speed that fails before the last frame; None if it is good."""
-        for frame in range(self.frames.first + 1, self.frames.last + 1):
+        for frame in self._checked_frames:
             try:
                 reached = self.flow_time(frame)
             except UsageError as error:
@@ -93,8 +98,18 @@ class Clock:
 
     def flow_holds(self, seconds: float) -> bool:
         """Tell whether a time of the flow lies within the shot, at its speed or at a speed of 1."""
-        furthest = max(self.flow_time(frame) for frame in range(self.frames.first, self.frames.last + 1))
-        return _is_within(seconds, max(self.duration, furthest))
+        is_checked = len(self.frames) <= MOST_CHECKED or not isinstance(self.speed, Curve)
+        return _is_within(seconds, max(self.duration, self._furthest) if is_checked else math.inf)
+
+    @cached_property
+    def _furthest(self) -> float:
+        """The latest time that the flow reaches."""
+        return max(map(self.flow_time, self._checked_frames))
+
+    @property
+    def _checked_frames(self) -> tuple[int, ...]:
+        numbers = self.frames.numbers
+        return numbers[:MOST_CHECKED] if isinstance(self.speed, Curve) else (numbers[0], numbers[-1])
 
 
 def parse_frames(text: str) -> FrameRange:

@@ -134,12 +134,12 @@ class CameraDocument(Document):
         if clock is None or position is None or target is None or not _has_times(clock, position, target):
             return position
         camera, aim = place(position, clock), place(target, clock)
-        for frame in clock.frames:
+        for frame in sampled_frames(clock):
             start, end = (vector_at(point, clock.time(frame)) for point in (camera, aim))
             if math.dist(start, end) <= 1e-9 * max(1.0, math.hypot(*start)):
                 raise finding(
-                    f"at frame {frame} the camera stands at its own target, {list(start)}; it has nowhere to "
-                    "look. Move one of them."
+                    f"at frame {frame:g} the camera stands at its own target, {list(start)}; it has nowhere "
+                    "to look. Move one of them."
                 )
         return position
 

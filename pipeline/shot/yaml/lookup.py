@@ -13,7 +13,7 @@ from render.base.plural import indefinite
 DEFAULTS = "defaults.yaml"
 """The file beside shots that holds defaults for all of them."""
 
-MOST_BYTES = 500_000
+MOST_BYTES = 300_000
 """Size of the largest shot file or edit that is read; its parser takes some seconds for as much."""
 
 NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"

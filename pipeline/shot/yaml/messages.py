@@ -23,6 +23,9 @@ _BOUNDS = {
     "less_than_equal": "at most",
 }
 
+MOST_ERRORS = 200
+"""Most errors of one file that are explained, the first ones; an alias can repeat one many thousand times."""
+
 _NUMBER = re.compile(
     r"\s*(?:f/)?([-+]?(?:\d[\d_]*(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?)\s*([^\W\d][\w/²³]*|%|°)?\s*"
 )
@@ -36,12 +39,15 @@ _TRUE, _FALSE = ("yes", "on", "true", "y", "1"), ("no", "off", "false", "n", "no
 def problems_of(
     error: ValidationError, source: YamlSource, document: type[BaseModel]
 ) -> tuple[list[Problem], set[Where]]:
-    """Return every problem of a ValidationError: its path in the file and its message; and paths to values.
+    """Return the problems of a ValidationError, each its path in the file and its message; and paths.
 
     Problems that follow from another one are left out, such as a missing value whose name is misspelt. The
-    paths are those of such values.
+    paths are those of such values. Of more errors than MOST_ERRORS the first are explained.
     """
     errors = error.errors(include_url=False)
+    if len(errors) > MOST_ERRORS:
+        errors.sort(key=lambda details: source.order(_in_file(source, details["loc"])))
+        del errors[MOST_ERRORS:]
     unknown = unknown_names(
         document, source, [details["loc"] for details in errors if details["type"] == "extra_forbidden"]
     )
@@ -208,7 +214,7 @@ def _number(value: Any, whole: bool) -> str:
     if isinstance(value, str) and (number := number_in(value)) is not None:
         number = math.ceil(number) if whole else number
         return f"{rule}, without quotes or units. Write {number}."
-    if isinstance(value, float) and whole:
+    if isinstance(value, float) and whole and math.isfinite(value):
         return f"{rule}. Write {math.ceil(value)}."
     if isinstance(value, list):
         same = value and all(item == value[0] for item in value)

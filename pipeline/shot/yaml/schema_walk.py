@@ -5,6 +5,7 @@ from __future__ import annotations
 import types
 import typing
 from collections.abc import Iterator
+from functools import cache
 from typing import Annotated, Any
 
 from pydantic import BaseModel
@@ -38,9 +39,13 @@ def models_in(kinds: list[Any]) -> Models:
 
 def field_names(models: Models) -> dict[str, Any]:
     """Return the annotations of the fields of documents, by the names that a file has for them."""
+    return {name: kind for model in models for name, kind in _fields_of(model).items()}
+
+
+@cache
+def _fields_of(model: type[BaseModel]) -> dict[str, Any]:
     return {
         info.alias or name: Annotated[(info.annotation, *info.metadata)] if info.metadata else info.annotation
-        for model in models
         for name, info in model.model_fields.items()
     }
 

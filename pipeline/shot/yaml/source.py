@@ -17,6 +17,7 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.scanner import RoundTripScanner
 
 from pipeline.errors import ShotError
 from pipeline.shot.yaml.bracket_mistakes import LOST, Mistake, lost_colour, meant_items, meant_pairs
@@ -71,7 +72,7 @@ class YamlSource:
         """
         text = text_of(path) if text is None else text
         try:
-            return cls._from_node(path, YAML().compose(text), text.splitlines())
+            return cls._from_node(path, _composed(text), text.splitlines())
         except YAMLError as error:
             raise ShotError(f"{path}:{syntax_fault(error, text)}") from None
         except RecursionError:
@@ -256,6 +257,22 @@ class _Reader:
             place = (*where, ("text", node.start_mark.index))
             self.places[place] = node.start_mark.line + 1, node.start_mark.column + 1
             self.problems.append((place, message))
+
+
+class _Scanner(RoundTripScanner):
+    """ruamel's scanner with a bound on nested brackets, whose time grows with the square of their depth."""
+
+    def fetch_flow_collection_start(self, TokenClass: Any, to_push: str) -> None:
+        if len(self.flow_context) > DEEPEST:
+            raise RecursionError
+        super().fetch_flow_collection_start(TokenClass, to_push)
+
+
+def _composed(text: str) -> Node | None:
+    """Return the tree of nodes of a text. Raises YAMLError, and RecursionError for one too deep."""
+    yaml = YAML()
+    yaml.Scanner = _Scanner
+    return yaml.compose(text)
 
 
 def _scalar(node: ScalarNode) -> Any:

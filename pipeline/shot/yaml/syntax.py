@@ -14,6 +14,8 @@ HEX_COLOUR = re.compile(r"#(?:[0-9a-fA-F]{3}){1,2}(?![0-9a-zA-Z])")
 _OPENING = {"}": "{", "]": "["}
 _CLOSING = {"{": "}", "[": "]"}
 
+_MOST_CHARACTERS = 1000
+
 Fault = tuple[int, int, str]
 """Line and column, from 0, and the message."""
 
@@ -69,7 +71,8 @@ class _Failure:
         return self.line, self.column, message
 
     def _text(self, line: int) -> str:
-        return self.lines[line] if line < len(self.lines) else ""
+        """Return the beginning of a line: nobody writes more, and patterns take long on more."""
+        return self.lines[line][:_MOST_CHARACTERS] if line < len(self.lines) else ""
 
     def _tab(self) -> Fault | None:
         for line in {self.line, max(self.line - 1, 0)}:

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from pipeline.errors import suggestion
+from pipeline.errors import MOST_QUOTED, suggestion
 from pipeline.shot.yaml.plain_text import dotted, in_yaml, listed
 from pipeline.shot.yaml.schema_walk import (
     Models,
@@ -112,11 +112,10 @@ class _Mapping:
         return value if isinstance(value, dict) else {}
 
     def _beside(self, name: Any) -> dict[Any, Any]:
-        """Return the values that stand beside a name in the same file; for a setting, those of all files."""
-        if self._is_set(name):
-            return self._values
-        file = self._file(name)
-        return {other: value for other, value in self._values.items() if self._file(other) == file}
+        """Return the known values beside a name in the same file; for a setting, those of all files."""
+        values, file = self._values, self._file(name)
+        known = [other for other in self._fields if other in values]
+        return {other: values[other] for other in known if self._is_set(name) or self._file(other) == file}
 
     def _file(self, *names: Any) -> str:
         return self.source.spot_of((*self.where, *names))[0]
@@ -191,7 +190,7 @@ class _Mapping:
 
     def _misspelt(self, name: Any) -> str | None:
         """Return the message about marks and capitals that are no part of the name."""
-        text = str(name)
+        text = str(name)[:MOST_QUOTED]
         if text.startswith("-") and as_name(text[1:]) in self._fields:
             return f"a space is missing after the dash. Write - {text[1:]}: …"
         for mark, fact in ((":", "a space is missing after the colon"), ("=", "a colon ends a name, not =")):

@@ -21,7 +21,6 @@ from pipeline.shot.yaml.lookup import is_folder, is_there, shown
 from pipeline.shot.yaml.messages import problems_of
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from render.base.input_files import digest_of_file, kind_of_path
-from render.base.plural import plural
 
 MOST_PROBLEMS = 50
 """Most problems of one file that are told at once."""
@@ -208,6 +207,9 @@ def validated(
         wrong = [_with_remedy_of(found, problem) for problem in wrong if problem[0] not in supplied]
         reported = {where for where, _ in wrong}
         wrong += [problem for problem in found if not _is_reported(problem[0], reported)]
+    except Exception:
+        if not wrong:  # else a value that a check reports has stopped a validator
+            raise
     reported = {where for where, _ in wrong}
     absent = [f"{source.place(where)}: {text}" for where, text in missing if where not in reported]
     others = failed or []
@@ -220,8 +222,7 @@ def validated(
     if lines:
         lines = list(dict.fromkeys([*lines, *absent]))
         if len(lines) > MOST_PROBLEMS:
-            rest = plural(len(lines) - MOST_PROBLEMS, "more problem")
-            lines[MOST_PROBLEMS:] = [f"{source.path}: {rest}; correct these first"]
+            lines[MOST_PROBLEMS:] = [f"{source.path}: there are more problems; correct these first"]
         raise ShotError(*lines)
     if absent:
         raise MissingInputError("\n".join(absent))
