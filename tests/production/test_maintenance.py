@@ -54,6 +54,23 @@ def test_verify_makes_again_what_is_damaged_and_nothing_else(finished: Any) -> N
     assert finished.run("render", NAME, "-q", "draft").out.startswith("Nothing to be done")
 
 
+def test_verify_makes_frames_of_a_scale_again_and_says_how_a_curve_sheet_is(finished: Any) -> None:
+    assert finished.run("render", NAME, "-f", "2", "--scale", "10%").code == 0
+    assert finished.run("curves", NAME).code == 0
+    (frame,) = finished.frames("draft.scale10")
+    whole, curves = frame.read_bytes(), finished.path / "renders" / NAME / f"{NAME}.curves.svg"
+    frame.chmod(0o644)
+    frame.write_bytes(b"")
+    damage(curves)
+    done = finished.run("verify")
+    assert done.code == 1 and "2 files are damaged, and 1 not made again" in done.out
+    assert f"{frame.relative_to(finished.path)}: is not what was written" in done.err
+    assert f"{curves.relative_to(finished.path)}: flowsculpt curves {NAME} makes it again" in done.err
+    assert frame.read_bytes() == whole
+    assert finished.run("curves", NAME).code == 0
+    assert finished.run("verify").out == "Every file is what it should be.\n"
+
+
 def test_cleaning_keeps_what_today_and_the_last_runs_need(
     finished: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
