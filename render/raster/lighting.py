@@ -13,6 +13,7 @@ from render.raster.contact import CELL, REACH, ContactShadow, open_at
 from render.raster.environment import (
     EYE_HEIGHT,
     Surroundings,
+    Table,
     sky_radiance,
     stage_radiance,
     surroundings_of,
@@ -95,6 +96,10 @@ class Lighting:
         around = _surroundings(self.setup, 1.0 if is_stage else shape.material.roughness, is_stage)
         reflectance = reflectance_of(shape.material, sharpness)
         return _shaded(shape, colours, which, side, self.eye, reflectance, around, self.contact, self.lights)
+
+    def mirrored(self) -> Table:
+        """Return what a smooth mirror shows of the surroundings, as in `Surroundings`."""
+        return _surroundings(self.setup, 0.0, False).mirrored
 
 
 def _surroundings(setup: StageSetup, roughness: float, is_stage: bool) -> Surroundings:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from render.raster.environment import table_place, table_value
 from render.raster.large_triangles import SUPERSAMPLING, WHITE
 from render.raster.lighting import Lighting
 from render.raster.projection import Array, exact, fast
@@ -30,8 +31,11 @@ _STEEPEST = 2.0
 _BEHIND = 1.5
 """Distance of the stage behind the subject, in halves of its size."""
 
-_THICK = 0.6
+_THICK = 0.4
 """Thickness from which glass bends as much as a ball, in halves of the subject's size."""
+
+_ASIDE = 1.4
+"""Rate at which light from the surroundings replaces that of the picture, by the sine of glass's bend."""
 
 _DETOUR = 1.3
 """Length of light's way inside glass, over the thickness: it is reflected and bent there."""
@@ -125,6 +129,8 @@ def seen_through(
         background,
         surface,
         *ClearBody.of(material, size),
+        lighting.mirrored(),
+        lighting.contact.frame[4:],
         size,
         light,
     )
@@ -230,6 +236,8 @@ def mix_light(
     tint: Array,
     rate: Array,
     refraction: float,
+    around: Array,
+    turn: Array,
     size: float,
     light: Array,
 ) -> None:
@@ -237,6 +245,9 @@ def mix_light(
 
     axes                    as of `ScreenProjection`
     tint, rate, refraction  the fields of `ClearBody`
+    around                  the table `Surroundings.mirrored` of a smooth mirror: what glass shows that bends
+                            a line of sight far aside
+    turn                    (2,), cosine and sine of the stage's turn
     size                    half the subject's, scene units
     """
     rows, columns = thickness.shape
@@ -250,7 +261,8 @@ def mix_light(
         long, front = 0.0, max(layers[i, j, 0], 1)
         if layers[i, j, 0] == layers[i, j, 1]:
             long = max(thickness[i, j], 0.0)
-        row, column, way, lets_pass = float(i), float(j), long, 1.0
+        row, column, way, lets_pass, aside = float(i), float(j), long, 1.0, 0.0
+        a, b, a_weight, b_weight = 0, 0, 0.0, 0.0
         if refraction > 1.0:
             x, y, z = normals[p, 0], normals[p, 1], normals[p, 2]
             right = (axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z) / across
@@ -261,6 +273,15 @@ def mix_light(
             # a ball bends a line of sight by twice the angle between the line outside and the line inside
             tangent = sine * (inside - cosine / refraction) / (cosine * inside + squared / refraction)
             tangent *= min(long / (_THICK * size), 1.0)
+            along = (1.0 - tangent * tangent) / (1.0 + tangent * tangent)
+            across_by = 2.0 * tangent / (1.0 + tangent * tangent)
+            aside = min(_ASIDE * across_by, 1.0)
+            u, v = -across_by * right / (sine * across), -across_by * up / (sine * upwards)
+            x = along * axes[2, 0] + u * axes[0, 0] + v * axes[1, 0]
+            y = along * axes[2, 1] + u * axes[0, 1] + v * axes[1, 1]
+            z = along * axes[2, 2] + u * axes[0, 2] + v * axes[1, 2]
+            x, z = turn[0] * x - turn[1] * z, turn[1] * x + turn[0] * z
+            a, b, a_weight, b_weight = table_place(x, y, z)
             shift = min(2.0 * tangent / max(1.0 - tangent * tangent, 0.1), _STEEPEST)
             shift *= _BEHIND * size / (depth[p] * sine)
             column -= 0.5 * columns * across * shift * right
@@ -275,7 +296,10 @@ def mix_light(
             far = background[m + 1, n, k] + beside * (background[m + 1, n + 1, k] - background[m + 1, n, k])
             passed = lets_pass * math.exp(-rate[k] * way - front * opaque[k])
             own = surface[p, k] if refraction > 1.0 else (1.0 - passed) * surface[p, k]
-            light[p, k] = own + passed * (near + down * (far - near))
+            behind = near + down * (far - near)
+            if aside > 0.0:
+                behind += aside * (table_value(around, a, b, a_weight, b_weight, k) - behind)
+            light[p, k] = own + passed * behind
 
 
 @fast
