@@ -14,7 +14,7 @@ from pipeline.production.request.planning_cache import NO_CACHE, PlanningCache
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Key, key_of
 from pipeline.shot.yaml.lookup import DEFAULTS, is_there, text_of
-from render.base.input_files import digest_of_file
+from render.base.input_files import digest_of_file, require_input
 from render.base.serialise import NOT_PLAIN, from_plain, to_plain
 
 if TYPE_CHECKING:
@@ -156,8 +156,9 @@ class SourceCache:
 
 def shot_around(mesh: Path) -> str:
     """Return the text of a shot that shows a mesh file as it is. Raises MissingInputError."""
-    if not mesh.is_file():
+    if not mesh.exists():
         raise MissingInputError(f"{mesh}: no such mesh file; check the path")
+    require_input(mesh)
     shot = {
         "title": mesh.stem,
         "frames": "1-1",
