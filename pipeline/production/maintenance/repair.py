@@ -26,7 +26,7 @@ Names = Collection[tuple[str, Key]]
 
 @dataclass(frozen=True)
 class Evicted:
-    """What a root has lost by damage.
+    """Losses of a root by damage.
 
     names    the damaged files of the store
     lost     paths, relative to the root, that showed them
