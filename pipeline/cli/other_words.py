@@ -50,6 +50,8 @@ OPTIONS = {
     "--config": "--set",
     "--format": "--as",
     "--out": "-o",
+    "--device": "--variant cuda_ad_rgb",
+    "--gpu": "--variant cuda_ad_rgb",
     "--directory": "--root",
     "-d": "--root",
 }

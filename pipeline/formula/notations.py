@@ -31,6 +31,8 @@ WRITTEN_AS = {
     "sign": "Write 1 if x > 0 else -1.",
     "where": "Write a if condition else b.",
     "radians": "Write x * pi / 180.",
+    "fit": "Write c + (d - c) * clamp((x - a) / (b - a), 0, 1).",
+    "ch": "Write the number, or name it under with: {amp: 2}.",
     "noise": "The flow curl_noise is noise; formulas have none.",
     "rand": "Formulas have no chance. The flow curl_noise has a seed.",
     "random": "Formulas have no chance. The flow curl_noise has a seed.",

@@ -14,6 +14,9 @@ FILM = SHOTS / "film.yaml"
 MODELS = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
 """Endings of model files, for the message to one who names such a file in place of a shot."""
 
+OTHER_MODELS = (".3ds", ".abc", ".bgeo", ".blend", ".dae", ".fbx", ".usd", ".usda", ".usdc", ".usdz")
+"""Endings of model files of other formats."""
+
 NO_SHOTS = (
     f"there are no shots here: {SHOTS}/ holds none. `flowsculpt new A010_first` writes one, "
     "`flowsculpt new --show` a show with its first shot and its edit."
@@ -32,6 +35,8 @@ def find_shot(name: str) -> Path:
             f"{shown(name)} is a model, not a shot; flowsculpt new A010_{own} --model {shown(name)} makes a "
             "shot of it"
         )
+    if Path(name).suffix.lower() in OTHER_MODELS:
+        raise UsageError(f"{shown(name)} is no format that is read; export the model as GLB, OBJ or PLY")
     path = _path(name)
     if is_edit(path):
         own = "" if path == FILM else f" {shown(name)}"

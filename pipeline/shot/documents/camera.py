@@ -3,7 +3,7 @@
 import math
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from pipeline.errors import UsageError
 from pipeline.flow.parameters import Number, VectorParameter, number_at, vector_at
@@ -34,6 +34,7 @@ from pipeline.shot.documents.fields import (
     Positive,
     Triple,
     ZeroToOne,
+    is_number,
     is_written_number,
     one_of,
     optional,
@@ -205,6 +206,17 @@ def _degrees(low: float, high: float, usual: str) -> AfterValidator:
 
 class ShutterDocument(Document):
     example = "{angle: 180}"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _is_a_mapping(cls, value: Any) -> Any:
+        """Refuse the share of a frame that other programs have, with the angle that it is."""
+        if is_number(value) and 0 < value <= 1:
+            raise finding(
+                f"shutter is {value}; it must be a mapping, with an angle for the share of a frame. "
+                f"Write shutter: {{angle: {360 * value:g}}}."
+            )
+        return value
 
     angle: Annotated[NumberField, _degrees(0.0, 360.0, "180, which film cameras have")] = Field(
         default=180.0, description="opening of the shutter; 360 is a whole frame, 0 no blur (degrees)"

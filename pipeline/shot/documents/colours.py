@@ -56,6 +56,8 @@ def _linear(value: float) -> float:
 
 
 def _fault(text: str) -> str:
+    if (meant := WORDS.get(text.lower())) is not None:
+        return f"a colour is no word. Write {meant}, or red, green and blue from 0 to 1."
     match, rgb, quote = _HEX.fullmatch(text), _RGB.match(text), shortened(text)
     if rgb:
         return f"a colour of sRGB is written '{_hex([int(part) for part in rgb.groups()])}', in quotes."

@@ -75,6 +75,9 @@ def _require_dashes(value: Any) -> Any:
     names = FlowDocument.model_fields
     if isinstance(value, str) and value in names:
         value = [value]
+    elif isinstance(value, dict) and (joined := next((n for n in value if str(n)[1:] in names), None)):
+        entry = _entry(joined[1:], value[joined])
+        raise bad_value(f"a space is missing after the dash of {joined}. Write {entry}.")
     elif isinstance(value, dict) and (first := next((name for name in value if name in names), None)):
         raise bad_value(f"each flow begins with a dash. Write {_entry(first, value[first])}.")
     for item in value if isinstance(value, list) else ():

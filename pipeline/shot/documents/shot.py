@@ -308,6 +308,11 @@ class ClipDocument(Document):
         """Refuse `A010: 1-24`, with the names that belong there."""
         name = next(iter(value)) if isinstance(value, dict) and len(value) == 1 else None
         known = (*cls.model_fields, *CardDocument.model_fields)
+        if isinstance(value, dict) and value and value.keys() <= {"frames", "dissolve"}:
+            raise finding(
+                f"{' and '.join(value)} {'stands' if len(value) == 1 else 'stand'} beside the shot. "
+                f"Write {in_yaml({'shot': 'NAME', **value})}."
+            )
         if name is not None and name not in known and synonym(name, known) is None:
             part = f", frames: {value[name]}" if isinstance(value[name], str) else ""
             raise finding(f"{name} has no name before it. Write {{shot: {name}{part}}}.")

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import BeforeValidator, ConfigDict, Field
 
 from pipeline.mesh.control_net import LEAST
 from pipeline.shot.documents.fields import (
@@ -16,6 +16,7 @@ from pipeline.shot.documents.fields import (
     Document,
     Positive,
     Triple,
+    is_number,
     is_written_number,
     one_of,
     optional,
@@ -33,6 +34,7 @@ from pipeline.shot.point_subjects import (
     NetOfSolid,
 )
 from pipeline.shot.subject import SOLIDS, Solid
+from pipeline.shot.yaml.validation import bad_value
 from render.base.input_files import digest_of_file
 
 CLOSED = {"none": (False, False), "rows": (True, False), "columns": (False, True), "both": (True, True)}
@@ -80,6 +82,14 @@ class SolidDocument(Document):
         return Solid.of(self.solid, self.model_dump(exclude_none=True, exclude={"solid"}))
 
 
+def _require_angles(value: Any) -> Any:
+    if is_number(value):
+        raise bad_value(
+            f"{value} is one number; it must be three, about x, then y, then z. Write [0, {value}, 0]."
+        )
+    return value
+
+
 class ModelDocument(Document):
     example = "{model: FILE.obj}"
 
@@ -87,8 +97,8 @@ class ModelDocument(Document):
     scale: Positive = Field(1.0, description="factor on all coordinates; or use fit")
     fit: Positive | None = optional("its largest extent, centred on the origin (units)")
     up: Literal["y", "z"] = Field("y", description="the axis of the file that points up")
-    rotate: Annotated[list[Degrees], Field(min_length=3, max_length=3)] = Field(
-        ORIGIN, description="about x, then y, then z (degrees)"
+    rotate: Annotated[list[Degrees], BeforeValidator(_require_angles), Field(min_length=3, max_length=3)] = (
+        Field(ORIGIN, description="about x, then y, then z (degrees)")
     )
     repair: Literal["on", "off"] = Field(
         "on", description="mends faults such as third faces on an edge; off refuses them"

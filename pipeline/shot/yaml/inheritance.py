@@ -19,6 +19,7 @@ from pipeline.shot.yaml.lookup import DEFAULTS, is_there, shown, text_of
 from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.source import Where, YamlSource
 from pipeline.shot.yaml.syntax import HEX_COLOUR, quoted
+from pipeline.shot.yaml.unknown_names import SPELT_OUT
 from render.scene.quality import FORMER_NAMES
 
 KIND_NAMES = frozenset({"keys", "formula", "curvature", "camera", "solid", "model", "cloud", "net", "bsdf"})
@@ -29,9 +30,6 @@ OPTION = "--set"
 _FORM = re.compile(r"\s*([^=\s]+?)\s*=(.*)", re.DOTALL)
 _OTHER_FORM = re.compile(r"([\w.]+)(?:: *| +)(\S+)")
 """A setting with a colon or a space in place of =."""
-
-_SPELT_OUT = {("look",): "material", ("lights",): "rig", ("stage",): "kind"}
-"""Entries that are a name or a mapping, and what the name is called in the mapping."""
 
 _FRAME = re.compile(r"[+-]?\d+(\.\d+)?")
 _TIME = re.compile(r"[+-]?\d+\.\d+s?")
@@ -234,8 +232,8 @@ def _put(data: Any, steps: list[str], value: Any, place: str) -> Where:
                 holder[key] = {}
         else:
             remedy = f"Set {name} as a whole"
-            if where in _SPELT_OUT and isinstance(holder, str) and not steps:
-                own = _SPELT_OUT[where]
+            if len(where) == 1 and where[0] in SPELT_OUT and isinstance(holder, str) and not steps:
+                own = SPELT_OUT[where[0]]
                 rest = f"{own}: {holder}, {step}: …" if step != own else f"{own}: …"
                 remedy = f"Write {name}={{{rest}}}"
             raise ShotError(f"{place}: {name} is {in_yaml(holder)}, which holds no {step}. {remedy}.")

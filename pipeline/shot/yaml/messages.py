@@ -76,6 +76,9 @@ def number_in(text: str) -> float | int | None:
 def list_in(text: str) -> str | None:
     """Return the list that a text means, such as `(1, 2, 3)`, `1 2 3` or `x, y`; None if it means none."""
     inner = re.fullmatch(r"\s*[\[(](.*)[\])]\s*", text)
+    words = text.split()
+    if len(words) > 1 and all(re.fullmatch(r"\w*[a-zA-Z]\w*\d\w*", word) for word in words):  # names of shots
+        return f"[{', '.join(words)}]"
     if "," in text:
         return f"[{inner[1] if inner else text.strip()}]"
     numbers = re.findall(r"[-+]?\d*\.?\d+", text)
@@ -258,6 +261,8 @@ def _mapping(value: Any, loc: Where, document: type[BaseModel]) -> str:
     name = _last_name(loc)
     if isinstance(value, list) and value and all(isinstance(item, dict) for item in value):
         whole = {key: item for part in value for key, item in part.items()}
+        if len(whole) < sum(map(len, value)):
+            return f"one of them: {in_yaml(value[0])}"
         return f"its names without dashes: {in_yaml(whole)}"
     if not models or not name:
         return "it as {name: value}"
@@ -270,6 +275,8 @@ def _words(value: Any, expected: str, where: Where, mappings: list[type[BaseMode
     """Return rule and remedy for a value that is none of a few words, or of those and a mapping."""
     if value is not None and as_name(value) in _FALSE and "'off'" in expected:
         return f"{expected}. Write off, without quotes."
+    if isinstance(value, str) and value != value.lower() and f"'{value.lower()}'" in expected:
+        return f"{expected}. Write {value.lower()}."
     if not mappings:
         return expected
     return f"{expected} or a mapping. Write {where[-1]}: {example_of(mappings[0], value)}."

@@ -90,6 +90,9 @@ class _Failure:
         return self.line, self.column, message
 
     def _alias(self) -> Fault | None:
+        if item := re.match(r"(\s*)\*\s+(\S.*)$", self._text(self.line)):
+            fact = "an item of a list begins with a dash, not with *"
+            return self.line, item.end(1), f"{fact}. Write - {item[2]}."
         match = re.search(r"undefined alias '(.*)'", self.problem)
         if not match:
             return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -16,6 +16,7 @@ from pipeline.shot.yaml.schema_walk import (
     choices,
     field_names,
     fitting,
+    members,
     models_at,
     models_in,
     needed_names,
@@ -25,7 +26,10 @@ from pipeline.shot.yaml.schema_walk import (
     without_tags,
 )
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
-from pipeline.shot.yaml.synonyms import REMEDIES, RENAMED, VALUES, as_name, synonym
+from pipeline.shot.yaml.synonyms import FLOW_REMEDIES, REMEDIES, RENAMED, VALUES, as_name, synonym
+
+SPELT_OUT = {"look": "material", "lights": "rig", "stage": "kind"}
+"""Entries that are a name or a mapping, and what the name is called in the mapping."""
 
 _NAMED_BY = ("type", "name", "flow", "kind")
 """Words under which other formats have the name of a thing that a shot has as a key."""
@@ -226,7 +230,8 @@ class _Mapping:
             above = self.where[:length]
             if name in field_names(models_at(self.document, above)) and not isinstance(above[-1:], int):
                 owner, inner = dotted(above) or "the top of the file", self._name
-                return f"{name} belongs to {owner}, not to {inner}. Move it out of {self.where[-1]}."
+                block = next(step for step in reversed(self.where) if isinstance(step, str))
+                return f"{name} belongs to {owner}, not to {inner}. Move it out of {block}."
         return None
 
     def _synonym(self, name: Any) -> str | None:
@@ -278,6 +283,9 @@ class _Mapping:
             return None
         value = self._values[name]
         for own, kind in self._fields.items():
+            if self._values.get(own) and own in SPELT_OUT and name in field_names(models_in([kind])):
+                whole = {SPELT_OUT[own]: self._values[own], name: value}
+                return f"{name} belongs to {own}. Write {own}: {in_yaml(whole)}."
             if name in field_names(models_in(types_in_list(kind))):
                 self.found.supplied.add((*self.where, own))
                 if isinstance(value, list):
@@ -290,10 +298,18 @@ class _Mapping:
         if not paths:
             return self._into(name, [path for path in every if isinstance(beside[path[0]], dict)])
         self.found.supplied.update((*self.where, *path[:1]) for path in paths)
+        value = self._fitting(_proposed(paths), value)
         if self._is_set(name):
             return f"{name} belongs further down. Set {dotted((*self.where, *_proposed(paths)))}."
         owners = listed([".".join(path[:-1]) for path in paths[:4]], "or")
         return f"{name} belongs under {owners}. Write {_nested(_proposed(paths), value)}."
+
+    def _fitting(self, path: tuple[str, ...], value: Any) -> Any:
+        """Return a value; for true and false where a word must stand the last or the first of them."""
+        steps = tuple(step for step in self.where if isinstance(step, str))
+        kinds = [member for kind in types_at(self.document, (*steps, *path)) for member in members(kind)]
+        words = [word for kind in kinds if get_origin(kind) is Literal for word in get_args(kind)]
+        return words[-1 if value else 0] if words and isinstance(value, bool) else value
 
     def _into(self, name: Any, paths: list[tuple[str, ...]]) -> str | None:
         """Return the message about a name that belongs into a mapping which is there."""
@@ -310,7 +326,8 @@ class _Mapping:
         return f"{name} belongs under {owners}. Write {entry} under {'.'.join(path[:depth])}."
 
     def _remedy(self, name: Any) -> str:
-        if (remedy := REMEDIES.get(as_name(name))) is not None:
+        in_flows = FLOW_REMEDIES if self.where[:1] == ("flows",) else {}
+        if (remedy := in_flows.get(as_name(name)) or REMEDIES.get(as_name(name))) is not None:
             self.found.covered.add(self.where)
             return f"{remedy}."
         every = field_names(self.every)

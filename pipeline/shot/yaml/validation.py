@@ -87,8 +87,14 @@ def missing_file(name: str, path: Path, kind: str = "file") -> str:
         return f"{kind} {shown(name)} is {special}; it must be a regular file. Name another."
     return (
         f"{kind} {shown(name)} is not there; it is looked for beside the shot file, as {shown(path)}. "
-        f"{_similar_file(name, path) or 'Put it there or correct the name.'}"
+        f"{_similar_file(name, path) or _not_replaced(name) or 'Put it there or correct the name.'}"
     )
+
+
+def _not_replaced(name: str) -> str | None:
+    """Return a remedy for a name with a part that shells or other programs replace."""
+    mark = next((mark for mark in ("~", "$", "\\") if mark in name), None)
+    return None if mark is None else f"{mark} means nothing here. Write the folders, with / between them."
 
 
 def _similar_file(name: str, path: Path) -> str | None:
