@@ -15,7 +15,7 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import STAGES
 from pipeline.production.store.store import Store
 from pipeline.production.versions.wedge import shown_picture
-from render.graphics.contact_sheet import ContactSheet, columns_for, reduction
+from render.graphics.contact_sheet import columns_for, fitted_sheet
 from render.graphics.plot import Curves, HeatMap, Panel, StackedBars
 from render.post.image import write_png
 
@@ -51,16 +51,14 @@ class ShotSheet:
         request, numbers = self.request, self.request.requested
         size = request.quality.rendered_size
         columns = min(len(numbers), self.columns or columns_for(len(numbers), size))
-        factor = reduction(len(numbers), columns, size)
-        width, height = (side // factor for side in size)
         rate = request.shot.rate
         captions = [
             (("frame", f"{number}   {rate.seconds(number - request.shot.frames.first):.2f} s"),)
             for number in numbers
         ]
+        sheet, factor = fitted_sheet(request.shot.heading, captions, size, columns)
         keys = request.picture_keys(self.store)
         pictures = [shown_picture(request, keys, self.store, n, factor, 8, "srgb") for n in numbers]
-        sheet = ContactSheet(request.shot.heading, captions, (width, height), columns)
         header = {"shot": request.name, "frames": str(FrameRange.of(numbers))}
         page = sheet.picture(pictures, request.quality_name)
         self.store.write(path, lambda draft: write_png(draft, page, header))

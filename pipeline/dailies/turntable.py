@@ -29,7 +29,7 @@ from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store, key_of
 from pipeline.production.versions.wedge import shown_picture
 from render.base.plural import plural
-from render.graphics.contact_sheet import Caption, ContactSheet, columns_for, reduction
+from render.graphics.contact_sheet import Caption, ContactSheet, columns_for, fitted_sheet
 from render.movie.codecs import movie_encode
 from render.movie.encode import write_movie
 from render.movie.sequences import prefetch
@@ -249,10 +249,8 @@ class TurntableSheets:
 
     def _sheet(self, captions: Sequence[Caption], columns: int, bits: int = 8) -> tuple[ContactSheet, int]:
         """Return a sheet and the factor by which pictures are smaller on it."""
-        quality = self._first.quality
-        factor = reduction(len(captions), columns, (quality.width, quality.height))
-        size = quality.width // factor, quality.height // factor
-        return ContactSheet(self._heading, captions, size, columns, bits), factor
+        size = self._first.quality.width, self._first.quality.height
+        return fitted_sheet(self._heading, captions, size, columns, bits)
 
     @property
     def _heading(self) -> str:

@@ -204,15 +204,11 @@ class FlowMap:
                 for part in self._parts:
                     points = part.apply(points)
             if not np.isfinite(points).all():
-                self._apply_by_frame(rest_points)
+                for step in self._steps:  # so that the failing frame raises
+                    rest_points = step.apply(rest_points)
         except FrameError as error:
             raise FrameError(f"on the way from the rest surface: {error}", self._steps[-1].frame) from error
         return points
-
-    def _apply_by_frame(self, points: Points) -> None:
-        """Move points frame by frame, so that the failing frame raises."""
-        for step in self._steps:
-            points = step.apply(points)
 
 
 def _planned(step: FrameStep) -> PlannedSteps | FrameStep:

@@ -120,7 +120,9 @@ class StepPlan(NamedTuple):
         under the name of the `activity`, and that Ctrl-C ends a long frame.
         """
         points = kernel_points(points)
-        order = morton_order(points) if self._gains_from_order(len(points)) else None
+        # Neighbours halve sub-steps alike, and share what a field computes once for a place, as turbulence does.
+        gains_from_order = len(points) > BLOCK and (self.halved or EXTERNAL in self.opcodes)
+        order = morton_order(points) if gains_from_order else None
         if order is not None:
             points = points[order]
         out = np.empty_like(points)
@@ -131,14 +133,6 @@ class StepPlan(NamedTuple):
         if order is not None:
             out[order] = out.copy()
         return out
-
-    def _gains_from_order(self, count: int) -> bool:
-        """Tell whether points are moved faster if neighbours are in one block.
-
-        They are where neighbours halve sub-steps alike, and where a field computes a part once for all points
-        in a place, as turbulence does.
-        """
-        return count > BLOCK and (self.halved or EXTERNAL in self.opcodes)
 
     def _calls(self, count: int, activity: str) -> Iterator[slice]:
         """Yield the points of each compiled call. The first call is small, and its time tells the next size.

@@ -141,13 +141,6 @@ class ExternalField(VelocityField):
         row = (float(self.block.address), time, *self.numbers(time))
         return (Instruction(op.EXTERNAL, row, self.cache_data(time), self),)
 
-    def alone(self, points: Points, time: float) -> Vectors:
-        """Return velocities (N, 3) at points (N, 3), by a direct call of its function."""
-        columns = np.ascontiguousarray(points.T, np.float64)
-        out = np.zeros_like(columns)
-        self.block(np.array(self.numbers(time) or (0.0,)), columns, time, out)
-        return out.T
-
 
 CLEARLY = 0.6
 """A parameter matters where a factor of two lowers the cost to this share."""

@@ -84,15 +84,18 @@ class Thresholds:
     @property
     def active(self) -> bool:
         """True if any of the three is a function instead of a number."""
-        three = (self.max_edge_length, self.min_edge_length, self.hard_angle)
-        return not all(isinstance(threshold, float) for threshold in three)
+        return not all(isinstance(threshold, float) for threshold in self._three)
+
+    @property
+    def _three(self) -> tuple[Threshold, Threshold | None, Threshold]:
+        return self.max_edge_length, self.min_edge_length, self.hard_angle
 
     @property
     def numbers(self) -> tuple[float, float, float]:
         """Maximum, minimum (scene units), hard angle (radians). Raises UsageError where one is a function."""
         if self.active:
             raise UsageError("active thresholds are no three numbers; ask for their fields over a mesh")
-        return cast(tuple[float, float, float], (self.max_edge_length, self.min_edge_length, self.hard_angle))
+        return cast(tuple[float, float, float], self._three)
 
     def hard_angles(self, mesh: TriangleMesh) -> float | Floats:
         """Return the hard angle, radians; (V,) for a function. Raises UsageError like `fields`."""
@@ -108,7 +111,7 @@ class Thresholds:
 
         Returns itself if nothing depends on time.
         """
-        three = (self.max_edge_length, self.min_edge_length, self.hard_angle)
+        three = self._three
         if all(t is None or isinstance(t, float) for t in three):  # known at once; a protocol is not
             return self
         now = [t.at(frame, time) if isinstance(t, Timed) else t for t in three]

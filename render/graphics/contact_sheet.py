@@ -194,6 +194,14 @@ def columns_for(count: int, size: tuple[int, int]) -> int:
     return min(range(1, count + 1), key=cost)
 
 
+def fitted_sheet(
+    heading: str, captions: Sequence[Caption], size: tuple[int, int], columns: int, bits: int = 8
+) -> tuple[ContactSheet, int]:
+    """Return a sheet for pictures of a width and height, and the whole factor that reduces them for it."""
+    factor = reduction(len(captions), columns, size)
+    return ContactSheet(heading, captions, (size[0] // factor, size[1] // factor), columns, bits), factor
+
+
 def reduction(count: int, columns: int, size: tuple[int, int]) -> int:
     """Return the whole factor that reduces pictures so that no side is much over MAX_PIXELS."""
     longest = max(columns * size[0], ceil(count / columns) * size[1])

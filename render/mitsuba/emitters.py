@@ -46,24 +46,24 @@ def _distant(lights: LightRig) -> dict[str, Any]:
 def any_in_view(
     lights: LightRig, to_scene: NDArray[np.float64], camera: Camera, size: tuple[int, int]
 ) -> bool:
-    """Tell whether a softbox may be in the picture. size: its width and height in pixels"""
-    return any(_in_view(softbox, to_scene, camera, size) for softbox in lights.softboxes)
+    """Tell whether a softbox may be in the picture: a cube around it is not all outside one side of the view.
 
-
-def _in_view(softbox: Softbox, to_scene: NDArray[np.float64], camera: Camera, size: tuple[int, int]) -> bool:
-    """Tell whether a cube around a softbox is not entirely outside one side of the view.
+    size  width and height of the picture in pixels
 
     A lens sees more than a pinhole: the view widens away from the plane in focus.
     """
-    reach = math.hypot(softbox.width, softbox.height) / 2.0
-    corners = np.array(list(itertools.product((-reach, reach), repeat=3))) + softbox.position
-    seen = (corners @ to_scene[:3, :3].T + to_scene[:3, 3] - camera.origin) @ camera.axes().T
-    right, up, depth = seen.T
-    widening = camera.lens_radius * np.abs(depth / camera.focus_distance - 1.0)
-    half_width = math.tan(camera.field_of_view / 2.0) * depth
-    across, upwards = half_width + widening, half_width * size[1] / size[0] + widening
-    outside = (right > across, right < -across, up > upwards, up < -upwards, depth < 0.0)
-    return not any(side.all() for side in outside)
+    for softbox in lights.softboxes:
+        reach = math.hypot(softbox.width, softbox.height) / 2.0
+        corners = np.array(list(itertools.product((-reach, reach), repeat=3))) + softbox.position
+        seen = (corners @ to_scene[:3, :3].T + to_scene[:3, 3] - camera.origin) @ camera.axes().T
+        right, up, depth = seen.T
+        widening = camera.lens_radius * np.abs(depth / camera.focus_distance - 1.0)
+        half_width = math.tan(camera.field_of_view / 2.0) * depth
+        across, upwards = half_width + widening, half_width * size[1] / size[0] + widening
+        outside = (right > across, right < -across, up > upwards, up < -upwards, depth < 0.0)
+        if not any(side.all() for side in outside):
+            return True
+    return False
 
 
 def _softbox(softbox: Softbox, to_scene: NDArray[np.float64]) -> dict[str, Any]:

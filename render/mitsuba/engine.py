@@ -98,7 +98,9 @@ def choose(prefer: Sequence[str] | None = None, threads: int = 0) -> Engine:
         libraries: list[LibLlvm | None] = [*llvm.candidates()] if variant == "llvm_ad_rgb" else [None]
         for library in libraries:
             if works(variant, library):
-                return Engine(variant, threads, _why(variant, library, refused), _faster(variant), library)
+                why = f"renders a sample with {library.path}" if library else "renders a sample"
+                why += f"; {', '.join(refused)} did not" if refused else ""
+                return Engine(variant, threads, why, _faster(variant), library)
         refused.append(variant)
     raise MachineError(
         f"none of {', '.join(order)} can render a sample here; run `flowsculpt doctor` or allow scalar_rgb"
@@ -159,11 +161,6 @@ def facts() -> dict[str, str]:
         "why": engine.why,
         "faster": engine.faster,
     }
-
-
-def _why(variant: str, library: LibLlvm | None, refused: list[str]) -> str:
-    chosen = f"renders a sample with {library.path}" if library else "renders a sample"
-    return chosen + (f"; {', '.join(refused)} did not" if refused else "")
 
 
 def _faster(variant: str) -> str:

@@ -22,7 +22,6 @@ class Container:
 class Encode:
     """A way to write movies. Codecs and pixel formats have FFmpeg's names.
 
-    purpose       what it is for, in a line
     pixel_format  of the file; alpha_format, for frames with coverage, which is dropped where it is None
     options       of the codec
     codec_tag     the codec's name in the container, where it is not FFmpeg's choice
@@ -31,7 +30,6 @@ class Encode:
     """
 
     name: str
-    purpose: str
     container: Container
     codec: str
     pixel_format: str
@@ -94,42 +92,26 @@ _SVT_AV1 = {"preset": "6", "crf": "20", "g": "48", "svtav1-params": "lp=2:tune=0
 _FFV1 = {"level": "3", "coder": "1", "context": "1", "slicecrc": "1", "slices": "4", "g": "1"}
 _LIBWEBP = {"quality": "90", "compression_level": "4", "loop": "0"}
 
-H264 = Encode("h264", "H.264 of 10 bits, for delivery", _MP4, "libx264", "yuv420p10le", _X264)
-REVIEW = Encode(
-    "review",
-    "H.264 of 8 bits, every frame whole: steps exactly, forwards and backwards",
-    *(_MP4, "libx264", "yuv420p", {**_X264, "g": "1", "bf": "0"}),
-)
-H265 = Encode(
-    "h265",
-    "H.265 of 10 bits, half as large; its tag hvc1 is what Apple's players ask for",
-    *(_MP4, "libx265", "yuv420p10le", _X265),
-    codec_tag="hvc1",
-    min_size=32,
-)
-PRORES4444 = Encode(
-    "prores4444",
-    "ProRes 4444 in QuickTime, for grading and compositing; with the subject's coverage as alpha",
-    *(_MOV, "prores_ks", "yuv444p10le", _PRORES),
-    alpha_format="yuva444p10le",
-)
-AV1 = Encode(
-    "av1",
-    "AV1 of 10 bits, for the web: the smallest",
-    *(_MP4, "libsvtav1", "yuv420p10le", _SVT_AV1),
-    min_size=64,
-)
-FFV1 = Encode(
-    "ffv1",
-    "FFV1 in Matroska, RGB of 16 bits, for the archive: nothing is lost, damage is noticed",
-    *(_MKV, "ffv1", "gbrp16le", _FFV1),
-)
-WEBP = Encode(
-    "webp",
-    "animated WebP, for pages: no player needed",
-    *(_WEBP, "libwebp_anim", "bgra", _LIBWEBP),
-    display="srgb",
-)
+H264 = Encode("h264", _MP4, "libx264", "yuv420p10le", _X264)
+"""H.264 of 10 bits, for delivery."""
+
+REVIEW = Encode("review", _MP4, "libx264", "yuv420p", {**_X264, "g": "1", "bf": "0"})
+"""H.264 of 8 bits, every frame whole: steps exactly, forwards and backwards."""
+
+H265 = Encode("h265", _MP4, "libx265", "yuv420p10le", _X265, codec_tag="hvc1", min_size=32)
+"""H.265 of 10 bits, half as large; its tag hvc1 is what Apple's players ask for."""
+
+PRORES4444 = Encode("prores4444", _MOV, "prores_ks", "yuv444p10le", _PRORES, alpha_format="yuva444p10le")
+"""ProRes 4444 in QuickTime, for grading and compositing; with the subject's coverage as alpha."""
+
+AV1 = Encode("av1", _MP4, "libsvtav1", "yuv420p10le", _SVT_AV1, min_size=64)
+"""AV1 of 10 bits, for the web: the smallest."""
+
+FFV1 = Encode("ffv1", _MKV, "ffv1", "gbrp16le", _FFV1)
+"""FFV1 in Matroska, RGB of 16 bits, for the archive: nothing is lost, damage is noticed."""
+
+WEBP = Encode("webp", _WEBP, "libwebp_anim", "bgra", _LIBWEBP, display="srgb")
+"""Animated WebP, for pages: no player needed."""
 
 ENCODES = {encode.name: encode for encode in (REVIEW, H264, H265, PRORES4444, AV1, FFV1, WEBP)}
 """The deliverables, by name."""

@@ -131,7 +131,7 @@ class Delivery:
         return key_of(
             DELIVER.recipe,
             [part, options.slate, list(options.burn_in.fields) if options.burn_in else None],
-            {name: value for name, value in asdict(encode).items() if name != "purpose"},
+            asdict(encode),
             audio.content if audio and encode.container.audio_codec else None,
             [str(source.rate), list(source.size), source.start, source.count],
             [source.has_coverage, source.name],

@@ -25,7 +25,7 @@ from pipeline.production.store import paths, readers
 from pipeline.production.store.store import Store
 from pipeline.production.versions.grid import OPTION, Cell, Grid, Variation
 from pipeline.shot.yaml.lookup import shown
-from render.graphics.contact_sheet import ContactSheet, columns_for, reduced, reduction
+from render.graphics.contact_sheet import columns_for, fitted_sheet, reduced
 from render.movie.codecs import H264_8_BITS
 from render.movie.encode import write_movie
 from render.post.colour import quantise, to_display
@@ -124,10 +124,8 @@ class Wedge:
         first, store = self._read[0][1], self.project.store
         size = first.quality.width, first.quality.height
         columns = self.columns or self.grid.columns or columns_for(len(self.grid), size)
-        factor = reduction(len(self.grid), columns, size)
         captions = [cell.caption for cell, _ in self._read]
-        heading, small = first.shot.heading, (size[0] // factor, size[1] // factor)
-        sheet = ContactSheet(heading, captions, small, columns, bits)
+        sheet, factor = fitted_sheet(first.shot.heading, captions, size, columns, bits)
         cells = [(request, request.picture_keys(store)) for _, request in self.requests]
         for number in numbers:
             pictures = [shown_picture(*cell, store, number, factor, bits, display) for cell in cells]
