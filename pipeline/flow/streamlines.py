@@ -120,7 +120,7 @@ class StepPlan(NamedTuple):
         under the name of the `activity`, and that Ctrl-C ends a long frame.
         """
         points = kernel_points(points)
-        # Neighbours halve sub-steps alike, and share what a field computes once for a place, as turbulence does.
+        # Neighbours halve sub-steps alike, and share what turbulence computes once for a place.
         gains_from_order = len(points) > BLOCK and (self.halved or EXTERNAL in self.opcodes)
         order = morton_order(points) if gains_from_order else None
         if order is not None:
