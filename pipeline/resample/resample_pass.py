@@ -188,7 +188,8 @@ class ResamplePass:
 
     def make_room(self) -> None:
         """Collapse short edges that only a long edge would forbid, then split that one."""
-        refused = self._refused(TOO_LONG)
+        waiting = items_of(self.changes.short_edges)
+        refused = waiting[self.changes.edge_states[waiting] == REFUSED + TOO_LONG]
         if not refused.any():
             return
         self.changes.edge_states[refused] = QUEUED
@@ -206,11 +207,6 @@ class ResamplePass:
         low, high = length_range(self.mesh.arrays, self.faces, self.changes, self.block_ranges)
         self.shortest, self.longest = math.sqrt(low), math.sqrt(high)
         self.mesh.compact(items_of(self._dead[1]), items_of(self._dead[0]))
-
-    def _refused(self, reason: int) -> Indices:
-        """Return a half-edge of each short edge that was refused for that reason."""
-        waiting = items_of(self.changes.short_edges)
-        return waiting[self.changes.edge_states[waiting] == REFUSED + reason]
 
     def _keep_to_budget(self, splits: Indices) -> None:
         """Raise FrameError where splits at these half-edges exceed the budget; some name an edge twice."""

@@ -271,13 +271,9 @@ def _position_fault(editor: PolyhedronEditor, h: int, near: _End, far: _End, sha
         if stays is None
         else {surface.face[k] for k in stays.star} - {surface.face[h], surface.face[h ^ 1]}
     )
-    faces = {surface.face[k]: None for end in (near, far) for k in end.star if surface.face[k] != OUTSIDE}
-    for f in faces:
-        if f not in unchanged:
-            fault = _face_fault(editor, f, merged, place)
-            if fault:
-                return fault
-    return ""
+    faces = dict.fromkeys(surface.face[k] for end in (near, far) for k in end.star)
+    changed = (f for f in faces if f != OUTSIDE and f not in unchanged)
+    return next(filter(None, (_face_fault(editor, f, merged, place) for f in changed)), "")
 
 
 def _face_fault(editor: PolyhedronEditor, f: int, merged: dict[int, Point], place: Point) -> str:
