@@ -76,6 +76,7 @@ COMMANDS = {
 """Commands with a line of help, by panel: each is a function in a module in `commands/`."""
 
 SHARED_MODULES = {
+    "clean": "verify",
     "curves": "figures",
     "film": "render",
     "flows": "schema",
