@@ -46,7 +46,6 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "foreign": lambda path: write_picture(path, key=OTHER),
     "of another size": lambda path: write_picture(path, size=(8, 9)),
     "not finite": lambda path: write_picture(path, value=np.nan),
-    "infinite": lambda path: write_picture(path, value=np.inf),
     "truncated": lambda path: cut(path, 0.6),
     "empty": lambda path: cut(path, 0.0),
     "no picture": lambda path: path.write_text("a picture") and None,
