@@ -14,6 +14,8 @@ import numba
 import pytest
 
 from pipeline.interruption import interruptible
+from pipeline.mesh import icosphere
+from pipeline.resample import Thresholds, resample, resample_pass
 
 pytestmark = pytest.mark.quick
 
@@ -60,3 +62,16 @@ def test_other_threads_call_it_themselves() -> None:
     other.start()
     other.join()
     assert threads == [other]
+
+
+def test_a_surface_has_the_same_bits_whether_a_thread_resamples_it_or_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ball = icosphere(6)
+    stretched = ball.with_vertices(ball.vertices * (4.0, 1.0, 0.2))
+    alone, report = resample(stretched, Thresholds(0.2))
+    monkeypatch.setattr(resample_pass, "_MANY_FACES", 0)
+    by_thread, same = resample(stretched, Thresholds(0.2))
+    assert report == same and report.splits and report.collapses
+    assert by_thread.vertices.tobytes() == alone.vertices.tobytes()
+    assert by_thread.faces.tobytes() == alone.faces.tobytes()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from pipeline.arrays import Indices, Points
 from pipeline.errors import FrameError, VertexBudgetError
+from pipeline.interruption import interruptible
 from pipeline.mesh.halfedge_mesh import WORTH_SHARING, HalfedgeMesh
 from pipeline.progress import report_progress
 from pipeline.resample.kernels.can_collapse import REASONS, TOO_LONG
@@ -34,6 +35,7 @@ from pipeline.resample.thresholds import Thresholds, TriangleShape
 from render.base.plural import plural
 
 _MAX_PLACED = 16  # rounds of splits; an edge halved that often has been stretched 65,000-fold in one frame
+_MANY_FACES = 200_000  # from which on one compiled call may take over a second
 _SLACK = 1.2  # times the maximum: the length an edge may have until `make_room` splits it
 _RINGS = (new_ring(), new_ring())
 _STACK: Indices = np.empty(MAX_STACK + 1, np.int32)
@@ -120,29 +122,37 @@ class ResamplePass:
         Raises FrameError where the vertices would exceed the budget.
         """
         self.split_long_edges()
-        self.collapse_short_edges()
-        self.relax_vertices()
-        self.make_room()
-        self.compact()
+        for step in (self.collapse_short_edges, self.relax_vertices, self.make_room, self.compact):
+            self._call(step)
         return self._report()
+
+    def _call(self, step: Callable[[], None]) -> None:
+        """Call a step; Ctrl-C ends it at once on a surface for which it may take seconds."""
+        if self.mesh.sizes[1] > _MANY_FACES:
+            interruptible(step)
+        else:
+            step()
 
     def split_long_edges(self) -> None:
         """Split, longest edges first, until no edge is too long (P25)."""
         while self.long_edges[0]:
-            room, first = int(self.long_edges[0]), int(self.mesh.sizes[0])
-            remaining, births = work_list(10 * room), work_list(BIRTH_SIZE * room)
-            order = longest_edges_first(self.mesh.arrays, self.long_edges, self.limits, remaining)
-            self._keep_to_budget(order)
-            self.mesh.reserve(len(order), 2 * len(order))
-            self.changes = changes_of(self.mesh)
-            arrays = self.mesh.arrays
-            split_edges(arrays, self.mesh.sizes, self.limits, order, remaining, births, self.changes)
-            self.splits += int(self.mesh.sizes[0]) - first
-            self.passes += 1
-            born = items_of(births).reshape(-1, BIRTH_SIZE)
-            self.mesh.enter_births(born[:, :BIRTH_HALFEDGE])
-            self.long_edges = self._place(born, remaining)
-            report_progress("resampling", int(self.mesh.sizes[0]))
+            self._call(self._split_round)
+
+    def _split_round(self) -> None:
+        room, first = int(self.long_edges[0]), int(self.mesh.sizes[0])
+        remaining, births = work_list(10 * room), work_list(BIRTH_SIZE * room)
+        order = longest_edges_first(self.mesh.arrays, self.long_edges, self.limits, remaining)
+        self._keep_to_budget(order)
+        self.mesh.reserve(len(order), 2 * len(order))
+        self.changes = changes_of(self.mesh)
+        arrays = self.mesh.arrays
+        split_edges(arrays, self.mesh.sizes, self.limits, order, remaining, births, self.changes)
+        self.splits += int(self.mesh.sizes[0]) - first
+        self.passes += 1
+        born = items_of(births).reshape(-1, BIRTH_SIZE)
+        self.mesh.enter_births(born[:, :BIRTH_HALFEDGE])
+        self.long_edges = self._place(born, remaining)
+        report_progress("resampling", int(self.mesh.sizes[0]))
 
     def _place(self, births: Indices, remaining: Indices) -> Indices:
         """Move the new vertices to where the placement has them; return the edges that are then too long."""

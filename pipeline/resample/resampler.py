@@ -14,7 +14,6 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Points, Vectors
 from pipeline.errors import UsageError
-from pipeline.interruption import interruptible
 from pipeline.mesh.halfedge_mesh import HalfedgeMesh
 from pipeline.mesh.identity import Register
 from pipeline.mesh.triangle_mesh import TriangleMesh
@@ -140,9 +139,6 @@ class Resampler:
         Raises FrameError where a vertex is not finite or the vertices would exceed the budget; the surface is
         then still sound. Ctrl-C ends it at once and leaves the surface unusable.
         """
-        return interruptible(self._resample)
-
-    def _resample(self) -> Report:
         if self._mesh.register is not None:
             self._mesh.register.begin()
         this_pass = self._pass(self.thresholds)
