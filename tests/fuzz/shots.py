@@ -134,50 +134,13 @@ def written(value: Any) -> str:
     return json.dumps(value)
 
 
-_PIECES = (
-    *(
-        b":",
-        b": ",
-        b"- ",
-        b"{",
-        b"}",
-        b"[",
-        b"]",
-        b"'",
-        b'"',
-        b"#",
-        b"&a ",
-        b"*a",
-        b"!!python/name:os.system ",
-        b"|\n",
-    ),
-    *(
-        b"\t",
-        b"\x00",
-        b"\xff",
-        b"\xef\xbb\xbf",
-        b"\xe2\x80\xa8",
-        b"---\n",
-        b"...\n",
-        b"? ",
-        b"<<: *a",
-        b"%YAML 1.1\n",
-    ),
-    *(
-        b"nan",
-        b"1e999",
-        b".inf",
-        b"null",
-        b"[]",
-        b"{}",
-        b"0x1F",
-        b"1_000",
-        b"9" * 5000,
-        b"(" * 200,
-        b"[" * 3000,
-        b"- " * 300,
-    ),
+_PIECES = tuple(
+    rb"""
+: |- |{|}|[|]|'|"|#|&a |*a|? |<<: *a|nan|1e999|.inf|null|[]|{}|0x1F|1_000|!!python/name:os.system |%YAML 1.1
+""".strip().split(b"|")
 )
+_PIECES += (b"\t", b"\x00", b"\xff", b"\xef\xbb\xbf", b"\xe2\x80\xa8", b"---\n", b"...\n", b"|\n", b"&a [*a]")
+_PIECES += (b"9" * 5000, b"(" * 200, b"[" * 3000, b"- " * 300)
 
 
 def mutated(rng: random.Random, content: bytes) -> bytes:

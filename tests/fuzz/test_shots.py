@@ -25,6 +25,8 @@ PAST = {
     "a size without brackets": f"{HEAD}subject: {{solid: lattice, size: 2}}",
     "an empty pattern": f"{BOX}look: {{material: clay, pigment: {{marble: }}}}",
     "a handle of lists": BOX + "flows: [twist: {amount: {keys: {1: {value: 1, right: [1, [[2]]]}}}}]",
+    "an infinite frame": "title: A\nframes: [.inf]\nresample: off\nsubject: {solid: box}",
+    "a handle of one number": BOX + "flows: [twist: {amount: {keys: {1: {value: 1, right: {1: 2}}}}}]",
     "an infinite count": f"{BOX}substeps: .inf",
     "a line of one word": f"{BOX}camera: [{'a' * 100_000} {{",
     "a list as a name": f"{BOX}? [a, [b]]\n: 1\n",

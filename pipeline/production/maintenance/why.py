@@ -28,7 +28,8 @@ from pipeline.production.stages import STAGES
 from pipeline.production.store.history import History
 from pipeline.production.store.paths import PLANS
 from pipeline.production.store.store import Key, Store
-from pipeline.shot.yaml.inheritance import OPTION, inherited
+from pipeline.shot.yaml.inheritance import inherited
+from pipeline.shot.yaml.settings import OPTION
 from pipeline.shot.yaml.source import YamlSource
 from render.base.errors import RenderError
 from render.base.serialise import from_plain

@@ -1,6 +1,7 @@
 """The layout of shot files and of film files, which are edits."""
 
 import hashlib
+import math
 import re
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -215,7 +216,8 @@ def _first_and_last(value: Any) -> Any:
     numbers = (
         list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else [value]
     )
-    whole = [int(number) for number in numbers if is_number(number) and number == int(number)]
+    numbers = [number if is_number(number) and math.isfinite(number) else 0.5 for number in numbers]
+    whole = [int(number) for number in numbers if number == int(number)]
     if len(whole) != len(numbers) or len(whole) not in (1, 2):
         raise finding("frames has no first and last frame. Write it as 1-48.")
     first, last = (1, whole[0]) if len(whole) == 1 else whole
@@ -285,7 +287,7 @@ def _frame_count(value: Any) -> Any:
     seconds = float(value) if isinstance(value, float) else None
     if isinstance(value, str) and value.endswith("s"):
         seconds = number_in(value)
-    if seconds:
+    if seconds and math.isfinite(seconds):
         raise bad_value(
             f"{value} is no count of frames. Write {round(24 * seconds)} for {seconds:g} s at 24 a second."
         )
