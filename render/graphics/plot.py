@@ -167,19 +167,20 @@ def _draw_curves(axes: Axes, curves: Curves) -> None:
                 zorder=5,
             )
         if several:
-            axes.annotate(
-                "xyz"[k],
-                (1.0, float(curves.values[-1, k])),
-                xycoords=("axes fraction", "data"),
-                xytext=(7 + 8 * k, 0),
-                textcoords="offset points",
-                color=pen,
-                va="center",
-                size=8.5,
-            )
+            _label(axes, "xyz"[k], float(curves.values[-1, k]), 7 + 8 * k, color=pen, size=8.5)
     low, high = float(np.nanmin(curves.values)), float(np.nanmax(curves.values))
     room = 0.12 * (high - low) if high > low else max(1.0, abs(high))
     axes.set_ylim(low - room, high + room)
+
+
+def _label(axes: Axes, text: str, value: float, points: float, **style: Any) -> None:
+    """Write a text beside a panel at the height of a value, some points from its right edge."""
+    place: dict[str, Any] = {
+        "xycoords": ("axes fraction", "data"),
+        "textcoords": "offset points",
+        "va": "center",
+    }
+    axes.annotate(text, (1.0, value), xytext=(points, 0), **place, **style)
 
 
 def _draw_heat_map(axes: Axes, heat: HeatMap) -> None:
@@ -195,16 +196,7 @@ def _draw_heat_map(axes: Axes, heat: HeatMap) -> None:
     axes.grid(visible=False)
     for value, word in heat.levels:
         axes.axhline(value, color=PENS[0], linewidth=0.8, linestyle=(0, (4, 3)))
-        axes.annotate(
-            word,
-            (1.0, value),
-            xycoords=("axes fraction", "data"),
-            xytext=(4, 0),
-            textcoords="offset points",
-            size=7.5,
-            color=PENS[0],
-            va="center",
-        )
+        _label(axes, word, value, 4, color=PENS[0], size=7.5)
     if heat.line is not None:
         axes.plot(heat.frames, heat.line, color=PENS[0], linewidth=1.4)
 

@@ -209,7 +209,11 @@ def _cache_file(variant: str, library: LibLlvm | None) -> Path:
     return cache_path("engine", parts)
 
 
-def _render_one_sample(variant: str, library: LibLlvm | None) -> bool:
+def probe(arguments: Sequence[str]) -> int:
+    """Probe in this process: VARIANT [LIBRARY DEPENDENCY…]. Return 0 if a sample is brighter than black."""
+    variant, *files = arguments
+    paths = [Path(file) for file in files]
+    library = LibLlvm(paths[0], tuple(paths[1:])) if paths else None
     Engine(variant, threads=1, llvm=library).start()
     import mitsuba as mi
     import numpy as np
@@ -228,15 +232,7 @@ def _render_one_sample(variant: str, library: LibLlvm | None) -> bool:
         },
         parallel=False,
     )
-    return float(np.array(mi.render(scene, spp=1, seed=1)).mean()) > 0.0
-
-
-def probe(arguments: Sequence[str]) -> int:
-    """Probe in this process: VARIANT [LIBRARY DEPENDENCY…]. Return 0 if a sample is brighter than black."""
-    variant, *files = arguments
-    paths = [Path(file) for file in files]
-    library = LibLlvm(paths[0], tuple(paths[1:])) if paths else None
-    return 0 if _render_one_sample(variant, library) else 1
+    return 0 if float(np.array(mi.render(scene, spp=1, seed=1)).mean()) > 0.0 else 1
 
 
 if __name__ == "__main__":
