@@ -175,12 +175,8 @@ def _draw_curves(axes: Axes, curves: Curves) -> None:
 
 def _label(axes: Axes, text: str, value: float, points: float, **style: Any) -> None:
     """Write a text beside a panel at the height of a value, some points from its right edge."""
-    place: dict[str, Any] = {
-        "xycoords": ("axes fraction", "data"),
-        "textcoords": "offset points",
-        "va": "center",
-    }
-    axes.annotate(text, (1.0, value), xytext=(points, 0), **place, **style)
+    place: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
+    axes.annotate(text, (1.0, value), xytext=(points, 0), va="center", **place, **style)
 
 
 def _draw_heat_map(axes: Axes, heat: HeatMap) -> None:

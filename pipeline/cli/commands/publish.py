@@ -62,14 +62,13 @@ def publish(
         "frames": len(request.angles),
         "published_before": done.before,
     }
-    print_result(_published(request.name, len(request.angles), done, common.dry_run), facts, common.json)
-
-
-def _published(shot: str, frames: int, done: Any, dry: bool) -> str:
+    files = f"{plural(len(request.angles), 'frame')} and the movie, in {done.folder}"
+    message = f"{request.name} {done.version}: {common.done('published')}, {files}"
     if done.before:
-        return f"{shot} is already published as {done.version}, with the same frames: {done.folder}"
-    verb = "would be published" if dry else "published"
-    return f"{shot} {done.version}: {verb}, {plural(frames, 'frame')} and the movie, in {done.folder}"
+        message = (
+            f"{request.name} is already published as {done.version}, with the same frames: {done.folder}"
+        )
+    print_result(message, facts, common.json)
 
 
 def versions(
