@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from pipeline.errors import FlowsculptError, ShotError
+from pipeline.errors import FlowsculptError, MissingInputError, ShotError
+from pipeline.production.request.lookup import find_shot
 from pipeline.shot import read_shot
 from pipeline.shot.yaml.source import DEEPEST, MOST_VALUES
 from tests.fuzz.shots import SHOT_FILES, fault_of, faults
@@ -90,3 +91,13 @@ def test_any_text_can_stand_in_the_defaults(tmp_path: Path, text: str) -> None:
         read_shot(tmp_path / "a.yaml", BOX)
     except FlowsculptError as error:
         assert "fault of its own" not in str(error)
+
+
+def test_a_pipe_in_place_of_a_shot_is_told_and_not_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "shots").mkdir()
+    os.mkfifo(tmp_path / "shots" / "A010.yaml")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(MissingInputError, match="a named pipe"):
+        find_shot("A010")

@@ -43,7 +43,8 @@ def status(
         except FlowsculptError as error:
             errors.append(error)
             print_error(str(error))
-    _report(rows, common.json)
+    if rows or common.json or not errors:
+        _report(rows, common.json)
     exit_with(max((error.exit_code for error in errors), default=0))
 
 

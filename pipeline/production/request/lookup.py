@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pipeline.errors import MissingInputError, UsageError
 from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, is_there, name_fault, shown
+from render.base.input_files import kind_of_path
 
 SHOTS = Path("shots")
 FILM = SHOTS / "film.yaml"
@@ -44,6 +45,10 @@ def find_shot(name: str) -> Path:
     _require_name(path, "shot")
     if is_there(path):
         return path
+    if kind := kind_of_path(path):
+        raise MissingInputError(
+            f"{shown(path)}: it is {kind}; a shot is a regular file. Remove or rename it."
+        )
     if path == Path(name):
         hint = f"did you mean {path.stem}?" if path.stem in shot_names() else "flowsculpt new makes one"
         raise MissingInputError(f"{shown(name)}: no such shot file; {hint}")
