@@ -13,6 +13,9 @@ from pipeline.errors import UsageError, brief, shortened
 MOST_FRAMES = 100_000
 """Frames in one range: over an hour at 24 frames per second."""
 
+MOST_CHARACTERS = 4000
+"""Length of a range's text; its grammar takes long on more."""
+
 SLOWEST, FASTEST = Fraction(1, 10), Fraction(1000)
 """Frames per second."""
 
@@ -33,7 +36,7 @@ class FrameRange:
 
         such_as  ranges that the message proposes where the text is none and means none that is known
         """
-        if _reach(text) > MOST_FRAMES:
+        if len(text) > MOST_CHARACTERS or _reach(text) > MOST_FRAMES:
             raise UsageError(
                 f"{shortened(text)} reaches over more than {MOST_FRAMES} frames; cut it in parts"
             )

@@ -39,6 +39,8 @@ PAST = {
     "round brackets without end": f"{BOX}flows: [{'(, ' * 3000}]",
     "a value of 100 kB": f"{BOX}look: {'a' * 100_000}",
     "a name of 100 kB": f"{BOX}{'a' * 100_000}: 1",
+    "two words of 50 kB": f"{HEAD}subject: {{solid: box, size: '{'a' * 50_000} {'a' * 50_000}'}}",
+    "a number far from its unit": f"{BOX}substeps: '1{' ' * 100_000}!'",
     "a formula of 100 kB": f"{BOX}speed: {{formula: {'x' * 100_000}}}",
     "one mistake a thousand times": f"{BOX}flows: [{'{twst: {amount: 1}}, ' * 1000}]",
     "a thousand unknown names": BOX + "".join(f"nmae{i}: 1\n" for i in range(1000)),

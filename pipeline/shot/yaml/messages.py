@@ -30,6 +30,9 @@ _NUMBER = re.compile(
     r"\s*(?:f/)?([-+]?(?:\d[\d_]*(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?)\s*([^\W\d][\w/²³]*|%|°)?\s*"
 )
 
+_MOST_READ = 500
+"""Characters of a text that are searched for what it means: patterns take long on more."""
+
 _FACTORS = {"%": 0.01, "k": 1e3, "K": 1e3, "M": 1e6}
 """Endings of numbers that change their value; others are units."""
 
@@ -64,7 +67,7 @@ def problems_of(
 
 def number_in(text: str) -> float | int | None:
     """Return the number in a text with a unit, a percent sign or a decimal comma; None if there is none."""
-    match = _NUMBER.fullmatch(text)
+    match = _NUMBER.fullmatch(text) if len(text) <= _MOST_READ else None
     if not match:
         return None
     value = float(match[1].replace(",", ".").replace("_", "")) * _FACTORS.get(match[2] or "", 1.0)
@@ -75,9 +78,11 @@ def number_in(text: str) -> float | int | None:
 
 def list_in(text: str) -> str | None:
     """Return the list that a text means, such as `(1, 2, 3)`, `1 2 3` or `x, y`; None if it means none."""
+    if len(text) > _MOST_READ:
+        return None
     inner = re.fullmatch(r"\s*[\[(](.*)[\])]\s*", text)
     words = text.split()
-    if len(words) > 1 and all(re.fullmatch(r"\w*[a-zA-Z]\w*\d\w*", word) for word in words):  # names of shots
+    if len(words) > 1 and all(word.isidentifier() and re.search(r"\d", word) for word in words):  # shots
         return f"[{', '.join(words)}]"
     if "," in text:
         return f"[{inner[1] if inner else text.strip()}]"
@@ -122,6 +127,7 @@ def _in_file(source: YamlSource, loc: Where) -> Where:
 
 def _message(details: ErrorDetails, where: Where, source: YamlSource, document: type[BaseModel]) -> str:
     kind, value, context = details["type"], details["input"], details.get("ctx", {})
+    value = value[:_MOST_READ] if isinstance(value, str) else value
     name = dotted(source.written_path(where))
     if kind == "finding":
         return str(context["text"])
