@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
+from types import FrameType
 from typing import Annotated, Any
 
 import typer
@@ -180,9 +181,22 @@ def keep_freed_memory() -> None:
     bytes(2**25 - 2**14)
 
 
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that interrupt a command: of a user, a farm or service manager, and a terminal that is closed."""
+
+
+def _interrupt_once(number: int, frame: FrameType | None) -> None:
+    """Interrupt this process, and let no further signal disturb how it ends its jobs and says so."""
+    for other in SIGNALS:
+        signal.signal(other, signal.SIG_IGN)
+    raise KeyboardInterrupt
+
+
 def main() -> None:
     """Run the command line. Errors that a user can mend are told without a traceback."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # farms and service managers end jobs by it
+    for number in SIGNALS:
+        if signal.getsignal(number) != signal.SIG_IGN:  # as under nohup, and in the background of a script
+            signal.signal(number, _interrupt_once)
     keep_freed_memory()
     try:
         command_line()()

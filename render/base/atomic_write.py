@@ -80,6 +80,8 @@ def disk_errors(path: Path) -> Iterator[None]:
 def machine_error(path: Path, error: OSError, verb: str = "written") -> MachineError:
     """Return the error of a path, which the operating system refused to have written, or read."""
     fact = REMEDIES.get(error.errno or 0) or os.strerror(error.errno or errno.EIO)
+    if error.errno == errno.ENOENT:
+        fact = "its folder was removed meanwhile; run again to make it again"
     return MachineError(f"{path}: cannot be {verb}: {fact}")
 
 

@@ -121,6 +121,7 @@ def _run_rounds(
         outcome.restored += outcome.plan.restore_links(Store(root))
         if not (outcome.plan.jobs and hopeful):
             return
+        outcome.plan = outcome.plan.named_last(root)
         events = _execute(outcome.plan, root, policy.cores, watch, profile, patience)
         outcome.runs.append(outcome.plan.name)
         outcome.events += events
@@ -151,6 +152,9 @@ def _execute(
     events = list(EventReader(log).new())
     if well or {"fail", "healed", "hung", "killed"} & {event["event"] for event in events}:
         return events
+    if not (root / plan.file).exists():
+        message = f"{plan.file}, by which the jobs work, was deleted; what is left is planned anew"
+        return [*events, {"event": "healed", "message": message}]
     return events + _unexplained(events, root, snakemake.log_of(plan))
 
 

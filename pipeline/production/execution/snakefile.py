@@ -178,6 +178,7 @@ class PlannedWorkflow:
             summarise(self._root)
             for target in filter(_FRAME.fullmatch, settings.targets):
                 _unprotect(self._root / target)
+            plan = plan.named_last(self._root)
             plan.freeze(self._root)
             arguments = workflow.config_settings
             arguments.config_args = [*(arguments.config_args or ()), f"plan={plan.file}"]

@@ -14,6 +14,7 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import datetime, timedelta
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,6 +24,7 @@ from pipeline.production.planning.timings import MeasuredResources
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import STAGES
+from pipeline.production.store.event_log import logs_of
 from pipeline.production.store.locks import lock_name
 from pipeline.production.store.paths import DONE, PLANS
 from pipeline.production.store.store import Key, Store
@@ -31,6 +33,9 @@ from render.base.serialise import NOT_PLAIN, from_plain, to_plain
 
 if TYPE_CHECKING:
     from pipeline.production.planning.profile import Share
+
+TIME_FORMAT = "%Y%m%d-%H%M%S"
+"""How names of plans tell when they were made: in an order that sorting keeps."""
 
 MAX_BATCH = 256
 """Frames a process renders at most before it gives its memory back."""
@@ -113,8 +118,22 @@ class Plan:
     measured: Mapping[int, MeasuredResources] = field(default_factory=dict)
     force: tuple[str, ...] = ()
     farm: bool = False
-    name: str = field(default_factory=lambda: time.strftime("%Y%m%d-%H%M%S-") + str(os.getpid()))
+    name: str = field(default_factory=lambda: f"{time.strftime(TIME_FORMAT)}-{os.getpid()}")
     host: str = field(default_factory=platform.node)
+
+    def named_last(self, root: Path) -> Plan:
+        """Return the plan under a name after those of all runs under `root`, whatever the clock was set to.
+
+        Histories and reports sort runs by their names.
+        """
+        latest = max((log.stem for log in logs_of(root)), default="")
+        if self.name > latest:
+            return self
+        try:
+            when = datetime.strptime(latest[:15], TIME_FORMAT) + timedelta(seconds=1)
+        except ValueError:  # of somebody else
+            return self
+        return replace(self, name=f"{when.strftime(TIME_FORMAT)}-{os.getpid()}")
 
     def restore_links(self, store: Store) -> int:
         """Show again what the store holds but a folder has lost; return how many links were made."""

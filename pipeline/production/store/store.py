@@ -21,6 +21,7 @@ import json
 import os
 import platform
 import shutil
+import tempfile
 import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator
@@ -224,15 +225,24 @@ class Store:
         Those are drafts of dead processes of this host, and old ones of other hosts: a farm's nodes may be at
         work though nobody holds the root's lock. A checkpoint goes when its picture is done, or it is old.
         """
+        now = self._disk_time()
         with contextlib.suppress(OSError):
             for path in sorted(self.scratch.iterdir()):
-                if _left_behind(path):
+                if _left_behind(path, now):
                     path.unlink(missing_ok=True)
-        oldest = time.time() - KEPT_CHECKPOINT
+        oldest = now - KEPT_CHECKPOINT
         for path in self._checkpoints():
             with contextlib.suppress(OSError):
                 if self.holds("raw", path.stem.rpartition(".")[2]) or path.stat().st_mtime < oldest:
                     path.unlink()
+
+    def _disk_time(self) -> float:
+        """Return the time by the clock that dates files, which may be a file server's."""
+        try:
+            with tempfile.TemporaryFile(dir=self.scratch) as file:
+                return os.fstat(file.fileno()).st_mtime
+        except OSError:
+            return time.time()
 
     def checkpoint(
         self, target: Path, key: Key, warn: Callable[[str], None], urgent: Callable[[], bool]
@@ -274,12 +284,12 @@ def _checkpoint_name(target: Path) -> str:
     return "+".join(target.with_suffix("").parts[1:])
 
 
-def _left_behind(draft: Path) -> bool:
+def _left_behind(draft: Path, now: float) -> bool:
     host, _, rest = draft.name.lstrip(".").partition("+")  # a writer's own draft of it begins with a point
     number = rest.partition("+")[0]
     if host == platform.node() and number.isdecimal():
         return int(number) == os.getpid() or not _lives(int(number))
-    return not number or time.time() - draft.stat().st_mtime > OLD_DRAFT
+    return not number or now - draft.stat().st_mtime > OLD_DRAFT
 
 
 def _lives(process: int) -> bool:

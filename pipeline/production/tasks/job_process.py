@@ -19,7 +19,7 @@ SERVER = "FLOWSCULPT_JOB_SERVER"
 NUMBER = struct.Struct("<i")
 """An answer of the server: the id of the forked process, and then its end, as `Popen.returncode` has it."""
 
-_PASSED_ON = (signal.SIGINT, signal.SIGTERM, signal.SIGTSTP, signal.SIGCONT)
+_PASSED_ON = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP, signal.SIGCONT)
 
 
 def main(words: list[str]) -> int:

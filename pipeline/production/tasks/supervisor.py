@@ -28,7 +28,8 @@ from pipeline.production.tasks.job import ENVIRONMENT, Context
 
 CRASHES = {signal.SIGABRT, signal.SIGSEGV, signal.SIGILL, signal.SIGBUS, signal.SIGFPE}
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that end a job: of a user, a farm, and a terminal that is closed."""
 
 INTERRUPTED = 130
 

@@ -27,6 +27,7 @@ from pipeline.production.store.locks import of_key, writing
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.supervisor import (
     RESTART_WORKER,
+    SIGNALS,
     MemoryLimitError,
     Supervisor,
     fall_back_to_other_variant,
@@ -55,7 +56,7 @@ def main(
     process  the process that stands for this one (see `job_server`), by default this one
     """
     root, process = Path.cwd(), process or os.getpid()
-    for number in (signal.SIGINT, signal.SIGTERM):  # the second is what a farm sends first
+    for number in SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _interrupt_once)
     context = Context.of(root, Plan.thaw(root / plan_path), job_name)
@@ -142,7 +143,7 @@ def _limit_kernels(threads: int) -> None:
 
 def _interrupt_once(number: int, frame: FrameType | None) -> None:
     """Interrupt this process once: a signal often comes by several ways, and may not disturb cleaning up."""
-    for other in (signal.SIGINT, signal.SIGTERM):
+    for other in SIGNALS:
         signal.signal(other, signal.SIG_IGN)
     raise KeyboardInterrupt
 
