@@ -42,6 +42,9 @@ flows:
 camera: {azimuth: -30, elevation: 14}
 """
 
+HOSTILE = 'it\'s "{shot}" of $HOME; ünï 日本 & 50% (b) [c] \\d'
+"""A folder's name that shells, formats, patterns and addresses could each take for something else."""
+
 FILM = """\
 title: Tiny
 subtitle: six frames
@@ -128,7 +131,7 @@ def project(tmp_path: Path) -> ProjectFolder:
 @pytest.fixture(scope="session")
 def finished_project(tmp_path_factory: pytest.TempPathFactory) -> ProjectFolder:
     """A project whose film is made at draft quality; tests work on copies of it."""
-    made = _new_project(tmp_path_factory.mktemp("finished"))
+    made = _new_project(tmp_path_factory.mktemp("finished") / HOSTILE)
     done = made.run("film", "-q", "draft")
     assert done.code == 0, done.err
     return made
@@ -137,11 +140,11 @@ def finished_project(tmp_path_factory: pytest.TempPathFactory) -> ProjectFolder:
 @pytest.fixture
 def finished(finished_project: ProjectFolder, tmp_path: Path) -> ProjectFolder:
     """A copy of a finished project. Links have become copies, as on a file system without them."""
-    return finished_project.copy(tmp_path / "studio")
+    return finished_project.copy(tmp_path / HOSTILE)
 
 
 def _new_project(path: Path) -> ProjectFolder:
-    (path / "shots").mkdir()
+    (path / "shots").mkdir(parents=True)
     (path / "shots" / "T010_tiny.yaml").write_text(TINY)
     (path / "shots" / "film.yaml").write_text(FILM)
     return ProjectFolder(path)

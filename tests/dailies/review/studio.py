@@ -28,8 +28,12 @@ from tests.conftest import commanded
 
 NAME = "T010_tiny"
 LAST, MISSING, FAILED = 24, 17, 9
+TITLE = "A box </script><script>window.attacked = 1</script><img src=x onerror='window.attacked = 1'>"
+FAULT = f"a lamp fell over {TITLE}"
+"""A title and a message that attack the page."""
+
 SHOT = f"""\
-title: A box, twisted
+title: "{TITLE}"
 frames: 1-{LAST}
 subject: {{solid: box, size: [2, 2, 2]}}
 resample: {{max_edge_length: 0.5}}
@@ -87,7 +91,7 @@ def furnish(root: Path) -> Desk:
     hang(desk, request, there, dark)
     hang(desk, desk.request("daily.scale50"), request.angles, bright)
     log = EventLog(root / EVENTS / "20260101-000000-1.jsonl", "render_0000")
-    log.write("fail", stage="render", shot=NAME, quality="draft", frame=FAILED, message="a lamp fell over")
+    log.write("fail", stage="render", shot=NAME, quality="draft", frame=FAILED, message=FAULT)
     wedge = Wedge(project, root / "shots" / f"{NAME}.yaml", Grid.parse(["look=chrome,glaze"]), "draft", "1-4")
     _done(root, surfaces(project, wedge.requests[0][1]))
     for (_, cell), paint in zip(wedge.requests, (dusky, bright), strict=True):

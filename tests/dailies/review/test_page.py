@@ -99,6 +99,7 @@ def opened(tab: Tab, desk: Desk, tmp_path: Path) -> Iterator[Opened]:
         return looker
 
     yield open_page
+    assert tab.evaluate("window.attacked") is None, "titles and messages are text"
     for name, listener in listeners.items():
         tab.remove_listener(name, listener)
     assert [each for each in complaints if "GPU stall" not in each] == []  # reading a WebGL canvas back

@@ -20,7 +20,7 @@ from pipeline.dailies.review.page import tabled
 from pipeline.dailies.review.view_3d import as_script
 from pipeline.mesh import TriangleMesh, box, icosphere
 from render.post.image import read_png
-from tests.dailies.review.studio import FAILED, LAST, MISSING, NAME, Desk, number_in
+from tests.dailies.review.studio import FAILED, FAULT, LAST, MISSING, NAME, TITLE, Desk, number_in
 
 
 @pytest.fixture(autouse=True)
@@ -55,7 +55,7 @@ def test_a_page_has_what_was_rendered_and_the_cells_of_wedges(desk: Desk) -> Non
     assert labels == ["daily.scale50", "draft", "look chrome · draft", "look glaze · draft"]
     draft = data["sequences"][1]
     assert draft["states"] == {
-        str(FAILED): ["failed", "a lamp fell over"],
+        str(FAILED): ["failed", FAULT],
         str(MISSING): ["missing", "it is not rendered"],
     }
     assert [bool(name) for name in draft["files"]] == [n not in (FAILED, MISSING) for n in range(1, LAST + 1)]
@@ -117,6 +117,16 @@ def test_a_quality_alone_can_be_shown_and_a_page_be_named(copy: Desk) -> None:
     sequences = data_of(copy, "monday")["sequences"]
     assert [each["label"] for each in sequences] == ["daily.scale50"]
     assert all(name.endswith(".png") for name in sequences[0]["files"])
+
+
+def test_data_of_a_page_contain_no_tag_and_the_page_runs_its_own_scripts_alone(desk: Desk) -> None:
+    folder = desk.page().parent
+    assert TITLE in data_of(desk)["shots"][NAME]["title"]
+    assert all("<" not in script.read_text() for script in (folder / "data.js", *folder.glob("models/*.js")))
+    policy = re.search(r'Content-Security-Policy" content="([^"]+)"', (folder / "index.html").read_text())
+    assert policy and policy[1].startswith("default-src 'none'; script-src 'self'")
+    assert "unsafe" not in policy[1] and "http" not in policy[1]
+    assert not re.search(r"<script>|\bon\w+=|javascript:", (folder / "index.html").read_text())
 
 
 def test_the_page_needs_nothing_beside_its_folder(desk: Desk) -> None:
