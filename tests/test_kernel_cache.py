@@ -211,3 +211,19 @@ def test_a_folder_that_others_could_have_filled_is_not_trusted(
     folder = folder_now()
     assert folder.parent == tmp_path and folder.name.startswith("flowsculpt-kernels-")
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+
+
+def test_a_full_disk_costs_time_and_no_result(tmp_path):
+    file = tmp_path / "twice.py"
+    file.write_text(
+        "import resource\n"
+        "from render.base.kernel_cache import compiled\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (10, resource.RLIM_INFINITY))\n"
+        "@compiled()\n"
+        "def twice(number):\n"
+        "    return 2 * number\n"
+        "assert twice(21) == 42 and twice(1.5) == 3.0\n"
+    )
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    done = subprocess.run([sys.executable, file], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

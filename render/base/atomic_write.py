@@ -91,7 +91,7 @@ def cannot_write(path: Path, draft: Path, reason: str) -> MachineError:
     What the operating system refuses is found out by writing more to the draft.
     """
     try:
-        with draft.open("ab", buffering=0) as file:
+        with draft.open("ab") as file:
             file.write(bytes(PROBE))
     except OSError as error:
         return machine_error(path, error)

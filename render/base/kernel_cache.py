@@ -15,13 +15,14 @@ import re
 import stat
 import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 import platformdirs
-from numba.core.caching import UserProvidedCacheLocator
+from numba.core.caching import Cache, UserProvidedCacheLocator
 
 import render
 
@@ -51,6 +52,7 @@ def use_kernel_cache() -> None:
     """Have numba file what it compiles from now on in `cache_folder`, as `KernelCacheLocator` says."""
     numba.config.CACHE_DIR = str(cache_folder())
     numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{KernelCacheLocator.__name__}"
+    Cache._guard_against_spurious_io_errors = lambda self: suppress(OSError)  # a full disk stores none
 
 
 class KernelCacheLocator(UserProvidedCacheLocator):  # type: ignore[misc]  # numba has no types

@@ -15,7 +15,7 @@ from pipeline.errors import UsageError
 from pipeline.production.execution import openjd as job_description
 from pipeline.production.execution.project import Project
 from pipeline.production.request.lookup import FILM, find_edit
-from render.base.atomic_write import disk_errors
+from render.base.atomic_write import atomic_write, disk_errors
 from render.base.plural import plural
 from render.scene.quality import DEFAULT_QUALITY
 
@@ -106,7 +106,7 @@ def _job(
             output.parent.mkdir(parents=True, exist_ok=True)
             common.root.mkdir(parents=True, exist_ok=True)  # a worker that does not see it says so
             plan.write(beside)
-            with output.open("w", encoding="utf-8") as file:
+            with atomic_write(output) as draft, draft.open("w", encoding="utf-8") as file:
                 yaml = YAML()
                 yaml.width = 100
                 yaml.dump(made, file)

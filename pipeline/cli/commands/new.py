@@ -25,7 +25,7 @@ from pipeline.shot.model_template import model_template
 from pipeline.shot.show_template import FIRST_SHOT, SHARED, show_files, without_shared
 from pipeline.shot.templates import FLOW_FILES, SCHEMA, presets, shot_of_flow, shot_of_shot
 from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, name_fault
-from render.base.atomic_write import disk_errors
+from render.base.atomic_write import atomic_write, disk_errors
 
 MODELS = "models"
 """Folder in shots/ for copies of models."""
@@ -108,8 +108,8 @@ def new(
         with disk_errors(path):
             write_schemas(SHOTS)
             for file, write in shot.beside.items():
-                file.parent.mkdir(parents=True, exist_ok=True)
-                write(file)
+                with atomic_write(file) as draft:
+                    write(draft)
             _write_text(path, _SHOT_SCHEMA + shot.text)
     for remark in shot.remarks:
         print_warning(remark)
@@ -231,7 +231,8 @@ def _show_words(common: Common, folder: Path, written: list[Path], kept: list[Pa
 
 
 def _write_text(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
+    with atomic_write(path) as draft:
+        draft.write_text(text, encoding="utf-8")
 
 
 def _shots_in(folder: Path) -> list[str]:

@@ -25,7 +25,7 @@ from pipeline.shot.documents.reference import (
 )
 from pipeline.shot.yaml.lookup import DEFAULTS
 from pipeline.shot.yaml.source import YamlSource
-from render.base.atomic_write import disk_errors
+from render.base.atomic_write import atomic_write
 
 SCHEMAS = Path(".schema")
 """The folder beside shots with the schemas by which editors check them."""
@@ -49,9 +49,8 @@ def schema(
         print_result(_as_text(content), content, common.json)
         return
     if not common.dry_run:
-        with disk_errors(output):
-            output.parent.mkdir(parents=True, exist_ok=True)
-            output.write_text(_as_text(content), encoding="utf-8")
+        with atomic_write(output) as draft:
+            draft.write_text(_as_text(content), encoding="utf-8")
     print_result(f"{output}: {common.done('written')}.", {"path": str(output)}, common.json)
 
 
@@ -61,7 +60,8 @@ def write_schemas(folder: Path) -> None:
     for kind in KINDS:
         file, text = folder / SCHEMAS / f"{kind}.json", _as_text(_schema_of(kind, folder))
         if not file.is_file() or file.read_text(encoding="utf-8") != text:
-            file.write_text(text, encoding="utf-8")
+            with atomic_write(file) as draft:
+                draft.write_text(text, encoding="utf-8")
 
 
 def _schema_of(kind: str, folder: Path) -> dict[str, Any]:

@@ -66,7 +66,7 @@ def refusal(root: Path, log: Path) -> str | None:
         if int(number) in REMEDIES:
             return str(machine_error(root / path, OSError(int(number), "")))
     try:
-        with disk_errors(root / STATE), TemporaryFile(dir=root / STATE, buffering=0) as file:
+        with disk_errors(root / STATE), TemporaryFile(dir=root / STATE) as file:
             file.write(bytes(PROBE))
     except MachineError as error:
         return str(error)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from pipeline.errors import MachineError
 from pipeline.production.store.paths import STATE
-from render.base.atomic_write import disk_errors
+from render.base.atomic_write import atomic_write
 from render.mitsuba.engine import DEFAULT_ORDER, choose, works
 
 ON_GPU = "cuda_ad_rgb"
@@ -60,9 +60,8 @@ def avoid(root: Path, shot: str, variant: str, reason: str) -> bool:
     """Remember that a variant failed on a shot; return True if another is left to try."""
     path = _memory(root, shot)
     known = {**_avoided(root, shot), variant: reason}
-    with disk_errors(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps({"mitsuba": version("mitsuba"), "avoid": known}))
+    with atomic_write(path) as draft:
+        draft.write_text(json.dumps({"mitsuba": version("mitsuba"), "avoid": known}))
     return any(v not in known for v in DEFAULT_ORDER)
 
 
