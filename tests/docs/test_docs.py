@@ -43,6 +43,17 @@ def test_every_claim_of_the_paper_has_code_a_test_and_a_figure():
         assert re.fullmatch(r"\[.+\]\(.+\)", shown), number
 
 
+def test_every_fault_that_a_run_survives_has_tests():
+    table = (ROOT / "docs" / "production.md").read_text().partition("## What a run survives")[2]
+    rows = [line.split(" | ") for line in table.partition("A sign of life")[0].splitlines() if " | " in line]
+    assert rows[0][2] == "shown by |" and len(rows) > 12
+    for fault, _, tests in rows[1:]:
+        shown = re.findall(r"`(tests/[\w/]+\.py)::(test_\w+)`", tests)
+        assert shown, fault
+        for file, name in shown:
+            assert f"def {name}(" in (ROOT / file).read_text(), (fault, name)
+
+
 def test_claims_are_cited_by_numbers_that_the_page_explains():
     cited = set()
     for folder in ("pipeline", "render", "examples"):

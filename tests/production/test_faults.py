@@ -87,11 +87,11 @@ def test_the_time_of_files_decides_nothing(finished: Any) -> None:
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 40 MiB."""
+    """A file system of 64 MiB."""
     place = tmp_path / "small"
     place.mkdir()
     mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=40m", "tmpfs", str(place)], capture_output=True
+        ["mount", "-t", "tmpfs", "-o", "size=64m", "tmpfs", str(place)], capture_output=True
     )
     if mounted.returncode:
         pytest.skip("file systems cannot be mounted here")
@@ -104,7 +104,7 @@ def test_a_full_disk_is_told_in_one_line_and_once_there_is_room_the_run_goes_on(
     project: Any, finished_project: Any, small_disk: Path
 ) -> None:
     ballast = small_disk / "ballast"
-    ballast.write_bytes(bytes((40 << 20) - 65536))
+    ballast.write_bytes(bytes((64 << 20) - 65536))
     full = project.run("--root", str(small_disk), "render", NAME, "-q", "draft")
     assert full.code == 4 and "full" in full.err, full.out + full.err
     valid = sorted((small_disk / ".flowsculpt" / "store").rglob("*.npz"))
@@ -113,6 +113,48 @@ def test_a_full_disk_is_told_in_one_line_and_once_there_is_room_the_run_goes_on(
     assert done.code == 0, done.err
     assert all(path.exists() for path in valid)
     (project.path / "renders").symlink_to(small_disk / "renders")
+    assert same_pixels(project, finished_project)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("left", [0, 24_576, 80_000, 300_000, 1_500_000])
+@pytest.mark.parametrize("words", [["simulate", NAME], ["film"], ["stills", NAME], ["publish", NAME]])
+def test_wherever_a_run_fills_the_disk_one_line_says_so(
+    words: list[str], left: int, finished: Any, small_disk: Path
+) -> None:
+    """The disk holds a finished project without the last results; `left` bytes are free."""
+    root = finished.copy(small_disk / "show")
+    kinds = ("mesh", "normals", "cameras") if words[0] == "simulate" else ("movie", "frame")
+    for kind in kinds if words[0] != "publish" else ():
+        shutil.rmtree(root.path / ".flowsculpt/store" / kind)
+        shutil.rmtree(root.path / "renders", ignore_errors=True)
+    ballast = small_disk / "ballast"
+    ballast.write_bytes(bytes(max(0, shutil.disk_usage(small_disk).free - left)))
+    full = root.run(*words)
+    assert full.code == 0 or (full.code == 4 and "the disk is full" in full.err), full.out + full.err
+    ballast.unlink()
+    assert root.run(*words).code == 0 and not left_over(root)
+
+
+def test_a_plan_that_is_deleted_during_its_run_is_made_anew(project: Any, finished_project: Any) -> None:
+    process = project.start("render", NAME, "-q", "draft")
+    project.wait_until(lambda: project.frames(kind="raw"))
+    for plan in (project.path / ".flowsculpt/plans").iterdir():
+        plan.unlink()
+    out, err = process.communicate(timeout=300)
+    assert process.returncode == 0, out + err
+    assert same_pixels(project, finished_project) and not left_over(project)
+
+
+@pytest.mark.soak
+def test_a_show_in_a_folder_whose_name_has_a_line_break_is_rendered(
+    tmp_path: Path, finished_project: Any
+) -> None:
+    project = finished_project.copy(tmp_path / "two\nlines\tand a tab")
+    forget_pictures(project)
+    for words in (["film"], ["review", NAME], ["deliver", NAME, "--as", "review"], ["verify"], ["status"]):
+        done = project.run(*words)
+        assert done.code == 0, done.err
     assert same_pixels(project, finished_project)
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import random
+import shutil
 import signal
 import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -39,6 +41,40 @@ def test_a_second_run_of_the_same_is_told_who_makes_it(tmp_path: Path) -> None:
     with making(tmp_path, names("A")):
         pass
     assert list((tmp_path / ".flowsculpt/locks").iterdir()) == []
+
+
+HOLDER = """
+import sys
+from pathlib import Path
+from pipeline.production.store.locks import making, writing
+with writing(Path.cwd()), making(Path.cwd(), {"A.draft": "A at draft"}):
+    print("held", flush=True)
+    input()
+"""
+
+
+@pytest.mark.skipif(shutil.which("unshare") is None, reason="no unshare, which makes another host")
+def test_a_run_of_another_host_holds_its_lock_and_is_named(tmp_path: Path) -> None:
+    words = ["unshare", "--user", "--map-root-user", "--uts", "sh", "-c", 'hostname farm7 && exec "$@"', "sh"]
+    command = [*words, sys.executable, "-c", HOLDER]
+    pipes: Any = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, cwd=tmp_path, text=True, **pipes) as other:
+        if not other.stdout.readline():
+            pytest.skip(f"no second host: {other.communicate()[1].strip()}")
+        with (
+            pytest.raises(MachineError, match=r"^A at draft: another .* on farm7, process \d+, since 20"),
+            making(tmp_path, names("A")),
+        ):
+            pass
+        with (
+            pytest.raises(MachineError, match=r"here: A at draft by .* on farm7"),
+            exclusive(tmp_path),
+        ):
+            pass
+        other.kill()
+        other.wait()
+        with exclusive(tmp_path), pytest.raises(MachineError, match="removes files"), writing(tmp_path):
+            pass
 
 
 def test_the_first_of_two_locks_is_given_back_where_the_second_is_refused(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,8 @@ from hypothesis import strategies as st
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import MAX_BATCH, MIN_BATCH, MIN_LAST_BATCH, Plan, batches
 from pipeline.production.stages import STAGES, forced_with
+from pipeline.production.store.event_log import EventLog
+from pipeline.production.store.paths import EVENTS
 
 pytestmark = pytest.mark.quick
 
@@ -57,6 +60,17 @@ def test_a_frozen_plan_knows_what_each_job_reads(plan: Plan, tmp_path: Path) -> 
         "assemble": {"finish"},
     }
     assert "renders/a/draft/a.mp4" in thawed.outputs
+
+
+def test_a_plan_is_named_after_all_others_also_where_the_clock_was_set_back(
+    plan: Plan, tmp_path: Path
+) -> None:
+    assert plan.named_last(tmp_path).name == plan.name
+    EventLog(tmp_path / EVENTS / "20991231-235959-12.jsonl").write("run")
+    second = plan.named_last(tmp_path)
+    assert second.name == f"21000101-000000-{os.getpid()}"
+    EventLog(tmp_path / EVENTS / f"{second.name}.jsonl").write("run")
+    assert plan.named_last(tmp_path).name > second.name
 
 
 def test_a_frozen_plan_does_not_grow_by_a_file_name_a_frame(plan: Plan, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -212,13 +213,17 @@ def test_an_interrupted_run_ends_with_130_and_keeps_what_is_done(project):
     assert "Traceback" not in words
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_to_the_command_alone_ends_all_of_its_processes(project, number):
+@pytest.mark.parametrize(
+    "signals", [[signal.SIGTERM], [signal.SIGHUP], [signal.SIGINT, signal.SIGINT, signal.SIGTERM]]
+)
+def test_signals_to_the_command_alone_end_all_of_its_processes(project, signals):
     process = project.start("render", NAME, "-q", "draft")
     project.wait_until(lambda: processes_of(process.pid, JOB))
-    process.send_signal(number)
+    for number in signals:
+        process.send_signal(number)
+        time.sleep(0.1)
     _, words = process.communicate(timeout=60)
-    assert process.returncode == 130, words
+    assert process.returncode == 130 and words.count("\n") == 1, words
     project.wait_until(lambda: not processes_of(process.pid, JOB), seconds=20)
 
 

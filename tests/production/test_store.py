@@ -6,6 +6,7 @@ import resource
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -123,6 +124,16 @@ def test_sweeping_leaves_what_others_are_writing(store):
     os.utime(left[1], (0, 0))
     store.sweep()
     assert sorted(leftovers(store)) == sorted(kept)
+
+
+def test_a_host_whose_clock_is_ahead_leaves_what_others_are_writing(store, monkeypatch):
+    store.scratch.mkdir(parents=True)
+    theirs = store.scratch / "node7+12+b.exr"
+    theirs.write_text("half a frame")
+    now = time.time()
+    monkeypatch.setattr(time, "time", lambda: now + 30 * 24 * 3600)
+    store.sweep()
+    assert leftovers(store) == [theirs]
 
 
 def test_sweeping_removes_what_a_killed_process_left(store):

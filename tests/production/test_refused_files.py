@@ -1,0 +1,162 @@
+"""Folders and files that the system refuses to read or write: one line, exit code 4, and nothing lost."""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from pipeline.errors import MachineError
+from pipeline.production.execution.snakemake import refusal
+from pipeline.production.store.digests import Digests
+from pipeline.production.store.paths import DIGESTS
+from tests.conftest import ProjectFolder, Run, commanded
+
+NAME = "T010_tiny"
+
+WRITERS = [
+    ["curves", NAME, "-o", "curves.png"],
+    ["preview", NAME, "--at", "2"],
+    ["sheet", NAME, "-f", "1-2"],
+    ["review", NAME],
+    ["stills", NAME, "-f", "1"],
+    ["deliver", NAME, "--as", "review"],
+    ["publish", NAME],
+    ["export", "otio", "film"],
+    ["export", "openjd", NAME],
+    ["schema", "-o", "schema.json"],
+    ["new", "A020_new", "--from", "lorenz"],
+]
+"""Commands that write another kind of file each, where all frames are rendered."""
+
+
+@contextmanager
+def disk_of(size: int) -> Iterator[None]:
+    """Files may grow to `size` bytes only, as on a disk that is full."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def files_of(project: ProjectFolder) -> dict[Path, tuple[int, int]]:
+    """Inode and size of every file but those that tell of runs."""
+    about_runs = {"locks", "lock", "plans", "events", "logs", "history", "planning", "digests"}
+    paths = [path for path in project.path.rglob("*") if path.is_file() and not about_runs & {*path.parts}]
+    return {path: (path.stat().st_ino, path.stat().st_size) for path in paths}
+
+
+def test_every_command_that_writes_tells_a_disk_that_takes_no_more_and_leaves_what_was_there(
+    finished: ProjectFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(finished.path)
+    before = files_of(finished)
+    for words in WRITERS:
+        with disk_of(10):
+            code, said = commanded(finished.path, *words)
+        assert code == 4 and "larger than this process may write" in said, (words, code, said)
+    assert files_of(finished) == before
+    with disk_of(10):
+        assert commanded(finished.path, "clean")[0] == 0, "which frees the disk"
+        assert commanded(finished.path, "status")[0] == 0
+
+
+def unprivileged(project: ProjectFolder, *words: str) -> Run:
+    """Run a command without root's right to read and write what the modes of files forbid."""
+    command = [sys.executable, "-m", "pipeline.cli", "--no-progress", *words]
+    if os.geteuid() == 0:
+        if shutil.which("setpriv") is None:
+            pytest.skip("no setpriv, and root may write whatever the modes of files say")
+        command = ["setpriv", "--bounding-set=-dac_override,-dac_read_search,-fowner", *command]
+    done = subprocess.run(command, cwd=project.path, capture_output=True, text=True, timeout=300)
+    assert "Traceback" not in done.stdout + done.stderr, done.stderr
+    return Run(done.returncode, done.stdout, done.stderr)
+
+
+@contextmanager
+def mode(folder: Path, change: str) -> Iterator[None]:
+    """Change the modes of a folder and all that is in it, as those of another user's files are."""
+    subprocess.run(["chmod", "-R", change, folder], check=True)
+    try:
+        yield
+    finally:
+        subprocess.run(["chmod", "-R", "u+rwX", folder], check=True)
+
+
+def is_one_line(done: Run, *says: str) -> bool:
+    return done.code == 4 and done.err.count("\n") == 1 and all(words in done.err for words in says)
+
+
+def test_a_read_only_root_can_be_looked_at_and_whatever_writes_says_so(finished: ProjectFolder) -> None:
+    shutil.rmtree(finished.path / ".flowsculpt/store/frame")
+    with mode(finished.path, "a-w"):
+        status, render = unprivileged(finished, "status"), unprivileged(finished, "render", NAME)
+    assert status.code == 0 and NAME in status.out
+    assert is_one_line(render, ".flowsculpt/lock: cannot be written: permission denied", "--root"), render.err
+
+
+@pytest.mark.parametrize(
+    ("folder", "change", "words"),
+    [
+        (".flowsculpt/store", "000", ["status"]),
+        pytest.param(".flowsculpt/store", "a-w", ["render", NAME], marks=pytest.mark.soak),
+        pytest.param(".flowsculpt", "000", ["status"], marks=pytest.mark.soak),
+        pytest.param(".flowsculpt/locks", "a-w", ["render", NAME], marks=pytest.mark.soak),
+        pytest.param(".flowsculpt/events", "a-w", ["render", NAME], marks=pytest.mark.soak),
+        pytest.param(".flowsculpt/plans", "a-w", ["render", NAME], marks=pytest.mark.soak),
+        pytest.param(".flowsculpt/logs", "a-w", ["render", NAME], marks=pytest.mark.soak),
+        pytest.param("renders", "a-w", ["preview", NAME, "--at", "2"], marks=pytest.mark.soak),
+    ],
+)
+def test_files_of_another_user_are_named_with_what_can_be_done(
+    folder: str, change: str, words: list[str], finished: ProjectFolder
+) -> None:
+    shutil.rmtree(finished.path / ".flowsculpt/store/movie")
+    (finished.path / f"renders/{NAME}/draft/{NAME}.mp4").unlink()
+    with mode(finished.path / folder, change):
+        done = unprivileged(finished, *words)
+    assert is_one_line(done, f"{finished.path / folder}", "permission denied", "--root"), done.err
+    assert unprivileged(finished, *words).code == 0, "once it may"
+
+
+@pytest.mark.parametrize("name", ["renders", pytest.param(".flowsculpt", marks=pytest.mark.soak)])
+def test_a_file_where_a_folder_should_be_is_told(name: str, finished: ProjectFolder) -> None:
+    shutil.rmtree(finished.path / name)
+    (finished.path / name).write_text("")
+    done = finished.run("render", NAME)
+    assert is_one_line(done, f"{finished.path / name}", "a file stands where a folder should be"), done.err
+
+
+def test_what_snakemake_cannot_write_is_told_by_the_path_that_its_log_names(tmp_path: Path) -> None:
+    (tmp_path / ".flowsculpt").mkdir()
+    log = tmp_path / "snakemake.log"
+    log.write_text("PermissionError: [Errno 13] Permission denied: '.snakemake/log'\n")
+    assert refusal(tmp_path, log) == (
+        f"{tmp_path / '.snakemake/log'}: cannot be written: permission denied; "
+        "choose another folder (--root) or change its owner"
+    )
+    log.write_text("")
+    assert refusal(tmp_path, log) is None
+    with disk_of(10):
+        assert "larger than this process may write" in str(refusal(tmp_path, log))
+
+
+def test_a_record_of_digests_that_a_full_disk_cut_short_loses_that_line_alone(tmp_path: Path) -> None:
+    digests, files = Digests(tmp_path), [tmp_path / f"{number}.json" for number in range(3)]
+    for file in files:
+        file.write_text(file.name)
+    digests.add(files[0])
+    (record,) = (tmp_path / DIGESTS).rglob("*.b2")
+    with disk_of(record.stat().st_size + 20), pytest.raises(MachineError, match="larger than this process"):
+        digests.add(files[1])
+    digests.add(files[2])
+    assert [digests.check(file) for file in files] == [True, False, True]
