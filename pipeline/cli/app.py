@@ -77,16 +77,13 @@ COMMANDS = {
 """Commands with a line of help, by panel: each is a function in a module in `commands/`."""
 
 SHARED_MODULES = {
-    "clean": "verify",
     "curves": "figures",
     "film": "render",
     "flows": "schema",
     "report": "status",
-    "sheet": "wedge",
     "simulate": "render",
     "stills": "render",
     "versions": "publish",
-    "why": "status",
 }
 """The modules of commands that share one; every other command has the module of its name."""
 
