@@ -58,21 +58,36 @@ class Model(Subject):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Lines to tell the user: what was repaired, and a model too far away to be rendered well."""
+        """Lines to tell the user: what was repaired, and what a model far from the origin loses."""
         known = _latest.get(self._read_from)
         if known is None:
             return ()
         return tuple(f"model repaired: {line}" for line in known.repairs) + self._distance_notes(known)
 
     def _distance_notes(self, imported: ImportedSurface) -> tuple[str, ...]:
-        low, high = imported.mesh.bounds
-        distance, size = float(np.linalg.norm(low + high)) / 2.0, float((high - low).max())
+        distance, size = _distance_and_size(imported.mesh)
+        steps = self.rounded_coordinates()
         if self.fit is not None or distance < _MOST_SIZES_AWAY * size:
-            return ()
+            return tuple(steps)
         return (
             f"the model is {distance / size:.0f} times its size away from the origin, where flows act; its "
             "pictures, rendered in single precision, will show cracks. Write fit: 2, or centre the file.",
+            *steps,
         )
+
+    def rounded_coordinates(self) -> list[str]:
+        """Return a line about a file whose 32-bit coordinates are too coarse where it lies, else none."""
+        mesh = self.imported().mesh
+        distance, size = _distance_and_size(mesh)
+        single = mesh.vertices.astype(np.float32)
+        if distance < _MOST_SIZES_AWAY * size or not np.array_equal(mesh.vertices, single):
+            return []
+        step = float(np.spacing(np.abs(single).max()))
+        return [
+            f"the model is {distance / size:.0f} times its size away from the origin, where the 32-bit "
+            f"coordinates of its file are {step:.2g} apart, 1/{size / step:.0f} of its size: finer detail became "
+            "steps. Export it nearer to the origin."
+        ]
 
     def imported(self) -> ImportedSurface:
         """Return the surface as its file says. Raises MissingInputError or MeshError."""
@@ -106,3 +121,9 @@ class Model(Subject):
         about_z[:2, :2] = z
         matrix: AnyArray = about_z @ about_y @ about_x
         return np.where(np.abs(matrix) < 1e-15, 0.0, matrix)  # of right angles
+
+
+def _distance_and_size(mesh: PolygonMesh) -> tuple[float, float]:
+    """Return the distance of a mesh's middle from the origin, and its largest extent."""
+    low, high = mesh.bounds
+    return float(np.linalg.norm(low + high)) / 2.0, float((high - low).max())

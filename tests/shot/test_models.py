@@ -121,6 +121,13 @@ def test_a_model_far_from_the_origin_is_told_unless_it_is_fitted(tmp_path: Path)
     assert not subject.notes
 
 
+def test_coordinates_that_a_file_holds_too_coarsely_are_told_even_if_it_is_fitted(tmp_path: Path) -> None:
+    rounded = (LONG.vertices + 1e6).astype(np.float32).astype(np.float64)
+    subject = shot_of(tmp_path, ", fit: 2", LONG.with_vertices(rounded)).motion.subject
+    subject.build()
+    assert "coordinates of its file are 0.062 apart" in subject.notes[-1]
+
+
 @pytest.mark.parametrize(
     ("count", "size", "length"), [(2, 1e-3, 0.08), (12, 1.0, 0.08), (12, 1e4, 0.08), (60, 1.0, 0.039)]
 )

@@ -15,6 +15,7 @@ from pipeline.production.maintenance.first_frame import FirstFrame
 from pipeline.production.maintenance.flow_rules import acts_elsewhere, deforms_nothing, stretches, takes_long
 from pipeline.production.render_inputs.framing import frame_all
 from pipeline.shot import Shot
+from pipeline.shot.model_subject import Model
 
 SINGLE_PRECISION = 2.0**-24
 """The relative error of the positions that are rendered."""
@@ -30,6 +31,7 @@ def findings(shot: Shot, first: FirstFrame) -> list[Finding]:
         acts_elsewhere,
         deforms_nothing,
         _precision,
+        _coordinates,
         takes_long,
         stretches,
     )
@@ -123,6 +125,12 @@ def _precision(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
             "large; pictures resolve positions to a 16-millionth of their distance from the origin. "
             f"{f'Write {fit}, which moves it there' if fit else 'Move it nearer'}.",
         )
+
+
+def _coordinates(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
+    """Check that the file of a model holds its detail where the model lies."""
+    if isinstance(subject := shot.motion.subject, Model):
+        yield from (Finding(("subject", "model"), line) for line in subject.rounded_coordinates())
 
 
 def is_inside(point: Points, first: FirstFrame) -> bool:
