@@ -85,8 +85,8 @@ class Model(Subject):
         step = float(np.spacing(np.abs(single).max()))
         return [
             f"the model is {distance / size:.0f} times its size away from the origin, where the 32-bit "
-            f"coordinates of its file are {step:.2g} apart, 1/{size / step:.0f} of its size: finer detail became "
-            "steps. Export it nearer to the origin."
+            f"coordinates of its file are {step:.2g} apart, 1/{size / step:.0f} of its size: finer detail "
+            "became steps. Export it nearer to the origin."
         ]
 
     def imported(self) -> ImportedSurface:

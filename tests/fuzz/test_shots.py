@@ -43,7 +43,7 @@ PAST = {
     "a number far from its unit": f"{BOX}substeps: '1{' ' * 100_000}!'",
     "a formula of 100 kB": f"{BOX}speed: {{formula: {'x' * 100_000}}}",
     "one mistake a thousand times": f"{BOX}flows: [{'{twst: {amount: 1}}, ' * 1000}]",
-    "a thousand unknown names": BOX + "".join(f"nmae{i}: 1\n" for i in range(1000)),
+    "a thousand unknown names": BOX + "".join(f"unheard{i}: 1\n" for i in range(1000)),
     "a changing speed over an hour": f"{LONG}speed: {{keys: {{1: 0, 100000: 4}}}}",
     "a moving camera over an hour": f"{LONG}camera: {{position: {{formula: [t, 1, 9]}}, target: [0, 0, 0]}}",
     "a file that is too large": f"{BOX}intent: {'a ' * 200_000}",
