@@ -48,7 +48,7 @@ class PipelineStage:
 
 SIMULATE = PipelineStage(
     "simulate",
-    version=2,
+    version=3,
     packages=("numba", "numpy", "trimesh"),
     doing="simulating",
     makes="mesh",

@@ -160,6 +160,9 @@ class Exact(Placement):
         middles, normals = rest[born], np.zeros((len(births), 3))
         if self.project is None or mesh.column(NORMAL) is not None or mesh.arrays.tagged.any():
             middles, normals = _on_patches_at_rest(mesh, births)
+            # A split leaves the mean of the normals of both ends, which leans where one of them is a crease.
+            smooth = normals.any(axis=1)
+            _write(mesh, REST_NORMAL, born[smooth], normals[smooth])
         goals, sizes = self._project(middles), _lengths(rest, births[:, 0], births[:, 1])
         moved = self._move(mesh, spokes, goals, self._carry(goals), normals, sizes, limits)
         if not moved.all():

@@ -150,6 +150,26 @@ def test_new_normals_are_those_of_the_true_surface_carried() -> None:
     assert np.quantile(error[here], 0.99) < 0.5
 
 
+def test_normals_between_two_creases_do_not_lean_as_those_of_the_creases_do() -> None:
+    """Faces of a drawn cylinder reach from rim to rim; half-way to a rim its normals are still level."""
+    turn = 2.0 * np.pi * np.arange(64) / 64
+    rim = np.stack([0.375 * np.cos(turn), np.full(64, 1.0), 0.375 * np.sin(turn)], axis=1)
+    points = np.concatenate([rim, rim * (1.0, -1.0, 1.0), [(0.0, 1.0, 0.0), (0.0, -1.0, 0.0)]])
+    here = np.arange(64)
+    to = (here + 1) % 64
+    upper, lower = np.stack([here, to, here + 64], axis=1), np.stack([to, to + 64, here + 64], axis=1)
+    top, bottom = np.full(64, 128), np.full(64, 129)
+    caps = np.stack([to, here, top], axis=1), np.stack([here + 64, to + 64, bottom], axis=1)
+    faces = np.concatenate([upper, lower, *caps])
+    cylinder = TriangleMesh(points, faces, {NORMAL: np.zeros((130, 3))})
+    resampler = Resampler(cylinder, Thresholds(max_edge_length=0.06), Exact(lambda rest: rest))
+    resampler.resample()
+    mesh = resampler.mesh
+    side = np.abs(mesh.vertices[:, 1]) < 0.999
+    assert side.sum() > 1000
+    assert np.abs(mesh.attributes[NORMAL][side, 1]).max() < 0.02
+
+
 def cubes_creases(mesh: TriangleMesh) -> int:
     """Count the tagged edges; fail unless all run along an edge of the cube at rest."""
     rest = mesh.attributes[REST]
