@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
-from pipeline.mesh.read import FORMATS
+from pipeline.mesh.read import FORMATS, usual_up
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.crop_and_scale import movie_bits
@@ -38,6 +38,9 @@ from render.scene.materials import LOOKS
 
 BOTH = "both"
 
+UPS = ("y", "z")
+"""The axes of a mesh file that can point up."""
+
 STAGE = "turntable"
 """The stage of a turntable, a name in `render.scene.stage.STAGES`: with balls and a chart."""
 
@@ -52,6 +55,7 @@ class TurntableRequest:
     turn     one of TURNS, or BOTH
     looks    names of looks that replace the shot's own; each has its own turntable
     bare     True keeps the shot's own stage and camera, without grey ball, chrome ball and chart
+    up       the axis, y or z, that points up in a mesh file; by default that of most files of its format
 
     Raises UsageError for values that make no turntable.
     """
@@ -64,6 +68,7 @@ class TurntableRequest:
     turn: str = BOTH
     looks: tuple[str, ...] = ()
     bare: bool = False
+    up: str | None = None
 
     def __post_init__(self) -> None:
         if self.frames < 2:
@@ -74,6 +79,13 @@ class TurntableRequest:
         if self.turn not in (*TURNS, BOTH):
             raise UsageError(
                 f"--turn {self.turn}: that is nothing to turn. {suggestion(self.turn, (*TURNS, BOTH))}"
+            )
+        if self.up not in (None, *UPS):
+            raise UsageError(f"--up {self.up}: only the axes y and z can point up. Write --up y or --up z.")
+        if self.up is not None and not self._is_of_file:
+            raise UsageError(
+                f"--up {self.up} stands a mesh file up, and {self.subject} is a shot. Leave --up out; "
+                "in the shot file of a model, write up under subject."
             )
         for look in self.looks:
             if look not in LOOKS:
@@ -86,10 +98,14 @@ class TurntableRequest:
     @property
     def requests(self) -> list[RenderRequest]:
         """Return the request of each look. Raises MissingInputError or UsageError."""
-        mesh = Path(self.subject)
-        of_file = mesh.suffix.lower().lstrip(".") in FORMATS
-        path = self.project.shot_around(mesh) if of_file else find_shot(self.subject)
+        mesh, of_file = Path(self.subject), self._is_of_file
+        up = self.up or usual_up(mesh)
+        path = self.project.shot_around(mesh, up) if of_file else find_shot(self.subject)
         return [self._take(path, of_file, look) for look in self.looks or (None,)]
+
+    @property
+    def _is_of_file(self) -> bool:
+        return Path(self.subject).suffix.lower().lstrip(".") in FORMATS
 
     def _take(self, path: Path, of_file: bool, look: str | None) -> RenderRequest:
         project = replace(self.project, settings=tuple(self._settings(look)))

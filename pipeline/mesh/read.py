@@ -113,6 +113,16 @@ _READERS: dict[str, Callable[[Path], FileSurface]] = {
     "off": reader_of(read_object_file),
 }
 FORMATS = tuple(_READERS)
+
+FORMATS_WITH_Z_UP = ("stl",)
+"""Formats most of whose files have z up; they come from printing and construction."""
+
+
+def usual_up(path: Path) -> str:
+    """Return the axis, y or z, that points up in most files of the format that a path's suffix names."""
+    return "z" if path.suffix.lower().lstrip(".") in FORMATS_WITH_Z_UP else "y"
+
+
 """Suffixes of readable mesh files."""
 
 

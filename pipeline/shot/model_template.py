@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.mesh import PolygonMesh
+from pipeline.mesh.read import usual_up
 from pipeline.shot.model_subject import Model
 
 FIT = 2.0
@@ -24,9 +25,6 @@ MOST_VERTICES = 35_000
 
 _DETAIL = 1.6
 """Longest edge over the usual edge of a model: its edges are then amid the limits, 40% and 100%."""
-
-_USUALLY_Z_UP = ("STL",)
-"""Formats most of whose files have z up; they come from printing and construction."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +50,7 @@ def model_template(file: Path, reference: str) -> ModelTemplate:
     Raises MissingInputError or MeshError for a file that is no model.
     """
     imported = Model("", path=file).imported()
-    mesh, is_z_up = imported.mesh, imported.format in _USUALLY_Z_UP
+    mesh, is_z_up = imported.mesh, usual_up(file) == "z"
     size = mesh.bounds[1] - mesh.bounds[0]
     fitted = mesh.with_vertices(mesh.vertices * (FIT / size.max()))
     usual = usual_edge(fitted)

@@ -14,7 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.dailies.turntable import TurntableRequest, TurntableSheets, key_numbers, turn_and_angle
-from pipeline.errors import FrameError
+from pipeline.errors import FrameError, UsageError
+from pipeline.mesh import icosphere
+from pipeline.mesh.write import write_mesh
 from pipeline.production.execution.project import Project
 from pipeline.production.render_inputs.framing import Framing, frame_all, with_stage_in_view
 from pipeline.production.render_inputs.view_geometry import rotate_y
@@ -173,6 +175,28 @@ def test_a_mesh_file_in_several_looks_is_read_once(desk: Desk) -> None:
     assert made["render"] == made["finish"] == 24
     homes = {Path(target).parts[2:4] for target in plan.targets if target.endswith(".mp4")}
     assert homes == {("wedge", look) for look in ("clay", "glaze", "chrome")}
+
+
+@pytest.mark.parametrize(
+    ("suffix", "up", "height"),
+    [("stl", None, 4.0), ("stl", "y", 3.0), ("stl", "z", 4.0), ("obj", None, 3.0), ("obj", "z", 4.0)],
+)
+def test_mesh_files_stand_with_the_usual_axis_of_their_format_up_or_the_one_asked_for(
+    desk: Desk, suffix: str, up: str | None, height: float
+) -> None:
+    box = icosphere(2)
+    low, high = box.vertices.min(axis=0), box.vertices.max(axis=0)
+    write_mesh(
+        box.with_vertices((box.vertices - low) / (high - low) * [2.0, 3.0, 4.0]), desk.root / f"tall.{suffix}"
+    )
+    (request,) = desk.turning(f"tall.{suffix}", at=None, up=up).requests
+    assert np.ptp(request.shot.motion.subject.build().vertices[:, 1]) == pytest.approx(height, rel=1e-6)
+
+
+@pytest.mark.parametrize(("subject", "up"), [(NAME, "z"), ("wedge.obj", "x")])
+def test_up_is_refused_for_shots_and_for_other_axes(desk: Desk, subject: str, up: str) -> None:
+    with pytest.raises(UsageError, match=f"--up {up}"):
+        desk.turning(subject, up=up)
 
 
 def test_balls_and_chart_stand_beside_it_unless_it_is_to_be_bare(desk: Desk) -> None:

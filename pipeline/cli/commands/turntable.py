@@ -37,21 +37,30 @@ def turntable(
         bool,
         typer.Option("--bare", help="Keep the shot's own stage, without grey ball, chrome ball and chart."),
     ] = False,
+    up: Annotated[
+        str | None,
+        typer.Option(
+            metavar="y|z",
+            help="The axis of the mesh file that points up. Default: z of an STL, y of any other file.",
+        ),
+    ] = None,
     quality: Quality = DEFAULT_QUALITY,
     scale: Scale = None,
     variant: Variant = None,
 ) -> None:
     """Turn one frame of a shot, or a mesh file, before the camera; then turn the lights around it.
 
-    `flowsculpt turntable A010_cube --at 22` writes a movie and a sheet of key angles to renders/turntable. A
-    grey ball, a chrome ball and a colour chart stand beside the object. `flowsculpt turntable model.obj
-    --look clay,glaze,chrome` renders each look, and one movie of all three side by side.
+    `flowsculpt turntable A010_cube --at 22` writes a movie and a sheet of key angles to renders/turntable.
+    A grey ball, a chrome ball and a colour chart stand beside the object. `flowsculpt turntable model.obj
+    --look clay,glaze,chrome` renders each look, and one movie of all three side by side. Most STL files
+    have z up and are stood up; `--up y` leaves one as it is, and `--up z` stands up another that lies on
+    its face.
     """
     project = options.project(common, variant)
     named = cropped_name(quality, None, scale)
     fault = "--look names no look; write one, or several as in clay,glaze,chrome"
     looks = () if look is None else words_of(look, fault)
-    request = TurntableRequest(project, subject, named, at, frames, turn, looks, bare)
+    request = TurntableRequest(project, subject, named, at, frames, turn, looks, bare, up)
 
     def draw() -> list[Path]:
         with progress_bars(common.progress) as bar:

@@ -205,10 +205,10 @@ class Project:
         chosen = variant or variant_for(self.root, source.name, self.variant, self.notes.append)
         return RenderRequest(source, quality, chosen, tuple(dict.fromkeys(requested)))
 
-    def shot_around(self, mesh: Path) -> Path:
-        """Return the path of a shot that shows a mesh file as it is; no such file is written."""
+    def shot_around(self, mesh: Path, up: str) -> Path:
+        """Return the path of a shot that shows a mesh file; no such file is written. `up` is y or z."""
         path = mesh.absolute().with_name(re.sub(r"[^\w.-]", "_", mesh.stem) + ".yaml")
-        self._texts.put(path, shot_around(mesh))
+        self._texts.put(path, shot_around(mesh, up))
         return path
 
     def _source(self, path: Path) -> ShotSource:

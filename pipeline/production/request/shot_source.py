@@ -154,15 +154,18 @@ class SourceCache:
         self._texts[path] = text
 
 
-def shot_around(mesh: Path) -> str:
-    """Return the text of a shot that shows a mesh file as it is. Raises MissingInputError."""
+def shot_around(mesh: Path, up: str) -> str:
+    """Return the text of a shot that shows a mesh file as it is; `up` is the axis, y or z, that points up.
+
+    Raises MissingInputError.
+    """
     if not mesh.exists():
         raise MissingInputError(f"{mesh}: no such mesh file; check the path")
     require_input(mesh)
     shot = {
         "title": mesh.stem,
         "frames": "1-1",
-        "subject": {"model": str(mesh.absolute())},
+        "subject": {"model": str(mesh.absolute()), "up": up},
         "resample": "off",
     }
     return json.dumps(shot, ensure_ascii=False)  # JSON is YAML, quotes and all
