@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.mesh import PolygonMesh
+from pipeline.mesh.parts import find_small_parts
 from pipeline.mesh.read import usual_up
 from pipeline.shot.model_subject import Model
 
@@ -34,14 +35,14 @@ class ModelTemplate:
     subject  the entry of the shot file
     facts    comments above it, a line each
     edges    a comment above the edge length
-    repairs  what was repaired in the file
+    notes    lines to tell: what was repaired in the file, and small parts that decide its size
     """
 
     subject: str
     facts: tuple[str, ...]
     edges: str
     max_edge_length: float
-    repairs: tuple[str, ...]
+    notes: tuple[str, ...]
 
 
 def model_template(file: Path, reference: str) -> ModelTemplate:
@@ -55,6 +56,8 @@ def model_template(file: Path, reference: str) -> ModelTemplate:
     fitted = mesh.with_vertices(mesh.vertices * (FIT / size.max()))
     usual = usual_edge(fitted)
     length = suggested_edge_length(fitted)
+    small = find_small_parts(mesh)
+    parts = () if small is None else (f"{file.name} has {small}",)
     extents = " × ".join(f"{side:.4g}" for side in size)
     word = reference if re.fullmatch(r"[\w./-]+", reference) else json.dumps(reference, ensure_ascii=False)
     facts = [
@@ -71,7 +74,7 @@ def model_template(file: Path, reference: str) -> ModelTemplate:
         facts=tuple(facts),
         edges=_about_edges(usual, length),
         max_edge_length=length,
-        repairs=imported.repairs,
+        notes=(*(f"model repaired: {line}" for line in imported.repairs), *parts),
     )
 
 

@@ -19,6 +19,7 @@ from pipeline.production.maintenance.first_frame import FirstFrame, FirstFrames,
 from pipeline.production.maintenance.scene_rules import findings, is_inside, rounded_up
 from pipeline.resample import Thresholds, resample
 from pipeline.shot import read_shot
+from pipeline.shot.model_template import model_template
 from tests.conftest import ProjectFolder, commanded
 
 pytestmark = pytest.mark.quick
@@ -97,6 +98,54 @@ def test_vertices_are_estimated_within_a_factor_of_about_two(edge: float) -> Non
     ball = icosphere(3)
     after, _ = resample(ball, Thresholds(max_edge_length=edge))
     assert 0.4 < estimated_vertices(ball, edge) / len(after.vertices) < 2.0
+
+
+def write_scan(path: Path, away: float) -> None:
+    """Write an OBJ of a ball of diameter 2 and two triangles of debris, `away` from its middle."""
+    write_ball(path)
+    bits = [f"v {away} {0.01 * k} {0.01 * (k % 2)}" for k in range(6)]
+    path.write_text("\n".join([path.read_text(), *bits, "f -6 -5 -4", "f -3 -2 -1"]))
+
+
+@pytest.mark.parametrize(("away", "is_told"), [(5.0, True), (1.5, True), (1.05, False)])
+def test_small_parts_that_make_a_model_larger_are_told_by_validate_and_for_new_shots(
+    tmp_path: Path, away: float, is_told: bool
+) -> None:
+    write_scan(tmp_path / "ball.obj", away)
+    told = [finding.text for finding in found(tmp_path, ball_shot(fit=", fit: 2"))]
+    assert [text for text in told if text.startswith("ball.obj has 3 parts; the largest has 99.8%")] == told
+    assert bool(told) == is_told
+    notes = model_template(tmp_path / "ball.obj", "ball.obj").notes
+    assert [note for note in notes if not note.startswith("model repaired")] == told
+    if is_told:
+        factor = (away + 1) / 2
+        assert f"make the model {factor:.3g} times as large; the farthest reaches ({away:g}," in told[0]
+
+
+def test_two_parts_of_one_size_are_no_finding(tmp_path: Path) -> None:
+    write_ball(tmp_path / "ball.obj")
+    text = (tmp_path / "ball.obj").read_text()
+    ball = icosphere(8)
+    more = [f"v {x + 4!r} {y!r} {z!r}" for x, y, z in ball.vertices.tolist()]
+    more += [f"f {a} {b} {c}" for a, b, c in (ball.faces + 1 + len(ball.vertices)).tolist()]
+    (tmp_path / "ball.obj").write_text("\n".join([text, *more]))
+    assert found(tmp_path, ball_shot(fit=", fit: 2")) == []
+
+
+@pytest.mark.parametrize(
+    ("look", "is_told"),
+    [("glass", True), ("smoke", True), ("{material: honey}", True), ("clay", False), ("glaze", False)],
+)
+def test_glass_and_smoke_on_an_open_surface_are_told(tmp_path: Path, look: str, is_told: bool) -> None:
+    write_ball(tmp_path / "ball.obj")
+    path, text = tmp_path / "shot.yaml", (tmp_path / "ball.obj").read_text()
+    path.write_text(f"title: A ball\nframes: 1-24\n{ball_shot()}\nlook: {look}\n")
+    for whole in (True, False):
+        (tmp_path / "ball.obj").write_text(text if whole else text.rpartition("\n")[0])
+        shot = read_shot(path)
+        told = findings(shot, FirstFrames().of(shot.motion))
+        assert [finding.where for finding in told] == ([("look",)] if is_told and not whole else [])
+        assert all("the surface is open: it has 3 boundary edges on frame 1" in each.text for each in told)
 
 
 def test_a_camera_inside_the_subject_is_told_with_its_setting(tmp_path: Path) -> None:

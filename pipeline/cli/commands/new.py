@@ -171,9 +171,8 @@ def _of_model(model: Path, source: str, name: str) -> _NewShot:
         if not _same_contents(model, copied):
             beside[copied] = partial(shutil.copyfile, place)
     template = model_template(place, reference)
-    repairs = [f"model repaired: {line}" for line in template.repairs]
     text = without_shared(shot_of_flow(source, name, template), names_with_defaults(SHOTS))
-    return _NewShot(text, beside, [where, *repairs])
+    return _NewShot(text, beside, [where, *template.notes])
 
 
 def _same_contents(model: Path, copied: Path) -> bool:

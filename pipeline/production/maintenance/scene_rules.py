@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.animation.fit_remedy import COARSE, FINE, TYPICAL_EXTENT, fit_remedy, is_usual_size
 from pipeline.arrays import Points
+from pipeline.mesh.parts import find_small_parts
 from pipeline.production.maintenance.finding import Finding, sampled_frames
 from pipeline.production.maintenance.first_frame import FirstFrame
 from pipeline.production.maintenance.flow_rules import acts_elsewhere, deforms_nothing, stretches, takes_long
@@ -28,6 +29,8 @@ def findings(shot: Shot, first: FirstFrame) -> list[Finding]:
         _edges,
         _camera,
         _size,
+        _parts,
+        _openness,
         acts_elsewhere,
         deforms_nothing,
         _precision,
@@ -107,6 +110,30 @@ def _size(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
             f"the model is {first.extent:.3g} units large; flows and looks are made for about "
             f"{TYPICAL_EXTENT:g}. Write {fit}, or choose max_edge_length and the lengths of the flows for "
             "this size.",
+        )
+
+
+def _parts(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
+    """Check that no small parts decide the size of a model."""
+    subject = shot.motion.subject
+    if isinstance(subject, Model) and (parts := find_small_parts(subject.imported().mesh)) is not None:
+        yield Finding(("subject", "model"), f"{subject.path.name} has {parts}")
+
+
+def _openness(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
+    """Check that the surface is closed if light goes into it."""
+    if shot.picture.look.model not in ("glass", "smoke") or not len(first.faces):
+        return
+    sides = np.sort(np.concatenate([first.faces[:, [0, 1]], first.faces[:, [1, 2]], first.faces[:, [2, 0]]]))
+    edges, counts = np.unique(sides, axis=0, return_counts=True)
+    boundary = edges[counts == 1]
+    if len(boundary):
+        at = ", ".join(f"{x:.3g}" for x in first.points[boundary[0]].mean(axis=0))
+        yield Finding(
+            ("look",),
+            f"the surface is open: it has {len(boundary):,} boundary edges on frame {shot.frames.first}, the "
+            f"first at ({at}). Glass, honey and smoke need a closed one; the picture will be wrong. Close "
+            "the surface, or choose another look, such as look: glaze.",
         )
 
 
