@@ -302,6 +302,18 @@ def test_a_mistake_is_one_message_at_its_argument(desk: Desk, words: list[str], 
     assert said.startswith("--vary") or not told.startswith("--vary")
 
 
+def test_amounts_without_keys_are_told_once_with_the_variation_that_moves(desk: Desk) -> None:
+    words = ("--dry-run", "wedge", NAME, "--vary", LOOK, "--vary")
+    code, said = desk.command(*words, "flows.0.twist.amount=20,80")
+    advised = "--vary flows.0.twist.amount.keys.12=20,80"
+    assert code == 0 and said.count("twist moves nothing") == 1
+    assert f"Vary one of its keys instead: {advised}." in said
+    assert "moves nothing" not in desk.command(*words, advised.partition(" ")[2])[1]
+    constant = ("--set", "flows.0.twist.amount=5")
+    _, said = desk.command(*words, "flows.0.twist.amount=20,80", *constant)
+    assert f"Write amount: {{keys: {{1: 0, 12: 20}}}} in the shot file, and vary it: {advised}." in said
+
+
 def test_a_dry_run_tells_the_grid_and_what_is_shared(desk: Desk) -> None:
     words = ("--dry-run", "wedge", NAME, "--vary", "stage=none,plinth", "--vary", LATE, "--set", "rate=25")
     code, said = desk.command(*words)

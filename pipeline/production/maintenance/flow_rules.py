@@ -66,7 +66,7 @@ def _norm(vector: Points) -> float:
     return float(np.linalg.norm(vector))
 
 
-def deforms_nothing(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
+def deforms_nothing(shot: Shot, _: FirstFrame | None = None) -> Iterator[Finding]:
     """Check that the amount of a deformation changes: each frame applies what it differs by."""
     last = shot.frames.last
     for k, flow in enumerate(_top_flows(shot.motion.flow)):
