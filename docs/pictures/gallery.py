@@ -1,7 +1,7 @@
 """The stills of docs/gallery.md, one a shot: `make pictures`, or this file with shots' names.
 
-They are rendered for delivery, which takes minutes each, and shown at half their size. `--root` says where to
-render, `-q` at what quality.
+They are rendered at daily quality, as large as they are shown. `--root` says where to render, `-q` at what
+other quality.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("shots", nargs="*", metavar="SHOT", default=list(STILLS))
     parser.add_argument("--root", type=Path, default=Path())
-    parser.add_argument("-q", "--quality", default="final")
+    parser.add_argument("-q", "--quality", default="daily")
     asked = parser.parse_args()
     unknown = sorted(set(asked.shots) - set(STILLS))
     if unknown:

@@ -31,7 +31,6 @@ from render.scene.lights import LIGHTS
 from render.scene.measure import SPEED
 from render.scene.quality import QUALITIES
 from render.scene.scene import Scene
-from render.scene.stage import STAGES
 from render.scene.surface import Surface, outlines
 
 HERE = Path(__file__).parent
@@ -117,8 +116,7 @@ def _sculpture(shot: Shot) -> tuple[Surface, Framing]:
 
 def _picture(name: str, shot: Shot, surface: Surface, framing: Framing) -> Image.Image:
     rig = LIGHTS["gallery" if name in MIRRORS else "studio"]
-    stage = STAGES["cyclorama"]
-    scene = Scene(surface, shot.picture.look, rig, stage, framing.placement, framing.camera)
+    scene = Scene(surface, shot.picture.look, rig, shot.picture.stage, framing.placement, framing.camera)
     layers = render_frame(scene, QUALITY, seed=1, engine=choose())
     return Image.fromarray(quantise(to_display(denoise(layers), display="srgb")))
 
