@@ -211,7 +211,7 @@ def test_balls_and_chart_stand_beside_it_unless_it_is_to_be_bare(desk: Desk) -> 
 def test_settings_count_over_what_turntables_take_for_granted(desk: Desk) -> None:
     project = Project(desk.root, 2, settings=("stage=plinth",))
     (request,) = TurntableRequest(project, NAME, QUALITY, 2, 4, looks=("chrome",)).requests
-    assert request.shot.picture.stage == STAGES["plinth"]
+    assert request.shot.picture.stage.kind == STAGES["plinth"].kind
     assert request.movie_path.name == f"{NAME}.0002.mp4"
 
 

@@ -236,7 +236,7 @@ def test_verify_tells_what_of_a_version_is_not_what_was_published_and_mends_noth
 def test_verify_tells_of_a_version_whose_provenance_is_lost(desk: Desk) -> None:
     rewritten(desk.home / "v001" / FILE, b"{}")
     code, said = desk.command("verify")
-    assert code == 1 and "this is no provenance of a published version" in said
+    assert code == 1 and "provenance.json: is not what was written: damaged, or altered since" in said
     assert "tells what it was made from; restore that from a backup" in said
 
 
