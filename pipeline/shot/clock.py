@@ -112,8 +112,19 @@ class Clock:
         return numbers[:MOST_CHECKED] if isinstance(self.speed, Curve) else (numbers[0], numbers[-1])
 
 
-def parse_frames(text: str) -> FrameRange:
-    """Parse the frames of a shot, such as 1-96. Raises UsageError where they have gaps or no form."""
+def parse_frames(text: str, rate: FrameRate | None = None) -> FrameRange:
+    """Parse the frames of a shot, such as 1-96. Raises UsageError where they have gaps or no form.
+
+    rate  by which the message says how many frames a duration has
+    """
+    if (
+        rate
+        and (match := _SECONDS.fullmatch(text))
+        and 1 <= (count := round(float(match[1]) * rate.fps)) < FURTHEST
+    ):
+        raise UsageError(
+            f"{text} is a duration, and frames is a range. At {rate} frames a second, write 1-{count}."
+        )
     frames = FrameRange.parse(text, such_as="1-48")
     if frames.numbers != tuple(range(frames.first, frames.last + 1)):
         ends = [abs(int(number)) for number in re.findall(r"(?<![x:y\d])\d+", text)]

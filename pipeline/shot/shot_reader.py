@@ -117,7 +117,7 @@ def read_clock(source: YamlSource) -> tuple[Clock | None, list[Problem]]:
     if not isinstance(text, str):
         return None, problems  # the document reports it
     try:
-        frames = parse_frames(text)
+        frames = parse_frames(text, rate)
     except UsageError as error:
         return None, [*problems, (("frames",), str(error))]
     return (Clock(frames, rate) if rate else None), problems

@@ -145,6 +145,11 @@ def test_what_was_edited_since_is_stale_until_it_is_rendered_and_then_the_next_v
     code, said = desk.command("publish", NAME, "-q", "draft", "--scale", "10%")
     assert code == 2 and "frames 1-4 stale: made from an earlier shot file or with --set" in said
     assert said.endswith(f"{RENDER} makes it.")
+    kept = desk.shot.read_text()
+    short = SHOT.replace("frames: 1-4", "frames: 1-1").replace("{ease: linear, keys: {1: 0, 4: 40}}", "40")
+    desk.shot.write_text(f"{short.rstrip()}\nstage: plinth\n")
+    assert "draft.scale10: frame 1 stale" in desk.command("publish", NAME, "-q", "draft", "--scale", "10%")[1]
+    desk.shot.write_text(kept)
     desk.render()
     with pytest.raises(UsageError, match=r"v001 is published already, with other frames.*the next is v002"):
         desk.release(version="v001").publish()

@@ -118,6 +118,17 @@ CASES = [
     ),
     Case("a key", (*LATE, f"{SHOT}:6: flows.0.twist.amount.keys.6: 60 → 90"), ("6: 60", "6: 90"), frame=6),
     Case(
+        "a key and the camera",
+        (
+            *LATE,
+            "its camera differs",
+            f"{SHOT}:6: flows.0.twist.amount.keys.6: 60 → 90",
+            f"{SHOT}:7: camera.azimuth: -30 → 20",
+        ),
+        ("6: 60}}}\ncamera: {azimuth: -30", "6: 90}}}\ncamera: {azimuth: 20"),
+        frame=6,
+    ),
+    Case(
         "a threshold",
         (
             "its mesh differs, as all meshes do from frame 1 on",

@@ -147,6 +147,9 @@ class _Frame:
         reasons = list(dict.fromkeys(self._reasons(header, parts)))
         made_from = self._source_of_run()
         edits = () if made_from is None else tuple(self._edits(made_from))
+        is_camera_edited = any(edit.difference.path[0] == "camera" for edit in edits)
+        if is_camera_edited and not any(reason.startswith("its camera") for reason in reasons):
+            reasons.append("its camera differs")  # hidden by a mesh that differs
         options = () if made_from is None else tuple(option_differences(made_from, self.request.source))
         return Explanation(state, file, tuple(reasons), parts, edits, options)
 

@@ -133,7 +133,7 @@ class Release:
             place = request.place("frame", number)
             if not store.shows("frame", keys[number].frame if keys else None, place):
                 (stale if (store.root / place).exists() else missing).append(number)
-        self._require(*(f"frames {FrameRange.of(n)}" if n else "" for n in (missing, stale)))
+        self._require(*(_listed(numbers) if numbers else "" for numbers in (missing, stale)))
         assert keys is not None, "frames that are shown have keys"
         if not store.shows("movie", self._movie_key(keys), request.movie_path):
             name, there = request.movie_path.name, (store.root / request.movie_path).exists()
@@ -276,3 +276,8 @@ def _settle(place: Path) -> None:
     place.chmod(0o444)
     with place.open("rb") as file:
         os.fsync(file.fileno())
+
+
+def _listed(numbers: list[int]) -> str:
+    """Return `frame 1` or `frames 1-4`."""
+    return f"frame{'s' if len(numbers) > 1 else ''} {FrameRange.of(numbers)}"

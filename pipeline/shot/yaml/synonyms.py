@@ -170,6 +170,8 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "bounces": ("depth",),
     "max_depth": ("depth",),
     "subdivisions": ("tessellate",),
+    "subdivision": ("tessellate",),
+    "energy": ("intensity", "radiance", "strength"),
     "draught": ("draft",),
 }
 """By the word that is not known, spelt with small letters and underscores."""
@@ -179,6 +181,7 @@ REMEDIES = {
     "subdiv": "Write smooth: {tessellate: 2} at the top of the shot",
     "subdivide": "Write smooth: {tessellate: 2} at the top of the shot",
     "subdivisions": "resample: {max_edge_length: 0.05} sets how fine it is",
+    "subdivision": "resample: {max_edge_length: 0.05} sets how fine it is",
     "segments": "resample: {max_edge_length: 0.05} sets how fine it is",
     "duration": "frames says it. Write frames: 1-48",
     "motion_blur": "Write shutter: {angle: 180}",
@@ -228,7 +231,13 @@ REMEDIES = {
 _KEYED = "Keys say when. Write keys: {10: 0, 40: 1} as the value that changes"
 _LEFT_OUT = "A flow that is written acts. Put # before its lines to leave it out"
 
+_NOISE = "curl_noise is the flow that moves a surface by noise. Write curl_noise: {strength: 0.5, size: 1}"
+
 FLOW_REMEDIES = {
+    "mountain": _NOISE,
+    "perlin": _NOISE,
+    "simplex": _NOISE,
+    "jitter": _NOISE,
     "start": _KEYED,
     "end": _KEYED,
     "in": _KEYED,

@@ -60,6 +60,7 @@ class _Failure:
             self._open_quote,
             self._bracket,
             self._dash,
+            self._too_far_left,
             self._second_colon,
             self._no_colon,
             self._after_quote,
@@ -156,6 +157,51 @@ class _Failure:
         fact = "a dash begins an item of a list, and the lines before are no list"
         return self.line, self.column, f"{fact}. Remove the dash."
 
+    def _too_far_left(self) -> Fault | None:
+        """Return the fault of a line that begins between the columns of its mapping and of the one around.
+
+        The parser gives up at the first line in another column; the odd one of the two is that with fewer
+        lines in its column.
+        """
+        if "block end" not in self.problem or "block mapping start" not in self.problem:
+            return None
+        above = next((n for n in range(self.line - 1, -1, -1) if _without_comment(self._text(n))), None)
+        if above is None or self._start(above) <= self._start(self.line):
+            return None
+        there, here = self._start(above), self._start(self.line)
+        before = self._count(range(above, -1, -1), there)
+        if before == 1 and self._count(range(self.line, len(self.lines)), here) > 1:
+            return above, there, self._odd(above, "the line below", here)
+        near = min(self._outer(above), key=lambda line: abs(self._start(line) - here))
+        place = "the line above" if near == above else f"line {near + 1}"
+        return self.line, here, self._odd(self.line, place, self._start(near))
+
+    def _outer(self, line: int) -> list[int]:
+        """Return a line and those before it that begin further left than all between."""
+        outer = [line]
+        for number in range(line - 1, -1, -1):
+            if _without_comment(self._text(number)) and self._start(number) < self._start(outer[-1]):
+                outer.append(number)
+        return outer
+
+    def _start(self, line: int) -> int:
+        """Return the column of the first name of a line."""
+        return len(re.match(r"[\s-]*", self._text(line))[0])  # type: ignore[index]
+
+    def _count(self, lines: range, column: int) -> int:
+        """Return how many of these lines, up to one further left, begin in a column."""
+        starts = [self._start(n) for n in lines if _without_comment(self._text(n))]
+        starts = starts[: next((k for k, start in enumerate(starts) if start < column), len(starts))]
+        return starts.count(column)
+
+    def _odd(self, line: int, place: str, column: int) -> str:
+        """Return the message about a line that must begin in the column of another place."""
+        name = self._text(line).strip(" -").partition(":")[0]
+        return (
+            f"{name} is indented by {self._start(line)} and {place} by {column}; the names of a mapping "
+            f"begin in one column. {_indent(column)}"
+        )
+
     def _second_colon(self) -> Fault | None:
         if "mapping values are not allowed" not in self.problem:
             return None
@@ -178,18 +224,12 @@ class _Failure:
         above = next((n for n in range(self.line - 1, -1, -1) if _without_comment(self._text(n))), None)
         if above is None:
             return None
-        line, before = self._text(self.line), self._text(above)
+        before = self._text(above)
         if ":" not in _without_comment(before):
             word = before.strip()
             return above, len(before) - len(before.lstrip()), f"{word} has no colon. Write {word}:"
-        here, there = (len(re.match(r"[\s-]*", text)[0]) for text in (line, before))  # type: ignore[index]
-        name = line.strip().partition(":")[0]
-        return (
-            self.line,
-            here,
-            f"{name} is indented by {here} and the line above by {there}; the names of a mapping begin in "
-            f"one column. {_indent(there)}",
-        )
+        here = self._start(self.line)
+        return self.line, here, self._odd(self.line, "the line above", self._start(above))
 
     def _no_colon(self) -> Fault | None:
         if "could not find expected ':'" not in self.problem or self.begin is None:
