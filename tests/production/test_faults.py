@@ -136,6 +136,7 @@ def test_wherever_a_run_fills_the_disk_one_line_says_so(
     assert root.run(*words).code == 0 and not left_over(root)
 
 
+@pytest.mark.soak
 def test_a_plan_that_is_deleted_during_its_run_is_made_anew(project: Any, finished_project: Any) -> None:
     process = project.start("render", NAME, "-q", "draft")
     project.wait_until(lambda: project.frames(kind="raw"))
