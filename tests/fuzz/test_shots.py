@@ -46,6 +46,7 @@ PAST = {
     "a thousand unknown names": BOX + "".join(f"unheard{i}: 1\n" for i in range(1000)),
     "a changing speed over an hour": f"{LONG}speed: {{keys: {{1: 0, 100000: 4}}}}",
     "a moving camera over an hour": f"{LONG}camera: {{position: {{formula: [t, 1, 9]}}, target: [0, 0, 0]}}",
+    "a comment amid a text": "title: A\nshots: # c\n  . A\n  - B\n\nrate: 24\n  - C\n",
     "a file that is too large": f"{BOX}intent: {'a ' * 200_000}",
 }
 """Shot files that once ended in a traceback, took long, or echoed what they hold."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import math
+import re
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -77,6 +78,12 @@ class YamlSource:
             raise ShotError(f"{path}:{syntax_fault(error, text)}") from None
         except RecursionError:
             raise ShotError(f"{path}:1:1: {_TOO_DEEP}") from None
+        except NotImplementedError as error:  # ruamel's answer to a comment within a text
+            above = re.search(r"line: (\d+)", str(error))
+            raise ShotError(
+                f"{path}:{int(above[1]) + 1 if above else 1}:1: a comment stands amid a text that goes on "
+                "below it. Put the comment on a line of its own, above the name that the text belongs to."
+            ) from None
 
     @classmethod
     def _from_node(cls, path: Path, node: Node | None, lines: list[str]) -> YamlSource:
