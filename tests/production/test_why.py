@@ -96,7 +96,7 @@ CASES = [
         ("its camera differs", f"{SHOT}:7: camera.focal_length: nothing → 85"),
         ("elevation: 14", "elevation: 14, focal_length: 85"),
     ),
-    Case("the look", ("its look differs", f"{SHOT}:8: look: nothing → chrome"), ("", "look: chrome\n")),
+    Case("the look", ("its look differs", f"{SHOT}:8: look: nothing → ceramic"), ("", "look: ceramic\n")),
     Case(
         "a colour",
         ("its look differs", f"{SHOT}:8: look: nothing → {{material: clay, colour: #c04020}}"),
@@ -167,18 +167,18 @@ CASES = [
     Case("an AOV", ("its AOVs differ", f"{SHOT}:8: aovs: nothing → [velocity]"), ("", "aovs: [velocity]\n")),
     Case(
         "the defaults",
-        ("its look differs", "shots/defaults.yaml:1: look: nothing → chrome"),
-        files=(("defaults.yaml", "look: chrome\n"),),
+        ("its look differs", "shots/defaults.yaml:1: look: nothing → ceramic"),
+        files=(("defaults.yaml", "look: ceramic\n"),),
     ),
     Case(
         "a shot that it extends",
         (
             "its look differs",
-            "shots/base.yaml:1: look: nothing → chrome",
+            "shots/base.yaml:1: look: nothing → ceramic",
             f"{SHOT}:8: extends: nothing → base",
         ),
         ("", "extends: base\n"),
-        files=(("base.yaml", "look: chrome\n"),),
+        files=(("base.yaml", "look: ceramic\n"),),
     ),
     Case(
         "an option",
@@ -190,10 +190,10 @@ CASES = [
         (
             "its look differs",
             "its camera differs",
-            f"{SHOT}:8: look: nothing → chrome",
+            f"{SHOT}:8: look: nothing → ceramic",
             "--set camera.azimuth=20 is given now, and was not when it was made",
         ),
-        ("", "look: chrome\n"),
+        ("", "look: ceramic\n"),
         settings=("camera.azimuth=20",),
     ),
 ]
@@ -233,11 +233,11 @@ def test_why_names_an_option_that_made_a_frame_and_is_not_given_any_more(
     made: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(made.path)
-    project = Project(made.path, 2, settings=("look=chrome",))
+    project = Project(made.path, 2, settings=("look=ceramic",))
     request = project.request(find_shot(NAME), "draft", "3")
-    made_with = replace(request.source, settings=("look=chrome",))
+    made_with = replace(request.source, settings=("look=ceramic",))
     assert list(option_differences(made_with, replace(request.source, settings=()))) == [
-        "it was made with --set look=chrome, which is not given now"
+        "it was made with --set look=ceramic, which is not given now"
     ]
 
 
@@ -315,11 +315,11 @@ def test_why_a_frame_is_made_again(finished: Any, monkeypatch: pytest.MonkeyPatc
     finished.shot.write_text("# a comment\n" + text)
     assert ask(finished, 2).state == "done"
 
-    finished.shot.write_text(text.replace("subject:", "look: chrome\nsubject:"))
+    finished.shot.write_text(text.replace("subject:", "look: ceramic\nsubject:"))
     relit = ask(finished, 2)
     assert relit.state == "stale" and relit.reasons == ("its look differs",)
     assert "look.model" in {".".join(map(str, part.path)) for part in relit.parts}
-    assert [str(edit) for edit in relit.edits] == ["shots/T010_tiny.yaml:3: look: nothing → chrome"]
+    assert [str(edit) for edit in relit.edits] == ["shots/T010_tiny.yaml:3: look: nothing → ceramic"]
 
     finished.shot.write_text(text.replace("6: 60}", "6: 90}"))
     late = ask(finished, 6)

@@ -134,8 +134,8 @@ WRONG = [
         "6:23: twist is no velocity field, and only those add up. Make it an entry of flows.",
     ),
     ("python: {file: gone.py, function: f}", "file gone.py is not there"),
-    ("python: {file: /proc/self/mem, function: f}", "/proc/self/mem: it cannot be read (Input/output error)"),
-    ("attraction: {mesh: /proc/self/mem}", "/proc/self/mem: it cannot be read (Input/output error)"),
+    ("python: {file: /dev/zero, function: f}", "file /dev/zero is a device; it must be a regular file"),
+    ("attraction: {mesh: /dev/zero}", "file /dev/zero is a device; it must be a regular file"),
     (
         "sampled: {file: /proc/self/me*}",
         "/proc/self/mem: no suffix is no format of fields; use .vti, .vtr, .npz",
