@@ -92,7 +92,7 @@ class _WithoutTypes:
     """Leaves the types of arguments and flags out of the help, such as `<list[str]>` and `<bool>`."""
 
     def get_params(self, ctx: Any) -> list[Any]:
-        params: list[Any] = super().get_params(ctx)  # type: ignore[misc]
+        params: list[Any] = super().get_params(ctx)  # type: ignore[misc]  # of the command mixed in
         for param in params:
             if isinstance(param, TyperArgument) or getattr(param, "is_flag", False):
                 param.display_type_rich = lambda ctx: None

@@ -299,6 +299,6 @@ def with_parameters(
     """Give a function a context and these parameters, as typer reads them."""
     context = inspect.Parameter("ctx", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
     own = [context, *(p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in parameters)]
-    function.__signature__ = inspect.Signature(own)  # type: ignore[attr-defined]
+    function.__signature__ = inspect.Signature(own)  # type: ignore[attr-defined]  # inspect reads it
     function.__annotations__ = {p.name: p.annotation for p in own}
     return function

@@ -32,7 +32,7 @@ REMEDIES = {
     errno.ELOOP: "links point at each other; remove one of them",
     errno.ENAMETOOLONG: "the name is too long for this file system; choose a shorter one",
 }
-"""What a user can do about what an operating system refuses, by error number."""
+"""Remedies by error number, for files that the operating system refuses."""
 
 
 @contextmanager

@@ -33,7 +33,7 @@ _CONTAINERS = {
     "format_whitelist": "wav,w64,aiff,au,caf,flac,mp3,ogg,aac,ac3,eac3,mov,matroska,asf,wv,tta,ape",
     "protocol_whitelist": "file",
 }
-"""What FFmpeg opens. Playlists name other files and addresses, which it would open as well."""
+"""Options of FFmpeg: formats that may be opened. Not playlists, which name other files and addresses."""
 
 Samples = NDArray[np.float32]
 """Stereo samples (2, N), −1 … 1."""

@@ -1,4 +1,4 @@
-"""Where no bars can be drawn, progress is told by lines."""
+"""Lines of progress, printed where no bars can be drawn."""
 
 from __future__ import annotations
 

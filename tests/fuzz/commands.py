@@ -43,7 +43,7 @@ class Outcome(NamedTuple):
 
     @property
     def fault(self) -> str:
-        """What is wrong with how the command ended; empty where nothing is."""
+        """The fault in the end of a command; empty where there is none."""
         if "Traceback" in self.words or self.code not in (0, 2, 3):
             return f"exit code {self.code}"
         if len(self.words) > 3000:

@@ -33,7 +33,7 @@ PATIENCE = 60.0
 
 @dataclass(frozen=True)
 class Attempt:
-    """How a reader took a file: `fault` is empty where it behaved."""
+    """The result of reading a file; `fault` is empty where the reader behaved as it should."""
 
     fault: str
     message: str = ""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import resource
 import shutil
 import subprocess
 import sys
@@ -18,6 +17,7 @@ from pipeline.production.execution.snakemake import refusal
 from pipeline.production.store.digests import Digests
 from pipeline.production.store.paths import DIGESTS
 from tests.conftest import ProjectFolder, Run, commanded
+from tests.full_disk import disk_of
 
 NAME = "T010_tiny"
 
@@ -35,17 +35,6 @@ WRITERS = [
     ["new", "A020_new", "--from", "lorenz"],
 ]
 """Commands that write another kind of file each, where all frames are rendered."""
-
-
-@contextmanager
-def disk_of(size: int) -> Iterator[None]:
-    """Files may grow to `size` bytes only, as on a disk that is full."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def files_of(project: ProjectFolder) -> dict[Path, tuple[int, int]]:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import resource
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +15,7 @@ from render.base.errors import BadInputError, CorruptImageError, MachineError, M
 from render.graphics.typesetting import lettering
 from render.post.image import read_exr, read_header, read_png, write_exr, write_png
 from render.scene.aovs import RenderedFrame
+from tests.full_disk import disk_of
 
 
 @pytest.fixture
@@ -29,17 +27,6 @@ def layers() -> RenderedFrame:
         for name, count in shapes.items()
     }
     return RenderedFrame(arrays, {"seed": 7, "variant": "llvm_ad_rgb"})
-
-
-@contextmanager
-def disk_of(size: int) -> Iterator[None]:
-    """Files may grow to `size` bytes only, as on a disk that fills up."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def test_layers_come_back_as_they_were(layers: RenderedFrame, tmp_path: Path) -> None:

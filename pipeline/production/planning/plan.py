@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from pipeline.production.planning.profile import Share
 
 TIME_FORMAT = "%Y%m%d-%H%M%S"
-"""How names of plans tell when they were made: in an order that sorting keeps."""
+"""The format of times in names of plans. Names in alphabetical order are in the order of their times."""
 
 MAX_BATCH = 256
 """Frames a process renders at most before it gives its memory back."""

@@ -251,7 +251,7 @@ FLOW_REMEDIES = {
     "mask": "A region stands around flows: within: {region: …, flows: […]}",
     "falloff": "A falloff is of a region around flows: within: {region: …, flows: […]}",
 }
-"""What to do about such words within flows."""
+"""Remedies by word, for words of other programs within flows."""
 
 VALUES = {
     "cube": "box",

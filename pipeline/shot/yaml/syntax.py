@@ -186,7 +186,8 @@ class _Failure:
 
     def _start(self, line: int) -> int:
         """Return the column of the first name of a line."""
-        return len(re.match(r"[\s-]*", self._text(line))[0])  # type: ignore[index]
+        text = self._text(line)
+        return len(text) - len(text.lstrip(" \t-"))
 
     def _count(self, lines: range, column: int) -> int:
         """Return how many of these lines, up to one further left, begin in a column."""
