@@ -33,8 +33,10 @@ def write_map(path: Path, height: int = 8, spoilt: bool = False) -> None:
     pixels = np.full((height, 16, 3), 0.5, np.float32)
     if spoilt:
         pixels[1, 2] = math.nan
+    spec = oiio.ImageSpec(16, height, 3, oiio.FLOAT)
+    spec.attribute("DateTime", "")  # by default the time of writing: equal pixels, two seconds, two files
     out = oiio.ImageOutput.create(str(path))
-    out.open(str(path), oiio.ImageSpec(16, height, 3, oiio.FLOAT))
+    out.open(str(path), spec)
     out.write_image(pixels)
     out.close()
 
