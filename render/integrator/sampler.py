@@ -9,7 +9,9 @@ together, such as the direction from a surface and the position on an emitter.
 
 Each pixel scrambles each coordinate by its own tree of random digit flips (Owen 1995). Scrambled points are
 as even as before, and pixels are independent. The tree is a hash of the digits (Laine and Karras 2011, with
-Vegdahl's constants), which Burley recommends (*Practical Hash-based Owen Scrambling*, 2020). Needs a started
+Vegdahl's constants), which Burley recommends (*Practical Hash-based Owen Scrambling*, 2020). Later vertices
+of a path reuse the coordinates of the first ones; the order of their points is shuffled in the same way, by a
+tree for each pixel. Otherwise products of the two would be less even than random numbers. Needs a started
 engine.
 """
 
@@ -50,7 +52,7 @@ EMITTER_POSITION, DIRECTION, LOBE, EMITTER_CHOICE = 0, 2, 4, 5
 
 _PER_VERTEX = 6
 _VERTICES = (COORDINATES - _VERTEX) // _PER_VERTEX
-"""Vertices with coordinates of their own. Later vertices use the same ones, scrambled differently."""
+"""Vertices with coordinates of their own. Later vertices use the same, shuffled and scrambled differently."""
 
 _REPETITION = 1 << 16
 """Distance between the numbers of scrambles of one coordinate that is used repeatedly at a vertex."""
@@ -71,7 +73,8 @@ class OwenSampler:
         import drjit as dr
         import mitsuba as mi
 
-        self._points = mi.UInt32(points(first, count).ravel())
+        self._points = mi.UInt32(points(0, LENGTH)[:, _reversed_numbers()].ravel())
+        self._first = dr.opaque(mi.UInt32, first % LENGTH)
         self.count = dr.opaque(mi.UInt32, count)
         epoch = dr.opaque(mi.UInt32, (seed + first // LENGTH) % 2**32)
         self._key = _hash(_hash(pixels) ^ epoch)
@@ -81,36 +84,55 @@ class OwenSampler:
         """Return two numbers of the sample, for PIXEL or LENS."""
         import mitsuba as mi
 
-        return mi.Point2f(*(self._number(mi.UInt32(c), mi.UInt32(c)) for c in (coordinate, coordinate + 1)))
+        columns = (mi.UInt32(coordinate), mi.UInt32(coordinate + 1))
+        return mi.Point2f(*(self._number(column, column, self._digits) for column in columns))
 
     def vertex_1d(self, vertex: Any, coordinate: int) -> Any:
         """Return a number for LOBE or EMITTER_CHOICE at a vertex of the path, counted from 0."""
-        return self._number(*self._indices(vertex, coordinate, 0))
+        return self._vertex_number(vertex, coordinate, 0)
 
     def vertex_2d(self, vertex: Any, coordinate: int, repetition: int = 0) -> Any:
         """Return two numbers for EMITTER_POSITION or DIRECTION, independent for each `repetition`."""
         import mitsuba as mi
 
-        return mi.Point2f(*(self._number(*self._indices(vertex, coordinate + i, repetition)) for i in (0, 1)))
+        return mi.Point2f(*(self._vertex_number(vertex, coordinate + i, repetition) for i in (0, 1)))
 
-    def _indices(self, vertex: Any, coordinate: int, repetition: int) -> tuple[Any, Any]:
-        """Return the row of `_points`, and the number of its scramble."""
+    @property
+    def _digits(self) -> Any:
+        """Digits of the point's number, reversed: bit 0 is a half of LENGTH."""
+        import drjit as dr
+
+        return dr.brev(self._first + self.sample) >> (32 - _DIGITS)
+
+    def _vertex_number(self, vertex: Any, coordinate: int, repetition: int) -> Any:
+        """Return a number of a vertex. From vertex _VERTICES on, the order of the points is shuffled."""
+        import drjit as dr
+
+        reuse = vertex // _VERTICES
+        shuffled = _scrambled(self._digits, _hash(self._key + reuse)) & (LENGTH - 1)
+        digits = dr.select(reuse == 0, self._digits, shuffled)
         row = _VERTEX + vertex % _VERTICES * _PER_VERTEX + coordinate
-        return row, _VERTEX + vertex * _PER_VERTEX + coordinate + repetition * _REPETITION
+        scramble = _VERTEX + vertex * _PER_VERTEX + coordinate + repetition * _REPETITION
+        return self._number(row, scramble, digits)
 
-    def _number(self, row: Any, scramble: Any) -> Any:
-        """Return a scrambled number from 0 to 1, excluding 1."""
+    def _number(self, row: Any, scramble: Any, digits: Any) -> Any:
+        """Return a scrambled number from 0 to 1, excluding 1: a coordinate of the point with these digits."""
         import drjit as dr
         import mitsuba as mi
 
-        digits = dr.gather(mi.UInt32, self._points, row * self.count + self.sample)
-        key = _hash(self._key ^ (scramble * 0x9E3779B9))
-        digits ^= digits * 0x3D20ADEA
-        digits += key
-        digits *= (key >> 16) | 1
-        digits ^= digits * 0x05526C56
-        digits ^= digits * 0x53A22864
-        return mi.Float(dr.brev(digits) >> 8) * 2.0**-24
+        point = dr.gather(mi.UInt32, self._points, row * LENGTH + digits)
+        point = _scrambled(point, _hash(self._key ^ (scramble * 0x9E3779B9)))
+        return mi.Float(dr.brev(point) >> 8) * 2.0**-24
+
+
+def _scrambled(digits: Any, key: Any) -> Any:
+    """Flip reversed digits at random, each by those before it (Laine and Karras 2011)."""
+    digits = digits ^ digits * 0x3D20ADEA
+    digits += key
+    digits *= (key >> 16) | 1
+    digits ^= digits * 0x05526C56
+    digits ^= digits * 0x53A22864
+    return digits
 
 
 def _hash(number: Any) -> Any:
@@ -128,6 +150,12 @@ def points(first: int, count: int) -> NDArray[np.uint32]:
     bits = (numbers[:, None] >> np.arange(_DIGITS)) & 1
     digits = [np.bitwise_xor.reduce(bits * matrix, axis=1) for matrix in _matrices()]
     return np.array(digits, dtype=np.uint32)
+
+
+def _reversed_numbers() -> NDArray[np.int64]:
+    """Return the numbers below LENGTH, each with its digits reversed."""
+    bits = np.arange(LENGTH)[:, None] >> np.arange(_DIGITS) & 1
+    return np.asarray(bits @ (1 << np.arange(_DIGITS)[::-1]))
 
 
 @cache
