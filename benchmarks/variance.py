@@ -1,0 +1,184 @@
+"""`python -m benchmarks.variance [WIDTH] [REPEATS]`: variance per CPU second, against Mitsuba's `path`.
+
+A torus of each material under each light rig, WIDTH pixels wide (128), in one Mitsuba scene for both. Ours is
+`PathTracer.render`; Mitsuba's is `path` with `multijitter`, all samples in one call. Firefly bound and
+denoiser take no part. Both render REPEATS pictures (6) of 16 and of 64 samples in turn.
+
+Error is the variance of a pixel's luminance between the pictures, relative to the square of its mean (at
+least 2% of the picture's), and its mean over pixels. The 2% of pixels with the greatest errors of both
+together are left out: fireflies would decide alone. `with fireflies` counts them. The gain is the error times
+the CPU seconds of Mitsuba's over that of ours. Energy is the mean luminance of ours over Mitsuba's less 1, by
+all pictures of both, with its standard error.
+
+Targets: a gain of at least 1.2 in every cell and 3 in the median, and energies within 0.1% and two standard
+errors. `--quick` renders four pictures 64 pixels wide. Names of materials and rigs measure those alone.
+Writes `benchmarks/out/variance.json`.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from itertools import product
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from benchmarks.flicker import CAMERA, subject
+from benchmarks.report import Row, Target, keep, show
+from pipeline.arrays import AnyArray
+from render.mitsuba.engine import choose
+from render.mitsuba.scene import SceneRenderer, build_scene
+from render.scene.lights import LIGHTS, LightRig
+from render.scene.materials import LOOKS
+from render.scene.quality import Quality
+from render.scene.scene import Scene
+from render.scene.sky import Environment
+from render.scene.stage import STAGES, StagePlacement
+
+MATERIALS = ("clay", "glaze", "chrome", "glass", "marble")
+RIGS = ("studio", "gallery", "daylight", "HDRI")
+SAMPLES = (16, 64)
+DEPTH = 6
+MIN_LUMINANCE, LEFT_OUT = 0.02, 0.02
+LEAST, LEAST_MEDIAN, MOST_ENERGY = 1.2, 3.0, 0.001
+"""Targets."""
+
+_LUMA = np.array([0.2126, 0.7152, 0.0722])
+
+
+@dataclass(eq=False)
+class Pictures:
+    """Luminances (H, W) of independent pictures, and the CPU seconds of all."""
+
+    luminances: list[AnyArray] = field(default_factory=list)
+    seconds: float = 0.0
+
+    def add(self, render: Callable[[int], AnyArray]) -> None:
+        begun = time.process_time()
+        picture = render(len(self.luminances))
+        self.seconds += time.process_time() - begun
+        self.luminances.append(np.asarray(picture[..., :3] @ _LUMA))
+
+    @property
+    def mean(self) -> AnyArray:
+        return np.asarray(np.mean(self.luminances, axis=0))
+
+    @property
+    def variance(self) -> AnyArray:
+        return np.asarray(np.var(self.luminances, axis=0, ddof=1))
+
+
+def hdri(path: Path) -> LightRig:
+    """Write an environment map of a sky with a small bright sun and a dim ground; return a rig of it."""
+    import OpenImageIO as oiio
+
+    height, width = 128, 256
+    row, column = np.mgrid[0:height, 0:width] + 0.5
+    elevation, azimuth = np.pi * (0.5 - row / height), 2.0 * np.pi * column / width
+    up = np.sin(elevation)[..., None]
+    sky = np.where(up > 0.0, (1.0 - up) * [0.9, 0.95, 1.0] + up * [0.2, 0.4, 0.9], [0.25, 0.22, 0.2])
+    sun = np.array([np.cos(0.6) * np.cos(1.0), np.cos(0.6) * np.sin(1.0), np.sin(0.6)])
+    direction = [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
+    cosine = np.einsum("i,ihw->hw", sun, direction)
+    light = sky + np.exp((cosine - 1.0) / 2e-4)[..., None] * [6000.0, 5200.0, 4000.0]
+    spec = oiio.ImageSpec(width, height, 3, oiio.FLOAT)
+    file = oiio.ImageBuf(spec)
+    file.set_pixels(oiio.ROI.All, light.astype(np.float32))
+    if not file.write(str(path)):
+        raise OSError(file.geterror())
+    return LightRig(environment=Environment("benchmark", path=str(path)))
+
+
+def scene_of(material: str, lights: LightRig, size: tuple[int, int]) -> SceneRenderer:
+    """Return the renderer of a material under a light rig, on the stage that shots give the material."""
+    surface, look = subject(0.3), LOOKS[material]
+    surface = replace(surface, rest=surface.vertices)
+    stage = replace(STAGES["cyclorama"], colour=look.stage_colour or STAGES["cyclorama"].colour)
+    scene = Scene(surface, look, lights, stage, StagePlacement(), CAMERA)
+    return build_scene(scene, Quality(*size, samples=max(SAMPLES), depth=DEPTH)).beauty
+
+
+def measure(material: str, rig: str, lights: LightRig, size: tuple[int, int], repeats: int) -> list[Row]:
+    """Return a row for each number of samples."""
+    renderer = scene_of(material, lights, size)
+    rows: list[Row] = []
+    for samples in SAMPLES:
+
+        def render_ours(seed: int, samples: int = samples) -> AnyArray:
+            return np.asarray(renderer.path_tracer.render(samples, 0, 1000 + seed))
+
+        def render_theirs(seed: int, samples: int = samples) -> AnyArray:
+            return renderer.render(samples, 2000 + seed)
+
+        ours, theirs = Pictures(), Pictures()
+        render_ours(-1), render_theirs(-1)  # compile
+        for _ in range(repeats):
+            ours.add(render_ours)
+            theirs.add(render_theirs)
+        rows.append({"material": material, "rig": rig, "samples": samples, **compare(ours, theirs)})
+    return rows
+
+
+def compare(ours: Pictures, theirs: Pictures) -> Row:
+    """Return errors, CPU seconds, gain and energy of ours against Mitsuba's."""
+    mean = (ours.mean + theirs.mean) / 2.0
+    square = np.maximum(mean, MIN_LUMINANCE * mean.mean()) ** 2
+    errors = np.stack([ours.variance / square, theirs.variance / square])
+    total = errors.sum(axis=0)
+    kept = errors[:, total <= np.quantile(total, 1.0 - LEFT_OUT)].mean(axis=1)
+    both = errors.mean(axis=(1, 2))
+    slower = ours.seconds / theirs.seconds
+    energies = [[each.mean() for each in pictures.luminances] for pictures in (ours, theirs)]
+    means = [float(np.mean(each)) for each in energies]
+    noise = [float(np.std(each, ddof=1)) / len(each) ** 0.5 / each[0] for each in energies]
+    return {
+        "error, ours": float(kept[0]),
+        "times less": float(kept[1] / kept[0]),
+        "CPU s, ours": ours.seconds / len(ours.luminances),
+        "CPU, times Mitsuba's": slower,
+        "gain": float(kept[1] / kept[0]) / slower,
+        "with fireflies": float(both[1] / both[0]) / slower,
+        "energy, %": 100.0 * (means[0] / means[1] - 1.0),
+        "± %": 100.0 * float(np.hypot(*noise)),
+    }
+
+
+def main(
+    width: int = 128,
+    repeats: int = 6,
+    materials: tuple[str, ...] = MATERIALS,
+    rigs: tuple[str, ...] = RIGS,
+) -> list[Target]:
+    """Measure all cells; return the targets."""
+    choose().start()
+    rows: list[Row] = []
+    with TemporaryDirectory() as folder:
+        lights = {**LIGHTS, "HDRI": hdri(Path(folder) / "place.exr")}
+        for material, rig in product(materials, rigs):
+            rows += measure(material, rig, lights[rig], (width, width * 9 // 16), repeats)
+    show("Variance per CPU second, over Mitsuba's", rows)
+    keep("variance", rows)
+    gains = np.array([float(row["gain"]) for row in rows])
+    excess = [abs(float(row["energy, %"])) - 2.0 * float(row["± %"]) for row in rows if row["samples"] == 64]
+    return [
+        Target("variance per CPU second", "least gain", float(gains.min()), least=LEAST),
+        Target("variance per CPU second", "median gain", float(np.median(gains)), least=LEAST_MEDIAN),
+        Target("energy", "beyond two standard errors", max(excess) / 100.0, most=MOST_ENERGY),
+    ]
+
+
+def _chosen(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return those of the names that the command line has, or all."""
+    return tuple(name for name in names if name in sys.argv) or names
+
+
+if __name__ == "__main__":
+    numbers = [int(each) for each in sys.argv[1:] if each.isdigit()]
+    size = [64, 4] if "--quick" in sys.argv else [128, 6]
+    size[: len(numbers)] = numbers
+    targets = main(size[0], size[1], _chosen(MATERIALS), _chosen(RIGS))
+    show("Targets", [target.row for target in targets])
