@@ -1,35 +1,30 @@
-"""Sums of sample batches and what follows from them: AOVs, noise, whether the frame has converged; and their
-checkpoints, from which another process resumes.
-"""
+"""Sums of sample batches and what follows from them: AOVs, noise, whether the frame has converged."""
 
 from __future__ import annotations
 
-import contextlib
-import time
-import zipfile
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.atomic_write import atomic_write
-from render.base.errors import BadInputError, MachineError
+from render.base.errors import BadInputError
 from render.scene.aovs import Pixels
 from render.scene.quality import Quality
 
 Picture = NDArray[np.float64]
+PixelNumbers = NDArray[np.int64]
+"""Numbers of pixels of the rendered part, row by row from its upper left."""
 
 FIREFLY_FACTOR = 3.0
-"""Most brightness of a pixel in one batch, over the third brightest of its eight neighbours."""
+"""Most brightness of a pixel, over the third brightest of its eight neighbours."""
 
 LUMINANCE, SQUARE = 3, 4
-"""Channels of a beauty picture: mean luminance, and mean of its square."""
+"""Channels of a beauty batch after its radiance: mean luminance, and mean of its square."""
 
-MIN_BATCHES = 2
-"""Batches needed to compare."""
+MIN_ROUNDS = 2
+"""Rounds needed to compare."""
 
 NOISE_BLOCK = 16
 """Pixels along the side of a block."""
@@ -42,63 +37,78 @@ MIN_LUMINANCE = 0.01
 
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
 
-SECONDS = 10.0
-"""Least time between two checkpoints: a frame that takes less has none and pays nothing."""
 
-MIN_WORK = 50.0
-"""Least rendering time between two checkpoints, over the time that writing one took: they cost 2%."""
+@dataclass(eq=False)
+class Plane:
+    """Sums over the samples of each pixel.
+
+    sums    (pixels, channels)
+    counts  (pixels,): samples of each pixel in its sums
+    """
+
+    sums: Picture
+    counts: NDArray[np.int32]
+
+    def add(self, sums: Picture, samples: int, pixels: PixelNumbers | None) -> None:
+        """Add sums (rows, channels) over `samples` samples to `pixels`, one row each; None is all pixels."""
+        where = slice(None) if pixels is None else pixels
+        self.sums[where] += sums
+        self.counts[where] += samples
+
+    def means(self, pixels: PixelNumbers | None = None) -> Picture:
+        """Return the means (pixels, channels) of `pixels`, which have had samples; None is all pixels."""
+        where = slice(None) if pixels is None else pixels
+        return np.asarray(self.sums[where] / self.counts[where, None])
 
 
 @dataclass
 class Accumulator:
     """The sums of the sample batches of one frame, in the order in which they are added.
 
-    quality         of the frame
-    aovs            names of AOVs beyond those of all frames
-    combined        beauty batches that are averaged before fireflies are removed
-    motion_samples  their number
-    samples         samples per pixel of the beauty so far
+    The sums of a pixel depend on its own samples only, not on the pixels that are rendered with it.
+
+    quality  of the frame
+    aovs     names of AOVs beyond those of all frames
     """
 
     quality: Quality
     aovs: Collection[str]
-    combined: int
-    motion_samples: int
-    samples: int = 0
-    _sums: dict[str, Picture] = field(default_factory=dict)
-    _terms: dict[str, int] = field(default_factory=dict)
-    _waiting: list[Picture] = field(default_factory=list)
+    _planes: dict[str, Plane] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if "noise" in self.aovs and self.quality.samples < 2:
             raise BadInputError("AOV 'noise' needs 2 samples or more; the quality has 1")
 
-    def add(self, name: str, picture: Picture) -> None:
-        """Add a batch of an AOV, or of "auxiliary" (see `mitsuba.scene.FrameScenes`)."""
-        self._sums[name] = self._sums[name] + picture if name in self._sums else picture
-        self._terms[name] = self._terms.get(name, 0) + 1
+    def add(self, name: str, means: Picture, samples: int, pixels: PixelNumbers | None = None) -> None:
+        """Add a batch to the plane `name`.
 
-    def add_beauty(self, picture: Picture, samples: int) -> None:
-        """Add a batch of the beauty, with channels LUMINANCE and SQUARE if the AOV `noise` is wanted."""
-        self.samples += samples
-        self._waiting.append(picture[..., :3])
-        if "noise" in self.aovs:
-            self.add("luminance", picture[..., LUMINANCE])
-            self.add("square", picture[..., SQUARE])
-        if len(self._waiting) == self.combined:
-            mean = self._waiting[0] if self.combined == 1 else sum(self._waiting) / self.combined
-            light = without_fireflies(np.asarray(mean))
-            self.add("beauty", light)
-            self._waiting = []
-            if self.quality.noise_threshold is not None:
-                self._compare(light @ _LUMA)
+        name     "beauty": radiance, and the channels LUMINANCE and SQUARE if the AOV `noise` is wanted;
+                 "auxiliary" (see `mitsuba.scene.FrameScenes`), or an AOV
+        means    over `samples` samples: (H, W, channels), or (pixels, channels) for `pixels`
+        pixels   numbers of pixels; None is all of them
+        """
+        rows = means.reshape(-1, means.shape[-1])
+        self._plane(name, rows.shape[1]).add(rows * samples, samples, pixels)
+        if name == "beauty" and self.quality.noise_threshold is not None:
+            self._plane("round", 1).add(rows[:, :3] @ _LUMA[:, None] * samples, samples, pixels)
+
+    def end_round(self) -> None:
+        """Compare the samples since the last call, of which each motion sample has had equally many."""
+        if self.quality.noise_threshold is None:
+            return
+        latest = self._planes.pop("round")
+        pixels = np.flatnonzero(latest.counts)
+        luminance = latest.means(pixels)
+        self._plane("rounds", 2).add(np.concatenate([luminance, luminance * luminance], axis=1), 1, pixels)
 
     def frame_aovs(self) -> dict[str, Pixels]:
         """Return the AOVs by name, once all motion samples have been rendered."""
-        means = {name: total / self._terms[name] for name, total in self._sums.items()}
-        auxiliary = means["auxiliary"]
-        arrays = {
-            "beauty": means["beauty"],
+        width, height = self.quality.rendered_size
+        means = {name: plane.means().reshape(height, width, -1) for name, plane in self._planes.items()}
+        beauty, auxiliary = means["beauty"], means["auxiliary"]
+        samples = self._planes["beauty"].counts.reshape(height, width)
+        arrays: dict[str, NDArray[Any]] = {
+            "beauty": without_fireflies(beauty[..., :3]),
             "albedo": np.clip(auxiliary[..., 0:3], 0.0, 1.0),
             "normal": auxiliary[..., 7:10],
             "position": auxiliary[..., 4:7],
@@ -107,9 +117,9 @@ class Accumulator:
         }
         for name in self.aovs:
             if name == "noise":
-                arrays[name] = _standard_error(means["luminance"], means["square"], self.samples)
+                arrays[name] = _standard_error(beauty[..., LUMINANCE], beauty[..., SQUARE], samples)
             elif name == "samples":
-                arrays[name] = np.full(auxiliary.shape[:2], self.samples)
+                arrays[name] = samples
             else:
                 arrays[name] = means[name][..., :2] if name == "motion" else means[name]
         return {name: np.ascontiguousarray(array, dtype=np.float32) for name, array in arrays.items()}
@@ -119,52 +129,50 @@ class Accumulator:
         if self.quality.noise_threshold is None:
             return {"samples": self.quality.samples}
         noise = {"noise": float(f"{self._noise:.4g}")} if self._is_comparable else {}
-        return {"samples": self.samples, **noise}
+        return {"samples": int(self._planes["beauty"].counts.max()), **noise}
 
     @property
     def has_converged(self) -> bool:
-        """True if the noise is at most the quality's threshold, between rounds of motion samples."""
+        """True if the noise is at most the quality's threshold, between rounds."""
         threshold = self.quality.noise_threshold
-        amid_round = "round" in self._sums or self._waiting
-        return threshold is not None and not amid_round and self._is_comparable and self._noise <= threshold
+        if threshold is None or "round" in self._planes:
+            return False
+        return self._is_comparable and self._noise <= threshold
 
     @property
     def _is_comparable(self) -> bool:
-        return self._terms.get("squares", 0) >= MIN_BATCHES
+        rounds = self._planes.get("rounds")
+        return rounds is not None and int(rounds.counts.min()) >= MIN_ROUNDS
 
     @property
     def _noise(self) -> float:
-        return noise_of(self._sums["luminances"], self._sums["squares"], self._terms["squares"])
+        width, height = self.quality.rendered_size
+        rounds = self._planes["rounds"]
+        total, squares = rounds.sums.T.reshape(2, height, width)
+        return noise_of(total, squares, int(rounds.counts.max()))
 
-    def _compare(self, luminance: Picture) -> None:
-        """Add the luminance of a batch. The mean over a round of all motion samples is what is compared."""
-        self.add("round", luminance)
-        if self._terms["round"] * self.combined == self.motion_samples:
-            mean = self._sums.pop("round") / self._terms.pop("round")
-            self.add("luminances", mean)
-            self.add("squares", mean * mean)
+    def _plane(self, name: str, channels: int) -> Plane:
+        """Return a plane, which is added where it is missing."""
+        if name not in self._planes:
+            width, height = self.quality.rendered_size
+            count = width * height
+            self._planes[name] = Plane(np.zeros((count, channels)), np.zeros(count, dtype=np.int32))
+        return self._planes[name]
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return everything, for a checkpoint."""
-        sums = {f"sum:{name}": total for name, total in self._sums.items()}
-        terms = {f"terms:{name}": np.array(count) for name, count in self._terms.items()}
-        waiting = {f"waiting:{index}": picture for index, picture in enumerate(self._waiting)}
-        return {"samples": np.array(self.samples), **sums, **terms, **waiting}
+        sums = {f"sums:{name}": plane.sums for name, plane in self._planes.items()}
+        counts = {f"counts:{name}": plane.counts for name, plane in self._planes.items()}
+        return {**sums, **counts}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Continue from what `state` returned."""
-
-        def named(kind: str) -> dict[str, NDArray[Any]]:
-            return {key.removeprefix(kind): state[key] for key in state if key.startswith(kind)}
-
-        self.samples = int(state["samples"])
-        self._sums = named("sum:")
-        self._terms = {name: int(count) for name, count in named("terms:").items()}
-        self._waiting = list(named("waiting:").values())
+        names = [key.removeprefix("sums:") for key in state if key.startswith("sums:")]
+        self._planes = {name: Plane(state[f"sums:{name}"], state[f"counts:{name}"]) for name in names}
 
 
 def without_fireflies(light: Picture) -> Picture:
-    """Return radiance (H, W, 3) of one batch with single bright pixels dimmed to the bound of FIREFLY_FACTOR.
+    """Return radiance (H, W, 3) with single bright pixels dimmed to the bound of FIREFLY_FACTOR.
 
     A highlight or a thin bright line has at least three bright neighbours at every pixel and stays; a path
     that hit an emitter by chance has none.
@@ -179,7 +187,7 @@ def without_fireflies(light: Picture) -> Picture:
     return np.asarray(light * (bound / np.maximum(luminance, bound))[..., None], dtype=np.float64)
 
 
-def _standard_error(mean: Picture, square: Picture, samples: int) -> Picture:
+def _standard_error(mean: Picture, square: Picture, samples: NDArray[np.int32]) -> Picture:
     """Return the standard error (H, W) of the mean of independent samples: s / √n, s² unbiased.
 
     Our samples are spread more evenly, and so are motion samples: their error is rather less.
@@ -212,66 +220,3 @@ def _block_means(picture: Picture) -> Picture:
     sums = np.add.reduceat(np.add.reduceat(picture, rows, axis=0), columns, axis=1)
     heights, widths = np.diff(rows, append=picture.shape[0]), np.diff(columns, append=picture.shape[1])
     return np.asarray(sums / (heights[:, None] * widths), dtype=np.float64)
-
-
-@dataclass
-class Checkpoint:
-    """The checkpoint of one frame: a file, written atomically, with the sums as added, in float64.
-
-    A resumed frame is the same to the last bit as one that was never interrupted.
-
-    path     the file; its name must say everything that decides the picture
-    draft    temporary file on the same file system
-    warn     is called with a message, once per fault; a frame never fails by its checkpoint
-    urgent   tells whether the process is about to end
-    seconds  least time between two checkpoints
-    resumed  sample batches that `load` has read
-    """
-
-    path: Path
-    draft: Path
-    warn: Callable[[str], None] = field(default=lambda message: None)
-    urgent: Callable[[], bool] = field(default=lambda: False)
-    seconds: float = SECONDS
-    resumed: int = field(default=0, init=False)
-    _due: float = field(default=0.0, init=False)
-    _refused: bool = field(default=False, init=False)
-
-    def __post_init__(self) -> None:
-        self._due = time.monotonic() + self.seconds
-
-    def load(self) -> dict[str, NDArray[Any]] | None:
-        """Return the stored state, of which `done` is the number of batches, or None.
-
-        A damaged file is reported by `warn` and removed.
-        """
-        try:
-            with self.path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-                state = {name: arrays[name] for name in arrays.files}
-            self.resumed = int(state["done"])
-        except (FileNotFoundError, NotADirectoryError):
-            return None
-        except (OSError, zipfile.BadZipFile, ValueError, KeyError, EOFError, AttributeError) as error:
-            self.warn(f"{self.path} cannot be read ({error}); its picture is rendered from the start")
-            self.remove()
-            return None
-        return state
-
-    def save_if_due(self, state: Callable[[], Mapping[str, NDArray[Any]]]) -> None:
-        """Write a checkpoint if one is due. `state` is called only then."""
-        now = time.monotonic()
-        if self._refused or not (self.urgent() or now >= self._due):
-            return
-        try:
-            with atomic_write(self.path, self.draft, flush=False) as draft, draft.open("wb") as file:
-                np.savez(file, allow_pickle=False, **state())  # a path would be given another suffix
-        except MachineError as error:
-            self._refused = True
-            self.warn(f"{error}; if interrupted, its picture starts anew")
-        spent = time.monotonic() - now
-        self._due = now + spent + max(self.seconds, MIN_WORK * spent)
-
-    def remove(self) -> None:
-        """Remove the file. One that cannot be removed is left to the next run."""
-        with contextlib.suppress(OSError):
-            self.path.unlink(missing_ok=True)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from render.frame.accumulator import Checkpoint
+from render.frame.checkpoint import Checkpoint
 from render.frame.sample_batches import SampleBatches, ShutterInterval, motion_sample_count
 from render.mitsuba.engine import Engine
 from render.mitsuba.scene import build_scene

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.frame.accumulator import Accumulator, Checkpoint, Picture
+from render.frame.accumulator import Accumulator, Picture
+from render.frame.checkpoint import Checkpoint
 from render.mitsuba.scene import FrameScenes, SceneRenderer
 from render.scene.aovs import Attributes
 from render.scene.quality import BATCH_SAMPLES, Quality
@@ -83,6 +84,8 @@ class SampleBatch:
     samples          samples per pixel
     has_vertex_aovs  True if vertex AOVs are rendered with the same samples
     first            samples per pixel of the beauty in all batches before
+    ends_round       True if all motion samples have had equally many samples of the beauty since the last
+                     batch that did
     """
 
     motion_sample: int
@@ -90,6 +93,7 @@ class SampleBatch:
     samples: int
     has_vertex_aovs: bool = False
     first: int = 0
+    ends_round: bool = False
 
 
 class SampleBatches:
@@ -112,11 +116,7 @@ class SampleBatches:
         self._batches = batch_schedule(quality, motion_samples)
         self._has_noise_aov = "noise" in aovs
         self._done = 0
-        is_adaptive = quality.noise_threshold is not None
-        sizes = [b.samples for b in self._batches if b.kind == "beauty" and b.motion_sample == 0]
-        in_mean = motion_samples if is_adaptive else motion_samples * len(sizes)
-        combined = combined_batches(in_mean, sizes[0])
-        self.accumulator = Accumulator(quality, aovs, combined, motion_samples)
+        self.accumulator = Accumulator(quality, aovs)
         if checkpoint is not None and (state := checkpoint.load()) is not None:
             self._done = int(state["done"])
             self.accumulator.restore(state)
@@ -132,7 +132,7 @@ class SampleBatches:
         if batch.kind == "beauty":
             self._render_beauty(batch, scenes.beauty, seed)
         else:
-            self.accumulator.add("auxiliary", scenes.auxiliary.render(batch.samples, seed))
+            self.accumulator.add("auxiliary", scenes.auxiliary.render(batch.samples, seed), batch.samples)
             if batch.has_vertex_aovs and scenes.vertex_aov is not None and attributes:
                 self._render_attributes(scenes.vertex_aov, attributes, batch.samples, seed)
         self._done += 1
@@ -149,11 +149,13 @@ class SampleBatches:
         if beauty.path_tracer is not None:
             one_seed = seed_of(self._seed, _SEED_WORDS[batch.kind])
             picture = np.asarray(beauty.path_tracer.render(batch.samples, batch.first, one_seed))
-            self.accumulator.add_beauty(picture, batch.samples)
-            return
-        picture = beauty.render(batch.samples, seed)
-        picture = picture[..., _MOMENT_CHANNELS] if self._has_noise_aov else picture
-        self.accumulator.add_beauty(picture, _multijitter_count(batch.samples))
+            self.accumulator.add("beauty", picture, batch.samples)
+        else:
+            channels = _MOMENT_CHANNELS if self._has_noise_aov else [0, 1, 2]
+            picture = beauty.render(batch.samples, seed)[..., channels]
+            self.accumulator.add("beauty", picture, _multijitter_count(batch.samples))
+        if batch.ends_round:
+            self.accumulator.end_round()
 
     def _render_attributes(
         self, renderer: SceneRenderer, attributes: Attributes, samples: int, seed: int
@@ -171,7 +173,7 @@ class SampleBatches:
 
         others = render(np.zeros_like(next(iter(attributes.values()))))
         for name, values in attributes.items():
-            self.accumulator.add(name, render(values) - others)
+            self.accumulator.add(name, render(values) - others, samples)
 
 
 def batch_schedule(quality: Quality, motion_samples: int) -> list[SampleBatch]:
@@ -191,7 +193,11 @@ def batch_schedule(quality: Quality, motion_samples: int) -> list[SampleBatch]:
         ]
         for i in range(motion_samples)
     ]
-    beauty = [[SampleBatch(i, "beauty", samples) for samples in sizes] for i in range(motion_samples)]
+    last = motion_samples - 1
+    beauty = [
+        [SampleBatch(i, "beauty", samples, ends_round=is_adaptive and i == last) for samples in sizes]
+        for i in range(motion_samples)
+    ]
     if not is_adaptive:
         batches = [batch for i in range(motion_samples) for batch in (*auxiliary[i], *beauty[i])]
     else:
@@ -247,12 +253,6 @@ def interleaved_batch_sizes(samples: int, motion_samples: int) -> list[int]:
     least = max(MIN_SAMPLES, -(-BATCH_SAMPLES // motion_samples))
     size = min((n for n in EVEN_COUNTS if size % n == 0 and n >= least), default=size)
     return [size] * (-(-samples // motion_samples) // size)
-
-
-def combined_batches(batches: int, samples: int) -> int:
-    """Return how many batches of so many samples make one of about BATCH_SAMPLES, with none left over."""
-    most = max(1, BATCH_SAMPLES // samples)
-    return max(n for n in range(1, most + 1) if batches % n == 0)
 
 
 def _even_divisor(samples: int) -> int:

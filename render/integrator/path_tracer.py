@@ -49,14 +49,22 @@ class PathTracer:
     max_depth: int
     hide_emitters: bool
 
-    def render(self, samples: int, first: int, seed: int) -> NDArray[np.float64]:
-        """Return radiance, luminance and its square (H, W, 5), as means over samples.
+    def render(
+        self, samples: int, first: int, seed: int, pixels: NDArray[np.integer[Any]] | None = None
+    ) -> NDArray[np.float64]:
+        """Return radiance, luminance and its square, as means over samples.
 
-        first  samples of the same picture and seed that were taken before
+        first   samples of the same pixels and seed that were taken before
+        pixels  numbers of the pixels to sample, row by row from the upper left of the rendered part; None is
+                all of them
+
+        The result is (H, W, 5), or with `pixels` (pixels, 5). The samples of a pixel do not depend on which
+        others are rendered.
         """
         film = self.scene.sensors()[0].film()
         (width, height), (left, top) = film.crop_size(), film.crop_offset()
-        index = dr.arange(mi.UInt32, int(width) * int(height))
+        numbers = np.arange(int(width) * int(height)) if pixels is None else pixels
+        index = mi.UInt32(numbers.astype(np.uint32))
         row = index // dr.opaque(mi.UInt32, int(width))
         column = index - row * int(width)
         pixel = (row + int(top)) * int(film.size()[0]) + column + int(left)
@@ -66,7 +74,7 @@ class PathTracer:
         dr.eval(sums)
         picture = np.stack([np.array(channel, dtype=np.float64) for channel in sums], axis=1) / samples
         dr.flush_malloc_cache()
-        return picture.reshape(int(height), int(width), 5)
+        return picture if pixels is not None else picture.reshape(int(height), int(width), 5)
 
 
 @dr.syntax

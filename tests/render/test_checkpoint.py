@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import render
-from render.frame.accumulator import Checkpoint
+from render.frame.checkpoint import Checkpoint
 from render.frame.sample_batches import ShutterInterval
 from render.mitsuba.engine import Engine
 from render.scene.aovs import RenderedFrame
@@ -159,7 +159,7 @@ from pathlib import Path
 import numpy as np
 import render
 from render.scene.camera import Camera
-from render.frame.accumulator import Checkpoint
+from render.frame.checkpoint import Checkpoint
 from render.mitsuba.engine import choose
 from render.frame.render_frame import render_frame
 from render.scene.lights import LIGHTS

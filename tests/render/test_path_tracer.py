@@ -107,6 +107,13 @@ def test_a_pass_of_sixteen_is_four_of_four(built: Callable[..., SceneRenderer]) 
     assert np.allclose(whole, parts, rtol=1e-4, atol=1e-5)
 
 
+def test_some_pixels_alone_are_those_of_all_pixels(built: Callable[..., SceneRenderer]) -> None:
+    tracer = built("glaze").path_tracer
+    whole = tracer.render(4, 4, 5)
+    some = np.flatnonzero(np.random.default_rng(3).random(whole[..., 0].size) < 0.3)
+    assert np.array_equal(tracer.render(4, 4, 5, some), whole.reshape(-1, 5)[some])
+
+
 def test_a_sequence_that_has_ended_goes_on_with_other_numbers(built: Callable[..., SceneRenderer]) -> None:
     light = built().path_tracer
     assert not np.allclose(light.render(4, 0, 5), light.render(4, 1024, 5), rtol=1e-2)

@@ -36,7 +36,7 @@ from render.base.atomic_write import atomic_write, disk_errors
 from render.base.errors import CorruptImageError, FlowsculptError, MissingImageError
 
 if TYPE_CHECKING:
-    from render.frame.accumulator import Checkpoint
+    from render.frame.checkpoint import Checkpoint
 
 T = TypeVar("T")
 
@@ -251,7 +251,7 @@ class Store:
 
         warn, urgent  see `Checkpoint`
         """
-        from render.frame.accumulator import Checkpoint
+        from render.frame.checkpoint import Checkpoint
 
         path = self.root / CHECKPOINTS / f"{_checkpoint_name(target)}.{key}.npz"
         self.remove_checkpoints([target], keep=path)

@@ -22,7 +22,7 @@ from pipeline.production.store import readers
 from pipeline.production.store.store import Key
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.supervisor import MemoryGuard, StopRequest, deferred_signals
-from render.frame.accumulator import Checkpoint
+from render.frame.checkpoint import Checkpoint
 from render.frame.render_frame import render_frame
 from render.frame.sample_batches import ShutterInterval
 from render.mitsuba.engine import Engine, choose

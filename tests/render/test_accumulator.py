@@ -1,0 +1,38 @@
+"""Sums of sample batches, some of which are of some pixels only."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from render.frame.accumulator import Accumulator
+from render.scene.quality import Quality
+
+WIDTH, HEIGHT = 6, 4
+PIXELS = st.lists(st.integers(0, WIDTH * HEIGHT - 1), min_size=1, unique=True).map(sorted)
+
+
+@given(batches=st.lists(st.tuples(PIXELS, st.sampled_from([1, 4, 8])), max_size=4), cut=st.integers(0, 3))
+def test_each_pixel_is_the_mean_of_its_own_samples(batches: list[tuple[list[int], int]], cut: int) -> None:
+    def accumulator() -> Accumulator:
+        return Accumulator(Quality(WIDTH, HEIGHT, samples=64, depth=3), ("samples", "noise"))
+
+    random = np.random.default_rng(5)
+    whole = random.uniform(0.9, 1.0, (HEIGHT, WIDTH, 5))
+    sums = accumulator()
+    sums.add("auxiliary", np.zeros((HEIGHT, WIDTH, 12)), 4)
+    sums.add("beauty", whole, 4)
+    total, count = 4 * whole.reshape(-1, 5), np.full(WIDTH * HEIGHT, 4)
+    for number, (pixels, samples) in enumerate(batches):
+        if number == cut:
+            resumed = accumulator()
+            resumed.restore(sums.state())
+            sums = resumed
+        means = random.uniform(0.9, 1.0, (len(pixels), 5))
+        sums.add("beauty", means, samples, np.array(pixels))
+        total[pixels] += samples * means
+        count[pixels] += samples
+    arrays = sums.frame_aovs()
+    assert np.array_equal(arrays["samples"].ravel(), count)
+    assert np.allclose(arrays["beauty"].reshape(-1, 3), total[:, :3] / count[:, None])
