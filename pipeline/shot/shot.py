@@ -21,6 +21,7 @@ from render.scene.lights import LightRig
 from render.scene.materials import Material
 from render.scene.quality import QUALITIES, Quality
 from render.scene.stage import Stage
+from render.scene.working_space import WORKING_SPACES, WorkingSpace
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class AovSelection:
 class Picture:
     """All that decides how the meshes of a shot look.
 
-    view        the colour view that shows its light
+    view        the colour view that shows its light, which is in the view's working space
     tessellate  segments that every edge is cut into, on curved patches over the triangles (P37); 1 is off
     dicing      longest segment of an edge in pixels, in place of `tessellate`; None is off
     hide_facets edges are cut as each picture needs, so that outlines show no corners
@@ -69,6 +70,11 @@ class Picture:
     qualities: Mapping[str, Quality] = field(default_factory=lambda: QUALITIES)
     shutter: Shutter = field(default_factory=Shutter)
     aovs: AovSelection = field(default_factory=AovSelection)
+
+    @property
+    def working_space(self) -> WorkingSpace:
+        """The space that light is computed in, and pictures are written in."""
+        return WORKING_SPACES[self.view.working_space]
 
     def display_data(self) -> dict[str, Any]:
         """Return what maps rendered light to display colours, as plain data."""

@@ -186,7 +186,7 @@ def _picture(document: ShotDocument, clock: Clock, subject: Subject) -> Picture:
         camera=document.camera.build(clock),
         lights=LIGHTS[lights] if isinstance(lights, str) else lights.build(),
         stage=_stage(document.stage, look),
-        view=document.view.build(),
+        view=dataclasses.replace(document.view.build(), working_space=document.working_space),
         tessellate=smooth.tessellate or (PIECES if isinstance(subject, ControlNet) else 1),
         dicing=smooth.dicing,
         hide_facets=is_plain and look.is_lit,

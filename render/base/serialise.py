@@ -12,14 +12,17 @@ import typing
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from render.base.errors import BadInputError
 
 T = TypeVar("T")
 
 Triple = tuple[float, float, float]
-"""A point, a direction or a linear Rec.709 colour."""
+"""A point or a direction."""
+
+Colour = Annotated[Triple, "linear Rec.709"]
+"""A reflectance or radiance, which `render.scene.working_space` converts to the space of a frame."""
 
 NOT_PLAIN = {"plain": False}
 """`field(metadata=NOT_PLAIN)`: a field to leave out, such as where a file of known content lies, or a cache.

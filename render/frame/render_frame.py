@@ -84,6 +84,7 @@ def render_frame(
         "auxiliary_samples": quality.auxiliary_samples,
         "depth": quality.depth,
         "lens_radius": scene.camera.lens_radius,
+        "working_space": scene.working_space.name,
         "surface_vertices": len(surface.vertices),
         "surface_faces": len(surface.faces),
         **({} if shutter is None else _shutter_facts(shutter, motion, count)),

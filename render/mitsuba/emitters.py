@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 
 from render.scene.camera import Camera
 from render.scene.lights import LightRig, Sky, Softbox, Sun
-from render.scene.sky import Daylight, Environment, read_map
+from render.scene.sky import Daylight, Environment
+from render.scene.working_space import REC709, converted_pixels
 
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
 
@@ -20,6 +22,9 @@ _SUN_AT_60 = 1.45
 
 _WANTED_AT_60 = 8.0
 """The same irradiance in our units, as bright as the other rigs."""
+
+_MAP_ROWS, _COARSE = 1024, 8
+"""Rows of a map of daylight, and how many times fewer the sky is computed at."""
 
 _DUSK_EXPONENT = 0.8
 """Power of the light's fall towards dusk that exposure makes up for."""
@@ -34,6 +39,10 @@ def emitters(lights: LightRig, to_scene: NDArray[np.float64]) -> dict[str, Any]:
 
 def _distant(lights: LightRig) -> dict[str, Any]:
     """Return the emitter that surrounds the scene."""
+    if lights.daylight and lights.daylight.working_space != REC709.name:
+        import mitsuba as mi
+
+        return {"type": "envmap", "bitmap": mi.Bitmap(_daylight_map(lights.daylight))}
     if lights.daylight:
         daylight, strength = lights.daylight, daylight_exposure(lights.daylight)
         scales = {"sun_scale": strength * daylight.sun, "sky_scale": strength * daylight.sky}
@@ -114,7 +123,7 @@ def _environment(environment: Environment) -> dict[str, Any]:
 
     return {
         "type": "envmap",
-        "bitmap": mi.Bitmap(read_map(environment.path, environment.digest)),
+        "bitmap": mi.Bitmap(environment.pixels()),
         "scale": environment.intensity,
         "to_world": mi.ScalarTransform4f().rotate([0.0, 1.0, 0.0], math.degrees(environment.turn) + 180.0),
     }
@@ -149,6 +158,48 @@ def daylight_irradiances(daylight: Daylight) -> tuple[NDArray[np.float64], NDArr
     disc = 2.0 * math.pi * (1.0 - math.cos(daylight.width / 2.0))
     sun = _radiance({**_sunsky(daylight), **sun_only}, direction)[0] * disc
     return np.maximum(sun, 0.0), sky
+
+
+@lru_cache(maxsize=2)
+def _daylight_map(daylight: Daylight) -> NDArray[np.float32]:
+    """Return radiance (_MAP_ROWS, 2 _MAP_ROWS, 3) of sun and sky in the daylight's working space.
+
+    Mitsuba's emitter yields Rec.709 alone. The sky is smooth and computed coarsely; the sun's light is
+    spread over the pixels that its disc covers, so that its irradiance is exact.
+    """
+    strength, (sun, _) = daylight_exposure(daylight), daylight_irradiances(daylight)
+    coarse = _MAP_ROWS // _COARSE
+    without_sun = {**_sunsky(daylight), "sun_scale": 0.0, "sky_scale": daylight.sky}
+    directions = _directions(coarse)[: coarse // 2].reshape(-1, 3)
+    upper = _radiance(without_sun, directions).reshape(coarse // 2, 2 * coarse, 3)
+    light = np.zeros((_MAP_ROWS, 2 * _MAP_ROWS, 3))
+    light[: _MAP_ROWS // 2] = _refined(upper, _COARSE)
+    cosine = _directions(_MAP_ROWS) @ np.array(daylight.direction)
+    pixel = math.pi / _MAP_ROWS
+    cover = np.clip((daylight.width / 2.0 - np.arccos(np.clip(cosine, -1.0, 1.0))) / pixel + 0.5, 0.0, 1.0)
+    cover[_MAP_ROWS // 2 :] = 0.0
+    solid_angle = pixel**2 * np.sin((np.arange(_MAP_ROWS) + 0.5) * pixel)[:, None]
+    light += cover[..., None] * (daylight.sun * sun / (cover * solid_angle).sum())
+    return converted_pixels((strength * light).astype(np.float32), daylight.working_space)
+
+
+def _directions(rows: int) -> NDArray[np.float64]:
+    """Return the directions (rows, 2 rows, 3) of the pixels of Mitsuba's environment maps."""
+    tilt = (np.arange(rows)[:, None] + 0.5) / rows * math.pi
+    turn = (np.arange(2 * rows) + 0.5) / rows * math.pi
+    along = np.sin(tilt) * np.sin(turn), np.cos(tilt) + 0.0 * turn, -np.sin(tilt) * np.cos(turn)
+    return np.stack(along, axis=-1)
+
+
+def _refined(picture: NDArray[np.float64], factor: int) -> NDArray[np.float64]:
+    """Interpolate a picture (H, W, 3) bilinearly to `factor` times its size; its columns are cyclic."""
+    height, width = picture.shape[:2]
+    rows = np.clip((np.arange(factor * height) + 0.5) / factor - 0.5, 0.0, height - 1.0)
+    columns = (np.arange(factor * width) + 0.5) / factor - 0.5
+    top, left = rows.astype(int), np.floor(columns).astype(int)
+    down, right = (rows - top)[:, None, None], (columns - left)[None, :, None]
+    lines = picture[top] * (1.0 - down) + picture[np.minimum(top + 1, height - 1)] * down
+    return np.asarray(lines[:, left % width] * (1.0 - right) + lines[:, (left + 1) % width] * right)
 
 
 def _sunsky(daylight: Daylight) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,9 +17,11 @@ from render.mitsuba.shapes import auxiliary_stage_shapes, gouraud_shapes, mesh, 
 from render.mitsuba.texture_coordinates import SUBJECT, texture_coordinates
 from render.scene.aovs import VERTEX_AOVS
 from render.scene.camera import Camera
+from render.scene.materials import PatternedMaterial
 from render.scene.quality import Crop, Quality
 from render.scene.scene import Scene
 from render.scene.surface import Surface, Wireframe, require_camera_outside, ribbons
+from render.scene.working_space import converted_pixels
 
 _CHANGING = (
     *("to_world", "medium.scale", absorption.RATE, "aperture_radius", "focus_distance"),
@@ -93,7 +95,18 @@ def build_scene(scene: Scene, quality: Quality, aovs: Collection[str] = ()) -> F
     surface.check()
     require_camera_outside(surface, scene.camera)
     size = quality.width, quality.height
-    return (_lit if scene.material.is_lit else _drawn)(scene, surface, size, quality, aovs)
+    if not scene.material.is_lit:
+        return _drawn(scene, surface, size, quality, aovs)
+    return _lit(scene.converted(), _with_converted_colours(surface, scene), size, quality, aovs)
+
+
+def _with_converted_colours(surface: Surface, scene: Scene) -> Surface:
+    """Return the surface with the vertex colours that the material shows in the working space."""
+    name = scene.material.colour_from if isinstance(scene.material, PatternedMaterial) else None
+    if name is None or name not in surface.attributes:
+        return surface
+    colours = converted_pixels(surface.attributes[name], scene.working_space.name)
+    return replace(surface, attributes={**surface.attributes, name: colours})
 
 
 def _lit(
@@ -105,7 +118,7 @@ def _lit(
     medium = materials.interior_medium(material, placement.size)
     subject = mesh("subject", split, bsdf, coordinates.values, medium)
     to_scene = placement.matrix()
-    shapes = {"subject": subject, **stage_shapes(scene.stage, placement, camera, size)}
+    shapes = {"subject": subject, **stage_shapes(scene.stage, placement, camera, size, scene.working_space)}
     if material.wireframe:
         shapes["wireframe"] = _wireframe(surface, material.wireframe, camera, size)
     unlit = {"type": "scene", "sensor": sensor(camera, size, quality.crop), **shapes}
@@ -132,7 +145,7 @@ def _drawn(
     scene: Scene, surface: Surface, size: tuple[int, int], quality: Quality, aovs: Collection[str]
 ) -> FrameScenes:
     """Build the scenes of a material that brings its own light and background."""
-    shapes = gouraud_shapes(surface, scene.material, scene.placement, scene.camera, size)
+    shapes = gouraud_shapes(surface, scene.material, scene.placement, scene.camera, size, scene.working_space)
     if scene.material.wireframe:
         shapes["wireframe"] = _wireframe(surface, scene.material.wireframe, scene.camera, size)
     unlit = {"type": "scene", "sensor": sensor(scene.camera, size, quality.crop), **shapes}

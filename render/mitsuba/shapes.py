@@ -18,6 +18,7 @@ from render.scene.reference_objects import CHROME, GREY
 from render.scene.stage import Stage, StagePlacement
 from render.scene.surface import Surface
 from render.scene.vertex_colours import shaded_colours
+from render.scene.working_space import WorkingSpace, converted_pixels
 
 PLINTH = (0.56, 0.555, 0.545)
 """Reflectance of a plinth: a white one would outshine the subject."""
@@ -71,9 +72,13 @@ def _ravel(array: NDArray[Any]) -> Any:
 
 
 def stage_shapes(
-    stage: Stage, placement: StagePlacement, camera: Camera, size: tuple[int, int]
+    stage: Stage, placement: StagePlacement, camera: Camera, size: tuple[int, int], space: WorkingSpace
 ) -> dict[str, Any]:
-    """Return the shapes around the subject by their names in the scene. size: of the picture, pixels"""
+    """Return the shapes around the subject by their names in the scene.
+
+    size   of the picture, pixels
+    space  of the stage's colour; colours that are the same on every stage are converted here
+    """
     if stage.kind == "none":
         return {}
     floor = diffuse(stage.colour)
@@ -82,11 +87,15 @@ def stage_shapes(
         floor = two_sided(rough_plastic(colour, max(stage.roughness, 1e-2)))
     made = {"stage": mesh("stage", Surface(*placement.placed(stage.backdrop())), floor, _UV)}
     if stage.kind == "plinth":
-        made["plinth"] = mesh("plinth", Surface(*placement.placed(stage.plinth())), diffuse(PLINTH), _UV)
+        pale = diffuse(tuple(space.from_rec709(np.array(PLINTH))))
+        made["plinth"] = mesh("plinth", Surface(*placement.placed(stage.plinth())), pale, _UV)
     if stage.kind == "turntable":
         grey, chrome, chart = reference_objects.positions(camera, placement, size[0] / size[1])
         mirror = two_sided(rough_conductor({"type": "rgb", "value": CHROME}, 0.02))
         board = reference_objects.chart(chart, camera)
+        board = replace(
+            board, attributes={"colour": converted_pixels(board.attributes["colour"], space.name)}
+        )
         made["grey"] = mesh("grey", reference_objects.ball(grey), diffuse((GREY,) * 3), _UV)
         made["chrome"] = mesh("chrome", reference_objects.ball(chrome), mirror, _UV)
         made["chart"] = mesh("chart", board, vertex_attribute("colour"), _UV)
@@ -104,18 +113,29 @@ def auxiliary_stage_shapes(
 
 
 def gouraud_shapes(
-    surface: Surface, material: Material, placement: StagePlacement, camera: Camera, size: tuple[int, int]
+    surface: Surface,
+    material: Material,
+    placement: StagePlacement,
+    camera: Camera,
+    size: tuple[int, int],
+    space: WorkingSpace,
 ) -> dict[str, Any]:
-    """Return the subject and a background, whose albedo is the picture: vertex colours (Gouraud 1971)."""
-    shaded = replace(surface, attributes={"shaded": shaded_colours(surface, material, placement, camera)})
-    background, colour = _gouraud_backdrop(placement, camera, size), vertex_attribute("shaded")
+    """Return the subject and a background, whose albedo is the picture: vertex colours (Gouraud 1971).
+
+    space  to which the shaded colours are converted: shading as in 1990 clips them, in Rec.709
+    """
+    colours = shaded_colours(surface, material, placement, camera)
+    shaded = replace(surface, attributes={"shaded": converted_pixels(colours, space.name)})
+    background, colour = _gouraud_backdrop(placement, camera, size, space), vertex_attribute("shaded")
     return {
         "subject": mesh("subject", shaded, colour, np.array([0.0, SUBJECT])),
         "stage": mesh("stage", background, colour, _UV),
     }
 
 
-def _gouraud_backdrop(placement: StagePlacement, camera: Camera, size: tuple[int, int]) -> Surface:
+def _gouraud_backdrop(
+    placement: StagePlacement, camera: Camera, size: tuple[int, int], space: WorkingSpace
+) -> Surface:
     """Return a wall across the view, behind everything and larger than the picture."""
     right, up, forward = camera.axes()
     distance = 4.0 * (math.dist(camera.origin, camera.target) + placement.size)
@@ -126,6 +146,6 @@ def _gouraud_backdrop(placement: StagePlacement, camera: Camera, size: tuple[int
     vertices = (middle + rows[:, None, None] * up + left_right).reshape(-1, 3).astype(np.float32)
     first = 2 * np.arange(len(BACKGROUND) - 1, dtype=np.int32)[:, None]
     faces = np.concatenate([first + np.array([0, 2, 1]), first + np.array([1, 2, 3])]).astype(np.int32)
-    colours = np.repeat(np.array(BACKGROUND, dtype=np.float32), 2, axis=0)
+    colours = np.repeat(converted_pixels(np.array(BACKGROUND, dtype=np.float32), space.name), 2, axis=0)
     normals = np.broadcast_to(-forward, vertices.shape).astype(np.float32)
     return Surface(vertices, normals, faces, {"shaded": colours})

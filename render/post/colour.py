@@ -21,6 +21,7 @@ from render.base.disk_cache import cache_path
 from render.base.errors import BadInputError, MachineError
 from render.base.kernel_cache import compiled
 from render.post.view import ACES, ColourView
+from render.scene.working_space import WORKING_SPACES
 
 Floats = NDArray[np.float32]
 
@@ -36,7 +37,7 @@ _WHITE = 2.0**6
 def to_display(
     light: Floats, exposure: float = 0.0, display: str = "rec709", view: ColourView = ACES
 ) -> Floats:
-    """Convert linear Rec.709 (H, W, 3) to display values 0 … 1; `exposure` in stops.
+    """Convert light (H, W, 3) of the view's working space to display values 0 … 1; `exposure` in stops.
 
     Raises BadInputError for a display that is not in DISPLAYS, or a view that cannot be computed.
     """
@@ -88,7 +89,8 @@ def view_exactly(light: Floats, display: str = "rec709", view: ColourView = ACES
 
 
 def _ocio_display(light: Floats, view: ColourView, display: str) -> Floats:
-    picture = oiio.ImageBuf(np.ascontiguousarray(light, dtype=np.float32))
+    rec709 = WORKING_SPACES[view.working_space].to_rec709(light)
+    picture = oiio.ImageBuf(np.ascontiguousarray(rec709, dtype=np.float32))
     shown = oiio.ImageBufAlgo.ociodisplay(
         picture, display, view.view, fromspace=view.space, colorconfig=view.config
     )

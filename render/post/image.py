@@ -19,6 +19,7 @@ from render.base.atomic_write import atomic_write, cannot_write
 from render.base.errors import BadInputError, CorruptImageError, MissingImageError
 from render.scene.aovs import AOVS, RenderedFrame
 from render.scene.textures import last_message
+from render.scene.working_space import REC709, WORKING_SPACES
 
 Header = Mapping[str, Any]
 Displayed = NDArray[np.uint8] | NDArray[np.uint16]
@@ -53,7 +54,9 @@ def write_exr(
     spec.channelnames = tuple(names)
     spec.channelformats = tuple(oiio.TypeDesc(each) for each in formats)
     spec.attribute("compression", "zip")
-    spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
+    space = WORKING_SPACES[{**layers.facts, **header}.get("working_space", REC709.name)]
+    spec.attribute("oiio:ColorSpace", space.interop_id)
+    spec.attribute("chromaticities", "float[8]", space.chromaticities)
     spec.attribute("DateTime", "")  # by default the time of writing; equal pictures shall be equal files
     for name, value in {**layers.facts, **header}.items():
         spec.attribute(PREFIX + name, _encoded(name, value))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 from render.base.errors import BadInputError, suggestion
 from render.base.limited_process import ParserError, answer_about_content, serve
 from render.scene.textures import DEFAULT_CONFIG, last_message
+from render.scene.working_space import REC709
 
 BUILT_IN = "ocio://"
 
@@ -36,6 +37,8 @@ class ColourView:
     still   the display of single pictures
     space   the config's name of linear Rec.709
     digest  of the config's files; empty for a built-in one
+
+    working_space  the space of the light that is shown, by its name in `WORKING_SPACES`
     """
 
     config: str = DEFAULT_CONFIG
@@ -44,6 +47,11 @@ class ColourView:
     still: str = "sRGB - Display"
     space: str = "lin_rec709_scene"
     digest: str = ""
+    working_space: str = REC709.name
+
+    def for_previews(self) -> ColourView:
+        """Return the same view of linear Rec.709, which quick previews compute in."""
+        return replace(self, working_space=REC709.name)
 
     def display(self, use: str) -> str:
         """Return the display for rec709 (movies) or srgb (pages). Raises BadInputError for others."""
@@ -55,8 +63,10 @@ class ColourView:
     @property
     def recipe(self) -> dict[str, str]:
         """Everything that decides the colours; without the path of the config."""
-        config = "" if self.digest else self.config
-        return {**vars(self), "config": config}
+        recipe = {**vars(self), "config": "" if self.digest else self.config}
+        if self.working_space == REC709.name:
+            del recipe["working_space"]  # recipes are parts of keys, and had none at first
+        return recipe
 
 
 ACES = ColourView()

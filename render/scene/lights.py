@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from render.base.serialise import Triple
+from render.base.serialise import Colour, Triple
 from render.scene.sky import Daylight, Environment
 
 
@@ -27,7 +27,7 @@ class Softbox:
     position: Triple
     width: float
     height: float
-    radiance: Triple
+    radiance: Colour
     target: Triple = (0.0, 1.0, 0.0)
     name: str = ""
 
@@ -37,16 +37,16 @@ class Sun:
     """Directional light with hard shadows: the direction it shines to, and its linear Rec.709 irradiance."""
 
     direction: Triple
-    irradiance: Triple
+    irradiance: Colour
 
 
 @dataclass(frozen=True)
 class Sky:
     """Light from everywhere: a gradient from zenith through horizon to nadir, linear Rec.709 radiance."""
 
-    zenith: Triple = (0.0, 0.0, 0.0)
-    horizon: Triple = (0.0, 0.0, 0.0)
-    nadir: Triple = (0.0, 0.0, 0.0)
+    zenith: Colour = (0.0, 0.0, 0.0)
+    horizon: Colour = (0.0, 0.0, 0.0)
+    nadir: Colour = (0.0, 0.0, 0.0)
     visible: bool = False
 
     @property
@@ -143,7 +143,7 @@ def _turned(position: Triple, angle: float) -> Triple:
     return c * x + s * z, y, c * z - s * x
 
 
-def _times(colour: Triple, factor: float) -> Triple:
+def _times(colour: Colour, factor: float) -> Colour:
     red, green, blue = colour
     return factor * red, factor * green, factor * blue
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import NamedTuple
 
@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
+from render.base.serialise import NOT_PLAIN
 from render.scene.surface import Surface
 from render.scene.textures import linear_of_srgb
+from render.scene.working_space import REC709, converted_pixels
 
 Floats = NDArray[np.float64]
 
@@ -54,12 +56,15 @@ class Measure:
     colours    one of COLOUR_MAPS; None for the kind's own
     low, high  numbers at the ends of the colour map; None for the kind's own. They are the same in every
                frame, so that a colour always means the same number and never flickers
+
+    working_space  the space that the colour map is converted to
     """
 
     of: str
     colours: str | None = None
     low: float | None = None
     high: float | None = None
+    working_space: str = field(default=REC709.name, metadata=NOT_PLAIN)
 
     def __post_init__(self) -> None:
         if self.of not in KINDS:
@@ -89,7 +94,7 @@ class Measure:
 
     def ramp(self) -> NDArray[np.float32]:
         """Return the colours (N, 3) of phases from 0 to 1. Beyond, the end colours continue."""
-        return colour_map(self.colours or self.kind.colours)
+        return converted_pixels(colour_map(self.colours or self.kind.colours), self.working_space)
 
     def phases(self, surface: Surface) -> Floats:
         """Return the phases (V,) of vertices: 0 at the range's low end, 1 at its high end. Raises as

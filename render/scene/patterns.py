@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
-from render.base.serialise import Triple
+from render.base.serialise import Colour, Triple
 
 PATTERNS = ("layers", "gradient", "rings", "marble", "speckles")
 TEXELS = 2048
@@ -43,7 +43,7 @@ class Pigment:
     """
 
     pattern: str
-    colours: tuple[Triple, ...]
+    colours: tuple[Colour, ...]
     scale: float = 1.0
     axis: Triple = (0.0, 1.0, 0.0)
     centre: Triple = (0.0, 0.0, 0.0)

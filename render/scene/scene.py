@@ -13,6 +13,7 @@ from render.scene.materials import Material
 from render.scene.spheres import Spheres
 from render.scene.stage import Stage, StagePlacement
 from render.scene.surface import Surface
+from render.scene.working_space import REC709, WorkingSpace, in_working_space
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,10 @@ class MotionSample:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """The scene of one frame: the subject and its material, lights, stage and camera."""
+    """The scene of one frame: the subject and its material, lights, stage and camera.
+
+    working_space  the space that light is computed in; colours of the scene are linear Rec.709
+    """
 
     subject: Surface | Spheres
     material: Material
@@ -55,6 +59,7 @@ class Scene:
     stage: Stage
     placement: StagePlacement
     camera: Camera
+    working_space: WorkingSpace = REC709
 
     @property
     def motion_sample(self) -> MotionSample:
@@ -64,3 +69,13 @@ class Scene:
     def at(self, sample: MotionSample) -> Scene:
         """Return the scene with the moving parts of a motion sample."""
         return replace(self, subject=sample.subject, placement=sample.placement, camera=sample.camera)
+
+    def converted(self) -> Scene:
+        """Return the scene with its colours in the working space, except vertex colours."""
+        space = self.working_space
+        return replace(
+            self,
+            material=in_working_space(self.material, space),
+            lights=in_working_space(self.lights, space),
+            stage=in_working_space(self.stage, space),
+        )

@@ -13,6 +13,7 @@ from render.base.errors import BadInputError
 from render.base.serialise import NOT_PLAIN, Triple
 from render.scene.picture_check import require_decodable
 from render.scene.textures import opened_picture, read_channels, require_finite
+from render.scene.working_space import REC709, converted_pixels
 
 OBLIQUITY = math.radians(23.44)
 """Tilt of the earth's axis."""
@@ -38,6 +39,8 @@ class Daylight:
     width       angular diameter of the sun, radians; a wider sun of the same strength casts softer shadows
     sun, sky    strength of each, 1 as in nature
     visible     True if the lens sees them
+
+    working_space  the space that their radiance is converted to
     """
 
     elevation: float = math.radians(32.0)
@@ -47,6 +50,7 @@ class Daylight:
     sun: float = 1.0
     sky: float = 1.0
     visible: bool = True
+    working_space: str = field(default=REC709.name, metadata=NOT_PLAIN)
 
     def __post_init__(self) -> None:
         if not 0.0 < self.elevation <= math.pi / 2.0:
@@ -96,6 +100,8 @@ class Environment:
     intensity  factor on the light
     visible    True if the lens sees it
     path       the file
+
+    working_space  the space that its radiance is converted to
     """
 
     digest: str
@@ -103,6 +109,11 @@ class Environment:
     intensity: float = 1.0
     visible: bool = True
     path: str = field(default="", metadata=NOT_PLAIN)
+    working_space: str = field(default=REC709.name, metadata=NOT_PLAIN)
+
+    def pixels(self) -> NDArray[np.float32]:
+        """Return radiance (H, 2H, 3) in the working space. Raises as `read_map`."""
+        return converted_pixels(read_map(self.path, self.digest), self.working_space)
 
 
 @lru_cache(maxsize=2)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
-from render.base.serialise import Triple
+from render.base.serialise import Colour, Triple
 from render.scene.camera import Camera
 
 RINGS, SIDES = 33, 64
@@ -92,7 +92,7 @@ class Stage:
     """
 
     kind: str = "cyclorama"
-    colour: Triple = (0.36, 0.355, 0.35)
+    colour: Colour = (0.36, 0.355, 0.35)
     floor: float = 7.0
     sweep: float = 14.0
     steepness: float = math.radians(55.0)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
-from render.base.serialise import Triple
+from render.base.serialise import Colour
 from render.scene.camera import Camera
 
 INSIDE = 0.99
@@ -139,7 +139,7 @@ class Wireframe:
     width   pixels of the picture
     """
 
-    colour: Triple = (0.02, 0.02, 0.025)
+    colour: Colour = (0.02, 0.02, 0.025)
     width: float = 1.0
 
     def __post_init__(self) -> None:

@@ -17,6 +17,7 @@ from render.base.errors import BadInputError, reason_of
 from render.base.input_files import parsing
 from render.base.serialise import NOT_PLAIN
 from render.scene.picture_check import require_decodable
+from render.scene.working_space import REC709, converted_pixels
 
 Pixels = NDArray[np.float32]
 
@@ -41,16 +42,20 @@ class Texture:
     space   one of SPACES, or a colour space of OpenColorIO's config. None means "linear" for a file of
             floats (EXR, HDR, TIFF), else "srgb"
     path    the file
+
+    working_space  the space that colours are converted to
     """
 
     digest: str
     space: str | None = None
     path: str = field(default="", metadata=NOT_PLAIN)
+    working_space: str = field(default=REC709.name, metadata=NOT_PLAIN)
 
     def pixels(self) -> Pixels:
-        """Return pixels (H, W, 3), linear Rec.709 from 0 to 1, or data as stored. Raises as
+        """Return pixels (H, W, 3) of the working space from 0 to 1, or data as stored. Raises as
         `read_picture`."""
-        return read_picture(self.path, self.digest, self.space)
+        pixels = read_picture(self.path, self.digest, self.space)
+        return pixels if self.space == "data" else converted_pixels(pixels, self.working_space)
 
     def numbers(self) -> Pixels:
         """Return the mean of the channels as stored, (H, W, 1). Raises as `read_picture`."""

@@ -102,3 +102,11 @@ def test_the_files_of_a_config_decide_and_not_where_they_lie(folder, tmp_path_fa
 def test_a_view_that_is_not_there_is_told_in_one_line(folder, said, message):
     found = told(folder, said + "\n")
     assert found.startswith("a.yaml:5:") and message in found and "\n" not in found
+
+
+def test_light_is_computed_in_the_space_that_a_shot_names(tmp_path):
+    assert read(tmp_path, "").picture.working_space.name == "rec709"
+    picture = read(tmp_path, "working_space: acescg\nview: {view: Un-tone-mapped}\n").picture
+    assert picture.working_space.name == picture.view.working_space == "acescg"
+    assert picture.display_data() != read(tmp_path, "view: {view: Un-tone-mapped}\n").picture.display_data()
+    assert "Did you mean 'acescg'?" in told(tmp_path, "working_space: ACEScg\n")

@@ -47,6 +47,7 @@ _SENTENCES = {
     "dicing": "its dicing differs",
     "aovs": "its AOVs differ",
     "shutter": "its shutter differs",
+    "working_space": "its working space differs",
     "angle": "its turntable differs",
     "seed": "its noise has another seed: the shot has another name",
 }

@@ -287,6 +287,7 @@ def picture_header(request: RenderRequest, number: int) -> dict[str, Any]:
         "settings": to_plain(request.quality),
         "dicing": picture.dicing,
         "aovs": dict(request.aovs.precision),
+        "working_space": picture.working_space.name,
         "shutter": request.open_at(number),
         **(resampling.settings() if resampling else {"resample": "off"}),
     }

@@ -83,8 +83,9 @@ class _Renderer:
         picture = request.shot.picture
         sample, shutter, following = _ShownFrame(context, number, self.framings).moments()
         lights = picture.lights.turned(request.angles[number].lights)
+        placed = sample.placement, sample.camera
         layers = render_frame(
-            Scene(sample.subject, picture.look, lights, picture.stage, sample.placement, sample.camera),
+            Scene(sample.subject, picture.look, lights, picture.stage, *placed, picture.working_space),
             request.quality,
             request.seed(number),
             self.engine,

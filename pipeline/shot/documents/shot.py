@@ -41,6 +41,7 @@ from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.quality import BATCH_SAMPLES, MOST_TEMPORAL_FRAMES
 from render.scene.stage import STAGES
+from render.scene.working_space import REC709, WORKING_SPACES
 
 ResampleField = Annotated[Literal["off"] | ResampleDocument, MAPPING_IS_SECOND]
 LookField = Annotated[
@@ -273,6 +274,9 @@ class ShotDocument(Document):
     aovs: AovsField = Field(default_factory=list, description="AOVs by name, or by name with half or float")
     view: ViewDocument = Field(
         default=ViewDocument(), description="a view of an OpenColorIO config; by default ACES 2.0"
+    )
+    working_space: Annotated[str, one_of(tuple(WORKING_SPACES), "working space")] = Field(
+        REC709.name, description="linear colours in which light is computed and pictures are written"
     )
     quality: QualitiesDocument = Field(
         default=QualitiesDocument(), description="settings that this shot replaces"

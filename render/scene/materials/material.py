@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
-from render.base.serialise import Triple
+from render.base.serialise import Colour, Triple
 from render.scene.measure import Measure
 from render.scene.patterns import Pigment
 from render.scene.surface import Wireframe
@@ -42,7 +42,7 @@ class Material:
     is_lit: ClassVar[bool] = True
     """False if the material brings its own light and background."""
 
-    colour: Triple
+    colour: Colour
     roughness: float = 0.1
     wireframe: Wireframe | None = field(default=None, kw_only=True)
     model: str = field(default="", init=False)
@@ -173,7 +173,7 @@ class Absorption:
     depth   in halves of the subject's size
     """
 
-    colour: Triple
+    colour: Colour
     depth: float = 1.0
 
     def __post_init__(self) -> None:

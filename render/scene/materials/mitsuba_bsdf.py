@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from render.base.serialise import Triple
+import numpy as np
+
+from render.base.serialise import NOT_PLAIN, Triple
 from render.scene.textures import Texture
+from render.scene.working_space import REC709, WORKING_SPACES, WorkingSpace
 
 
 class Plugin(NamedTuple):
@@ -84,6 +87,9 @@ _METALS = ("conductor", "roughconductor")
 
 _COLOURS = ("base_color", "reflectance", "diffuse_reflectance", "specular_reflectance")
 
+_INDICES = ("eta", "k")
+"""Complex indices of refraction, which are no colours though they differ between red, green and blue."""
+
 Plain = dict[str, Any]
 
 
@@ -93,15 +99,19 @@ class Bsdf:
 
     text   JSON, in which a file is named by its index in `files`
     files  textures, and tables of measured materials
+
+    working_space  the space that its colours are converted to; `eta` and `k` stay as written
     """
 
     text: str
     files: tuple[Texture, ...] = ()
+    working_space: str = field(default=REC709.name, metadata=NOT_PLAIN)
 
     @property
     def description(self) -> Plain:
-        """The parsed `text`."""
-        return json.loads(self.text)
+        """The parsed `text`, with its colours in the working space."""
+        parsed, space = json.loads(self.text), WORKING_SPACES[self.working_space]
+        return parsed if space.is_rec709 else _converted(parsed, space)
 
     @property
     def is_clear(self) -> bool:
@@ -126,6 +136,15 @@ class Bsdf:
                     red, green, blue = (min(max(float(x), 0.0), 1.0) for x in part[name])
                     return red, green, blue
         return 0.6, 0.6, 0.6
+
+
+def _converted(part: Any, space: WorkingSpace) -> Any:
+    """Return a part of a description with its lists of three numbers, which are colours, in a space."""
+    if isinstance(part, dict):
+        return {name: value if name in _INDICES else _converted(value, space) for name, value in part.items()}
+    if isinstance(part, list) and len(part) == 3 and all(isinstance(item, int | float) for item in part):
+        return space.from_rec709(np.array(part)).tolist()
+    return [_converted(item, space) for item in part] if isinstance(part, list) else part
 
 
 def _parts(part: Any) -> Iterator[Plain]:
