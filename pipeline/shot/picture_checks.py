@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 from pipeline.errors import suggestion
 from pipeline.shot.documents.fields import is_number
-from pipeline.shot.documents.lights_and_stage import ENVIRONMENTS
+from pipeline.shot.documents.lights_and_stage import ENVIRONMENTS, softbox_name
 from pipeline.shot.yaml.plain_text import listed
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from render.scene.lights import LIGHTS
@@ -92,25 +92,68 @@ def camera(source: YamlSource) -> Iterator[Problem]:
 
 def dimmed(source: YamlSource) -> Iterator[Problem]:
     """Check that the lights whose intensity is set are there."""
-    lights, intensities = source.get("lights"), source.get("lights", "intensity")
-    if not (isinstance(lights, dict) and isinstance(intensities, dict)):
-        return
-    names = _light_names(lights)
-    for name in intensities if names else ():
+    intensities, names = source.get("lights", "intensity"), _light_names(source.get("lights"))
+    for name in intensities if names and isinstance(intensities, dict) else ():
         if name not in names:
             yield ("lights", "intensity", name), f"{name} is no light here. {suggestion(str(name), names)}"
 
 
-def _light_names(lights: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the names that `intensity` can have; none for an unknown rig."""
-    written = any(lights.get(name) is not None for name in ("softboxes", *ENVIRONMENTS))
-    rig = lights.get("rig") or (None if written else "studio")
-    if rig is None:
-        return ("sun", "sky") if lights.get("sun") is not None else ("sky",)
-    if rig not in LIGHTS:
+def light_groups(source: YamlSource) -> Iterator[Problem]:
+    """Check that the lights of light groups are there, each in one group, and that names differ."""
+    groups, names = source.get("light_groups"), _light_names(source.get("lights"))
+    if groups not in (None, "off") and (look := _drawn_look(source)):
+        yield (
+            ("light_groups",),
+            f"look {look} is drawn without lights, so it has no light groups. Remove light_groups, or take "
+            "another look.",
+        )
+    if not (isinstance(groups, dict) and names):
+        return
+    group_of: dict[str, Any] = {}
+    for group, written in groups.items():
+        lights = list(enumerate(written)) if isinstance(written, list) else [(None, written)]
+        for index, light in lights:
+            where = ("light_groups", group) if index is None else ("light_groups", group, index)
+            if not isinstance(light, str):
+                continue  # the document reports it
+            if light not in names:
+                yield where, f"{light} is no light here. {suggestion(light, names)}"
+            elif light in group_of:
+                yield where, f"{light} is in group {group_of[light]} already. Remove one of the two."
+            group_of.setdefault(light, group)
+    for group in groups:
+        if group in names and group not in group_of:
+            yield (
+                ("light_groups", group),
+                f"{group} is a light of no group, whose own group has this name. Take another name here.",
+            )
+
+
+def _drawn_look(source: YamlSource) -> str | None:
+    """Return the name of the shot's look if it brings its own light."""
+    look = source.get("look")
+    name = look.get("material") if isinstance(look, dict) else look
+    return name if isinstance(name, str) and name in LOOKS and not LOOKS[name].is_lit else None
+
+
+def _light_names(lights: Any) -> tuple[str, ...]:
+    """Return the names of the lights of a shot; none for an unknown rig."""
+    if lights is None or isinstance(lights, str):
+        lights = {"rig": lights}
+    if not isinstance(lights, dict):
         return ()
-    names = LIGHTS[rig].names
-    return (*names, "sun") if lights.get("sun") is not None and "sun" not in names else names
+    softboxes = lights.get("softboxes")
+    names = [
+        softbox_name(str(box["name"]) if isinstance(box, dict) and box.get("name") else None, number)
+        for number, box in enumerate(softboxes if isinstance(softboxes, list) else (), 1)
+    ]
+    is_written = any(lights.get(name) is not None for name in ("softboxes", *ENVIRONMENTS))
+    rig = lights.get("rig") or (None if is_written else "studio")
+    if rig not in (None, *LIGHTS):
+        return ()
+    others = LIGHTS[rig].names if rig else ("sky",)
+    distant = ("sun",) if lights.get("sun") is not None else ()
+    return tuple(dict.fromkeys([*others[:-1], *names, *distant, "sky"]))
 
 
 def noise_threshold(source: YamlSource) -> Iterator[Problem]:

@@ -32,7 +32,7 @@ from pipeline.shot.yaml.inheritance import inherited
 from pipeline.shot.yaml.lookup import name_fault, shown
 from pipeline.shot.yaml.source import Problem, YamlSource
 from pipeline.shot.yaml.validation import Checks, ParseContext, unforeseen, validated
-from render.scene.lights import LIGHTS
+from render.scene.lights import LIGHTS, LightRig
 from render.scene.materials import LOOKS, Material
 from render.scene.quality import QUALITIES
 from render.scene.stage import STAGES, Stage
@@ -52,6 +52,7 @@ CHECKS = (
     subject_checks.points,
     motion_checks.tolerance,
     picture_checks.dimmed,
+    picture_checks.light_groups,
     picture_checks.noise_threshold,
 )
 """Checks beyond the form of single values. Each looks at the raw data, so that no mistake hides another."""
@@ -177,6 +178,11 @@ def _stage(document: str | StageDocument, look: Material) -> Stage:
     return dataclasses.replace(stage, colour=look.stage_colour)
 
 
+def _grouped(lights: LightRig, groups: str | dict[str, list[str]]) -> LightRig:
+    """Return the lights of a shot with its light groups."""
+    return lights if groups == "off" else lights.grouped(groups if isinstance(groups, dict) else {})
+
+
 def _picture(document: ShotDocument, clock: Clock, subject: Subject) -> Picture:
     lights, smooth = document.lights, document.smooth
     look = LOOKS[document.look] if isinstance(document.look, str) else document.look.build()
@@ -184,7 +190,7 @@ def _picture(document: ShotDocument, clock: Clock, subject: Subject) -> Picture:
     return Picture(
         look=look,
         camera=document.camera.build(clock),
-        lights=LIGHTS[lights] if isinstance(lights, str) else lights.build(),
+        lights=_grouped(LIGHTS[lights] if isinstance(lights, str) else lights.build(), document.light_groups),
         stage=_stage(document.stage, look),
         view=dataclasses.replace(document.view.build(), working_space=document.working_space),
         tessellate=smooth.tessellate or (PIECES if isinstance(subject, ControlNet) else 1),

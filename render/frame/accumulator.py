@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
 from render.scene.aovs import Pixels
+from render.scene.light_groups import with_beauty
 from render.scene.quality import Quality
 
 Picture = NDArray[np.float64]
@@ -20,8 +21,9 @@ PixelNumbers = NDArray[np.int64]
 FIREFLY_FACTOR = 3.0
 """Most brightness of a pixel, over the third brightest of its eight neighbours."""
 
-LUMINANCE, SQUARE = 3, 4
-"""Channels of a beauty batch after its radiance: mean luminance, and mean of its square."""
+LUMINANCE, SQUARE, GROUPS = 3, 4, 5
+"""Channels of a beauty batch after its radiance: mean luminance, mean of its square, and the first of three
+for each light group."""
 
 MIN_ROUNDS = 2
 """Rounds needed to compare."""
@@ -69,10 +71,12 @@ class Accumulator:
 
     quality  of the frame
     aovs     names of AOVs beyond those of all frames
+    groups   names of light groups
     """
 
     quality: Quality
     aovs: Collection[str]
+    groups: Sequence[str] = ()
     _planes: dict[str, Plane] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -82,8 +86,8 @@ class Accumulator:
     def add(self, name: str, means: Picture, samples: int, pixels: PixelNumbers | None = None) -> None:
         """Add a batch to the plane `name`.
 
-        name     "beauty": radiance, and the channels LUMINANCE and SQUARE if the AOV `noise` is wanted;
-                 "auxiliary" (see `mitsuba.scene.FrameScenes`), or an AOV
+        name     "beauty": radiance, the channels LUMINANCE and SQUARE if the AOV `noise` is wanted, and those
+                 of light groups; "auxiliary" (see `mitsuba.scene.FrameScenes`), or an AOV
         means    over `samples` samples: (H, W, channels), or (pixels, channels) for `pixels`
         pixels   numbers of pixels; None is all of them
         """
@@ -108,7 +112,7 @@ class Accumulator:
         beauty, auxiliary = means["beauty"], means["auxiliary"]
         samples = self._planes["beauty"].counts.reshape(height, width)
         arrays: dict[str, NDArray[Any]] = {
-            "beauty": without_fireflies(beauty[..., :3]),
+            **self._light(beauty),
             "albedo": np.clip(auxiliary[..., 0:3], 0.0, 1.0),
             "normal": auxiliary[..., 7:10],
             "position": auxiliary[..., 4:7],
@@ -123,6 +127,14 @@ class Accumulator:
             else:
                 arrays[name] = means[name][..., :2] if name == "motion" else means[name]
         return {name: np.ascontiguousarray(array, dtype=np.float32) for name, array in arrays.items()}
+
+    def _light(self, beauty: Picture) -> dict[str, Pixels]:
+        """Return the beauty without fireflies, and the light groups."""
+        kept = kept_of_fireflies(beauty[..., :3])[..., None]
+        if not self.groups:
+            return {"beauty": np.asarray(beauty[..., :3] * kept, dtype=np.float32)}
+        parts = np.split(beauty[..., GROUPS:] * kept, len(self.groups), axis=2)
+        return with_beauty(dict(zip(self.groups, parts, strict=True)))
 
     def facts(self) -> dict[str, float]:
         """Return the samples per pixel and, with adaptive sampling, the noise."""
@@ -171,8 +183,9 @@ class Accumulator:
         self._planes = {name: Plane(state[f"sums:{name}"], state[f"counts:{name}"]) for name in names}
 
 
-def without_fireflies(light: Picture) -> Picture:
-    """Return radiance (H, W, 3) with single bright pixels dimmed to the bound of FIREFLY_FACTOR.
+def kept_of_fireflies(light: Picture) -> Picture:
+    """Return the fraction (H, W) to keep of radiance (H, W, 3): single bright pixels are dimmed to the bound
+    of FIREFLY_FACTOR.
 
     A highlight or a thin bright line has at least three bright neighbours at every pixel and stays; a path
     that hit an emitter by chance has none.
@@ -184,7 +197,7 @@ def without_fireflies(light: Picture) -> Picture:
     neighbours = [padded[y : y + height, x : x + width] for y, x in offsets]
     third = np.partition(np.stack(neighbours), 5, axis=0)[5]
     bound = FIREFLY_FACTOR * third + 1e-3
-    return np.asarray(light * (bound / np.maximum(luminance, bound))[..., None], dtype=np.float64)
+    return np.asarray(bound / np.maximum(luminance, bound), dtype=np.float64)
 
 
 def _standard_error(mean: Picture, square: Picture, samples: NDArray[np.int32]) -> Picture:

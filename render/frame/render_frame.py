@@ -57,7 +57,8 @@ def render_frame(
     motion = 0.0 if shutter is None else shutter.longest_motion(size)
     count = motion_sample_count(motion, quality.samples)
     offsets = [0.0] if shutter is None else shutter.offsets(count)
-    batches = SampleBatches(quality, count, aovs, seed, on_batch, checkpoint)
+    groups = [group.name for group in scene.lights.groups]
+    batches = SampleBatches(quality, count, aovs, seed, on_batch, checkpoint, groups)
     stopwatch.lap("preparing")
     surface: Surface | None = None
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
 from typing import Any
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.frame.accumulator import Accumulator, Picture
+from render.frame.accumulator import GROUPS, Accumulator, Picture
 from render.frame.checkpoint import Checkpoint
 from render.mitsuba.scene import FrameScenes, SceneRenderer
 from render.scene.aovs import Attributes
@@ -101,6 +101,7 @@ class SampleBatches:
 
     on_batch    is called after each batch with how many are done, and how many there are at most
     checkpoint  where the sums are stored for another process; if it has any, rendering resumes from them
+    groups      names of light groups
     """
 
     def __init__(
@@ -111,12 +112,13 @@ class SampleBatches:
         seed: int,
         on_batch: Callable[[int, int], None] | None = None,
         checkpoint: Checkpoint | None = None,
+        groups: Sequence[str] = (),
     ) -> None:
         self._seed, self._on_batch, self._checkpoint = seed, on_batch, checkpoint
         self._batches = batch_schedule(quality, motion_samples)
         self._has_noise_aov = "noise" in aovs
         self._done = 0
-        self.accumulator = Accumulator(quality, aovs)
+        self.accumulator = Accumulator(quality, aovs, groups)
         if checkpoint is not None and (state := checkpoint.load()) is not None:
             self._done = int(state["done"])
             self.accumulator.restore(state)
@@ -152,7 +154,10 @@ class SampleBatches:
             self.accumulator.add("beauty", picture, batch.samples)
         else:
             channels = _MOMENT_CHANNELS if self._has_noise_aov else [0, 1, 2]
+            groups = beauty.render_groups(batch.samples, seed)
             picture = beauty.render(batch.samples, seed)[..., channels]
+            if groups:
+                picture = np.concatenate([_with_moments(picture), *groups], axis=2)
             self.accumulator.add("beauty", picture, _multijitter_count(batch.samples))
         if batch.ends_round:
             self.accumulator.end_round()
@@ -174,6 +179,11 @@ class SampleBatches:
         others = render(np.zeros_like(next(iter(attributes.values()))))
         for name, values in attributes.items():
             self.accumulator.add(name, render(values) - others, samples)
+
+
+def _with_moments(picture: Picture) -> Picture:
+    """Return a beauty with channels up to those of light groups, 0 where it has none."""
+    return np.pad(picture, ((0, 0), (0, 0), (0, GROUPS - picture.shape[2])))
 
 
 def batch_schedule(quality: Quality, motion_samples: int) -> list[SampleBatch]:

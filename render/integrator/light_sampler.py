@@ -8,7 +8,7 @@ find it best.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -70,15 +70,9 @@ class LightSampler:
     """Chooses among emitters of a scene. Positions are data of the compiled code, not constants in it."""
 
     def __init__(self, scene: Any, sampled: Sequence[SampledEmitter]) -> None:
-        import drjit as dr
         import mitsuba as mi
 
-        names = [_name(emitter) for emitter in scene.emitters()]
-        pointers = scene.emitters_dr()
-        self.emitters = [
-            dr.gather(mi.EmitterPtr, pointers, dr.opaque(mi.UInt32, names.index(emitter.name)))
-            for emitter in sampled
-        ]
+        self.emitters = emitter_pointers(scene, [emitter.name for emitter in sampled])
         self._geometry = [
             (
                 _opaque(mi.Float, emitter.strength),
@@ -155,6 +149,16 @@ def _opaque(kind: Any, value: Any) -> Any:
     data = kind(value)
     dr.make_opaque(data)
     return data
+
+
+def emitter_pointers(scene: Any, names: Iterable[str]) -> list[Any]:
+    """Return pointers to emitters of a scene by their names."""
+    import drjit as dr
+    import mitsuba as mi
+
+    present = [_name(emitter) for emitter in scene.emitters()]
+    pointers = scene.emitters_dr()
+    return [dr.gather(mi.EmitterPtr, pointers, dr.opaque(mi.UInt32, present.index(name))) for name in names]
 
 
 def _name(emitter: Any) -> str:

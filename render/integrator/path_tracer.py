@@ -11,7 +11,7 @@ Importing this imports Mitsuba, so an engine of a compiled variant must have bee
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import drjit as dr
@@ -19,6 +19,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from render.integrator.emitter_groups import EmitterGroups
 from render.integrator.light_sampler import LightSampler
 from render.integrator.sampler import (
     DIRECTION,
@@ -41,6 +42,7 @@ class PathTracer:
     integrator     Mitsuba's, which is used only to look past hidden emitters
     max_depth      vertices of a path, the emitter's included
     hide_emitters  True if the lens sees neither emitters nor the sky
+    groups         light groups, each of which gets a sum of its own; by default one of all emitters
     """
 
     scene: Any
@@ -48,6 +50,7 @@ class PathTracer:
     light_sampler: LightSampler
     max_depth: int
     hide_emitters: bool
+    groups: EmitterGroups = field(default_factory=EmitterGroups)
 
     def render(
         self, samples: int, first: int, seed: int, pixels: NDArray[np.integer[Any]] | None = None
@@ -58,8 +61,8 @@ class PathTracer:
         pixels  numbers of the pixels to sample, row by row from the upper left of the rendered part; None is
                 all of them
 
-        The result is (H, W, 5), or with `pixels` (pixels, 5). The samples of a pixel do not depend on which
-        others are rendered.
+        The result is (H, W, 5), or with `pixels` (pixels, 5). With light groups, three more channels follow
+        for each: its radiance. The samples of a pixel do not depend on which others are rendered.
         """
         film = self.scene.sensors()[0].film()
         (width, height), (left, top) = film.crop_size(), film.crop_offset()
@@ -74,40 +77,55 @@ class PathTracer:
         dr.eval(sums)
         picture = np.stack([np.array(channel, dtype=np.float64) for channel in sums], axis=1) / samples
         dr.flush_malloc_cache()
-        return picture if pixels is not None else picture.reshape(int(height), int(width), 5)
+        return picture if pixels is not None else picture.reshape(int(height), int(width), -1)
 
 
 @dr.syntax
 def _sum_samples(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: Any) -> Any:
-    """Return the sums of radiance (3), luminance and its square over all samples, (pixels,) each."""
+    """Return the sums over all samples, (pixels,) each: radiance (3), luminance and its square, and the
+    radiance (3) of each light group."""
     sample = mi.UInt32(0)
     radiance, luminance, square = mi.Color3f(0.0), mi.Float(0.0), mi.Float(0.0)
+    groups = tracer.groups.zeros() if tracer.groups.are_wanted else []
     while dr.hint(sample < sampler.count, label="samples", exclude=[tracer, sampler]):
         sampler.sample = sample
-        light = trace(tracer, sampler, corner, size)
+        parts = trace(tracer, sampler, corner, size)
+        light = sum(parts[1:], parts[0])
+        groups = _plus(groups, parts)
         y = mi.luminance(light)
         radiance += light
         luminance += y
         square += y * y
         sample += 1
-    return radiance.x, radiance.y, radiance.z, luminance, square
+    return [*radiance, luminance, square, *(channel for group in groups for channel in group)]
+
+
+def _plus(totals: list[Any], parts: list[Any]) -> list[Any]:
+    return [total + part for total, part in zip(totals, parts, strict=False)]
 
 
 @dr.syntax
 def trace(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: Any) -> Any:
-    """Trace one path through each pixel, and return its radiance."""
-    scene, light_sampler, context = tracer.scene, tracer.light_sampler, mi.BSDFContext()
+    """Trace one path through each pixel, and return its radiance by light group."""
+    groups, scene, light_sampler, context = (
+        tracer.groups,
+        tracer.scene,
+        tracer.light_sampler,
+        mi.BSDFContext(),
+    )
     si, throughput = _camera_vertex(tracer, sampler, corner, size)
-    radiance = mi.Color3f(0.0)
+    radiance = groups.zeros()
     if dr.hint(not tracer.hide_emitters, mode="scalar"):
-        radiance += throughput * si.emitter(scene).eval(si)
+        emitter = si.emitter(scene)
+        radiance = groups.add(radiance, throughput * emitter.eval(si), emitter)
     vertex, active = mi.UInt32(0), si.is_valid()
     sample_all = 0 < len(light_sampler) <= MAX_SAMPLED_TOGETHER
     if dr.hint(sample_all, mode="scalar"):
         for number, emitter in enumerate(light_sampler.emitters):
-            radiance += throughput * _direct_light(
+            light = _direct_light(
                 tracer, si, emitter, sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + number), active
             )
+            radiance = groups.add(radiance, throughput * light, emitter)
     while dr.hint(active, max_iterations=tracer.max_depth, label="path", exclude=[tracer, sampler]):
         # Next event estimation: sample one emitter.
         probabilities = light_sampler.probabilities(si)
@@ -116,9 +134,10 @@ def trace(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: Any) -> A
         if dr.hint(len(light_sampler) > 0, mode="scalar"):
             emitter, chance = light_sampler.sample(probabilities, sampler.vertex_1d(vertex, EMITTER_CHOICE))
             wanted = active & (vertex > 0) if sample_all else active
-            radiance += (throughput / chance) * _direct_light(
+            light = _direct_light(
                 tracer, si, emitter, sampler.vertex_2d(vertex, EMITTER_POSITION), wanted, chance
             )
+            radiance = groups.add(radiance, (throughput / chance) * light, emitter)
         # Continue the path by the BSDF.
         lobe, direction = sampler.vertex_1d(vertex, LOBE), sampler.vertex_2d(vertex, DIRECTION)
         bsdf_sample, weight = si.bsdf().sample(context, si, lobe, direction, active)
@@ -131,7 +150,8 @@ def trace(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: Any) -> A
         emitter_pdf = light_sampler.pmf(hit.emitter, probabilities)
         emitter_pdf *= hit.emitter.pdf_direction(si, hit, active & ~delta & (emitter_pdf > 0.0))
         mis_weight = power_heuristic(bsdf_sample.pdf, dr.select(delta, 0.0, emitter_pdf))
-        radiance[active] += throughput * mis_weight * hit.emitter.eval(next_si, active)
+        light = throughput * mis_weight * hit.emitter.eval(next_si, active)
+        radiance = groups.add(radiance, dr.select(active, light, 0.0), hit.emitter)
         vertex += 1
         active &= next_si.is_valid() & (vertex + 1 < tracer.max_depth)
         si = next_si

@@ -37,6 +37,17 @@ def emitters(lights: LightRig, to_scene: NDArray[np.float64]) -> dict[str, Any]:
     return {**softboxes, **suns, "sky": _distant(lights)}
 
 
+def emitters_by_group(lights: LightRig) -> dict[str, list[str]]:
+    """Return the names in the scene of the emitters of each light group."""
+    lights_of = {f"softbox{index}": box.name for index, box in enumerate(lights.softboxes)}
+    lights_of |= {f"sun{index}": "sun" for index in range(len(lights.suns))}
+    lights_of["sky"] = "sky"
+    return {
+        group.name: [name for name, light in lights_of.items() if light in group.lights]
+        for group in lights.groups
+    }
+
+
 def _distant(lights: LightRig) -> dict[str, Any]:
     """Return the emitter that surrounds the scene."""
     if lights.daylight and lights.daylight.working_space != REC709.name:

@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
-from render.integrator.light_sampler import LightSampler, SampledEmitter, sampled_emitters
+from render.integrator.emitter_groups import EmitterGroups
+from render.integrator.light_sampler import LightSampler, sampled_emitters
 from render.mitsuba import absorption, emitters, materials
 from render.mitsuba.shapes import auxiliary_stage_shapes, gouraud_shapes, mesh, stage_shapes
 from render.mitsuba.texture_coordinates import SUBJECT, texture_coordinates
 from render.scene.aovs import VERTEX_AOVS
 from render.scene.camera import Camera
+from render.scene.lights import LightRig
 from render.scene.materials import PatternedMaterial
 from render.scene.quality import Crop, Quality
 from render.scene.scene import Scene
@@ -45,19 +47,28 @@ class SceneRenderer:
 
     path_tracer  a `render.integrator.path_tracer.PathTracer` of the scene that replaces the integrator, or
                  None
+    groups       without a path tracer, the scenes in which one light group alone shines
     """
 
     scene: Any
     integrator: Any
     path_tracer: Any = None
+    groups: tuple[Any, ...] = ()
 
     def render(self, samples: int, seed: int) -> NDArray[np.float64]:
         """Return means (H, W, channels) over `samples`, which multijitter rounds up, by the integrator."""
+        return self._render(self.scene, samples, seed)
+
+    def render_groups(self, samples: int, seed: int) -> list[NDArray[np.float64]]:
+        """Return the radiance (H, W, 3) of each light group. The same seed gives the same paths as `render`,
+        so that groups sum to its radiance."""
+        return [self._render(scene, samples, seed)[..., :3] for scene in self.groups]
+
+    def _render(self, scene: Any, samples: int, seed: int) -> NDArray[np.float64]:
         import drjit as dr
         import mitsuba as mi
 
-        rendered = mi.render(self.scene, integrator=self.integrator, spp=samples, seed=seed)
-        picture = np.array(rendered, dtype=np.float64)
+        picture = np.array(mi.render(scene, integrator=self.integrator, spp=samples, seed=seed), np.float64)
         dr.flush_malloc_cache()
         return picture
 
@@ -133,9 +144,11 @@ def _lit(
     path = materials.path_integrator(material, quality.depth)
     path |= {"hide_emitters": not lights.shows_sky, "block_size": BLOCK_SIZE}
     integrator = _beauty_integrator(path, aovs)
-    tracer = _path_tracer(lit, integrator, path, sampled_emitters(lights, to_scene))
+    tracer = _path_tracer(lit, integrator, path, lights, to_scene)
+    groups = () if tracer else lights.groups
+    group_scenes = [_load({**unlit, **emitters.emitters(lights.only(each), to_scene)}) for each in groups]
     return FrameScenes(
-        SceneRenderer(lit, integrator, tracer),
+        SceneRenderer(lit, integrator, tracer, tuple(group_scenes)),
         SceneRenderer(auxiliary, _load_part(_aovs(_AUXILIARY))),
         _vertex_aov(unlit, surface, aovs),
     )
@@ -145,6 +158,11 @@ def _drawn(
     scene: Scene, surface: Surface, size: tuple[int, int], quality: Quality, aovs: Collection[str]
 ) -> FrameScenes:
     """Build the scenes of a material that brings its own light and background."""
+    if scene.lights.groups:
+        raise BadInputError(
+            "the look is drawn without lights, so it has no light groups. Remove light_groups, or take "
+            "another look"
+        )
     shapes = gouraud_shapes(surface, scene.material, scene.placement, scene.camera, size, scene.working_space)
     if scene.material.wireframe:
         shapes["wireframe"] = _wireframe(surface, scene.material.wireframe, scene.camera, size)
@@ -157,7 +175,9 @@ def _drawn(
     )
 
 
-def _path_tracer(scene: Any, integrator: Any, path: dict[str, Any], wanted: list[SampledEmitter]) -> Any:
+def _path_tracer(
+    scene: Any, integrator: Any, path: dict[str, Any], lights: LightRig, to_scene: NDArray[np.float64]
+) -> Any:
     """Return our path tracer where code is compiled and no medium scatters light, else None."""
     import mitsuba as mi
 
@@ -165,8 +185,9 @@ def _path_tracer(scene: Any, integrator: Any, path: dict[str, Any], wanted: list
         return None
     from render.integrator.path_tracer import PathTracer  # needs Mitsuba's variant
 
-    sampler = LightSampler(scene, wanted)
-    return PathTracer(scene, integrator, sampler, path["max_depth"], path["hide_emitters"])
+    sampler = LightSampler(scene, sampled_emitters(lights, to_scene))
+    groups = EmitterGroups(scene, list(emitters.emitters_by_group(lights).values()))
+    return PathTracer(scene, integrator, sampler, path["max_depth"], path["hide_emitters"], groups)
 
 
 def _beauty_integrator(description: dict[str, Any], aovs: Collection[str]) -> Any:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from render.base.atomic_write import atomic_write, cannot_write
 from render.base.errors import BadInputError, CorruptImageError, MissingImageError
+from render.scene import light_groups
 from render.scene.aovs import AOVS, RenderedFrame
 from render.scene.textures import last_message
 from render.scene.working_space import REC709, WORKING_SPACES
@@ -146,7 +147,7 @@ def _precision(layer: str, wanted: Mapping[str, str]) -> str:
 
 
 def _channel_names(layer: str, count: int) -> list[str]:
-    letters = _LETTERS.get(layer, "XYZW")[:count]
+    letters = _LETTERS.get(layer, "RGB" if layer.startswith(light_groups.PREFIX) else "XYZW")[:count]
     if len(letters) != count:
         raise BadInputError(f"layer {layer!r} has {count} channels; it can have up to {len(letters)}")
     return list(letters) if layer == "beauty" else [f"{layer}.{letter}" for letter in letters]

@@ -7,10 +7,11 @@ have a radiance, not a power, so a stage of any size is equally bright.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from render.base.serialise import Colour, Triple
+from render.scene.light_groups import LightGroup
 from render.scene.sky import Daylight, Environment
 
 
@@ -54,6 +55,11 @@ class Sky:
         """True if its radiance is the same in all directions."""
         return self.zenith == self.horizon == self.nadir
 
+    @property
+    def is_black(self) -> bool:
+        """True if it gives no light."""
+        return not any((*self.zenith, *self.horizon, *self.nadir))
+
 
 @dataclass(frozen=True)
 class LightRig:
@@ -62,6 +68,7 @@ class LightRig:
     exposure     stops; applied when linear light becomes display values
     daylight     a sun and sky in place of `sky`, or None
     environment  an environment map in place of `sky`, or None
+    groups       light groups to render, in which every light is once; none by default
     """
 
     softboxes: tuple[Softbox, ...] = ()
@@ -70,6 +77,7 @@ class LightRig:
     exposure: float = 0.0
     daylight: Daylight | None = None
     environment: Environment | None = None
+    groups: tuple[LightGroup, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -81,6 +89,21 @@ class LightRig:
     def shows_sky(self) -> bool:
         """True if the lens sees the sky, the daylight or the environment map."""
         return (self.daylight or self.environment or self.sky).visible
+
+    def grouped(self, written: Mapping[str, Sequence[str]]) -> LightRig:
+        """Return the rig with light groups: those written, by name, and one for each other light."""
+        groups = [LightGroup(name, tuple(lights)) for name, lights in written.items()]
+        taken = {light for group in groups for light in group.lights}
+        if self.sky.is_black and not (self.daylight or self.environment):
+            taken.add("sky")
+        boxes = [replace(b, name=b.name or f"softbox{n}") for n, b in enumerate(self.softboxes, 1)]
+        named = replace(self, softboxes=tuple(boxes))
+        alone = [LightGroup(light, (light,)) for light in named.names if light not in taken]
+        return replace(named, groups=(*groups, *alone))
+
+    def only(self, group: LightGroup) -> LightRig:
+        """Return the rig with all lights but those of a group dark."""
+        return self.dimmed({name: float(name in group.lights) for name in self.names})
 
     def turned(self, angle: float) -> LightRig:
         """Return the rig turned by radians about the vertical, from +z towards +x."""

@@ -17,6 +17,7 @@ from render.scene.sky import Daylight, sun_position
 from render.scene.stage import STAGES, Stage
 
 HEAD = "title: T\nframes: 1-24\nsubject: {solid: box}\nresample: off\n"
+BOX = "radiance: 9, position: [0, 4, 4]"
 
 
 def shot_of(folder: Path, said: str) -> Shot:
@@ -140,7 +141,23 @@ def test_lights_and_stage_move_no_vertex(tmp_path: Path) -> None:
     assert lit.motion == plain.motion and lit.picture != plain.picture
 
 
-BOX = "radiance: 9, position: [0, 4, 4]"
+def test_each_light_is_a_group_unless_a_group_has_it(tmp_path: Path) -> None:
+    groups = shot_of(
+        tmp_path, "lights: gallery\nlight_groups: {sides: [left, right], roof: top}"
+    ).picture.lights
+    assert {g.name: g.lights for g in groups.groups} == {
+        "sides": ("left", "right"), "roof": ("top",), "front": ("front",), "sky": ("sky",)
+    }  # fmt: skip
+    each = shot_of(tmp_path, "light_groups: each").picture.lights
+    assert [g.name for g in each.groups] == ["key", "rim", "back", "sky"]
+    assert not shot_of(tmp_path, "light_groups: off").picture.lights.groups
+
+
+def test_softboxes_of_a_shot_have_names(tmp_path: Path) -> None:
+    said = f"lights: {{softboxes: [{{{BOX}}}, {{{BOX}, name: lamp}}], intensity: {{softbox1: 2, lamp: 3}}}}"
+    lights = shot_of(tmp_path, said + "\nlight_groups: {all: [softbox1, lamp]}").picture.lights
+    assert [(box.name, box.radiance[0]) for box in lights.softboxes] == [("softbox1", 18.0), ("lamp", 27.0)]
+    assert [group.name for group in lights.groups] == ["all"]
 
 
 @pytest.mark.parametrize(
@@ -166,6 +183,16 @@ BOX = "radiance: 9, position: [0, 4, 4]"
         ("lights: {sun: {latitude: 3}}", "sun has latitude without time"),
         ("lights: {sun: {turbidity: 0}}", "turbidity is 0; it must be at least 1"),
         ("lights: {sun: {}, sky: {zenith: 1}}", "lights has both sun and sky"),
+        ("light_groups: {warm: [key, rimm]}", "a.yaml:5:28: rimm is no light here. Did you mean 'rim'?"),
+        ("light_groups: {warm: sun}", "a.yaml:5:16: sun is no light here. There are: key, rim, back, sky."),
+        ("light_groups: {a: [key], b: [key]}", "5:30: key is in group a already. Remove one of the two."),
+        ("light_groups: {rim: [key]}", "rim is a light of no group, whose own group has this name."),
+        ("light_groups: [key, rim]", "a light group has a name. Write {NAME: [key, rim]}, or each."),
+        ("light_groups: all", "'all' is no light group. Write each, off, or {NAME: [key, rim]}."),
+        ("light_groups: {my keys: [key]}", "letters, digits and _ after a first letter. Write my_keys."),
+        ("light_groups: {warm: []}", "light_groups.warm is empty; it must have 1 or more items."),
+        ("light_groups: each\nlook: symbolics_1990", "look symbolics_1990 is drawn without lights, so it"),
+        ("aovs: [light_groups]", "light groups are no AOV. Write light_groups: each, at the top"),
         ("lights: {hdri: nowhere.exr}", "a.yaml:5:10: file nowhere.exr is not there"),
         ("lights: {visible: false}", "lights has visible, which is for hdri"),
         ("stage: plynth", "'plynth' is no stage."),

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 import re
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
@@ -24,6 +24,7 @@ from pipeline.shot.documents.fields import (
     optional,
     vector,
 )
+from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.validation import ParseContext, as_finding, bad_value, finding
 from render.scene.lights import LIGHTS, LightRig, Sky, Softbox
 from render.scene.sky import Daylight, Environment, read_map, sun_position
@@ -57,12 +58,51 @@ def _check_map(name: str, info: ValidationInfo) -> str:
 EnvironmentMap = Annotated[str, AfterValidator(_check_map)]
 
 
+def _check_light_name(name: str) -> str:
+    if re.fullmatch(LIGHT_NAME, name):
+        return name
+    meant = re.sub(r"\W+", "_", name).lstrip("_0123456789").rstrip("_")
+    raise bad_value(
+        f"{shortened(name)} is no name of a light or group: letters, digits and _ after a first letter. "
+        f"Write {meant or 'key'}."
+    )
+
+
+LIGHT_NAME = r"[A-Za-z][A-Za-z0-9_]*"
+LightName = Annotated[str, AfterValidator(_check_light_name), SchemaKeywords(pattern=f"^{LIGHT_NAME}$")]
+
+
+def _require_groups(value: Any) -> Any:
+    """Refuse what is no group, with one that is meant; a group of one light may be its name."""
+    if isinstance(value, dict):
+        return {name: [lights] if isinstance(lights, str) else lights for name, lights in value.items()}
+    if isinstance(value, list):
+        raise bad_value(f"a light group has a name. Write {{NAME: {in_yaml(value)}}}, or each.")
+    if value not in ("off", "each"):
+        raise bad_value(f"{shortened(value)} is no light group. Write each, off, or {{NAME: [key, rim]}}.")
+    return value
+
+
+LightGroupsField = Annotated[
+    Literal["off", "each"] | dict[LightName, Annotated[list[str], Field(min_length=1)]],
+    MAPPING_IS_SECOND,
+    BeforeValidator(_require_groups),
+]
+"""`each`, or `{warm: [key, rim]}`."""
+
+
+def softbox_name(written: str | None, number: int) -> str:
+    """Return the name of a softbox that a shot writes out, which is its number-th from 1."""
+    return written or f"softbox{number}"
+
+
 class SoftboxDocument(Document):
     position: Triple = Field(description="right, up, towards the camera; the subject has a half-size of 1")
     width: Positive = Field(1.6, description="in half-sizes of the subject")
     height: Positive = Field(1.6, description="in half-sizes of the subject")
     radiance: Radiance = Field(description="linear Rec.709 or a number: 20 if large, 150 if small")
     target: Triple = Field(SUBJECT_MIDDLE, description="point it faces; [0, 1, 0] is the subject's middle")
+    name: LightName | None = optional("for intensity and light groups; by default softbox1 and so on")
 
     @model_validator(mode="after")
     def _faces_somewhere(self) -> Self:
@@ -70,13 +110,14 @@ class SoftboxDocument(Document):
             raise finding("a softbox stands at its own target, so it faces nowhere. Move one of them.")
         return self
 
-    def build(self) -> Softbox:
+    def build(self, number: int) -> Softbox:
         return Softbox(
             vector(self.position),
             float(self.width),
             float(self.height),
             _radiance(self.radiance),
             vector(self.target),
+            softbox_name(self.name, number),
         )
 
 
@@ -227,7 +268,7 @@ class LightsDocument(Document):
         rig = self._unscaled()
         intensities = self.intensity
         if not isinstance(intensities, dict):
-            intensities = dict.fromkeys((*rig.names, ""), float(intensities))
+            intensities = dict.fromkeys(rig.names, float(intensities))
         return dataclasses.replace(
             rig.dimmed(intensities).turned(self.turn * DEGREE), exposure=float(self.exposure)
         )
@@ -236,7 +277,7 @@ class LightsDocument(Document):
         """Return the rig before turn and intensity. Written lights stand alone unless a rig is named too."""
         written = self.softboxes or any(getattr(self, name) is not None for name in ENVIRONMENTS)
         rig = LIGHTS[self.rig] if self.rig else LightRig() if written else LIGHTS["studio"]
-        boxes = tuple(box.build() for box in self.softboxes or ())
+        boxes = tuple(box.build(number) for number, box in enumerate(self.softboxes or (), 1))
         rig = dataclasses.replace(rig, softboxes=rig.softboxes + boxes)
         if self.sky is not None:
             rig = dataclasses.replace(rig, sky=self.sky.build(), daylight=None)

@@ -26,7 +26,12 @@ from pipeline.shot.documents.fields import (
     optional,
 )
 from pipeline.shot.documents.flows import DASHES, FlowDocument
-from pipeline.shot.documents.lights_and_stage import LightsDocument, StageDocument, require_rig
+from pipeline.shot.documents.lights_and_stage import (
+    LightGroupsField,
+    LightsDocument,
+    StageDocument,
+    require_rig,
+)
 from pipeline.shot.documents.look import LookDocument
 from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.subject import SubjectDocument
@@ -60,7 +65,14 @@ StageField = Annotated[
     no_bare_colour("stage", "kind: cyclorama"),
 ]
 
-AovName = Annotated[str, one_of(AOVS, "AOV")]
+
+def _no_light_groups(name: Any) -> Any:
+    if name == "light_groups":
+        raise bad_value("light groups are no AOV. Write light_groups: each, at the top of the file.")
+    return name
+
+
+AovName = Annotated[str, BeforeValidator(_no_light_groups), one_of(AOVS, "AOV")]
 Precision = Literal["half", "float"]
 
 AovsField = Annotated[
@@ -269,6 +281,9 @@ class ShotDocument(Document):
     smooth: SmoothDocument = Field(default=SmoothDocument(), description="curved patches over the triangles")
     camera: CameraDocument = Field(default=CameraDocument(), description="framing finds distance and target")
     lights: LightsField = Field("studio", description="the light rig, by name or spelt out")
+    light_groups: LightGroupsField = Field(
+        "off", description="the light of emitters as layers: off, each, or groups of lights by name"
+    )
     stage: StageField = Field("cyclorama", description="the ground below the subject, by name or spelt out")
     shutter: ShutterDocument | None = optional("exposure of a frame in time: motion blur")
     aovs: AovsField = Field(default_factory=list, description="AOVs by name, or by name with half or float")

@@ -1,0 +1,103 @@
+"""Light groups sum to the beauty, and a scaled group is the light of a scaled emitter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from render.base.errors import BadInputError
+from render.mitsuba.engine import Engine
+from render.mitsuba.scene import build_scene
+from render.post.image import read_exr, write_exr
+from render.scene.aovs import RenderedFrame
+from render.scene.light_groups import groups_in, with_beauty
+from render.scene.lights import LIGHTS, LightRig, Sky, Softbox, Sun
+from render.scene.materials import LOOKS
+from render.scene.quality import Quality
+from render.scene.scene import Scene
+from render.scene.stage import STAGES, StagePlacement
+from tests.render.conftest import CAMERA, ball
+
+QUALITY = Quality(48, 27, samples=16, depth=4, auxiliary_samples=1)
+WHITE = (1.0, 1.0, 1.0)
+
+
+def assert_sums_exactly(frame: RenderedFrame, folder: Path) -> None:
+    """Assert that the groups of a frame, as they are in a file, sum to the beauty in the file."""
+    write_exr(folder / "frame.exr", frame, {})
+    layers = read_exr(folder / "frame.exr")[0]
+    groups = groups_in(layers.arrays)
+    total = sum(groups.values(), np.zeros_like(layers["beauty"]))
+    assert groups and np.array_equal(total.clip(-65504, 65504).astype(np.float16), layers["beauty"])
+
+
+@given(st.lists(arrays(np.float64, (2, 3, 3), elements=st.floats(-1e-3, 1e6)), min_size=1, max_size=5))
+def test_groups_of_any_brightness_sum_to_the_beauty_to_the_last_bit(pictures: list[np.ndarray]) -> None:
+    layers = with_beauty({f"g{number}": picture for number, picture in enumerate(reversed(pictures))})
+    total = sum(groups_in(layers).values(), np.zeros((2, 3, 3), np.float32))
+    assert np.array_equal(total, layers["beauty"]) and np.isfinite(total).all()
+
+
+@pytest.mark.parametrize(
+    "lights",
+    [
+        LIGHTS["studio"].grouped({}),
+        LIGHTS["gallery"].grouped({"sides": ["left", "right"], "others": ["top", "sky"]}),
+        LightRig(suns=(Sun((-1.0, -1.0, -0.5), WHITE),), sky=Sky(WHITE, WHITE, WHITE, True)).grouped({}),
+        LightRig((Softbox((0.0, 4.0, 4.0), 1.0, 1.0, (20.0, 20.0, 20.0)),)).grouped({}),
+    ],
+    ids=["each", "named", "sun and visible sky", "one light"],
+)
+def test_groups_of_a_file_sum_to_its_beauty(
+    lights: LightRig, rendered: Callable[..., RenderedFrame], tmp_path: Path
+) -> None:
+    frame = rendered(lights=lights, quality=QUALITY, look=LOOKS["glaze"])
+    assert {group.layer for group in lights.groups} <= frame.arrays.keys()
+    assert_sums_exactly(frame, tmp_path)
+
+
+def test_a_frame_without_groups_has_the_light_of_one_with_them(
+    rendered: Callable[..., RenderedFrame],
+) -> None:
+    plain, grouped = rendered(quality=QUALITY), rendered(quality=QUALITY, lights=LIGHTS["studio"].grouped({}))
+    assert not groups_in(plain.arrays)
+    assert np.allclose(plain["beauty"], grouped["beauty"], rtol=2e-3, atol=1e-4)
+
+
+def test_each_light_has_its_own_group(rendered: Callable[..., RenderedFrame]) -> None:
+    """The same light alone gives the same picture, but for noise."""
+    rig = LIGHTS["studio"].grouped({"cool": ["rim", "sky"]})
+    groups = groups_in(rendered(lights=rig, quality=QUALITY).arrays)
+    for group in rig.groups[:2]:
+        alone = rendered(lights=rig.only(group).grouped({}), quality=QUALITY)["beauty"]
+        assert groups[group.name].mean() == pytest.approx(alone.mean(), rel=0.03)
+
+
+def test_a_brighter_group_is_the_light_of_a_brighter_emitter(rendered: Callable[..., RenderedFrame]) -> None:
+    rig = LIGHTS["three_point"].grouped({})
+    groups = groups_in(rendered(lights=rig, quality=QUALITY).arrays)
+    mixed = sum((3.0 if name == "rim" else 1.0) * light for name, light in groups.items())
+    brighter = rendered(lights=rig.dimmed({"rim": 3.0}), quality=QUALITY)["beauty"]
+    assert np.asarray(mixed).mean() == pytest.approx(brighter.mean(), rel=0.01)
+    assert np.abs(mixed - brighter).mean() < 0.05 * brighter.mean()
+
+
+def test_groups_of_smoke_sum_to_its_light(engine: Engine) -> None:
+    """Mitsuba's integrator renders each group by itself, along the same paths."""
+    rig = LIGHTS["softbox"].grouped({})
+    scene = Scene(ball(), LOOKS["smoke"], rig, STAGES["cyclorama"], StagePlacement(), CAMERA)
+    renderer = build_scene(scene, Quality(32, 18, samples=4, depth=4)).beauty
+    groups = renderer.render_groups(4, 5)
+    assert len(groups) == len(rig.groups)
+    assert np.allclose(sum(groups), renderer.render(4, 5)[..., :3], rtol=1e-4, atol=1e-5)
+
+
+def test_a_look_that_is_drawn_without_lights_has_no_groups(rendered: Callable[..., RenderedFrame]) -> None:
+    with pytest.raises(BadInputError, match=r"no light groups\. Remove light_groups"):
+        rendered(look=LOOKS["symbolics_1990"], lights=LIGHTS["studio"].grouped({}))
