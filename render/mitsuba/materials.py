@@ -6,10 +6,9 @@ from collections.abc import Collection
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
-from render.mitsuba import absorption, bsdf
+from render.mitsuba import absorption, brushed, bsdf
 from render.mitsuba.texture_coordinates import TextureCoordinates, bitmap
 from render.scene.materials import (
     BrushedMetal,
@@ -29,12 +28,6 @@ from render.scene.patterns import Pigment
 Description = dict[str, Any]
 
 _MIN_ROUGHNESS = 1e-3
-
-_ALONG_SCRATCHES = 0.3
-"""Roughness of brushed metal along its scratches, over the roughness across."""
-
-_SCRATCH_CONTRAST = 0.3
-"""Fraction of the colour that the deepest scratch does not reflect."""
 
 
 def surface_bsdf(
@@ -59,7 +52,7 @@ def surface_bsdf(
                 **absorption.textures(material, size),
             }
         case BrushedMetal():
-            return two_sided(_brushed(material, coordinates))
+            return two_sided(brushed.bsdf(material, max(material.roughness, _MIN_ROUGHNESS)))
         case PatternedMaterial():
             colour = _colour(material, attributes, coordinates)
             opaque = _opaque(material, colour, coordinates)
@@ -200,36 +193,3 @@ def _roughness(material: Glossy, coordinates: TextureCoordinates, is_squared: bo
         return max(material.roughness, _MIN_ROUGHNESS)
     numbers = np.clip(material.roughness_texture.numbers(), _MIN_ROUGHNESS, 1.0)
     return bitmap(np.sqrt(numbers) if is_squared else numbers, coordinates, material.projection)
-
-
-def _brushed(material: BrushedMetal, coordinates: TextureCoordinates) -> Description:
-    """Return an anisotropic metal; texture coordinates follow its scratches."""
-    import mitsuba as mi
-
-    scratches = {
-        "type": "bitmap",
-        "bitmap": mi.Bitmap(np.ascontiguousarray(_scratches(material)[:, None])),
-        "raw": True,
-        "filter_type": "bilinear",
-        "to_uv": mi.ScalarTransform3f().scale([1.0, coordinates.scale]),
-    }
-    roughness = max(material.roughness, _MIN_ROUGHNESS)
-    return {
-        "type": "roughconductor",
-        "material": "none",
-        "specular_reflectance": scratches,
-        "alpha_u": roughness * _ALONG_SCRATCHES,
-        "alpha_v": roughness,
-        "distribution": "ggx",
-    }
-
-
-def _scratches(material: BrushedMetal) -> NDArray[np.float32]:
-    """Return reflectances (N, 3) along one scene unit across the scratches, fine and coarse ones."""
-    random, count = np.random.default_rng(11), 1024
-    depth = np.zeros(count)
-    for width, strength in ((1, 0.5), (4, 0.3), (16, 0.2)):
-        depth += strength * np.repeat(random.random(count // width), width)
-    return np.asarray(
-        (1.0 - _SCRATCH_CONTRAST * depth)[:, None] * np.array(material.colour), dtype=np.float32
-    )

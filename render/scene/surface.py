@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +85,18 @@ class Surface:
                 raise BadInputError(f"attribute {name!r} must be finite and have shape ({count}, k)")
         if self.rest is not None and (self.rest.shape != (count, 3) or not np.isfinite(self.rest).all()):
             raise BadInputError(f"the surface's rest positions must be finite and have shape ({count}, 3)")
+
+    def with_copied_vertices(self, source: NDArray[np.integer], faces: NDArray[np.int32]) -> Surface:
+        """Return the surface with vertex i a copy of vertex source[i], and faces (F, 3) of these copies."""
+        return replace(
+            self,
+            vertices=self.vertices[source],
+            normals=self.normals[source],
+            faces=faces,
+            attributes={name: values[source] for name, values in self.attributes.items()},
+            rest=None if self.rest is None else self.rest[source],
+            edges=None,
+        )
 
     def require_rest(self, because: str) -> NDArray[np.float64]:
         """Return the rest positions (V, 3). Raise BadInputError where there are none.

@@ -7,7 +7,7 @@ seam of a cylindrical texture or where the sides of a box meet, the surface is s
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,15 +118,7 @@ def project_texture(surface: Surface, points: Floats, projection: Projection) ->
     code = surface.faces.astype(np.int64) * (int(groups.max(initial=0)) + 1) + groups
     _, first, corner = np.unique(code, return_index=True, return_inverse=True)
     source = surface.faces.reshape(-1)[first]
-    split = replace(
-        surface,
-        vertices=surface.vertices[source],
-        normals=surface.normals[source],
-        faces=corner.reshape(-1, 3).astype(np.int32),
-        attributes={name: values[source] for name, values in surface.attributes.items()},
-        rest=None if surface.rest is None else surface.rest[source],
-        edges=None,
-    )
+    split = surface.with_copied_vertices(source, corner.reshape(-1, 3).astype(np.int32))
     return split, coordinates.reshape(-1, 2)[first]
 
 

@@ -11,7 +11,6 @@ import pytest
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
 from render.mitsuba.engine import Engine
-from render.mitsuba.texture_coordinates import planar_coordinates
 from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.lights import LightRig, Sky
@@ -124,15 +123,6 @@ def test_the_matte_does_not_show_what_stands_beside_it(rendered: Rendered, at_re
     shown = rendered(surface=at_rest, look=LOOKS["brushed"])
     plain = rendered(surface=at_rest, look=LOOKS["clay"])
     assert shown["matte"] == pytest.approx(plain["matte"], abs=1.5e-3)
-
-
-def test_a_second_coordinate_beside_the_matte_can_be_read_again() -> None:
-    points = np.random.default_rng(1).uniform(-7.0, 7.0, (200, 3))
-    laid = planar_coordinates(points, np.eye(3)[:2])
-    told = laid.values.astype(np.float32)
-    assert np.abs(told[:, 1] - 1.0).max() <= 1e-3
-    assert told[:, 1].astype(float) * laid.scale - laid.scale == pytest.approx(points[:, 1], abs=2e-3)
-    assert laid.scale % 1.0 == 0.0
 
 
 @pytest.mark.parametrize(
