@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
-from render.scene.aovs import DENOISER, Pixels
+from render.scene.aovs import COVERAGE, Pixels
 from render.scene.light_groups import with_beauty
 from render.scene.quality import Quality
 
@@ -87,7 +87,8 @@ class Accumulator:
         """Add a batch to the plane `name`.
 
         name     "beauty": radiance, the channels LUMINANCE and SQUARE if the AOV `noise` is wanted, and those
-                 of light groups; or a feature (see `FeatureTracer.render`)
+                 of light groups; "auxiliary" (see `mitsuba.scene.FrameScenes`); "coverage": alpha and the
+                 coverage of each object; or an AOV
         means    over `samples` samples: (H, W, channels), or (pixels, channels) for `pixels`
         pixels   numbers of pixels; None is all of them
         """
@@ -105,23 +106,26 @@ class Accumulator:
         luminance = latest.means(pixels)
         self._plane("rounds", 2).add(np.concatenate([luminance, luminance * luminance], axis=1), 1, pixels)
 
-    def frame_aovs(self) -> dict[str, Pixels]:
-        """Return the AOVs by name, once all motion samples have been rendered."""
+    def frame_aovs(self, objects: Sequence[str] = ()) -> dict[str, Pixels]:
+        """Return the AOVs by name, once all motion samples have been rendered.
+
+        objects  names of the objects whose coverage our path tracer measures
+        """
         width, height = self.quality.rendered_size
         means = {name: plane.means().reshape(height, width, -1) for name, plane in self._planes.items()}
-        beauty = means["beauty"]
+        beauty, auxiliary = means["beauty"], means["auxiliary"]
         samples = self._planes["beauty"].counts.reshape(height, width)
         arrays: dict[str, NDArray[Any]] = {
             **self._light(beauty),
-            "albedo": np.clip(means["albedo"], 0.0, 1.0),
-            "normal": means["normal"],
-            "position": means["position"],
-            "depth": means["depth"][..., 0],
-            "matte": np.clip(means["matte"][..., 0], 0.0, 1.0),
+            "albedo": np.clip(auxiliary[..., 0:3], 0.0, 1.0),
+            "normal": auxiliary[..., 7:10],
+            "position": auxiliary[..., 4:7],
+            "depth": auxiliary[..., 3],
+            "matte": np.clip(auxiliary[..., 11], 0.0, 1.0),
         }
-        followed = {name: means[name] for name in DENOISER if name in means}
-        if any(not np.array_equal(means[name.removeprefix("denoise_")], followed[name]) for name in followed):
-            arrays |= followed
+        if "coverage" in means:
+            names = ["alpha", *(f"{COVERAGE}{name}" for name in objects)]
+            arrays |= zip(names, np.moveaxis(means["coverage"], 2, 0), strict=True)
         for name in self.aovs:
             if name == "noise":
                 arrays[name] = _standard_error(beauty[..., LUMINANCE], beauty[..., SQUARE], samples)

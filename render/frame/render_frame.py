@@ -73,10 +73,12 @@ def render_frame(
         scenes = build_scene(scene.at(moved), quality, aovs)
         stopwatch.lap("building")
         for batch in its_batches:
-            batches.render(batch, scenes)
+            batches.render(batch, scenes, {name: surface.attributes[name] for name in attributes})
         stopwatch.lap("rendering")
     surface = surface or sample_at(count - 1)[1]  # the checkpoint held all batches
-    arrays = batches.accumulator.frame_aovs()
+    arrays = batches.accumulator.frame_aovs(scene.objects)
+    if "alpha" not in arrays:
+        arrays["alpha"] = _alpha(arrays, scene)
     if "motion" in arrays and following is not None and scene.stage.kind != "none":
         arrays["motion"] = _add_stage_motion(arrays, own, following, size)
     facts = {
@@ -114,6 +116,13 @@ def _shutter_facts(shutter: ShutterInterval, motion: float, count: int) -> dict[
         "motion_samples": count,
         "pixels_between_motion_samples": round(motion / count, 3),
     }
+
+
+def _alpha(arrays: Mapping[str, Pixels], scene: Scene) -> Pixels:
+    """Return the coverage (H, W) of the pixel by all that the lens sees, by AOVs of Mitsuba's integrators."""
+    is_opaque = scene.lights.shows_sky or not scene.material.is_lit
+    background = 1.0 if is_opaque else arrays["depth"] > 0.0 if scene.stage.objects else 0.0
+    return np.maximum(arrays["matte"], np.float32(background))
 
 
 def _add_stage_motion(

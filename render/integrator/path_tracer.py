@@ -11,6 +11,7 @@ Importing this imports Mitsuba, so an engine of a compiled variant must have bee
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -43,6 +44,7 @@ class PathTracer:
     max_depth      vertices of a path, the emitter's included
     hide_emitters  True if the lens sees neither emitters nor the sky
     groups         light groups, each of which gets a sum of its own; by default one of all emitters
+    objects        shapes whose coverage of the pixel is measured
     """
 
     scene: Any
@@ -51,18 +53,26 @@ class PathTracer:
     max_depth: int
     hide_emitters: bool
     groups: EmitterGroups = field(default_factory=EmitterGroups)
+    objects: Sequence[Any] = ()
+
+    @property
+    def coverage_channels(self) -> int:
+        """The channels of alpha and the coverage of the objects."""
+        return 1 + len(self.objects)
 
     def render(
         self, samples: int, first: int, seed: int, pixels: NDArray[np.integer[Any]] | None = None
     ) -> NDArray[np.float64]:
-        """Return radiance, luminance and its square, as means over samples.
+        """Return radiance, luminance and its square, alpha and the coverage of each object, as means over
+        samples.
 
         first   samples of the same pixels and seed that were taken before
         pixels  numbers of the pixels to sample, row by row from the upper left of the rendered part; None is
                 all of them
 
-        The result is (H, W, 5), or with `pixels` (pixels, 5). With light groups, three more channels follow
-        for each: its radiance. The samples of a pixel do not depend on which others are rendered.
+        The result is (H, W, channels), or with `pixels` (pixels, channels). With light groups, three channels
+        for each stand before alpha: its radiance. The samples of a pixel do not depend on which others are
+        rendered.
         """
         film = self.scene.sensors()[0].film()
         (width, height), (left, top) = film.crop_size(), film.crop_offset()
@@ -82,14 +92,17 @@ class PathTracer:
 
 @dr.syntax
 def _sum_samples(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: Any) -> Any:
-    """Return the sums over all samples, (pixels,) each: radiance (3), luminance and its square, and the
-    radiance (3) of each light group."""
+    """Return the sums over all samples, (pixels,) each: radiance (3), luminance and its square, the radiance
+    (3) of each light group, alpha and the coverage of each object."""
     sample = mi.UInt32(0)
     radiance, luminance, square = mi.Color3f(0.0), mi.Float(0.0), mi.Float(0.0)
     groups = tracer.groups.zeros() if tracer.groups.are_wanted else []
+    coverage = [mi.Float(0.0)] * tracer.coverage_channels
     while dr.hint(sample < sampler.count, label="samples", exclude=[tracer, sampler]):
         sampler.sample = sample
-        parts = trace(tracer, sampler, corner, size)
+        si, throughput = _camera_vertex(tracer, sampler, corner, size)
+        coverage = _plus(coverage, _seen(tracer, si))
+        parts = trace(tracer, sampler, si, throughput)
         light = sum(parts[1:], parts[0])
         groups = _plus(groups, parts)
         y = mi.luminance(light)
@@ -97,23 +110,30 @@ def _sum_samples(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: An
         luminance += y
         square += y * y
         sample += 1
-    return [*radiance, luminance, square, *(channel for group in groups for channel in group)]
+    return [*radiance, luminance, square, *(channel for group in groups for channel in group), *coverage]
 
 
 def _plus(totals: list[Any], parts: list[Any]) -> list[Any]:
     return [total + part for total, part in zip(totals, parts, strict=False)]
 
 
+def _seen(tracer: PathTracer, si: Any) -> list[Any]:
+    """Return 1 or 0 for alpha and each object, by what the lens sees. A visible sky is opaque."""
+    hit = si.is_valid()
+    alpha = dr.select(hit, 1.0, 0.0) if tracer.hide_emitters else mi.Float(1.0)
+    return [alpha, *(dr.select(hit & (si.shape == shape), 1.0, 0.0) for shape in tracer.objects)]
+
+
 @dr.syntax
-def trace(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: Any) -> Any:
-    """Trace one path through each pixel, and return its radiance by light group."""
+def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) -> Any:
+    """Trace one path through each pixel from its first surface interaction, and return its radiance by light
+    group."""
     groups, scene, light_sampler, context = (
         tracer.groups,
         tracer.scene,
         tracer.light_sampler,
         mi.BSDFContext(),
     )
-    si, throughput = camera_vertex(tracer, sampler, corner, size)
     radiance = groups.zeros()
     if dr.hint(not tracer.hide_emitters, mode="scalar"):
         emitter = si.emitter(scene)
@@ -158,11 +178,8 @@ def trace(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: Any) -> A
     return radiance
 
 
-def camera_vertex(tracer: Any, sampler: OwenSampler, corner: Any, size: Any) -> tuple[Any, Any]:
-    """Return the first surface interaction of a path, and its throughput.
-
-    tracer  has a scene, Mitsuba's integrator and `hide_emitters`
-    """
+def _camera_vertex(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: Any) -> tuple[Any, Any]:
+    """Return the first surface interaction of a path, and its throughput."""
     sensor = tracer.scene.sensors()[0]
     lens = sampler.sample_2d(LENS) if sensor.needs_aperture_sample() else mi.Point2f(0.5)
     ray, weight = sensor.sample_ray(0.0, 0.0, (corner + sampler.sample_2d(PIXEL)) / size, lens)
@@ -172,7 +189,6 @@ def camera_vertex(tracer: Any, sampler: OwenSampler, corner: Any, size: Any) -> 
         on_emitter = si.is_valid() & (si.shape.emitter() != None)  # noqa: E711 an array of pointers
         past = tracer.integrator.skip_area_emitters(tracer.scene, si.spawn_ray(ray.d), True, on_emitter)
         behind = past.compute_surface_interaction(ray, mi.RayFlags.All, on_emitter)
-        behind.t = dr.norm(behind.p - ray.o)
         si = dr.select(on_emitter, behind, si)
     return si, mi.Color3f(weight)
 

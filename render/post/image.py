@@ -6,7 +6,7 @@ Files are written atomically: a name holds a whole picture or nothing.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from render.base.atomic_write import atomic_write, cannot_write
 from render.base.errors import BadInputError, CorruptImageError, MissingImageError
-from render.scene import light_groups
-from render.scene.aovs import AOVS, RenderedFrame
+from render.post.exr_attributes import ExrAttributes
+from render.post.layer_names import CRYPTO, channels_of
+from render.scene.aovs import AOVS, COMPUTED, RenderedFrame
 from render.scene.textures import last_message
 from render.scene.working_space import REC709, WORKING_SPACES
 
@@ -26,41 +27,60 @@ Header = Mapping[str, Any]
 Displayed = NDArray[np.uint8] | NDArray[np.uint16]
 
 PREFIX = "flowsculpt:"
-_LETTERS = {"denoised": "RGB", **{name: aov.letters for name, aov in AOVS.items()}}
 _PRECISION = {"half": oiio.HALF, "float": oiio.FLOAT}
 _MAX_HALF = np.float32(np.finfo(np.float16).max)
 
 
+CONVENTION, CHANNELS = "layers", "channels"
+"""Header entries of a file with the channel names of another program: that program; the names by layer."""
+
+
 def write_exr(
-    path: Path, layers: RenderedFrame, header: Header, precision: Mapping[str, str] | None = None
+    path: Path,
+    layers: RenderedFrame,
+    header: Header,
+    precision: Mapping[str, str] | None = None,
+    *,
+    attributes: ExrAttributes | None = None,
+    standard: Mapping[str, str] | None = None,
+    convention: str | None = None,
 ) -> None:
     """Write a frame's AOVs to one EXR; `header` becomes `flowsculpt:` entries beside the frame's own facts.
 
-    precision  half or float by AOV, where it differs from `AOVS`
+    precision   half or float by AOV, where it differs from `AOVS`
+    attributes  attributes of the OpenEXR standard; those of its colours are written always
+    standard    more entries of the header by their whole names
+    convention  channel names, one of `quality.CONVENTIONS`, or None for our own
 
-    Header values are JSON: strings, numbers, lists (matrices), dicts. The beauty's channels are R, G, B;
-    others are named like albedo.R or position.X. Half floats end at 65504: a brighter pixel, such as one of
-    the sun's disc, has that value.
+    Header values are JSON: strings, numbers, lists (matrices), dicts. Our own channel names are R, G, B for
+    the beauty, A for `alpha`, and otherwise like albedo.R or position.X. Half floats end at 65504: a
+    brighter pixel, such as one of the sun's disc, has that value.
     Raises MachineError where the disk is full or the folder cannot be written.
     """
-    names, formats, planes = [], [], []
+    names: dict[str, list[str]] = {}
+    formats, planes = [], []
     for layer, array in layers.arrays.items():
         flat = array.reshape(*array.shape[:2], -1)
-        kind = _precision(layer, precision or {})
-        names += _channel_names(layer, flat.shape[2])
+        kind, channels = _precision(layer, precision or {}), channels_of(layer, array[0, 0].size, convention)
+        names[layer] = channels.names
         formats += [_PRECISION[kind]] * flat.shape[2]
-        planes.append(np.clip(flat, -_MAX_HALF, _MAX_HALF) if kind == "half" else flat)
+        planes.append(channels.factor * (np.clip(flat, -_MAX_HALF, _MAX_HALF) if kind == "half" else flat))
     width, height = layers.size
-    spec = oiio.ImageSpec(width, height, len(names), oiio.FLOAT)
-    spec.channelnames = tuple(names)
+    spec = oiio.ImageSpec(width, height, len(formats), oiio.FLOAT)
+    spec.channelnames = tuple(name for group in names.values() for name in group)
     spec.channelformats = tuple(oiio.TypeDesc(each) for each in formats)
     spec.attribute("compression", "zip")
     space = WORKING_SPACES[{**layers.facts, **header}.get("working_space", REC709.name)]
     spec.attribute("oiio:ColorSpace", space.interop_id)
     spec.attribute("chromaticities", "float[8]", space.chromaticities)
     spec.attribute("DateTime", "")  # by default the time of writing; equal pictures shall be equal files
-    for name, value in {**layers.facts, **header}.items():
+    if attributes is not None:
+        attributes.add_to(spec)
+    named = {CONVENTION: convention, CHANNELS: names} if convention else {}
+    for name, value in {**layers.facts, **header, **named}.items():
         spec.attribute(PREFIX + name, _encoded(name, value))
+    for name, text in (standard or {}).items():
+        spec.attribute(name, text)
     _write(path, "openexr", spec, np.concatenate(planes, axis=2).astype(np.float32))
 
 
@@ -78,14 +98,14 @@ def read_exr(path: Path) -> tuple[RenderedFrame, dict[str, Any]]:
                 f"{path}: cannot be read to its end ({last_message(file)}); render it again"
             )
         header = _header(spec)
-    columns: dict[str, list[int]] = {}
-    for index, channel in enumerate(spec.channelnames):
-        layer = channel.rpartition(".")[0] or "beauty"
-        columns.setdefault(layer, []).append(index)
+    convention, named = header.pop(CONVENTION, None), header.pop(CHANNELS, None)
+    columns = _columns(spec.channelnames, named)
     arrays = {
         layer: np.ascontiguousarray(pixels[..., indices[0]] if len(indices) == 1 else pixels[..., indices])
         for layer, indices in columns.items()
     }
+    for layer, indices in columns.items() if convention else ():
+        arrays[layer] *= np.float32(channels_of(layer, len(indices), convention).factor)
     return RenderedFrame(arrays, header), header
 
 
@@ -143,14 +163,24 @@ def read_png(path: Path) -> NDArray[Any]:
 
 
 def _precision(layer: str, wanted: Mapping[str, str]) -> str:
-    return wanted[layer] if layer in wanted else AOVS[layer].precision if layer in AOVS else "half"
+    if layer.startswith(CRYPTO):
+        return "float"  # IDs are bits
+    known = {**AOVS, **COMPUTED}
+    return wanted.get(layer) or (known[layer].precision if layer in known else "half")
 
 
-def _channel_names(layer: str, count: int) -> list[str]:
-    letters = _LETTERS.get(layer, "RGB" if layer.startswith(light_groups.PREFIX) else "XYZW")[:count]
-    if len(letters) != count:
-        raise BadInputError(f"layer {layer!r} has {count} channels; it can have up to {len(letters)}")
-    return list(letters) if layer == "beauty" else [f"{layer}.{letter}" for letter in letters]
+def _columns(channels: Sequence[str], named: Mapping[str, list[str]] | None) -> dict[str, list[int]]:
+    """Return the places of each layer's channels in a file.
+
+    named  channel names by layer; None where the channels have our own names
+    """
+    if named is not None:
+        return {layer: [channels.index(name) for name in names] for layer, names in named.items()}
+    columns: dict[str, list[int]] = {}
+    for index, channel in enumerate(channels):
+        layer = "alpha" if channel == "A" else channel.rpartition(".")[0] or "beauty"
+        columns.setdefault(layer, []).append(index)
+    return columns
 
 
 def _encoded(name: str, value: Any) -> str:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
-from render.scene.scene import MotionSample
+
+if TYPE_CHECKING:  # names of AOVs are known without it
+    from render.scene.scene import MotionSample
 
 Pixels = NDArray[np.float32]
 Attributes = Mapping[str, NDArray[np.float32]]
@@ -33,12 +35,13 @@ ALWAYS = {
     "position": Aov("XYZ", "float", "position in the scene"),
     "depth": Aov("Z", "float", "distance from the lens"),
     "matte": Aov("A", "half", "coverage of the pixel by the subject"),
+    "alpha": Aov("A", "half", "coverage of the pixel by all that the lens sees"),
 }
 """AOVs of every frame."""
 
 EXTRA = {
     "velocity": Aov("XYZ", "half", "of the subject, scene units per second"),
-    "motion": Aov("XY", "half", "pixels right and up from this frame to the next, as the camera sees it"),
+    "motion": Aov("XY", "float", "pixels right and up from this frame to the next, as the camera sees it"),
     "before": Aov("XYZ", "half", "of the subject, to its position a frame earlier, scene units"),
     "after": Aov("XYZ", "half", "of the subject, to its position a frame later, scene units"),
     "rest": Aov("XYZ", "float", "position before any flow moved it"),
@@ -47,13 +50,17 @@ EXTRA = {
 }
 """AOVs of a frame that asks for them."""
 
-DENOISER = {
-    "denoise_albedo": Aov("RGB", "half", "reflectance of the first rough surface, through mirrors and glass"),
-    "denoise_normal": Aov("XYZ", "half", "shading normal of that surface, 0 where there is none"),
-}
-"""AOVs for the denoiser, of frames in which they differ from albedo and normal."""
+AOVS = {**ALWAYS, **EXTRA}
 
-AOVS = {**ALWAYS, **EXTRA, **DENOISER}
+COMPUTED = {
+    "planar_depth": Aov("Z", "float", "distance from the camera's plane"),
+    "backward_motion": Aov("XY", "float", "pixels right and up from this frame to the one before"),
+    "denoised": Aov("RGB", "half", "light without noise"),
+}
+"""Layers that are computed from the AOVs of a frame."""
+
+COVERAGE = "coverage."
+"""Prefix of layers with the coverage of the pixel by one object: `coverage.subject`, `coverage.plinth`."""
 
 NEEDED_BY_AOV = {
     "velocity": "velocities",
@@ -80,6 +87,7 @@ class RenderedFrame:
     position  scene units
     depth     distance from the camera, scene units
     matte     coverage of the pixel by the subject, 0 … 1
+    alpha     coverage of the pixel by all that the lens sees, 0 … 1; the beauty is premultiplied by it
 
     All are means over the pixel: at the subject's outline (matte between 0 and 1) position and depth are
     between those of the subject and the stage.

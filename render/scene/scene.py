@@ -66,6 +66,12 @@ class Scene:
         """The moving parts of the scene."""
         return MotionSample(self.subject, self.placement, self.camera)
 
+    @property
+    def objects(self) -> tuple[str, ...]:
+        """The names of the objects that the lens may see."""
+        lines = ("wireframe",) if self.material.wireframe else ()
+        return ("subject", *lines, *self.stage.objects)
+
     def at(self, sample: MotionSample) -> Scene:
         """Return the scene with the moving parts of a motion sample."""
         return replace(self, subject=sample.subject, placement=sample.placement, camera=sample.camera)

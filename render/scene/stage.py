@@ -23,6 +23,9 @@ BEVEL = 0.025
 FLAT_RADIUS, HORIZON_RADIUS, HORIZON_HEIGHT = 40.0, 400.0, 4.0
 """The ground: radius to which it is flat, its outer radius, and its height there, stage units."""
 
+_OBJECTS = {"plinth": ("stage", "plinth"), "turntable": ("stage", "grey", "chrome", "chart"), "none": ()}
+"""Objects of the kinds that are not a stage alone."""
+
 _CAMERA_MOVES = {"plinth": (1.14, 0.13), "turntable": (1.08, 0.04)}
 """Camera distance as a multiple of the distance for the subject alone, and stage units to lower the
 camera."""
@@ -112,6 +115,11 @@ class Stage:
             )
         if self.roughness is not None and not 0.0 <= self.roughness <= 1.0:
             raise BadInputError(f"stage has roughness {self.roughness}; it must lie between 0 and 1")
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        """The names of its objects."""
+        return _OBJECTS.get(self.kind, ("stage",))
 
     @property
     def camera_move(self) -> tuple[float, float] | None:

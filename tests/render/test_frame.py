@@ -126,7 +126,7 @@ def test_a_lamp_in_the_picture_shows_in_no_layer(rendered: Rendered, picture: Re
     lamp = replace(rig.softboxes[0], position=(1.2, 1.6, 3.0), width=1.0, height=1.0)
     crowded = rendered(lights=replace(rig, softboxes=(*rig.softboxes, lamp)))
     for name in ("albedo", "normal", "position", "depth", "matte"):
-        assert crowded[name] == pytest.approx(picture[name], abs=1e-3)
+        assert np.array_equal(crowded[name], picture[name])
     assert not np.array_equal(crowded["beauty"], picture["beauty"])
 
 
@@ -327,6 +327,6 @@ def test_two_processes_give_the_same_bits(
         ]
         subprocess.run(command, check=True, cwd=Path(render.__file__).parent.parent)
         found.append(np.load(out))
-    for name in picture.arrays:
+    for name in found[0].files:
         assert np.array_equal(found[0][name], found[1][name]), name
-        assert np.array_equal(found[0][name], picture[name]) or variant != engine.variant
+        assert variant != engine.variant or np.array_equal(found[0][name], picture[name])

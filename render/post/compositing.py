@@ -1,0 +1,157 @@
+"""Layers for compositing: what a finished frame holds beside its light, computed from the raw AOVs.
+
+Raw AOVs are means over the pixel, so at outlines they mix the subject with what is behind it. A subject at
+distance 6 before a wall at 20 is nothing at 13: depth, position and motion vectors of such a pixel are those
+of its greater part, taken from the pixels beside it that show nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.post.cryptomatte import MATERIAL, OBJECT, cryptomatte_header, cryptomatte_layers
+from render.post.layer_names import cryptomatte_label
+from render.scene.aovs import COVERAGE, Pixels, RenderedFrame
+from render.scene.camera import Camera
+from render.scene.stage import StagePlacement
+
+NOTHING = np.float32(1e10)
+"""Depth where the lens sees nothing, as in Cycles."""
+
+WHOLE = 0.999
+"""Coverage from which a pixel shows one thing alone."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Camera and stage placement of one frame."""
+
+    camera: Camera
+    placement: StagePlacement
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a frame shows, as far as its AOVs do not say it.
+
+    view       of the frame
+    before     of the frame before
+    after      of the next frame
+    size       width and height of the whole picture, pixels
+    has_stage  False if there is nothing around the subject
+    materials  names of materials by object, where the names differ
+    """
+
+    view: View
+    before: View
+    after: View
+    size: tuple[int, int]
+    has_stage: bool
+    materials: Mapping[str, str]
+
+
+def compositing_layers(raw: RenderedFrame, shown: Shown) -> dict[str, Pixels]:
+    """Return the layers of a finished frame by name.
+
+    raw  AOVs of all frames, `before` and `after`; its beauty is finished
+    """
+    alpha, matte = raw["alpha"], raw["matte"]
+    mixed = [raw["position"], raw["depth"][..., None], raw["before"], raw["after"]]
+    values = unmixed(np.concatenate(mixed, axis=2), matte, alpha, shown.has_stage)
+    position, distance, before, after = np.split(values, (3, 4, 7), axis=2)
+    covered = distance[..., 0] > 0.0
+    camera = shown.view.camera
+    planar = (position - np.asarray(camera.origin)) @ camera.axes()[2]
+    is_subject = (covered & (matte >= 0.5 * alpha))[..., None]
+
+    def motion(offset: NDArray[np.float64], then: View) -> NDArray[np.float64]:
+        of_stage = shown.view.placement.moved(position, then.placement) - position
+        moved = position + np.where(is_subject, offset, of_stage)
+        return np.where(covered[..., None], _pixels_between(shown, position, moved, then.camera), 0.0)
+
+    coverage = object_coverage(raw, shown.has_stage)
+    return {
+        "beauty": raw["beauty"],
+        "alpha": alpha,
+        "planar_depth": np.where(covered, planar, NOTHING).astype(np.float32),
+        "depth": np.where(covered, distance[..., 0], NOTHING).astype(np.float32),
+        "position": position.astype(np.float32),
+        **{name: raw[name] for name in ("normal", "albedo", "matte")},
+        "motion": motion(after, shown.after).astype(np.float32),
+        "backward_motion": motion(before, shown.before).astype(np.float32),
+        **cryptomatte_layers(OBJECT, coverage),
+        **cryptomatte_layers(MATERIAL, by_material(coverage, shown.materials)),
+    }
+
+
+def mattes_header(raw: RenderedFrame, shown: Shown, convention: str) -> dict[str, str]:
+    """Return the header's entries for the mattes of `compositing_layers`, with a convention's names."""
+    coverage = object_coverage(raw, shown.has_stage)
+    names = {OBJECT: coverage, MATERIAL: by_material(coverage, shown.materials)}
+    entries = [
+        cryptomatte_header(cryptomatte_label(crypto, convention), list(planes))
+        for crypto, planes in names.items()
+    ]
+    return {name: text for each in entries for name, text in each.items()}
+
+
+def unmixed(values: Pixels, matte: Pixels, alpha: Pixels, has_stage: bool) -> NDArray[np.float64]:
+    """Return means over pixels (H, W, C) as those of the greater part of each pixel.
+
+    Before a stage, pixels that show subject and stage take the mean of their neighbours that show only the
+    greater part, where there are any. Without one, the subject's values are divided by its coverage.
+    """
+    result = values.astype(np.float64)
+    is_subject = matte >= 0.5 * alpha
+    weights = np.where(is_subject, matte, alpha - matte) >= WHOLE
+    rows, columns = np.nonzero(~weights & (alpha > 0.0))
+    weights = weights.astype(np.float64) if has_stage else matte.astype(np.float64)
+    total, weight = np.zeros((len(rows), values.shape[2])), np.zeros(len(rows))
+    height, width = matte.shape
+    for down, right in np.ndindex(3, 3):
+        row, column = rows + down - 1, columns + right - 1
+        inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+        row, column = np.where(inside, row, rows), np.where(inside, column, columns)
+        same = inside & (is_subject[row, column] == is_subject[rows, columns])
+        own = same * weights[row, column]
+        total += own[:, None] * result[row, column] if has_stage else same[:, None] * result[row, column]
+        weight += own
+    known = weight > 0.0
+    result[rows[known], columns[known]] = total[known] / weight[known, None]
+    return result
+
+
+def _pixels_between(
+    shown: Shown, points: NDArray[np.float64], moved: NDArray[np.float64], camera: Camera
+) -> NDArray[np.float64]:
+    """Return the pixels (H, W, 2), right and up, from points in the frame to moved ones in another camera."""
+    width, height = shown.size
+    ends = [
+        view.project(at.reshape(-1, 3), width / height) * (width / 2.0, height / 2.0, 1.0)
+        for view, at in ((shown.view.camera, points), (camera, moved))
+    ]
+    in_front = (ends[0][:, 2] > 0.0) & (ends[1][:, 2] > 0.0)
+    motion = np.where(in_front[:, None], ends[1][:, :2] - ends[0][:, :2], 0.0)
+    return motion.reshape(*points.shape[:2], 2)
+
+
+def object_coverage(raw: RenderedFrame, has_stage: bool) -> dict[str, Pixels]:
+    """Return the coverage (H, W) of each object by name; that of subject and stage where no more is known."""
+    known = {name[len(COVERAGE) :]: plane for name, plane in raw.arrays.items() if name.startswith(COVERAGE)}
+    if known:
+        return known
+    rest = {"stage": np.maximum(raw["alpha"] - raw["matte"], 0.0)} if has_stage else {}
+    return {"subject": raw["matte"], **rest}
+
+
+def by_material(coverage: Mapping[str, Pixels], materials: Mapping[str, str]) -> dict[str, Pixels]:
+    """Return the coverage (H, W) of each material by name: the sum over its objects."""
+    total: dict[str, Pixels] = {}
+    for name, plane in coverage.items():
+        material = materials.get(name, name)
+        total[material] = total[material] + plane if material in total else plane
+    return total

@@ -1,0 +1,76 @@
+"""Standard attributes of an EXR: windows, camera, frame rate and timecode."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+from render.scene.camera import Camera
+
+MOST_FRAME_DIGITS = 40
+"""Frames that a timeCode can count within a second: its tens have two bits."""
+
+
+@dataclass(frozen=True)
+class ExrAttributes:
+    """What an EXR says of its picture in the attributes of the OpenEXR standard.
+
+    whole     width and height of the whole picture, the display window; None for that of the pixels
+    corner    upper left pixel of the data window in it, where the file holds a crop
+    camera    gives `worldToCamera` and `worldToNDC`, or None
+    rate      frames per second, or None
+    timecode  HH:MM:SS:FF, or empty
+    """
+
+    whole: tuple[int, int] | None = None
+    corner: tuple[int, int] = (0, 0)
+    camera: Camera | None = None
+    rate: Fraction | None = None
+    timecode: str = ""
+
+    def add_to(self, spec: Any) -> None:
+        """Add the attributes to an OpenImageIO spec whose width and height are those of the pixels."""
+        width, height = self.whole or (spec.width, spec.height)
+        spec.x, spec.y = self.corner
+        spec.full_x, spec.full_y, spec.full_width, spec.full_height = 0, 0, width, height
+        if self.rate is not None:
+            spec.attribute("framesPerSecond", "rational", (self.rate.numerator, self.rate.denominator))
+        if self.timecode and int(self.timecode[-2:]) < MOST_FRAME_DIGITS:
+            digits = int(self.timecode.replace(":", ""), 16)  # two digits to a byte
+            spec.attribute("smpte:TimeCode", oiio.TypeTimeCode, (digits, 0))
+        if self.camera is not None:
+            camera, aspect = self.camera, width / height
+            spec.attribute("worldToCamera", "matrix", tuple(world_to_camera(camera).ravel()))
+            spec.attribute("worldToNDC", "matrix", tuple(world_to_ndc(camera, aspect).ravel()))
+
+
+def world_to_camera(camera: Camera) -> NDArray[np.float64]:
+    """Return the matrix (4, 4) that takes row vectors to right, up and forward of the camera."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = camera.axes().T
+    matrix[3, :3] = -np.asarray(camera.origin) @ matrix[:3, :3]
+    return matrix
+
+
+def world_to_ndc(camera: Camera, aspect: float) -> NDArray[np.float64]:
+    """Return the matrix (4, 4) that takes row vectors, after division by w, to the picture.
+
+    (0, 0) is its upper left corner and (1, 1) its lower right, as in OpenEXR and RenderMan.
+    """
+    half_width = math.tan(camera.field_of_view / 2.0)
+    to_far = camera.far / (camera.far - camera.near)
+    projection = np.array(
+        [
+            [0.5 / half_width, 0.0, 0.0, 0.0],
+            [0.0, -0.5 * aspect / half_width, 0.0, 0.0],
+            [0.5, 0.5, to_far, 1.0],
+            [0.0, 0.0, -camera.near * to_far, 0.0],
+        ]
+    )
+    return world_to_camera(camera) @ projection

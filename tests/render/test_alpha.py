@@ -1,0 +1,45 @@
+"""Alpha, and the coverage of objects, that are measured with the rays of the light."""
+
+import numpy as np
+import pytest
+
+from render.frame.render_frame import render_frame
+from render.scene.aovs import COVERAGE
+from render.scene.lights import LightRig, Sky
+from render.scene.materials import LOOKS
+from render.scene.scene import Scene
+from render.scene.stage import STAGES, StagePlacement
+from tests.render.conftest import CAMERA, TINY
+
+LIGHT = 0.7
+
+
+@pytest.fixture
+def rendered_under(sphere, engine):
+    def rendered(visible, stage="none"):
+        sky = Sky((LIGHT,) * 3, (LIGHT,) * 3, (LIGHT,) * 3, visible=visible)
+        scene = Scene(sphere, LOOKS["clay"], LightRig(sky=sky), STAGES[stage], StagePlacement(), CAMERA)
+        return render_frame(scene, TINY, 3, engine)
+
+    return rendered
+
+
+def test_alpha_over_a_background_is_the_picture_with_that_background(rendered_under, engine):
+    cut_out, whole = rendered_under(visible=False), rendered_under(visible=True)
+    over = cut_out["beauty"] + (1.0 - cut_out["alpha"])[..., None] * LIGHT
+    tolerance = 1e-6 if engine.variant != "scalar_rgb" else 0.2
+    inner = cut_out["alpha"] > 0.0
+    assert 0.1 < inner.mean() < 0.9 and ((cut_out["alpha"] > 0.0) & (cut_out["alpha"] < 1.0)).any()
+    assert np.abs(over - whole["beauty"]).max() < tolerance
+    assert (whole["alpha"] == 1.0).all(), "a visible sky is opaque"
+
+
+def test_alpha_is_whole_where_the_stage_is_seen_and_the_objects_share_it(rendered_under, engine):
+    layers = rendered_under(visible=False, stage="plinth")
+    assert (layers["alpha"] == 1.0).all()
+    parts = {name: plane for name, plane in layers.arrays.items() if name.startswith(COVERAGE)}
+    if engine.variant != "scalar_rgb":
+        assert parts.keys() == {f"{COVERAGE}{name}" for name in ("subject", "stage", "plinth")}
+        assert all(plane.max() == 1.0 for plane in parts.values())
+        assert np.array_equal(sum(parts.values()), layers["alpha"])
+        assert np.abs(parts[f"{COVERAGE}subject"] - layers["matte"]).mean() < 0.02
