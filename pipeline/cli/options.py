@@ -17,7 +17,7 @@ from pipeline.cli.output import print_error
 from pipeline.errors import UsageError, suggestion
 from pipeline.production.request.crop_and_scale import today_name
 from render.mitsuba.engine import VARIANTS, available_cores
-from render.scene.quality import QUALITIES
+from render.scene.quality import CONVENTIONS, QUALITIES
 
 if TYPE_CHECKING:  # imported when a command runs, for help and --version need neither
     from pipeline.production.execution.project import Project
@@ -84,6 +84,14 @@ Crop = Annotated[
     typer.Option(
         metavar="X0,Y0,X1,Y1",
         help="Render a part: its left, upper, right and lower edge, in fractions of the picture or pixels.",
+    ),
+]
+Layers = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PROGRAM",
+        help="Write layers for compositing into finished frames, with the channel names of "
+        f"{', '.join(CONVENTIONS)}; see docs/compositing.md. Default: what the shot says.",
     ),
 ]
 Force = Annotated[

@@ -87,7 +87,7 @@ RENDER = PipelineStage(
 )
 FINISH = PipelineStage(
     "finish",
-    version=1,
+    version=2,
     packages=("pyoidn", "OpenImageIO"),
     doing="denoising",
     makes="frame",

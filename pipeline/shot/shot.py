@@ -57,6 +57,8 @@ class Picture:
     hide_facets edges are cut as each picture needs, so that outlines show no corners
     qualities   `render.scene.quality.QUALITIES` with the shot's own settings
     aovs        the AOVs that the shot names
+    layers      whose channel names the layers of finished frames have, one of `quality.CONVENTIONS`; None
+                for frames that hold light and alpha alone
     """
 
     look: Material
@@ -70,6 +72,7 @@ class Picture:
     qualities: Mapping[str, Quality] = field(default_factory=lambda: QUALITIES)
     shutter: Shutter = field(default_factory=Shutter)
     aovs: AovSelection = field(default_factory=AovSelection)
+    layers: str | None = None
 
     @property
     def working_space(self) -> WorkingSpace:

@@ -204,4 +204,5 @@ def _picture(document: ShotDocument, clock: Clock, subject: Subject) -> Picture:
         },
         shutter=document.shutter.build(clock) if document.shutter else Shutter(),
         aovs=AovSelection.of(document.aovs),
+        layers=document.layers,
     )

@@ -39,3 +39,20 @@ def test_a_frame_whose_camera_is_inside_fails_and_the_others_are_made(project):
     assert done.code == 1
     assert done.err.count("frame 3: the camera is inside the sculpture, at 0.1, 0, 0.1") == 1
     assert [path.name for path in project.frames()] == [f"{NAME}.{n:04d}.exr" for n in (1, 2)]
+
+
+def test_layers_for_compositing_are_written_without_rendering_again(project):
+    once = ("render", NAME, "-f", "2", "-q", "draft", "--scale", "25%", "--crop", "0.25,0.25,0.75,0.75")
+    unknown = project.run(*once, "--layers", "nuk")
+    assert unknown.code == 2 and "Did you mean 'nuke'?" in unknown.err
+    assert len(unknown.err.strip().splitlines()) == 1
+    assert project.run(*once, "--layers", "nuke").code == 0
+    frame = project.frames("draft.scale25.crop30-17-90-51")[0]
+    layers = read_exr(frame)[0]
+    assert layers.size == (60, 34) and {"alpha", "planar_depth", "motion", "CryptoObject00"} <= set(
+        layers.arrays
+    )
+    again = project.run("--json", *once, "--layers", "blender")
+    assert again.code == 0 and '"finish": 1' in again.out and '"render": 1' not in again.out
+    assert read_exr(frame)[0].arrays.keys() == layers.arrays.keys()
+    assert (read_exr(frame)[0]["beauty"] == layers["beauty"]).all()

@@ -19,7 +19,7 @@ def test_every_picture_takes_light_from_those_around_it_and_none_is_stale_for_it
     assert used == [[2, 3], [1, 3, 4], [1, 2, 4, 5], [2, 3, 5, 6], [3, 4, 6], [4, 5]]
     assert {"before", "after"} <= set(read_exr(frame(project, 3, "raw"))[0].arrays)
     before = read_exr(frame(project, 3))[0]
-    assert set(before.arrays) == {"beauty"}
+    assert set(before.arrays) == {"beauty", "alpha"}
     for place in (project.path / ".flowsculpt" / "store" / "frame").rglob("*.exr"):
         place.unlink()
     again = project.run("render", NAME, "-f", "3", *STEADY)

@@ -14,6 +14,7 @@ from pipeline.cli.options import (
     Common,
     Force,
     Frames,
+    Layers,
     PictureOptions,
     Quality,
     ShotOptions,
@@ -46,6 +47,7 @@ def render(
     shots: Annotated[list[str] | None, shots_argument("Names in shots/, or paths of shot files.")] = None,
     frames: Frames = None,
     quality: Annotated[str | None, quality_option(show_default=DEFAULT_QUALITY)] = None,
+    layers: Layers = None,
     provenance: Annotated[
         Path | None,
         typer.Option(
@@ -63,16 +65,20 @@ def render(
     folders of their own, such as draft.scale50. A crop shows what the whole picture shows there, with other
     noise.
 
+    `flowsculpt render A010_cube -q final --layers nuke` writes frames with the layers that a compositor
+    needs: depth, motion vectors, normals, positions, cryptomatte. Frames of daily and final that are rendered
+    already are not rendered again for it.
+
     Keys decide what is stale, and stored results are trusted. After a change that no key knows, such as of a
     graphics driver, `flowsculpt render A010_cube --force` renders again and replaces what is stored.
 
     `flowsculpt render --from renders/published/A010_cube/v001/provenance.json` reproduces a published version
     in renders/repeated from the shot file of that time, and lists which frames are the same to the last bit.
     """
-    project = options.project(common)
+    project = options.project(common).with_layers(layers)
     project = project.forcing("render") if force else project
     if provenance is not None:
-        if shots or quality or options.crop or options.scale or options.settings:
+        if shots or quality or layers or options.crop or options.scale or options.settings:
             raise UsageError(
                 f"--from {provenance}: the provenance says shot, quality and settings; leave these out"
             )
@@ -134,6 +140,7 @@ def film(
     ] = FILM.stem,
     quality: Quality = DEFAULT_QUALITY,
     variant: Variant = None,
+    layers: Layers = None,
     force: Force = False,
 ) -> None:
     """Render every shot of an edit and cut them into a film.
@@ -141,7 +148,7 @@ def film(
     `flowsculpt film` renders shots/film.yaml to renders/film/draft/film.mp4; `flowsculpt film showreel -q
     final` renders shots/showreel.yaml to renders/film/final/showreel.mp4. `--set` holds for every shot.
     """
-    project = options.project(common, variant)
+    project = options.project(common, variant).with_layers(layers)
     project = project.forcing("render") if force else project
     execute_and_report(common, lambda: project.film(quality, find_edit(edit)))
 

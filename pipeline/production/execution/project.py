@@ -31,7 +31,7 @@ from pipeline.production.stages import forced_with
 from pipeline.production.store.history import History
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store
-from render.scene.quality import DEFAULT_QUALITY
+from render.scene.quality import CONVENTIONS, DEFAULT_QUALITY
 
 States = Callable[[RenderRequest, Store, History], FrameStates]
 
@@ -69,6 +69,18 @@ class Project:
     def forcing(self, stage: str) -> Project:
         """Return the project with a stage, and those that follow it, made again once whatever is stored."""
         return replace(self, force=dict.fromkeys(forced_with({stage}), time.time_ns()))
+
+    def with_layers(self, convention: str | None) -> Project:
+        """Return the project with layers for compositing in finished frames, in place of what shots say.
+
+        Raises UsageError where no such channel names are known.
+        """
+        if convention is None:
+            return self
+        if convention not in CONVENTIONS:
+            hint = suggestion(convention, CONVENTIONS)
+            raise UsageError(f"--layers {convention}: no channel names are known for it. {hint}")
+        return replace(self, settings=(*self.settings, f"layers={convention}"))
 
     def planner(self, many: int = 1) -> Planner:
         """Return a planner for so many requests that are made side by side."""

@@ -220,7 +220,16 @@ class PictureKeys(Mapping[int, FrameKeys]):
         """Return the keys of a frame that is averaged over a window."""
         averaged = [self._raw(n) for n in window] if len(window) > 1 else []
         raw = self._raw(number)
-        return FrameKeys(raw, key_of(FINISH.recipe, raw, self._request.quality.denoise, averaged), window)
+        request = self._request
+        finish = request.quality.denoise, averaged, request.source.summary.rate, self._layers_data(number)
+        return FrameKeys(raw, key_of(FINISH.recipe, raw, *finish), window)
+
+    def _layers_data(self, number: int) -> list[Any]:
+        """Return what decides the layers for compositing: their names, and cameras for motion vectors."""
+        if self._request.layers is None:
+            return []
+        around = [to_plain(self._cameras[n]) for n in (number - 1, number + 1) if n in self._cameras]
+        return [self._request.layers, around]
 
     def __iter__(self) -> Iterator[int]:
         return iter(self._request.angles)

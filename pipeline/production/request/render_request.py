@@ -38,7 +38,8 @@ class _Facts:
 
     cameras      the key of its cameras
     reach        frames to either side that the temporal denoiser reads
-    precision    layers that the shot names, and `half` or `float`
+    precision    AOVs that the shot names, and `half` or `float`
+    layers       whose channel names the layers of finished frames have; None for light and alpha alone
     follow_flow  pictures that need their mesh and the flow
     need_mesh    pictures made of their mesh itself, not of what `smooth_normals` keeps for rendering
     """
@@ -47,6 +48,7 @@ class _Facts:
     reach: int
     quality: Quality
     precision: tuple[tuple[str, str], ...]
+    layers: str | None
     follow_flow: tuple[int, ...]
     need_mesh: tuple[int, ...]
 
@@ -200,9 +202,9 @@ class RenderRequest:
 
     @cached_property
     def aovs(self) -> AovSelection:
-        """AOVs the shot requests, plus `before` and `after` if temporal denoising is on."""
-        aovs = self.shot.picture.aovs
-        return aovs.adding("before", "after") if self.temporal_reach else aovs
+        """AOVs the shot requests, plus `before` and `after` for temporal denoising and motion vectors."""
+        aovs, needs_offsets = self.shot.picture.aovs, self.temporal_reach or self.shot.picture.layers
+        return aovs.adding("before", "after") if needs_offsets else aovs
 
     def offsets(self, number: int) -> tuple[float, ...]:
         """Return the other moments that shutter and AOVs of a picture show, in frames from its own."""
@@ -239,6 +241,7 @@ class RenderRequest:
             reach=self.temporal_reach,
             quality=self.quality_of_shot,
             precision=tuple(self.shot.picture.aovs.precision),
+            layers=self.shot.picture.layers,
             follow_flow=follow_flow,
             need_mesh=follow_flow if self.shot.picture.dicing is None else tuple(self.angles),
         )
@@ -259,8 +262,13 @@ class RenderRequest:
 
     @property
     def precision(self) -> tuple[tuple[str, str], ...]:
-        """Layers that the shot names, and `half` or `float`."""
+        """AOVs that the shot names, and `half` or `float`."""
         return self._facts.precision
+
+    @property
+    def layers(self) -> str | None:
+        """Whose channel names the layers of finished frames have; None for light and alpha alone."""
+        return self._facts.layers
 
     @property
     def reach(self) -> int:

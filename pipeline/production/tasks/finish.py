@@ -7,12 +7,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from pipeline.errors import FrameError
 from pipeline.production.request.keys import PictureKeys
 from pipeline.production.stages import FINISH
+from pipeline.production.tasks.finished_frames import FinishedFrames
 from pipeline.production.tasks.job import Context
 from render.post.denoise import denoise
-from render.post.image import write_exr
 from render.scene.aovs import RenderedFrame
 
 if TYPE_CHECKING:
@@ -21,18 +23,19 @@ if TYPE_CHECKING:
 
 
 def finish(context: Context) -> bool:
-    """Finish the pictures of a batch: noise removed, the beauty alone, ready for the view.
+    """Finish the pictures of a batch: noise removed, with alpha and the layers that the shot asks for.
 
     Pictures that could not be rendered are left out; their failure is reported already.
     """
     request = context.request
     keys = context.picture_keys(request)
-    denoiser = _Denoiser(context, keys, request.framings(context.store) or {})
+    framings: Mapping[int, Framing] = request.framings(context.store) or {}
+    denoiser, output = _Denoiser(context, keys, framings), FinishedFrames(request, framings)
 
     def work(number: int) -> bool:
         def write(path: Path) -> None:
-            light, header = denoiser.finished(number)
-            write_exr(path, light, {**header, "key": keys[number].frame}, dict(request.precision))
+            layers, header = denoiser.finished(number)
+            output.write(path, number, layers, {**header, "key": keys[number].frame})
 
         return context.make("frame", keys[number].frame, request.place("frame", number), write)
 
@@ -55,7 +58,7 @@ class _Denoiser:
     _denoised: dict[int, DenoisedFrame] = field(default_factory=dict)
 
     def finished(self, number: int) -> tuple[RenderedFrame, dict[str, Any]]:
-        """Return the beauty of a picture without noise, and its header: the raw one's, and the stage's."""
+        """Return a picture with its beauty free of noise, and its header: the raw one's, and the stage's."""
         quality, window = self.context.request.quality, self.keys[number].window
         layers, raw = self._read(number)
         stages = {**raw.get("stages", {}), FINISH.name: FINISH.recipe}
@@ -69,7 +72,8 @@ class _Denoiser:
             corner = quality.crop[:2] if quality.crop else (0, 0)
             light = temporal_denoise(self._denoised, number, (quality.width, quality.height), corner)
             header = {**header, "temporal_neighbours": [n for n in window if n != number]}
-        return RenderedFrame({"beauty": light}, layers.facts), header
+        light = np.where(layers["alpha"][..., None] > 0.0, light, np.float32(0.0))
+        return RenderedFrame({**layers.arrays, "beauty": light}, layers.facts), header
 
     def _read(self, number: int) -> tuple[RenderedFrame, dict[str, Any]]:
         return self.context.read_picture(self.context.request, "raw", number, self.keys[number].raw)

@@ -44,7 +44,7 @@ from render.post.view import ACES, BUILT_IN, ColourView, view_of
 from render.scene.aovs import AOVS
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.quality import BATCH_SAMPLES, MOST_TEMPORAL_FRAMES
+from render.scene.quality import BATCH_SAMPLES, CONVENTIONS, MOST_TEMPORAL_FRAMES
 from render.scene.stage import STAGES
 from render.scene.working_space import REC709, WORKING_SPACES
 
@@ -79,6 +79,8 @@ AovsField = Annotated[
     dict[AovName, Precision] | list[AovName], ByForm(lambda value: not isinstance(value, dict))
 ]
 """`[velocity, noise]`, or `{velocity: half, position: half}`."""
+
+Layers = Annotated[str, one_of(CONVENTIONS, "program whose channel names are known")]
 
 _PIXELS = r"^\s*(\d+\.?\d*|\.\d+)\s*px\s*$"
 
@@ -287,6 +289,9 @@ class ShotDocument(Document):
     stage: StageField = Field("cyclorama", description="the ground below the subject, by name or spelt out")
     shutter: ShutterDocument | None = optional("exposure of a frame in time: motion blur")
     aovs: AovsField = Field(default_factory=list, description="AOVs by name, or by name with half or float")
+    layers: Layers | None = optional(
+        "layers for compositing in finished frames, by the channel names of blender, arnold or nuke"
+    )
     view: ViewDocument = Field(
         default=ViewDocument(), description="a view of an OpenColorIO config; by default ACES 2.0"
     )

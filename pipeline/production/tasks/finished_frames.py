@@ -1,0 +1,80 @@
+"""The files of finished frames: light and alpha, layers for compositing, and the attributes of the EXR."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.frames import FrameRate
+from pipeline.production.request.render_request import RenderRequest
+from render.movie.sequences import timecode
+from render.post.exr_attributes import ExrAttributes
+from render.post.image import write_exr
+from render.scene.aovs import RenderedFrame
+from render.scene.materials import LOOKS, Material
+
+if TYPE_CHECKING:
+    from pipeline.production.render_inputs.framing import Framing
+
+
+@dataclass(frozen=True)
+class FinishedFrames:
+    """Writes the finished frames of a request.
+
+    framings  camera and stage of every picture
+    """
+
+    request: RenderRequest
+    framings: Mapping[int, Framing]
+
+    def write(self, path: Path, number: int, frame: RenderedFrame, header: Mapping[str, Any]) -> None:
+        """Write a finished frame; `frame` has the raw AOVs, and the finished light as its beauty."""
+        request, layers, standard = self.request, {n: frame[n] for n in ("beauty", "alpha")}, {}
+        if request.layers is not None:
+            from render.post.compositing import compositing_layers, mattes_header
+
+            shown = self._shown(number)
+            extra = {name: frame[name] for name, _ in request.precision if name in frame.arrays}
+            layers = {**extra, **compositing_layers(frame, shown)}
+            standard = mattes_header(frame, shown, request.layers)
+        write_exr(
+            path,
+            RenderedFrame(layers, frame.facts),
+            header,
+            dict(request.precision),
+            attributes=exr_attributes(request, number, self.framings),
+            standard=standard,
+            convention=request.layers,
+        )
+
+    def _shown(self, number: int) -> Any:
+        """Return what a frame shows, for `compositing_layers`."""
+        from pipeline.production.render_inputs.shading import framing_at
+        from render.post.compositing import Shown, View
+
+        picture, quality = self.request.shot.picture, self.request.quality
+        around = (framing_at(self.framings, number, offset) for offset in (0.0, -1.0, 1.0))
+        now, before, after = (View(framing.camera, framing.placement) for framing in around)
+        lines = {"wireframe": "wireframe"} if picture.look.wireframe else {}
+        materials = {"subject": material_name(picture.look), **lines}
+        size = quality.width, quality.height
+        return Shown(now, before, after, size, bool(picture.stage.objects), materials)
+
+
+def material_name(look: Material) -> str:
+    """Return the name of a look, or of its model where it is no look by name."""
+    return next((name for name, known in LOOKS.items() if known == look), look.model)
+
+
+def exr_attributes(request: RenderRequest, number: int, framings: Mapping[int, Framing]) -> ExrAttributes:
+    """Return the standard attributes of a picture, raw or finished."""
+    quality, rate = request.quality, FrameRate.of(request.source.summary.rate).fps
+    return ExrAttributes(
+        whole=(quality.width, quality.height),
+        corner=quality.crop[:2] if quality.crop else (0, 0),
+        camera=framings[number].camera,
+        rate=rate,
+        timecode=timecode(number, rate),
+    )
