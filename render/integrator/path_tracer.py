@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.integrator.emitter_groups import EmitterGroups
-from render.integrator.light_sampler import LightSampler
+from render.integrator.light_sampler import LightSample, LightSampler
 from render.integrator.sampler import (
     DIRECTION,
     EMITTER_CHOICE,
@@ -141,23 +141,22 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
     vertex, active = mi.UInt32(0), si.is_valid()
     sample_all = 0 < len(light_sampler) <= MAX_SAMPLED_TOGETHER
     if dr.hint(sample_all, mode="scalar"):
-        for number, emitter in enumerate(light_sampler.emitters):
-            light = _direct_light(
-                tracer, si, emitter, sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + number), active
-            )
-            radiance = groups.add(radiance, throughput * light, emitter)
+        positions = [sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + i) for i in range(len(light_sampler))]
+        for sample in light_sampler.sample_all(si, positions, active):
+            light = throughput * _direct_light(tracer, si, sample, active)
+            radiance = groups.add(radiance, light, sample.emitter)
     while dr.hint(active, max_iterations=tracer.max_depth, label="path", exclude=[tracer, sampler]):
         # Next event estimation: sample one emitter.
         probabilities = light_sampler.probabilities(si)
+        if dr.hint(len(light_sampler) > 0, mode="scalar"):
+            wanted = active & (vertex > 0) if sample_all else active
+            choice = sampler.vertex_1d(vertex, EMITTER_CHOICE)
+            position = sampler.vertex_2d(vertex, EMITTER_POSITION)
+            sample = light_sampler.sample_one(si, probabilities, choice, position, wanted)
+            light = throughput * _direct_light(tracer, si, sample, wanted)
+            radiance = groups.add(radiance, light, sample.emitter)
         if dr.hint(sample_all, mode="scalar"):
             probabilities = [dr.select(vertex == 0, 1.0, each) for each in probabilities]
-        if dr.hint(len(light_sampler) > 0, mode="scalar"):
-            emitter, chance = light_sampler.sample(probabilities, sampler.vertex_1d(vertex, EMITTER_CHOICE))
-            wanted = active & (vertex > 0) if sample_all else active
-            light = _direct_light(
-                tracer, si, emitter, sampler.vertex_2d(vertex, EMITTER_POSITION), wanted, chance
-            )
-            radiance = groups.add(radiance, (throughput / chance) * light, emitter)
         # Continue the path by the BSDF.
         lobe, direction = sampler.vertex_1d(vertex, LOBE), sampler.vertex_2d(vertex, DIRECTION)
         bsdf_sample, weight = si.bsdf().sample(context, si, lobe, direction, active)
@@ -167,9 +166,8 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
         # Add the light of an emitter that the path hits, weighted against next event estimation.
         hit = mi.DirectionSample3f(scene, next_si, si)
         delta = mi.has_flag(bsdf_sample.sampled_type, mi.BSDFFlags.Delta)
-        emitter_pdf = light_sampler.pmf(hit.emitter, probabilities)
-        emitter_pdf *= hit.emitter.pdf_direction(si, hit, active & ~delta & (emitter_pdf > 0.0))
-        mis_weight = power_heuristic(bsdf_sample.pdf, dr.select(delta, 0.0, emitter_pdf))
+        square = light_sampler.squared_density(si, hit, probabilities, active & ~delta)
+        mis_weight = power_heuristic(bsdf_sample.pdf, dr.select(delta, 0.0, square))
         light = throughput * mis_weight * hit.emitter.eval(next_si, active)
         radiance = groups.add(radiance, dr.select(active, light, 0.0), hit.emitter)
         vertex += 1
@@ -193,25 +191,25 @@ def _camera_vertex(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: 
     return si, mi.Color3f(weight)
 
 
-def _direct_light(
-    tracer: PathTracer, si: Any, emitter: Any, position: Any, active: Any, chance: Any = 1.0
-) -> Any:
-    """Return the reflected light of a sampled position on an emitter, 0 where it is occluded.
-
-    chance  probability with which the emitter was chosen, for multiple importance sampling
-    """
+def _direct_light(tracer: PathTracer, si: Any, sample: LightSample, active: Any) -> Any:
+    """Return the reflected light of a sampled position on an emitter, 0 where it is occluded."""
     bsdf = si.bsdf()
     active = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
-    sampled, light = emitter.sample_direction(si, position, active)
-    reflected, bsdf_pdf = bsdf.eval_pdf(mi.BSDFContext(), si, si.to_local(sampled.d), active)
-    light *= reflected * dr.select(sampled.delta, 1.0, power_heuristic(sampled.pdf * chance, bsdf_pdf))
-    active &= (sampled.pdf != 0.0) & dr.any(light != 0.0)
-    active &= ~tracer.scene.ray_test(si.spawn_ray_to(sampled.p), active)
+    reflected, bsdf_pdf = bsdf.eval_pdf(mi.BSDFContext(), si, si.to_local(sample.direction), active)
+    others = sample.square - dr.square(sample.density) + dr.square(bsdf_pdf)
+    weight = dr.select(sample.is_delta, 1.0, power_heuristic(sample.density, others))
+    light = sample.light * reflected * weight
+    active &= dr.any(light != 0.0)
+    active &= ~tracer.scene.ray_test(si.spawn_ray_to(sample.target), active)
     return dr.select(active, light, 0.0)
 
 
-def power_heuristic(pdf: Any, other_pdf: Any) -> Any:
-    """Return the weight of a sample that two strategies could have found (Veach 1997), by their densities."""
+def power_heuristic(pdf: Any, others: Any) -> Any:
+    """Return the weight of a sample that several strategies could have found (Veach 1997).
+
+    pdf     its density
+    others  sum of the squared densities of the other strategies
+    """
     square = pdf * pdf
-    weight = square / dr.fma(other_pdf, other_pdf, square)
+    weight = square / (square + others)
     return dr.select(dr.isfinite(weight), weight, 0.0)
