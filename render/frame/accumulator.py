@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
+from render.frame.fireflies import FireflyFilter, find_fireflies, kept_fractions
 from render.scene.aovs import COVERAGE, Pixels
 from render.scene.light_groups import with_beauty
 from render.scene.quality import Quality
@@ -17,9 +18,6 @@ from render.scene.quality import Quality
 Picture = NDArray[np.float64]
 PixelNumbers = NDArray[np.int64]
 """Numbers of pixels of the rendered part, row by row from its upper left."""
-
-FIREFLY_FACTOR = 3.0
-"""Most brightness of a pixel, over the third brightest of its eight neighbours."""
 
 LUMINANCE, SQUARE, GROUPS = 3, 4, 5
 """Channels of a beauty batch after its radiance: mean luminance, mean of its square, and the first of three
@@ -86,13 +84,15 @@ class Accumulator:
     def add(self, name: str, means: Picture, samples: int, pixels: PixelNumbers | None = None) -> None:
         """Add a batch to the plane `name`.
 
-        name     "beauty": radiance, the channels LUMINANCE and SQUARE if the AOV `noise` is wanted, and those
-                 of light groups; "auxiliary" (see `mitsuba.scene.FrameScenes`); "coverage": alpha and the
-                 coverage of each object; or an AOV
+        name     "beauty": radiance, the channels LUMINANCE and SQUARE, and those of light groups; "auxiliary"
+                 (see `mitsuba.scene.FrameScenes`); "coverage": alpha and the coverage of each object; or an
+                 AOV
         means    over `samples` samples: (H, W, channels), or (pixels, channels) for `pixels`
         pixels   numbers of pixels; None is all of them
+
+        Values that are not finite, as of a degenerate triangle, count as 0.
         """
-        rows = means.reshape(-1, means.shape[-1])
+        rows = np.nan_to_num(means.reshape(-1, means.shape[-1]), posinf=0.0, neginf=0.0)
         self._plane(name, rows.shape[1]).add(rows * samples, samples, pixels)
         if name == "beauty" and self.quality.noise_threshold is not None:
             self._plane("round", 1).add(rows[:, :3] @ _LUMA[:, None] * samples, samples, pixels)
@@ -111,10 +111,9 @@ class Accumulator:
 
         objects  names of the objects whose coverage our path tracer measures
         """
-        width, height = self.quality.rendered_size
-        means = {name: plane.means().reshape(height, width, -1) for name, plane in self._planes.items()}
+        means = {name: self._pictures(name) for name in self._planes}
         beauty, auxiliary = means["beauty"], means["auxiliary"]
-        samples = self._planes["beauty"].counts.reshape(height, width)
+        samples = self._planes["beauty"].counts.reshape(beauty.shape[:2])
         arrays: dict[str, NDArray[Any]] = {
             **self._light(beauty),
             "albedo": np.clip(auxiliary[..., 0:3], 0.0, 1.0),
@@ -136,19 +135,31 @@ class Accumulator:
         return {name: np.ascontiguousarray(array, dtype=np.float32) for name, array in arrays.items()}
 
     def _light(self, beauty: Picture) -> dict[str, Pixels]:
-        """Return the beauty without fireflies, and the light groups."""
-        kept = kept_of_fireflies(beauty[..., :3])[..., None]
+        """Return the beauty and the light groups, with fireflies treated as the quality says."""
+        fireflies = self.fireflies()
         if not self.groups:
-            return {"beauty": np.asarray(beauty[..., :3] * kept, dtype=np.float32)}
-        parts = np.split(beauty[..., GROUPS:] * kept, len(self.groups), axis=2)
+            return {"beauty": fireflies.apply(beauty[..., :3]).astype(np.float32)}
+        parts = np.split(fireflies.apply(beauty[..., GROUPS:]), len(self.groups), axis=2)
         return with_beauty(dict(zip(self.groups, parts, strict=True)))
 
     def facts(self) -> dict[str, float]:
-        """Return the samples per pixel and, with adaptive sampling, the noise."""
+        """Return the samples per pixel, the light of fireflies and, with adaptive sampling, the noise."""
+        light = self.fireflies().facts(self._pictures("beauty")[..., LUMINANCE])
         if self.quality.noise_threshold is None:
-            return {"samples": self.quality.samples}
+            return {"samples": self.quality.samples, **light}
         noise = {"noise": float(f"{self._noise:.4g}")} if self._is_comparable else {}
-        return {"samples": int(self._planes["beauty"].counts.max()), **noise}
+        return {"samples": int(self._planes["beauty"].counts.max()), **light, **noise}
+
+    def fireflies(self) -> FireflyFilter:
+        """Return the filter that takes fireflies from the beauty, and from light groups alike."""
+        matte = self._pictures("auxiliary")[..., 11]
+        return find_fireflies(*self._moments(), matte, self.quality.fireflies)
+
+    def _moments(self) -> tuple[Picture, Picture, Picture]:
+        """Return the beauty's mean luminance, mean squared luminance and number of samples, (H, W) each."""
+        beauty = self._pictures("beauty")
+        samples = self._planes["beauty"].counts.reshape(beauty.shape[:2])
+        return beauty[..., LUMINANCE], beauty[..., SQUARE], samples.astype(np.float64)
 
     @property
     def has_converged(self) -> bool:
@@ -168,7 +179,13 @@ class Accumulator:
         width, height = self.quality.rendered_size
         rounds = self._planes["rounds"]
         total, squares = rounds.sums.T.reshape(2, height, width)
-        return noise_of(total, squares, int(rounds.counts.max()))
+        kept = kept_fractions(*self._moments(), self.quality.fireflies)
+        return noise_of(total * kept, squares * kept * kept, int(rounds.counts.max()))
+
+    def _pictures(self, name: str) -> Picture:
+        """Return the means (H, W, channels) of a plane."""
+        width, height = self.quality.rendered_size
+        return self._planes[name].means().reshape(height, width, -1)
 
     def _plane(self, name: str, channels: int) -> Plane:
         """Return a plane, which is added where it is missing."""
@@ -188,23 +205,6 @@ class Accumulator:
         """Continue from what `state` returned."""
         names = [key.removeprefix("sums:") for key in state if key.startswith("sums:")]
         self._planes = {name: Plane(state[f"sums:{name}"], state[f"counts:{name}"]) for name in names}
-
-
-def kept_of_fireflies(light: Picture) -> Picture:
-    """Return the fraction (H, W) to keep of radiance (H, W, 3): single bright pixels are dimmed to the bound
-    of FIREFLY_FACTOR.
-
-    A highlight or a thin bright line has at least three bright neighbours at every pixel and stays; a path
-    that hit an emitter by chance has none.
-    """
-    luminance = light @ _LUMA
-    height, width = luminance.shape
-    padded = np.pad(luminance, 1, mode="edge")
-    offsets = [(y, x) for y in range(3) for x in range(3) if (y, x) != (1, 1)]
-    neighbours = [padded[y : y + height, x : x + width] for y, x in offsets]
-    third = np.partition(np.stack(neighbours), 5, axis=0)[5]
-    bound = FIREFLY_FACTOR * third + 1e-3
-    return np.asarray(bound / np.maximum(luminance, bound), dtype=np.float64)
 
 
 def _standard_error(mean: Picture, square: Picture, samples: NDArray[np.int32]) -> Picture:

@@ -1,6 +1,6 @@
 """Render one frame: the mean of sample batches, with all AOVs.
 
-Batches give progress, checkpoints and a bound on fireflies. The box film and the fixed order of sums make a
+Batches give progress and checkpoints. The box film and the fixed order of sums make a
 frame the same to the last bit however often, and with however many threads, it is rendered.
 """
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.frame.accumulator import GROUPS, Accumulator, Picture
+from render.frame.accumulator import Accumulator, Picture
 from render.frame.checkpoint import Checkpoint
 from render.mitsuba.scene import FrameScenes, SceneRenderer
 from render.scene.aovs import Attributes
@@ -116,7 +116,6 @@ class SampleBatches:
     ) -> None:
         self._seed, self._on_batch, self._checkpoint = seed, on_batch, checkpoint
         self._batches = batch_schedule(quality, motion_samples)
-        self._has_noise_aov = "noise" in aovs
         self._done = 0
         self.accumulator = Accumulator(quality, aovs, groups)
         if checkpoint is not None and (state := checkpoint.load()) is not None:
@@ -155,11 +154,9 @@ class SampleBatches:
             self.accumulator.add("beauty", picture[..., :light], batch.samples)
             self.accumulator.add("coverage", picture[..., light:], batch.samples)
         else:
-            channels = _MOMENT_CHANNELS if self._has_noise_aov else [0, 1, 2]
+            picture = _with_moments(beauty.render(batch.samples, seed))
             groups = beauty.render_groups(batch.samples, seed)
-            picture = beauty.render(batch.samples, seed)[..., channels]
-            if groups:
-                picture = np.concatenate([_with_moments(picture), *groups], axis=2)
+            picture = np.concatenate([picture, *groups], axis=2)
             self.accumulator.add("beauty", picture, _multijitter_count(batch.samples))
         if batch.ends_round:
             self.accumulator.end_round()
@@ -181,11 +178,6 @@ class SampleBatches:
         others = render(np.zeros_like(next(iter(attributes.values()))))
         for name, values in attributes.items():
             self.accumulator.add(name, render(values) - others, samples)
-
-
-def _with_moments(picture: Picture) -> Picture:
-    """Return a beauty with channels up to those of light groups, 0 where it has none."""
-    return np.pad(picture, ((0, 0), (0, 0), (0, GROUPS - picture.shape[2])))
 
 
 def batch_schedule(quality: Quality, motion_samples: int) -> list[SampleBatch]:
@@ -219,6 +211,17 @@ def batch_schedule(quality: Quality, motion_samples: int) -> list[SampleBatch]:
     samples = [batch.samples if batch.kind == "beauty" else 0 for batch in batches]
     before = accumulate(samples, initial=0)
     return [replace(batch, first=first) for batch, first in zip(batches, before, strict=False)]
+
+
+def _with_moments(picture: Picture) -> Picture:
+    """Return radiance, luminance and its square of a batch by one of Mitsuba's integrators.
+
+    A material that brings its own light is rendered without moments: its samples differ only at edges.
+    """
+    if picture.shape[2] > 3:
+        return picture[..., _MOMENT_CHANNELS]
+    luminance = picture @ np.array([[0.2126], [0.7152], [0.0722]])
+    return np.concatenate([picture, luminance, luminance * luminance], axis=2)
 
 
 def _multijitter_count(samples: int) -> int:

@@ -93,7 +93,8 @@ class PathTracer:
 @dr.syntax
 def _sum_samples(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: Any) -> Any:
     """Return the sums over all samples, (pixels,) each: radiance (3), luminance and its square, the radiance
-    (3) of each light group, alpha and the coverage of each object."""
+    (3) of each light group, alpha and the coverage of each object. Light that is not finite counts as
+    black."""
     sample = mi.UInt32(0)
     radiance, luminance, square = mi.Color3f(0.0), mi.Float(0.0), mi.Float(0.0)
     groups = tracer.groups.zeros() if tracer.groups.are_wanted else []
@@ -102,7 +103,7 @@ def _sum_samples(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: An
         sampler.sample = sample
         si, throughput = _camera_vertex(tracer, sampler, corner, size)
         coverage = _plus(coverage, _seen(tracer, si))
-        parts = trace(tracer, sampler, si, throughput)
+        parts = _finite(trace(tracer, sampler, si, throughput))
         light = sum(parts[1:], parts[0])
         groups = _plus(groups, parts)
         y = mi.luminance(light)
@@ -111,6 +112,11 @@ def _sum_samples(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: An
         square += y * y
         sample += 1
     return [*radiance, luminance, square, *(channel for group in groups for channel in group), *coverage]
+
+
+def _finite(parts: list[Any]) -> list[Any]:
+    is_finite = dr.isfinite(mi.luminance(sum(parts[1:], parts[0])))
+    return [dr.select(is_finite, part, 0.0) for part in parts]
 
 
 def _plus(totals: list[Any], parts: list[Any]) -> list[Any]:

@@ -85,7 +85,7 @@ class SceneRenderer:
 class FrameScenes:
     """The renderers of one frame.
 
-    beauty      light; with the AOV `noise`, Mitsuba's moments of it
+    beauty      light; Mitsuba's integrators, which follow it where there is no path tracer, add its moments
     auxiliary   albedo 3, depth 1, position 3, normal 3, texture coordinates 2 (the second is the matte)
     vertex_aov  albedo, with the attribute VERTEX_AOV as the subject's, or None where no AOV needs it
     """
@@ -143,8 +143,10 @@ def _lit(
         auxiliary = _load({**unlit, **replaced})
     path = materials.path_integrator(material, quality.depth)
     path |= {"hide_emitters": not lights.shows_sky, "block_size": BLOCK_SIZE}
-    integrator = _beauty_integrator(path, aovs)
+    integrator = _load_part(path)
     tracer = _path_tracer(lit, integrator, path, lights, to_scene, scene.objects)
+    if tracer is None:
+        integrator = _load_part({"type": "moment", "block_size": BLOCK_SIZE, "path": path})
     groups = () if tracer else lights.groups
     group_scenes = [_load({**unlit, **emitters.emitters(lights.only(each), to_scene)}) for each in groups]
     return FrameScenes(
@@ -169,7 +171,7 @@ def _drawn(
     unlit = {"type": "scene", "sensor": sensor(scene.camera, size, quality.crop), **shapes}
     loaded = _load(unlit)
     return FrameScenes(
-        SceneRenderer(loaded, _beauty_integrator(_aovs("albedo:albedo"), aovs)),
+        SceneRenderer(loaded, _load_part(_aovs("albedo:albedo"))),
         SceneRenderer(loaded, _load_part(_aovs(_AUXILIARY))),
         _vertex_aov(unlit, surface, aovs),
     )
@@ -198,12 +200,6 @@ def _path_tracer(
     shapes = [by_name[name] for name in objects]
     dr.make_opaque(shapes)  # numbers of shapes differ from frame to frame; the compiled code shall not
     return PathTracer(scene, integrator, sampler, path["max_depth"], path["hide_emitters"], groups, shapes)
-
-
-def _beauty_integrator(description: dict[str, Any], aovs: Collection[str]) -> Any:
-    if "noise" in aovs:
-        description = {"type": "moment", "block_size": BLOCK_SIZE, "path": description}
-    return _load_part(description)
 
 
 def _aovs(wanted: str) -> dict[str, Any]:

@@ -31,6 +31,7 @@ class Quality:
     samples            paths per pixel; the scalar variant rounds up to a rectangle: 4, 6, 9, 16, 64
     depth              most vertices of a path: 2 is direct light alone
     auxiliary_samples  samples per pixel of albedo, normal, position and depth, whose only noise is at edges
+    fireflies          "keep" leaves them, "soft" spreads their light over the surroundings, "firm" removes it
     denoise            "off", or the denoiser's effort: "fast", "balanced" or "high"
     temporal_denoise   frames before and after that temporal denoising reprojects; 0 is off
     crop               rendered part of the picture; None is all of it
@@ -47,6 +48,7 @@ class Quality:
     temporal_denoise: int = 0
     crop: Crop | None = None
     noise_threshold: float | None = None
+    fireflies: str = "soft"
 
     def __post_init__(self) -> None:
         for name in ("width", "height", "samples", "auxiliary_samples"):
@@ -63,6 +65,8 @@ class Quality:
             raise BadInputError(f"quality has depth {self.depth}; light needs at least 2 to reach the lens")
         if self.denoise not in ("off", "fast", "balanced", "high"):
             raise BadInputError(f"denoise is {self.denoise!r}; it can be off, fast, balanced or high")
+        if self.fireflies not in ("keep", "soft", "firm"):
+            raise BadInputError(f"fireflies is {self.fireflies!r}; it can be keep, soft or firm")
         if not 0 <= self.temporal_denoise <= MOST_TEMPORAL_FRAMES:
             raise BadInputError(
                 f"quality has temporal_denoise {self.temporal_denoise}; it must be from 0 to "

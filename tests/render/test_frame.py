@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 
 import render
 from render.base.errors import BadInputError
-from render.frame.accumulator import kept_of_fireflies
 from render.frame.render_frame import render_frame
 from render.frame.sample_batches import seed_of
 from render.mitsuba.engine import DEFAULT_ORDER, Engine
@@ -226,15 +225,6 @@ def test_denoising_takes_the_noise_and_leaves_the_light(rendered: Rendered, pict
 
 def test_denoising_is_repeatable(picture: RenderedFrame) -> None:
     assert np.array_equal(denoise(picture), denoise(picture))
-
-
-def test_a_lone_spark_is_dimmed_and_a_line_of_light_is_not() -> None:
-    light = np.full((9, 9, 3), 0.2)
-    light[4, 4] = 50.0
-    assert kept_of_fireflies(light)[4, 4] < 0.02
-    line = np.full((9, 9, 3), 0.2)
-    line[:, 4:6] = 50.0
-    assert np.array_equal(kept_of_fireflies(line), np.ones((9, 9)))
 
 
 @given(st.lists(st.one_of(st.integers(), st.text(max_size=5)), min_size=1, max_size=4))

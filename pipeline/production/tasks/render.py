@@ -251,6 +251,8 @@ def _write_statistics(
         "faces": layers.facts["surface_faces"],
         "motion_samples": layers.facts.get("motion_samples", 1),
         "samples": layers.facts["samples"],
+        "light_spread": layers.facts["light_spread"],
+        "light_removed": layers.facts["light_removed"],
         **({"noise": layers.facts["noise"]} if "noise" in layers.facts else {}),
         **({"resumed_batches": resumed} if resumed else {}),
         "threads": context.job.threads,

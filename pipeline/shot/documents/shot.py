@@ -205,6 +205,9 @@ class QualityDocument(Document):
         "of albedo, normal and depth, which guide the denoiser, for each pixel"
     )
     depth: Annotated[int, Field(ge=2, le=100)] | None = optional("longest path of light, in vertices")
+    fireflies: Literal["keep", "soft", "firm"] | None = optional(
+        "single pixels far too bright: keep them, spread their light (soft), or remove it (firm)"
+    )
     denoise: Literal["off", "fast", "balanced", "high"] | None = optional("effort of the denoiser")
     temporal_denoise: Annotated[int, Field(ge=0, le=MOST_TEMPORAL_FRAMES)] | None = optional(
         "frames before and after that the temporal denoiser reads; 0 is off (frames)"

@@ -1,0 +1,132 @@
+"""Fireflies: single pixels whose light comes from too few samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
+
+from render.base.errors import BadInputError
+from render.frame.accumulator import Accumulator
+from render.frame.fireflies import FireflyFilter, find_fireflies
+from render.scene.quality import Quality
+
+SIZE = (18, 32)
+GREY = 0.2
+
+
+def filter_of(
+    samples: NDArray[np.float64], treatment: str = "soft"
+) -> tuple[FireflyFilter, NDArray[np.float64]]:
+    """Return the filter of luminances (N, H, W) of samples, and their mean."""
+    mean, square = samples.mean(axis=0), (samples * samples).mean(axis=0)
+    counts, matte = np.full(mean.shape, float(len(samples))), np.zeros(mean.shape)
+    return find_fireflies(mean, square, counts, matte, treatment), mean
+
+
+def filtered(samples: NDArray[np.float64], treatment: str = "soft") -> NDArray[np.float64]:
+    firefly_filter, mean = filter_of(samples, treatment)
+    return firefly_filter.apply(mean[..., None])[..., 0]
+
+
+def test_a_lone_spark_is_spread_and_no_light_is_lost() -> None:
+    samples = np.full((16, *SIZE), GREY)
+    samples[3, 9, 16] = 40.0
+    light = filtered(samples)
+    assert light.max() < 4.0 * GREY
+    assert light.sum() == pytest.approx(samples.mean(axis=0).sum())
+    others = np.delete(light.ravel(), 9 * 32 + 16)
+    assert others.min() >= GREY - 1e-9
+    assert np.abs(np.diff(light, axis=0))[:, 17:].max() < 0.02 * GREY  # no edge shows
+
+
+def test_firm_removes_the_light_of_a_spark_and_tells_how_much() -> None:
+    samples = np.full((16, *SIZE), GREY)
+    samples[3, 9, 16] = 40.0
+    firm, mean = filter_of(samples, "firm")
+    light = firm.apply(mean[..., None])
+    assert firm.facts(mean)["light_removed"] == pytest.approx(1.0 - light.sum() / mean.sum(), rel=0.01)
+    assert firm.facts(mean)["light_spread"] == 0.0
+    soft, mean = filter_of(samples, "soft")
+    assert soft.facts(mean) == {
+        "light_removed": 0.0,
+        "light_spread": firm.facts(mean)["light_removed"],
+    }
+
+
+def test_keep_changes_nothing() -> None:
+    samples = np.full((4, *SIZE), GREY)
+    samples[0, 9, 16] = 1e6
+    firefly_filter, mean = filter_of(samples, "keep")
+    assert np.array_equal(firefly_filter.apply(mean[..., None])[..., 0], mean)
+
+
+@pytest.mark.parametrize("treatment", ["soft", "firm"])
+def test_a_caustic_a_line_and_a_glint_of_many_samples_keep_their_light(treatment: str) -> None:
+    chance = np.random.default_rng(1)
+    caustic = np.where(chance.random((64, *SIZE)) < 0.02, 30.0, GREY)  # one sample in fifty, everywhere
+    line = np.full((16, *SIZE), GREY)
+    line[:, :, 16] = 50.0
+    glint = np.full((64, *SIZE), GREY)
+    glint[::4, 9, 16] = 50.0
+    for samples in (caustic, line, glint):
+        assert np.array_equal(filtered(samples, treatment), samples.mean(axis=0))
+
+
+def test_less_light_is_removed_the_more_samples_are_taken() -> None:
+    chance = np.random.default_rng(2)
+    samples = np.where(chance.random((1024, *SIZE)) < 0.001, 30.0, GREY)
+    removed = [
+        1.0 - filtered(samples[:n], "firm").sum() / samples[:n].mean(axis=0).sum() for n in (16, 64, 256)
+    ]
+    assert removed[0] > removed[1] > removed[2]
+    assert removed[2] < 0.001
+    assert np.array_equal(filtered(samples, "firm"), samples.mean(axis=0))
+
+
+def test_light_of_the_subject_stays_on_the_subject() -> None:
+    mean, square = np.full(SIZE, GREY), np.full(SIZE, GREY * GREY)
+    mean[9, 13], square[9, 13] = 2.0, 16 * 4.0
+    matte = np.zeros(SIZE)
+    matte[:, :16] = 1.0
+    firefly_filter = find_fireflies(mean, square, np.full(SIZE, 16.0), matte, "soft")
+    light = firefly_filter.apply(mean[..., None])[..., 0]
+    assert light[:, :16].sum() == pytest.approx(mean[:, :16].sum())
+    assert np.array_equal(light[:, 16:], mean[:, 16:])
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    arrays(np.float64, (4, 6, 9), elements=st.floats(0.0, 1e5)),
+    arrays(np.float64, (6, 9), elements=st.floats(0.0, 1.0)),
+    st.sampled_from(["keep", "soft", "firm"]),
+)
+def test_light_groups_sum_to_the_beauty_and_no_light_is_made(
+    samples: NDArray[np.float64], share: NDArray[np.float64], treatment: str
+) -> None:
+    firefly_filter, mean = filter_of(samples, treatment)
+    whole = firefly_filter.apply(mean[..., None])
+    groups = [firefly_filter.apply((mean * part)[..., None]) for part in (share, 1.0 - share)]
+    assert np.allclose(groups[0] + groups[1], whole, rtol=1e-9, atol=1e-9 * mean.max())
+    assert whole.sum() <= mean.sum() * (1.0 + 1e-9)
+    assert (whole >= -1e-9 * mean.max()).all()
+
+
+def test_a_sample_that_is_not_finite_spoils_nothing() -> None:
+    quality = Quality(16, 9, samples=4, depth=2)
+    accumulator = Accumulator(quality, ())
+    light = np.full((9, 16, 5), GREY)
+    light[4, 8] = np.nan
+    light[2, 2, 1] = np.inf
+    accumulator.add("auxiliary", np.ones((9, 16, 12)), 4)
+    accumulator.add("beauty", light, 4)
+    assert np.isfinite(accumulator.frame_aovs()["beauty"]).all()
+    assert accumulator.frame_aovs()["beauty"][0, 0, 0] == np.float32(GREY)
+
+
+def test_an_unknown_treatment_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(BadInputError, match="fireflies is 'hard'; it can be keep, soft or firm"):
+        Quality(16, 9, samples=4, depth=2, fireflies="hard")
