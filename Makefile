@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 
-.PHONY: film test quick soak bench check figures pictures setup lock clean
+.PHONY: film test quick soak bench blender check figures pictures setup lock clean
 .DELETE_ON_ERROR:
 
 film: .venv/ready
@@ -71,6 +71,11 @@ setup: .venv/ready
 	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-dev.lock
 	-@$(BIN)/python tests/production/farm/slurm.py fetch
 	@touch $@
+
+# Blender as a module, 820 MB, for Python 3.11 alone: for the tests of its compositor and the comparison with Cycles.
+blender: .venv/ready-dev
+	$(BIN)/python -m pip install --quiet --no-deps --target .venv/cycles -r benchmarks/requirements-cycles.txt
+	$(BIN)/python -m pytest tests/render/test_blender.py
 
 .venv/ready-bench: .venv/ready benchmarks/requirements.txt
 	$(BIN)/python -m pip install --quiet --no-deps --target .venv/peers -r benchmarks/requirements.txt
