@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
 from render.frame.fireflies import FireflyFilter, find_fireflies, kept_fractions
-from render.scene.aovs import COVERAGE, Pixels
+from render.scene.aovs import COVERAGE, DENOISER, Pixels
 from render.scene.light_groups import with_beauty
 from render.scene.quality import Quality
 
@@ -84,9 +84,8 @@ class Accumulator:
     def add(self, name: str, means: Picture, samples: int, pixels: PixelNumbers | None = None) -> None:
         """Add a batch to the plane `name`.
 
-        name     "beauty": radiance, the channels LUMINANCE and SQUARE, and those of light groups; "auxiliary"
-                 (see `mitsuba.scene.FrameScenes`); "coverage": alpha and the coverage of each object; or an
-                 AOV
+        name     "beauty": radiance, the channels LUMINANCE and SQUARE, and those of light groups; "coverage":
+                 alpha and the coverage of each object; or a feature (see `FeatureTracer.render`)
         means    over `samples` samples: (H, W, channels), or (pixels, channels) for `pixels`
         pixels   numbers of pixels; None is all of them
 
@@ -112,19 +111,22 @@ class Accumulator:
         objects  names of the objects whose coverage our path tracer measures
         """
         means = {name: self._pictures(name) for name in self._planes}
-        beauty, auxiliary = means["beauty"], means["auxiliary"]
+        beauty = means["beauty"]
         samples = self._planes["beauty"].counts.reshape(beauty.shape[:2])
         arrays: dict[str, NDArray[Any]] = {
             **self._light(beauty),
-            "albedo": np.clip(auxiliary[..., 0:3], 0.0, 1.0),
-            "normal": auxiliary[..., 7:10],
-            "position": auxiliary[..., 4:7],
-            "depth": auxiliary[..., 3],
-            "matte": np.clip(auxiliary[..., 11], 0.0, 1.0),
+            "albedo": np.clip(means["albedo"], 0.0, 1.0),
+            "normal": means["normal"],
+            "position": means["position"],
+            "depth": means["depth"][..., 0],
+            "matte": np.clip(means["matte"][..., 0], 0.0, 1.0),
         }
         if "coverage" in means:
             names = ["alpha", *(f"{COVERAGE}{name}" for name in objects)]
             arrays |= zip(names, np.moveaxis(means["coverage"], 2, 0), strict=True)
+        followed = {name: means[name] for name in DENOISER if name in means}
+        if any(not np.array_equal(means[name.removeprefix("denoise_")], followed[name]) for name in followed):
+            arrays |= followed
         for name in self.aovs:
             if name == "noise":
                 arrays[name] = _standard_error(beauty[..., LUMINANCE], beauty[..., SQUARE], samples)
@@ -152,7 +154,7 @@ class Accumulator:
 
     def fireflies(self) -> FireflyFilter:
         """Return the filter that takes fireflies from the beauty, and from light groups alike."""
-        matte = self._pictures("auxiliary")[..., 11]
+        matte = self._pictures("matte")[..., 0]
         return find_fireflies(*self._moments(), matte, self.quality.fireflies)
 
     def _moments(self) -> tuple[Picture, Picture, Picture]:

@@ -73,7 +73,7 @@ def render_frame(
         scenes = build_scene(scene.at(moved), quality, aovs)
         stopwatch.lap("building")
         for batch in its_batches:
-            batches.render(batch, scenes, {name: surface.attributes[name] for name in attributes})
+            batches.render(batch, scenes)
         stopwatch.lap("rendering")
     surface = surface or sample_at(count - 1)[1]  # the checkpoint held all batches
     arrays = batches.accumulator.frame_aovs(scene.objects)

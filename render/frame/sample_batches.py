@@ -8,7 +8,7 @@ import hashlib
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate, pairwise
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from render.frame.accumulator import Accumulator, Picture
 from render.frame.checkpoint import Checkpoint
 from render.mitsuba.scene import FrameScenes, SceneRenderer
-from render.scene.aovs import Attributes
 from render.scene.quality import BATCH_SAMPLES, Quality
 from render.scene.scene import MotionSample
 
@@ -82,8 +81,7 @@ class SampleBatch:
     motion_sample    its index
     kind             "auxiliary" or "beauty"
     samples          samples per pixel
-    has_vertex_aovs  True if vertex AOVs are rendered with the same samples
-    first            samples per pixel of the beauty in all batches before
+    first            samples per pixel in all batches of this kind before
     ends_round       True if all motion samples have had equally many samples of the beauty since the last
                      batch that did
     """
@@ -91,7 +89,6 @@ class SampleBatch:
     motion_sample: int
     kind: str
     samples: int
-    has_vertex_aovs: bool = False
     first: int = 0
     ends_round: bool = False
 
@@ -127,15 +124,13 @@ class SampleBatches:
         while self._done < len(self._batches) and not self.accumulator.has_converged:
             yield self._batches[self._done]
 
-    def render(self, batch: SampleBatch, scenes: FrameScenes, attributes: Attributes) -> None:
-        """Render the next of `remaining`. attributes: values (V, 3) that vertex AOVs show, by name"""
+    def render(self, batch: SampleBatch, scenes: FrameScenes) -> None:
+        """Render the next of `remaining`."""
         seed = seed_of(self._seed, self._done, _SEED_WORDS[batch.kind])
         if batch.kind == "beauty":
             self._render_beauty(batch, scenes.beauty, seed)
         else:
-            self.accumulator.add("auxiliary", scenes.auxiliary.render(batch.samples, seed), batch.samples)
-            if batch.has_vertex_aovs and scenes.vertex_aov is not None and attributes:
-                self._render_attributes(scenes.vertex_aov, attributes, batch.samples, seed)
+            self._render_features(batch, scenes.features, seed)
         self._done += 1
         if self._checkpoint is not None:
             self._checkpoint.save_if_due(self._state)
@@ -161,23 +156,12 @@ class SampleBatches:
         if batch.ends_round:
             self.accumulator.end_round()
 
-    def _render_attributes(
-        self, renderer: SceneRenderer, attributes: Attributes, samples: int, seed: int
-    ) -> None:
-        """Render means (H, W, 3) of attributes (V, 3) over the pixels, 0 where the subject is not.
-
-        Mitsuba has an AOV for albedo, but none for attributes. A scene with the attribute as its subject's
-        colour is rendered with the samples of the auxiliary AOVs, so that coverage is the same. Minus the
-        scene with the attribute 0, it shows the attribute alone.
-        """
-
-        def render(values: NDArray[np.float32]) -> Picture:
-            renderer.show_attribute(values)
-            return renderer.render(samples, seed)[..., :3]
-
-        others = render(np.zeros_like(next(iter(attributes.values()))))
-        for name, values in attributes.items():
-            self.accumulator.add(name, render(values) - others, samples)
+    def _render_features(self, batch: SampleBatch, tracer: Any, seed: int) -> None:
+        """Render with the rays of the path tracer, or with Mitsuba's integrator."""
+        if tracer.continues_sequence:
+            seed = seed_of(self._seed, _SEED_WORDS["beauty"])
+        for name, means in tracer.render(batch.samples, batch.first, seed).items():
+            self.accumulator.add(name, means, batch.samples)
 
 
 def batch_schedule(quality: Quality, motion_samples: int) -> list[SampleBatch]:
@@ -190,12 +174,7 @@ def batch_schedule(quality: Quality, motion_samples: int) -> list[SampleBatch]:
     sizes = (interleaved_batch_sizes if is_adaptive else batch_sizes)(quality.samples, motion_samples)
     auxiliary_sizes = batch_sizes(quality.auxiliary_samples, motion_samples)
     auxiliary = [
-        [
-            # Vertex AOVs are smooth: one batch of them is enough.
-            SampleBatch(i, "auxiliary", samples, has_vertex_aovs=index == 0)
-            for index, samples in enumerate(auxiliary_sizes)
-        ]
-        for i in range(motion_samples)
+        [SampleBatch(i, "auxiliary", samples) for samples in auxiliary_sizes] for i in range(motion_samples)
     ]
     last = motion_samples - 1
     beauty = [
@@ -208,9 +187,12 @@ def batch_schedule(quality: Quality, motion_samples: int) -> list[SampleBatch]:
         first_round = [batch for i in range(motion_samples) for batch in (*auxiliary[i], beauty[i][0])]
         rounds = [batch for turn in zip(*beauty, strict=True) for batch in turn]
         batches = first_round + rounds[motion_samples:]
-    samples = [batch.samples if batch.kind == "beauty" else 0 for batch in batches]
-    before = accumulate(samples, initial=0)
-    return [replace(batch, first=first) for batch, first in zip(batches, before, strict=False)]
+    taken = {"auxiliary": 0, "beauty": 0}
+    numbered = []
+    for batch in batches:
+        numbered.append(replace(batch, first=taken[batch.kind]))
+        taken[batch.kind] += batch.samples
+    return numbered
 
 
 def _with_moments(picture: Picture) -> Picture:

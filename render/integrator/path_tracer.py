@@ -101,7 +101,7 @@ def _sum_samples(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: An
     coverage = [mi.Float(0.0)] * tracer.coverage_channels
     while dr.hint(sample < sampler.count, label="samples", exclude=[tracer, sampler]):
         sampler.sample = sample
-        si, throughput = _camera_vertex(tracer, sampler, corner, size)
+        si, throughput = camera_vertex(tracer, sampler, corner, size)
         coverage = _plus(coverage, _seen(tracer, si))
         parts = _finite(trace(tracer, sampler, si, throughput))
         light = sum(parts[1:], parts[0])
@@ -182,8 +182,11 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
     return radiance
 
 
-def _camera_vertex(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: Any) -> tuple[Any, Any]:
-    """Return the first surface interaction of a path, and its throughput."""
+def camera_vertex(tracer: Any, sampler: OwenSampler, corner: Any, size: Any) -> tuple[Any, Any]:
+    """Return the first surface interaction of a path, and its throughput.
+
+    tracer  has a scene, Mitsuba's integrator and `hide_emitters`
+    """
     sensor = tracer.scene.sensors()[0]
     lens = sampler.sample_2d(LENS) if sensor.needs_aperture_sample() else mi.Point2f(0.5)
     ray, weight = sensor.sample_ray(0.0, 0.0, (corner + sampler.sample_2d(PIXEL)) / size, lens)
@@ -193,6 +196,7 @@ def _camera_vertex(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: 
         on_emitter = si.is_valid() & (si.shape.emitter() != None)  # noqa: E711 an array of pointers
         past = tracer.integrator.skip_area_emitters(tracer.scene, si.spawn_ray(ray.d), True, on_emitter)
         behind = past.compute_surface_interaction(ray, mi.RayFlags.All, on_emitter)
+        behind.t = dr.norm(behind.p - ray.o)
         si = dr.select(on_emitter, behind, si)
     return si, mi.Color3f(weight)
 

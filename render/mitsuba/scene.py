@@ -14,6 +14,7 @@ from render.base.errors import BadInputError
 from render.integrator.emitter_groups import EmitterGroups
 from render.integrator.light_sampler import LightSampler, sampled_emitters
 from render.mitsuba import absorption, emitters, materials
+from render.mitsuba.features import BLOCK_SIZE, VERTEX_AOV, MitsubaFeatures, load_integrator, render
 from render.mitsuba.shapes import auxiliary_stage_shapes, gouraud_shapes, mesh, stage_shapes
 from render.mitsuba.texture_coordinates import SUBJECT, texture_coordinates
 from render.scene.aovs import VERTEX_AOVS
@@ -30,15 +31,6 @@ _CHANGING = (
     *("sun_direction", "sun_scale", "sky_scale"),
 )
 """Ends of the names of parameters that differ from frame to frame."""
-
-BLOCK_SIZE = 16
-"""Pixels along a block of the scalar variant. Each block has its own random numbers; by default Mitsuba cuts
-the picture by the number of threads."""
-
-_AUXILIARY = "albedo:albedo,depth:depth,position:position,normal:sh_normal,matte:uv"
-
-VERTEX_AOV = "dye"
-"""Name of the vertex attribute (V, 3) that `FrameScenes.vertex_aov` shows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,49 +49,31 @@ class SceneRenderer:
 
     def render(self, samples: int, seed: int) -> NDArray[np.float64]:
         """Return means (H, W, channels) over `samples`, which multijitter rounds up, by the integrator."""
-        return self._render(self.scene, samples, seed)
+        return render(self.scene, self.integrator, samples, seed)
 
     def render_groups(self, samples: int, seed: int) -> list[NDArray[np.float64]]:
         """Return the radiance (H, W, 3) of each light group. The same seed gives the same paths as `render`,
         so that groups sum to its radiance."""
-        return [self._render(scene, samples, seed)[..., :3] for scene in self.groups]
-
-    def _render(self, scene: Any, samples: int, seed: int) -> NDArray[np.float64]:
-        import drjit as dr
-        import mitsuba as mi
-
-        picture = np.array(mi.render(scene, integrator=self.integrator, spp=samples, seed=seed), np.float64)
-        dr.flush_malloc_cache()
-        return picture
-
-    def show_attribute(self, values: NDArray[np.float32]) -> None:
-        """Replace the values (V, 3) of the subject's vertex attribute VERTEX_AOV."""
-        import mitsuba as mi
-
-        parameters = mi.traverse(self.scene)
-        parameters[f"subject.vertex_{VERTEX_AOV}"] = np.ascontiguousarray(values, dtype=np.float32).ravel()
-        parameters.update()
+        return [render(scene, self.integrator, samples, seed)[..., :3] for scene in self.groups]
 
 
 @dataclass(frozen=True, eq=False)
 class FrameScenes:
     """The renderers of one frame.
 
-    beauty      light; Mitsuba's integrators, which follow it where there is no path tracer, add its moments
-    auxiliary   albedo 3, depth 1, position 3, normal 3, texture coordinates 2 (the second is the matte)
-    vertex_aov  albedo, with the attribute VERTEX_AOV as the subject's, or None where no AOV needs it
+    beauty    light; Mitsuba's integrators, which follow it where there is no path tracer, add its moments
+    features  the tracer of auxiliary features: `render.integrator.feature_tracer.FeatureTracer` or
+              `MitsubaFeatures`
     """
 
     beauty: SceneRenderer
-    auxiliary: SceneRenderer
-    vertex_aov: SceneRenderer | None
+    features: Any
 
 
 def build_scene(scene: Scene, quality: Quality, aovs: Collection[str] = ()) -> FrameScenes:
     """Build the Mitsuba scenes of one frame, for the AOVs of all frames and `aovs`.
 
-    Softboxes are hidden from the lens in the beauty, but auxiliary AOVs would show them: where one is in the
-    picture, those get a scene without it. Raises BadInputError for a surface or a material that cannot be
+    Raises BadInputError for a surface or a material that cannot be
     rendered, and for a camera inside the sculpture.
     """
     surface = scene.motion_sample.surface(quality.width)
@@ -123,6 +97,8 @@ def _with_converted_colours(surface: Surface, scene: Scene) -> Surface:
 def _lit(
     scene: Scene, surface: Surface, size: tuple[int, int], quality: Quality, aovs: Collection[str]
 ) -> FrameScenes:
+    import mitsuba as mi
+
     material, placement, camera, lights = scene.material, scene.placement, scene.camera, scene.lights
     split, coordinates = texture_coordinates(surface, material)
     bsdf = materials.surface_bsdf(material, surface.attributes, coordinates, placement.size)
@@ -134,13 +110,6 @@ def _lit(
         shapes["wireframe"] = _wireframe(surface, material.wireframe, camera, size)
     unlit = {"type": "scene", "sensor": sensor(camera, size, quality.crop), **shapes}
     lit = _load({**unlit, **emitters.emitters(lights, to_scene)})
-    replaced = auxiliary_stage_shapes(scene.stage, placement, camera, size)
-    if material.is_clear:
-        opaque = materials.diffuse(material.auxiliary_colour)
-        replaced["subject"] = mesh("subject", split, opaque, coordinates.values)
-    auxiliary = lit
-    if replaced or emitters.any_in_view(lights, to_scene, camera, size):
-        auxiliary = _load({**unlit, **replaced})
     path = materials.path_integrator(material, quality.depth)
     path |= {"hide_emitters": not lights.shows_sky, "block_size": BLOCK_SIZE}
     integrator = _load_part(path)
@@ -149,11 +118,27 @@ def _lit(
         integrator = _load_part({"type": "moment", "block_size": BLOCK_SIZE, "path": path})
     groups = () if tracer else lights.groups
     group_scenes = [_load({**unlit, **emitters.emitters(lights.only(each), to_scene)}) for each in groups]
-    return FrameScenes(
-        SceneRenderer(lit, integrator, tracer, tuple(group_scenes)),
-        SceneRenderer(auxiliary, _load_part(_aovs(_AUXILIARY))),
-        _vertex_aov(unlit, surface, aovs),
-    )
+    beauty = SceneRenderer(lit, integrator, tracer, tuple(group_scenes))
+    if mi.variant() != "scalar_rgb":
+        attributes = tuple(name for name in aovs if name in VERTEX_AOVS and name in surface.attributes)
+        return FrameScenes(beauty, _feature_tracer(scene, lit, path, attributes))
+    replaced = auxiliary_stage_shapes(scene.stage, placement, camera, size)
+    if material.is_clear:
+        opaque = materials.diffuse(material.auxiliary_colour)
+        replaced["subject"] = mesh("subject", split, opaque, coordinates.values)
+    in_view = emitters.any_in_view(lights, to_scene, camera, size)
+    # Softboxes are hidden from the lens in the beauty, but Mitsuba's AOVs would show them.
+    auxiliary = _load({**unlit, **replaced}) if replaced or in_view else lit
+    return FrameScenes(beauty, _mitsuba_features(auxiliary, unlit, surface, aovs))
+
+
+def _feature_tracer(scene: Scene, lit: Any, path: dict[str, Any], attributes: tuple[str, ...]) -> Any:
+    """Return our feature tracer, which follows no path where a medium scatters light."""
+    from render.integrator.feature_tracer import FeatureTracer  # needs Mitsuba's variant
+
+    colour = scene.material.auxiliary_colour if scene.material.is_clear else None
+    hides, follows = path["hide_emitters"], path["type"] == "path"
+    return FeatureTracer(lit, _load_part(path), hides, colour, attributes, follows)
 
 
 def _drawn(
@@ -171,9 +156,8 @@ def _drawn(
     unlit = {"type": "scene", "sensor": sensor(scene.camera, size, quality.crop), **shapes}
     loaded = _load(unlit)
     return FrameScenes(
-        SceneRenderer(loaded, _load_part(_aovs("albedo:albedo"))),
-        SceneRenderer(loaded, _load_part(_aovs(_AUXILIARY))),
-        _vertex_aov(unlit, surface, aovs),
+        SceneRenderer(loaded, load_integrator("albedo:albedo")),
+        _mitsuba_features(loaded, unlit, surface, aovs),
     )
 
 
@@ -202,18 +186,17 @@ def _path_tracer(
     return PathTracer(scene, integrator, sampler, path["max_depth"], path["hide_emitters"], groups, shapes)
 
 
-def _aovs(wanted: str) -> dict[str, Any]:
-    return {"type": "aov", "aovs": wanted, "block_size": BLOCK_SIZE}
-
-
-def _vertex_aov(unlit: dict[str, Any], surface: Surface, aovs: Collection[str]) -> SceneRenderer | None:
-    """Return the scene in which the subject's albedo is the attribute VERTEX_AOV, 0 at first."""
-    if not any(name in VERTEX_AOVS for name in aovs):
-        return None
+def _mitsuba_features(
+    auxiliary: Any, unlit: dict[str, Any], surface: Surface, aovs: Collection[str]
+) -> MitsubaFeatures:
+    """Return Mitsuba's features, with a scene of the vertex attributes that `aovs` show."""
+    shown = {name: surface.attributes[name] for name in aovs if name in VERTEX_AOVS}
+    if not shown:
+        return MitsubaFeatures(auxiliary, None, shown)
     attributes = {VERTEX_AOV: np.zeros_like(surface.vertices)}
     plain = Surface(surface.vertices, surface.normals, surface.faces, attributes)
     subject = mesh("subject", plain, materials.vertex_attribute(VERTEX_AOV), np.array([0.0, SUBJECT]))
-    return SceneRenderer(_load({**unlit, "subject": subject}), _load_part(_aovs("albedo:albedo")))
+    return MitsubaFeatures(auxiliary, _load({**unlit, "subject": subject}), shown)
 
 
 def _wireframe(surface: Surface, wireframe: Wireframe, camera: Camera, size: tuple[int, int]) -> Any:

@@ -50,7 +50,13 @@ EXTRA = {
 }
 """AOVs of a frame that asks for them."""
 
-AOVS = {**ALWAYS, **EXTRA}
+DENOISER = {
+    "denoise_albedo": Aov("RGB", "half", "reflectance of the first rough surface, through mirrors and glass"),
+    "denoise_normal": Aov("XYZ", "half", "shading normal of that surface, 0 where there is none"),
+}
+"""AOVs for the denoiser, of frames in which they differ from albedo and normal."""
+
+AOVS = {**ALWAYS, **EXTRA, **DENOISER}
 
 COMPUTED = {
     "planar_depth": Aov("Z", "float", "distance from the camera's plane"),

@@ -121,7 +121,8 @@ def test_a_sample_that_is_not_finite_spoils_nothing() -> None:
     light = np.full((9, 16, 5), GREY)
     light[4, 8] = np.nan
     light[2, 2, 1] = np.inf
-    accumulator.add("auxiliary", np.ones((9, 16, 12)), 4)
+    for name, channels in (("albedo", 3), ("normal", 3), ("position", 3), ("depth", 1), ("matte", 1)):
+        accumulator.add(name, np.ones((9, 16, channels)), 4)
     accumulator.add("beauty", light, 4)
     assert np.isfinite(accumulator.frame_aovs()["beauty"]).all()
     assert accumulator.frame_aovs()["beauty"][0, 0, 0] == np.float32(GREY)

@@ -1,0 +1,206 @@
+"""The feature tracer: auxiliary features of every pixel, by the rays of the path tracer's light.
+
+Albedo, normal, position, depth and matte are those of the first surface that the lens sees. Where it is a
+mirror or clear glass, the denoiser needs the albedo and normal of what that shows: `denoise_albedo` and
+`denoise_normal` follow the path through smooth surfaces to the first rough one, as the documentation of Open
+Image Denoise advises. The albedo of a metal is its reflectance along the normal.
+
+Importing this imports Mitsuba, so an engine of a compiled variant must have been started.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from render.integrator.path_tracer import camera_vertex
+from render.integrator.sampler import DIRECTION, LOBE, OwenSampler
+
+MAX_FOLLOWED = 8
+"""Most smooth surfaces that a path passes; beyond, the albedo is what they let through."""
+
+MAX_ROUGHNESS = 0.1
+"""GGX roughness up to which a metal counts as a mirror."""
+
+SUBJECT = ("subject", "wireframe")
+"""Names of the shapes whose coverage is the matte."""
+
+_MIN_PDF = 1.0 / (4.0 * math.pi * MAX_ROUGHNESS**2)
+"""Density of the mirrored direction, seen along the normal, from which on a metal counts as a mirror."""
+
+
+@dataclass(frozen=True, eq=False)
+class FeatureTracer:
+    """A tracer of auxiliary features for one scene.
+
+    integrator    Mitsuba's, which is used only to look past hidden emitters
+    hide_emitters True if the lens sees neither emitters nor the sky
+    clear_colour  albedo of the subject if it is clear, or None
+    attributes    names of the subject's vertex attributes (V, 3) that become features
+    follows       True if paths are followed through smooth surfaces
+    """
+
+    continues_sequence: ClassVar[bool] = True
+    """True if batches continue one sequence of samples, and take the seed of the picture's beauty."""
+
+    scene: Any
+    integrator: Any
+    hide_emitters: bool
+    clear_colour: tuple[float, float, float] | None = None
+    attributes: tuple[str, ...] = ()
+    follows: bool = True
+    _shapes: dict[str, Any] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        pointers = self.scene.shapes_dr()
+        for number, shape in enumerate(self.scene.shapes()):
+            if shape.id() in SUBJECT:
+                pointer = dr.gather(mi.ShapePtr, pointers, dr.opaque(mi.UInt32, number))
+                self._shapes[shape.id()] = pointer
+
+    @cached_property
+    def has_specular(self) -> bool:
+        """True if a surface of the scene, not counting emitters, reflects nothing diffusely."""
+        bsdfs = [shape.bsdf() for shape in self.scene.shapes() if not shape.is_emitter()]
+        return any(not mi.has_flag(bsdf.flags(), mi.BSDFFlags.Diffuse) for bsdf in bsdfs)
+
+    def is_shape(self, si: Any, name: str) -> Any:
+        """Tell where a surface interaction is on the shape `name`; nowhere if the scene has none."""
+        return si.shape == self._shapes[name] if name in self._shapes else mi.Bool(False)
+
+    def render(self, samples: int, first: int, seed: int) -> dict[str, NDArray[np.float32]]:
+        """Return features, (H, W, 3) or (H, W, 1), as means over samples.
+
+        first  samples of the same picture and seed that were taken before
+
+        albedo, normal, position, depth  of the first surface, 0 where there is none
+        matte                            coverage by the subject and its wireframe
+        denoise_albedo, denoise_normal   of the first rough surface, in scenes with smooth ones
+        names of `attributes`            those of the subject, 0 elsewhere
+        """
+        film = self.scene.sensors()[0].film()
+        (width, height), (left, top) = film.crop_size(), film.crop_offset()
+        index = dr.arange(mi.UInt32, int(width) * int(height))
+        row = index // dr.opaque(mi.UInt32, int(width))
+        column = index - row * int(width)
+        pixel = (row + int(top)) * int(film.size()[0]) + column + int(left)
+        sampler = OwenSampler(pixel, first, samples, seed)
+        corner, size = mi.Point2f(column, row), mi.Point2f(mi.ScalarPoint2f(film.crop_size()))
+        sums = _sum_features(self, sampler, corner, size, self.follows and self.has_specular)
+        dr.eval(sums)
+        shape = int(height), int(width)
+        count = np.float32(samples)
+        features = {name: _picture(values, shape) / count for name, values in sums.items()}
+        dr.flush_malloc_cache()
+        return features
+
+
+def _picture(values: Any, shape: tuple[int, int]) -> NDArray[np.float32]:
+    """Return values (pixels,) or (3, pixels) as (H, W, channels)."""
+    return np.ascontiguousarray(np.atleast_2d(np.array(values)).T).reshape(*shape, -1)
+
+
+@dr.syntax
+def _sum_features(
+    tracer: FeatureTracer, sampler: OwenSampler, corner: Any, size: Any, is_followed: bool
+) -> dict[str, Any]:
+    """Return the sums of features over all samples, (3, pixels) or (pixels,) each, by name."""
+    sample, sums = mi.UInt32(0), _zeros(tracer, is_followed)
+    while dr.hint(sample < sampler.count, label="features", exclude=[tracer, sampler]):
+        sampler.sample = sample
+        sums = _added(sums, _features(tracer, sampler, corner, size, is_followed))
+        sample += 1
+    return sums
+
+
+def _added(sums: dict[str, Any], features: dict[str, Any]) -> dict[str, Any]:
+    """Return the sums with the features of one more sample."""
+    return {name: total + type(total)(features[name]) for name, total in sums.items()}
+
+
+def _zeros(tracer: FeatureTracer, is_followed: bool) -> dict[str, Any]:
+    vectors = ("albedo", "normal", "position", *tracer.attributes)
+    followed = ("denoise_albedo", "denoise_normal") if is_followed else ()
+    zeros: dict[str, Any] = {name: mi.Vector3f(0.0) for name in (*vectors, *followed)}
+    return zeros | {"depth": mi.Float(0.0), "matte": mi.Float(0.0)}
+
+
+def _features(
+    tracer: FeatureTracer, sampler: OwenSampler, corner: Any, size: Any, is_followed: bool
+) -> dict[str, Any]:
+    """Return the features of one sample of each pixel, by name."""
+    si, _ = camera_vertex(tracer, sampler, corner, size)
+    hit = si.is_valid()
+    albedo, is_smooth = _albedo(tracer, si, hit)
+    normal = dr.select(hit, si.sh_frame.n, 0.0)
+    is_body, is_wire = (hit & tracer.is_shape(si, name) for name in SUBJECT)
+    features = {
+        "albedo": dr.select(hit, albedo, 0.0),
+        "normal": normal,
+        "position": dr.select(hit, si.p, 0.0),
+        "depth": dr.select(hit, si.t, 0.0),
+        "matte": dr.select(is_body | is_wire, 1.0, 0.0),
+    }
+    for name in tracer.attributes:
+        value = si.shape.eval_attribute_3(f"vertex_{name}", si, is_body)
+        features[name] = dr.select(is_body, value, 0.0)
+    if is_followed:
+        followed = _follow(tracer, sampler, si, hit & is_smooth)
+        features["denoise_albedo"] = dr.select(is_smooth, followed[0], features["albedo"])
+        features["denoise_normal"] = dr.select(is_smooth, followed[1], normal)
+    return features
+
+
+@dr.syntax
+def _follow(tracer: FeatureTracer, sampler: OwenSampler, si: Any, active: Any) -> tuple[Any, Any]:
+    """Return the albedo and normal of the first rough surface that smooth ones show.
+
+    The albedo is multiplied by what they reflect and let through. Where the path leaves the scene, hits an
+    emitter or stays among smooth surfaces, the albedo is 1 times that, and the normal is 0.
+    """
+    throughput, vertex = mi.Color3f(1.0), mi.UInt32(0)
+    result, normal = mi.Color3f(0.0), mi.Vector3f(0.0)
+    while dr.hint(active, max_iterations=MAX_FOLLOWED, label="mirrors", exclude=[tracer, sampler]):
+        lobe, direction = sampler.vertex_1d(vertex, LOBE), sampler.vertex_2d(vertex, DIRECTION)
+        sampled, weight = si.bsdf().sample(mi.BSDFContext(), si, lobe, direction, active)
+        throughput *= weight
+        si = tracer.scene.ray_intersect(si.spawn_ray(si.to_world(sampled.wo)), active)
+        hit = active & si.is_valid()
+        is_emitter = hit & (si.shape.emitter() != None)  # noqa: E711 an array of pointers
+        albedo, is_smooth = _albedo(tracer, si, hit & ~is_emitter)
+        vertex += 1
+        is_followed = hit & is_smooth & ~is_emitter & (vertex < MAX_FOLLOWED)
+        is_rough = hit & ~is_emitter & ~is_smooth
+        ends = active & ~is_followed
+        result = dr.select(ends, throughput * dr.select(is_rough, albedo, 1.0), result)
+        normal = dr.select(ends & is_rough, si.sh_frame.n, normal)
+        active = is_followed
+    return dr.clip(result, 0.0, 1.0), normal
+
+
+def _albedo(tracer: FeatureTracer, si: Any, active: Any) -> tuple[Any, Any]:
+    """Return the albedo at a surface interaction, and whether the surface is smooth."""
+    bsdf = si.bsdf()
+    flags = bsdf.flags()
+    is_diffuse = mi.has_flag(flags, mi.BSDFFlags.Diffuse)
+    albedo = bsdf.eval_diffuse_reflectance(si, active & is_diffuse)
+    is_smooth = dr.mask_t(active)(False)
+    if tracer.has_specular:
+        facing = dr.copy(si)
+        facing.wi = mi.Vector3f(0.0, 0.0, 1.0)
+        middle = mi.Point2f(0.5)
+        sampled, weight = bsdf.sample(mi.BSDFContext(), facing, mi.Float(0.0), middle, active & ~is_diffuse)
+        albedo = dr.select(is_diffuse, albedo, weight)
+        is_delta = mi.has_flag(sampled.sampled_type, mi.BSDFFlags.Delta)
+        is_mirror = ~mi.has_flag(flags, mi.BSDFFlags.Transmission) & (sampled.pdf > _MIN_PDF)
+        is_smooth = ~is_diffuse & (is_delta | is_mirror)
+    if tracer.clear_colour is not None:
+        albedo = dr.select(tracer.is_shape(si, SUBJECT[0]), mi.Color3f(tracer.clear_colour), albedo)
+    return dr.clip(albedo, 0.0, 1.0), is_smooth
