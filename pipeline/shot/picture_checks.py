@@ -167,5 +167,5 @@ def noise_threshold(source: YamlSource) -> Iterator[Problem]:
             yield (
                 place,
                 f"{written} takes {samples} samples, too few to stop earlier; noise_threshold needs "
-                f"{MIN_ADAPTIVE_SAMPLES} or more. Write samples: 256 beside it.",
+                f"{MIN_ADAPTIVE_SAMPLES} or more. Write samples: 128 beside it.",
             )

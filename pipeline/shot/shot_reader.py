@@ -197,10 +197,7 @@ def _picture(document: ShotDocument, clock: Clock, subject: Subject) -> Picture:
         dicing=smooth.dicing,
         hide_facets=is_plain and look.is_lit,
         qualities={
-            name: dataclasses.replace(
-                quality, **getattr(document.quality, name).model_dump(exclude_none=True)
-            )
-            for name, quality in QUALITIES.items()
+            name: getattr(document.quality, name).build(quality) for name, quality in QUALITIES.items()
         },
         shutter=document.shutter.build(clock) if document.shutter else Shutter(),
         aovs=AovSelection.of(document.aovs),

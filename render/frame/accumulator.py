@@ -11,13 +11,10 @@ from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
 from render.frame.fireflies import FireflyFilter, find_fireflies, kept_fractions
+from render.frame.tiles import Picture, PixelNumbers, TileMask, Tiles, noise_of_tiles, with_neighbours
 from render.scene.aovs import COVERAGE, DENOISER, Pixels
 from render.scene.light_groups import with_beauty
 from render.scene.quality import Quality
-
-Picture = NDArray[np.float64]
-PixelNumbers = NDArray[np.int64]
-"""Numbers of pixels of the rendered part, row by row from its upper left."""
 
 LUMINANCE, SQUARE, GROUPS = 3, 4, 5
 """Channels of a beauty batch after its radiance: mean luminance, mean of its square, and the first of three
@@ -26,16 +23,9 @@ for each light group."""
 MIN_ROUNDS = 2
 """Rounds needed to compare."""
 
-NOISE_BLOCK = 16
-"""Pixels along the side of a block."""
-
 QUIET_FRACTION = 0.95
-"""Fraction of the blocks that must be below the threshold, so that the noisiest corner does not decide."""
-
-MIN_LUMINANCE = 0.01
-"""Luminance below which noise counts as if the light were this bright."""
-
-_LUMA = np.array([0.2126, 0.7152, 0.0722])
+"""Fraction of the tiles whose noise the noise of a frame is at least, so that the noisiest corner does not
+decide."""
 
 
 @dataclass(eq=False)
@@ -76,8 +66,11 @@ class Accumulator:
     aovs: Collection[str]
     groups: Sequence[str] = ()
     _planes: dict[str, Plane] = field(default_factory=dict)
+    _active: TileMask | None = None
+    _tiles: Tiles = field(init=False)
 
     def __post_init__(self) -> None:
+        self._tiles = Tiles.of(self.quality)
         if "noise" in self.aovs and self.quality.samples < 2:
             raise BadInputError("AOV 'noise' needs 2 samples or more; the quality has 1")
 
@@ -94,16 +87,39 @@ class Accumulator:
         rows = np.nan_to_num(means.reshape(-1, means.shape[-1]), posinf=0.0, neginf=0.0)
         self._plane(name, rows.shape[1]).add(rows * samples, samples, pixels)
         if name == "beauty" and self.quality.noise_threshold is not None:
-            self._plane("round", 1).add(rows[:, :3] @ _LUMA[:, None] * samples, samples, pixels)
+            self._plane("round", 1).add(rows[:, LUMINANCE, None] * samples, samples, pixels)
 
-    def end_round(self) -> None:
-        """Compare the samples since the last call, of which each motion sample has had equally many."""
-        if self.quality.noise_threshold is None:
-            return
+    def end_round(self, by_tile: bool) -> None:
+        """Compare the samples since the last call, of which each motion sample has had equally many, with
+        those of earlier rounds; and stop tiles whose noise is at most the threshold.
+
+        by_tile  False stops no tile before the noise of the frame is at most the threshold
+
+        A tile goes on while one of its neighbours is noisy, so that none stops by chance amid noise.
+        """
         latest = self._planes.pop("round")
         pixels = np.flatnonzero(latest.counts)
-        luminance = latest.means(pixels)
-        self._plane("rounds", 2).add(np.concatenate([luminance, luminance * luminance], axis=1), 1, pixels)
+        squares = latest.sums[pixels] ** 2 / latest.counts[pixels, None]
+        self._plane("rounds", 1).add(squares, 1, pixels)
+        threshold = self.quality.noise_threshold
+        if threshold is None or not self._is_comparable:
+            return
+        noise = self._noise()
+        if by_tile:
+            active = np.ones(self._tiles.shape, dtype=bool) if self._active is None else self._active
+            self._active = active & with_neighbours(active & (noise > threshold))
+        else:
+            self._active = np.full(self._tiles.shape, _of_frame(noise) > threshold)
+
+    @property
+    def active_pixels(self) -> PixelNumbers | None:
+        """The pixels that take more samples; None is all of them."""
+        return None if self._active is None or self._active.all() else self._tiles.pixels(self._active)
+
+    @property
+    def has_converged(self) -> bool:
+        """True if adaptive sampling has stopped all tiles."""
+        return self._active is not None and not self._active.any()
 
     def frame_aovs(self, objects: Sequence[str] = ()) -> dict[str, Pixels]:
         """Return the AOVs by name, once all motion samples have been rendered.
@@ -149,8 +165,9 @@ class Accumulator:
         light = self.fireflies().facts(self._pictures("beauty")[..., LUMINANCE])
         if self.quality.noise_threshold is None:
             return {"samples": self.quality.samples, **light}
-        noise = {"noise": float(f"{self._noise:.4g}")} if self._is_comparable else {}
-        return {"samples": int(self._planes["beauty"].counts.max()), **light, **noise}
+        noise = {"noise": float(f"{_of_frame(self._noise()):.4g}")} if self._is_comparable else {}
+        samples = round(float(self._planes["beauty"].counts.mean()), 2)
+        return {"samples": samples, **light, **noise}
 
     def fireflies(self) -> FireflyFilter:
         """Return the filter that takes fireflies from the beauty, and from light groups alike."""
@@ -164,25 +181,20 @@ class Accumulator:
         return beauty[..., LUMINANCE], beauty[..., SQUARE], samples.astype(np.float64)
 
     @property
-    def has_converged(self) -> bool:
-        """True if the noise is at most the quality's threshold, between rounds."""
-        threshold = self.quality.noise_threshold
-        if threshold is None or "round" in self._planes:
-            return False
-        return self._is_comparable and self._noise <= threshold
-
-    @property
     def _is_comparable(self) -> bool:
         rounds = self._planes.get("rounds")
         return rounds is not None and int(rounds.counts.min()) >= MIN_ROUNDS
 
-    @property
-    def _noise(self) -> float:
-        width, height = self.quality.rendered_size
-        rounds = self._planes["rounds"]
-        total, squares = rounds.sums.T.reshape(2, height, width)
-        kept = kept_fractions(*self._moments(), self.quality.fireflies)
-        return noise_of(total * kept, squares * kept * kept, int(rounds.counts.max()))
+    def _noise(self) -> Picture:
+        """Return the noise (rows, columns) of the tiles, with fireflies dimmed.
+
+        The variance of a mean of rounds is that between them, weighted by their samples.
+        """
+        rounds, moments = self._planes["rounds"], self._moments()
+        mean, samples = moments[0].ravel(), moments[2].ravel()
+        variance = np.maximum(rounds.sums[:, 0] / samples - mean * mean, 0.0) / (rounds.counts - 1)
+        kept = kept_fractions(*moments, self.quality.fireflies).ravel()
+        return noise_of_tiles(self._tiles, mean * kept, variance * kept * kept)
 
     def _pictures(self, name: str) -> Picture:
         """Return the means (H, W, channels) of a plane."""
@@ -201,12 +213,18 @@ class Accumulator:
         """Return everything, for a checkpoint."""
         sums = {f"sums:{name}": plane.sums for name, plane in self._planes.items()}
         counts = {f"counts:{name}": plane.counts for name, plane in self._planes.items()}
-        return {**sums, **counts}
+        return {**sums, **counts, **({} if self._active is None else {"active": self._active})}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Continue from what `state` returned."""
         names = [key.removeprefix("sums:") for key in state if key.startswith("sums:")]
         self._planes = {name: Plane(state[f"sums:{name}"], state[f"counts:{name}"]) for name in names}
+        self._active = state.get("active")
+
+
+def _of_frame(noise: Picture) -> float:
+    """Return the noise of a frame, from that of its tiles."""
+    return float(np.quantile(noise, QUIET_FRACTION, method="inverted_cdf"))
 
 
 def _standard_error(mean: Picture, square: Picture, samples: NDArray[np.int32]) -> Picture:
@@ -216,29 +234,3 @@ def _standard_error(mean: Picture, square: Picture, samples: NDArray[np.int32]) 
     """
     variance = np.maximum(square - mean * mean, 0.0) * samples / (samples - 1)
     return np.asarray(np.sqrt(variance / samples), dtype=np.float64)
-
-
-def noise_of(total: Picture, squares: Picture, count: int) -> float:
-    """Return the noise of the mean of `count` batches, from the sums (H, W) of their luminance Y and of Y².
-
-    After Dammertz, Hanika, Keller and Lensch, *A hierarchical automatic stopping condition for Monte Carlo
-    global illumination* (2010): the error is measured in blocks, over the square root of the light, which is
-    about what a display shows. They compare a picture with one of half its samples. Here all batches are
-    compared with their mean, so that the even spread of samples counts, which single samples do not show.
-
-    The noise of a block of 16 × 16 pixels is √(mean s² / count / mean Y), where s² is a pixel's unbiased
-    variance between batches; 19 of 20 blocks have at most the returned noise. A display shows about half of
-    it: 0.02 there is a standard deviation of 2 to 3 steps of 255.
-    """
-    variance = np.maximum(squares - total * total / count, 0.0) / (count - 1)
-    error = _block_means(variance) / count
-    light = np.maximum(_block_means(total) / count, MIN_LUMINANCE)
-    return float(np.quantile(np.sqrt(error / light), QUIET_FRACTION, method="inverted_cdf"))
-
-
-def _block_means(picture: Picture) -> Picture:
-    """Return the mean of each block; blocks at the right and lower edge may be smaller."""
-    rows, columns = (np.arange(0, side, NOISE_BLOCK) for side in picture.shape)
-    sums = np.add.reduceat(np.add.reduceat(picture, rows, axis=0), columns, axis=1)
-    heights, widths = np.diff(rows, append=picture.shape[0]), np.diff(columns, append=picture.shape[1])
-    return np.asarray(sums / (heights[:, None] * widths), dtype=np.float64)

@@ -17,7 +17,7 @@ import numpy as np
 from render.frame.checkpoint import Checkpoint
 from render.frame.sample_batches import SampleBatches, ShutterInterval, motion_sample_count
 from render.mitsuba.engine import Engine
-from render.mitsuba.scene import build_scene
+from render.mitsuba.scene import build_scene, has_path_tracer
 from render.scene.aovs import Pixels, RenderedFrame, stage_motion, vertex_attributes
 from render.scene.quality import Quality
 from render.scene.scene import MotionSample, Scene
@@ -58,7 +58,8 @@ def render_frame(
     count = motion_sample_count(motion, quality.samples)
     offsets = [0.0] if shutter is None else shutter.offsets(count)
     groups = [group.name for group in scene.lights.groups]
-    batches = SampleBatches(quality, count, aovs, seed, on_batch, checkpoint, groups)
+    by_tile = has_path_tracer(scene.material, quality)
+    batches = SampleBatches(quality, count, aovs, seed, on_batch, checkpoint, groups, by_tile)
     stopwatch.lap("preparing")
     surface: Surface | None = None
 

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.frame.accumulator import Accumulator, Picture
+from render.frame.accumulator import MIN_ROUNDS, Accumulator
 from render.frame.checkpoint import Checkpoint
+from render.frame.tiles import Picture
 from render.mitsuba.scene import FrameScenes, SceneRenderer
 from render.scene.quality import BATCH_SAMPLES, Quality
 from render.scene.scene import MotionSample
@@ -30,6 +31,9 @@ MAX_STEP = 1.0
 """Pixels that a point of the subject may move between two motion samples."""
 
 MAX_MOTION_SAMPLES = 16
+
+FIRST_ROUND = 4
+"""Samples per pixel of each of the first two rounds, which adaptive sampling by tile compares first."""
 
 MIN_SAMPLES = 4
 """Least samples per pixel of a motion sample, where the frame has at least twice as many. Multijitter spreads
@@ -99,6 +103,7 @@ class SampleBatches:
     on_batch    is called after each batch with how many are done, and how many there are at most
     checkpoint  where the sums are stored for another process; if it has any, rendering resumes from them
     groups      names of light groups
+    by_tile     True if adaptive sampling stops tiles, False if it stops the whole frame
     """
 
     def __init__(
@@ -110,9 +115,10 @@ class SampleBatches:
         on_batch: Callable[[int, int], None] | None = None,
         checkpoint: Checkpoint | None = None,
         groups: Sequence[str] = (),
+        by_tile: bool = False,
     ) -> None:
         self._seed, self._on_batch, self._checkpoint = seed, on_batch, checkpoint
-        self._batches = batch_schedule(quality, motion_samples)
+        self._batches = batch_schedule(quality, motion_samples, by_tile)
         self._done = 0
         self.accumulator = Accumulator(quality, aovs, groups)
         if checkpoint is not None and (state := checkpoint.load()) is not None:
@@ -144,17 +150,18 @@ class SampleBatches:
         """Render with our path tracer, whose batches continue one sequence, or with Mitsuba's integrator."""
         if beauty.path_tracer is not None:
             one_seed = seed_of(self._seed, _SEED_WORDS[batch.kind])
-            picture = np.asarray(beauty.path_tracer.render(batch.samples, batch.first, one_seed))
+            pixels = self.accumulator.active_pixels
+            picture = np.asarray(beauty.path_tracer.render(batch.samples, batch.first, one_seed, pixels))
             light = picture.shape[-1] - beauty.path_tracer.coverage_channels
-            self.accumulator.add("beauty", picture[..., :light], batch.samples)
-            self.accumulator.add("coverage", picture[..., light:], batch.samples)
+            self.accumulator.add("beauty", picture[..., :light], batch.samples, pixels)
+            self.accumulator.add("coverage", picture[..., light:], batch.samples, pixels)
         else:
             picture = _with_moments(beauty.render(batch.samples, seed))
             groups = beauty.render_groups(batch.samples, seed)
             picture = np.concatenate([picture, *groups], axis=2)
             self.accumulator.add("beauty", picture, _multijitter_count(batch.samples))
         if batch.ends_round:
-            self.accumulator.end_round()
+            self.accumulator.end_round(by_tile=beauty.path_tracer is not None)
 
     def _render_features(self, batch: SampleBatch, tracer: Any, seed: int) -> None:
         """Render with the rays of the path tracer, or with Mitsuba's integrator."""
@@ -164,14 +171,17 @@ class SampleBatches:
             self.accumulator.add(name, means, batch.samples)
 
 
-def batch_schedule(quality: Quality, motion_samples: int) -> list[SampleBatch]:
-    """Return the batches of a frame in order.
+def batch_schedule(quality: Quality, motion_samples: int, by_tile: bool = False) -> list[SampleBatch]:
+    """Return the batches of a frame in order; `by_tile` as in `SampleBatches`.
 
     Motion sample by motion sample. With adaptive sampling, beauty batches of all motion samples take turns,
     so that all have the same samples when the frame converges.
     """
     is_adaptive = quality.noise_threshold is not None
-    sizes = (interleaved_batch_sizes if is_adaptive else batch_sizes)(quality.samples, motion_samples)
+    if is_adaptive and by_tile and motion_samples == 1:
+        sizes = round_sizes(quality.samples)
+    else:
+        sizes = (interleaved_batch_sizes if is_adaptive else batch_sizes)(quality.samples, motion_samples)
     auxiliary_sizes = batch_sizes(quality.auxiliary_samples, motion_samples)
     auxiliary = [
         [SampleBatch(i, "auxiliary", samples) for samples in auxiliary_sizes] for i in range(motion_samples)
@@ -238,6 +248,17 @@ def batch_sizes(samples: int, motion_samples: int) -> list[int]:
         return [size] * (share // size)
     size = _even_divisor(share)
     return [size] * (share // size)
+
+
+def round_sizes(samples: int) -> list[int]:
+    """Return the sizes of the rounds after which tiles may stop: 4, 4, and then 8, up to `samples`.
+
+    Our sampler is most even after powers of two.
+    """
+    sizes: list[int] = []
+    while (left := samples - sum(sizes)) > 0:
+        sizes.append(min(left, FIRST_ROUND if len(sizes) < MIN_ROUNDS else MIN_ROUNDS * FIRST_ROUND))
+    return sizes
 
 
 def interleaved_batch_sizes(samples: int, motion_samples: int) -> list[int]:

@@ -20,7 +20,7 @@ from render.mitsuba.texture_coordinates import SUBJECT, texture_coordinates
 from render.scene.aovs import VERTEX_AOVS
 from render.scene.camera import Camera
 from render.scene.lights import LightRig
-from render.scene.materials import PatternedMaterial
+from render.scene.materials import Material, PatternedMaterial
 from render.scene.quality import Crop, Quality
 from render.scene.scene import Scene
 from render.scene.surface import Surface, Wireframe, require_camera_outside, ribbons
@@ -161,6 +161,18 @@ def _drawn(
     )
 
 
+def has_path_tracer(material: Material, quality: Quality) -> bool:
+    """Tell whether our path tracer renders a material. Needs a started engine."""
+    return material.is_lit and _is_traceable(materials.path_integrator(material, quality.depth))
+
+
+def _is_traceable(path: dict[str, Any]) -> bool:
+    """Tell whether our path tracer can replace an integrator: compiled, without scattering media."""
+    import mitsuba as mi
+
+    return mi.variant() != "scalar_rgb" and path["type"] == "path"
+
+
 def _path_tracer(
     scene: Any,
     integrator: Any,
@@ -169,12 +181,11 @@ def _path_tracer(
     to_scene: NDArray[np.float64],
     objects: Sequence[str],
 ) -> Any:
-    """Return our path tracer where code is compiled and no medium scatters light, else None."""
-    import mitsuba as mi
-
-    if mi.variant() == "scalar_rgb" or path["type"] != "path":
+    """Return our path tracer, or None where it cannot trace the scene."""
+    if not _is_traceable(path):
         return None
     import drjit as dr
+    import mitsuba as mi
 
     from render.integrator.path_tracer import PathTracer  # needs Mitsuba's variant
 

@@ -10,8 +10,11 @@ from render.base.errors import BadInputError
 BATCH_SAMPLES = 16
 """Samples per pixel of a full sample batch: a square for multijitter, a power of two for our sequence."""
 
-MIN_ADAPTIVE_SAMPLES = 3 * BATCH_SAMPLES
-"""Fewest samples with a noise threshold: two batches measure the noise, and a third one can be saved."""
+MIN_ADAPTIVE_SAMPLES = 9
+"""Fewest samples with a noise threshold: 8 measure the noise, and another can be saved."""
+
+TYPICAL_FRACTION = 0.25
+"""Fraction of the most samples that a typical frame takes with adaptive sampling."""
 
 MOST_TEMPORAL_FRAMES = 4
 """Most frames to either side that temporal denoising may read."""
@@ -35,8 +38,8 @@ class Quality:
     denoise            "off", or the denoiser's effort: "fast", "balanced" or "high"
     temporal_denoise   frames before and after that temporal denoising reprojects; 0 is off
     crop               rendered part of the picture; None is all of it
-    noise_threshold    noise (`accumulator.noise_of`) at which adaptive sampling stops; `samples` is
-                       the most then. None always takes `samples`
+    noise_threshold    noise (`frame.tiles`) at which adaptive sampling stops a tile; `samples` is the most
+                       then. None takes `samples` everywhere
     """
 
     width: int
@@ -85,11 +88,16 @@ class Quality:
             return
         if not (math.isfinite(threshold) and threshold > 0.0):
             raise BadInputError(f"quality has noise_threshold {threshold}; it must be above 0, such as 0.02")
-        if self.samples < MIN_ADAPTIVE_SAMPLES:
-            raise BadInputError(
-                f"noise_threshold has no batch to save of {self.samples} samples; "
-                f"take {MIN_ADAPTIVE_SAMPLES} or more"
-            )
+
+    @property
+    def is_adaptive(self) -> bool:
+        """True if parts of the picture take fewer than `samples`."""
+        return self.noise_threshold is not None and self.samples >= MIN_ADAPTIVE_SAMPLES
+
+    @property
+    def typical_samples(self) -> float:
+        """The samples per pixel that a typical frame takes."""
+        return max(TYPICAL_FRACTION * self.samples, 8.0) if self.is_adaptive else self.samples
 
     @property
     def rendered_size(self) -> tuple[int, int]:
@@ -106,7 +114,15 @@ class Quality:
 QUALITIES = {
     "draft": Quality(480, 270, samples=4, depth=4, auxiliary_samples=4, denoise="balanced"),
     "daily": Quality(960, 540, samples=16, depth=6, auxiliary_samples=16, temporal_denoise=2),
-    "final": Quality(1920, 1080, samples=64, depth=10, auxiliary_samples=64, temporal_denoise=2),
+    "final": Quality(
+        1920,
+        1080,
+        samples=128,
+        depth=10,
+        auxiliary_samples=64,
+        temporal_denoise=2,
+        noise_threshold=0.04,
+    ),
 }
 
 DEFAULT_QUALITY = "draft"

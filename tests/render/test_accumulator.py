@@ -21,7 +21,8 @@ def test_each_pixel_is_the_mean_of_its_own_samples(batches: list[tuple[list[int]
     random = np.random.default_rng(5)
     whole = random.uniform(0.9, 1.0, (HEIGHT, WIDTH, 5))
     sums = accumulator()
-    sums.add("auxiliary", np.zeros((HEIGHT, WIDTH, 12)), 4)
+    for name, channels in {"albedo": 3, "normal": 3, "position": 3, "depth": 1, "matte": 1}.items():
+        sums.add(name, np.zeros((HEIGHT, WIDTH, channels)), 4)
     sums.add("beauty", whole, 4)
     total, count = 4 * whole.reshape(-1, 5), np.full(WIDTH * HEIGHT, 4)
     for number, (pixels, samples) in enumerate(batches):

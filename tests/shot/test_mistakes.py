@@ -137,9 +137,9 @@ BROKEN = [
     ("camera:", "quality: {final: {samples: 100}}\ncamera:",
      "a.yaml:11:19: quality.final.samples: 100 samples do not divide into batches of 16. "
      "Write up to 16, or a multiple of it."),
-    ("camera:", "quality: {daily: {noise_threshold: 0.02}}\ncamera:",
-     "a.yaml:11:19: daily takes 16 samples, too few to stop earlier; noise_threshold needs "
-     "48 or more. Write samples: 256 beside it."),
+    ("camera:", "quality: {draft: {noise_threshold: 0.02}}\ncamera:",
+     "a.yaml:11:19: draft takes 4 samples, too few to stop earlier; noise_threshold needs "
+     "9 or more. Write samples: 128 beside it."),
     ("camera:", "stride: 0.5\ncamera:", "a.yaml:11:1: stride is called max_step now. Rename it."),
     ("max_edge_length: 0.25", "max_edge_length: 0.25, renew: 60",
      "a.yaml:5:35: renew is called rest_interval now under resample. Rename it."),

@@ -125,6 +125,7 @@ SAME = [
     ("camera:", "look: {material: glaze, roughness: 0.2}\nlights: {exposure: 1}\ncamera:"),
     ("camera:", "quality: {final: {samples: 96, denoise: off}, draft: {samples: 6}}\ncamera:"),
     ("camera:", "quality: {final: {noise_threshold: 0.02}}\ncamera:"),
+    ("camera:", "quality: {final: {noise_threshold: off}}\ncamera:"),
 ]
 
 
@@ -203,6 +204,7 @@ BROKEN = [
     ("camera:", "quality: {draught: {samples: 6}}\ncamera:"),
     ("camera:", "quality: {final: {samples: 100}}\ncamera:"),
     ("camera:", "quality: {final: {noise_threshold: 0}}\ncamera:"),
+    ("camera:", "quality: {final: {noise_threshold: none}}\ncamera:"),
     ("camera:", "camera: {margin: 0.5}\n#"),
     ("camera:", "titlex: x\ncamera:"),
 ]  # fmt: skip

@@ -222,7 +222,8 @@ def _cost(common: Common, plan: Plan) -> str:
             count * typical_seconds(large) / common.cores,
             "a typical shot; none was rendered here yet",
         )
-    frames = f"{plural(count, 'frame')} of {width} × {height} pixels, {plural(large.samples, 'sample')} each"
+    samples = f"{'at most ' if large.is_adaptive else ''}{plural(large.samples, 'sample')}"
+    frames = f"{plural(count, 'frame')} of {width} × {height} pixels, {samples} each"
     about = "at most" if forecast.unframed else "about"
     time = f"{about} {duration(seconds)} on {plural(common.cores, 'core')}, by {by}"
     return f"To be rendered: {frames}. That takes {time}."

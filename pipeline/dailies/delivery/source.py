@@ -271,10 +271,11 @@ def _facts(request: RenderRequest, frames: str, count: int, rate: FrameRate) -> 
     per_second = f"{rate.fps}" if rate.fps.denominator == 1 else f"{float(rate.fps):.3f} ({rate.fps})"
     length = float(Fraction(count) / rate.fps)
     width, height = quality.rendered_size
+    most = "at most " if quality.is_adaptive else ""
     noise = f", denoised ({quality.denoise})" if quality.denoise != "off" else ""
     return (
         ("frames", frames if frames == str(count) else f"{frames}, {count} of them"),
         ("length", f"{length:.2f} s at {per_second} frames per second"),
-        ("quality", f"{request.quality_name}, {plural(quality.samples, 'sample')}{noise}"),
+        ("quality", f"{request.quality_name}, {most}{plural(quality.samples, 'sample')}{noise}"),
         ("size", f"{width} × {height}"),
     )

@@ -101,9 +101,9 @@ class MeanTimings:
         return History.of(self._root)
 
 
-def samples(quality: str) -> int:
-    """Return the samples per pixel of a quality."""
-    return quality_named(quality, QUALITIES).samples
+def samples(quality: str) -> float:
+    """Return the samples per pixel that a typical frame of a quality takes."""
+    return quality_named(quality, QUALITIES).typical_samples
 
 
 def pixels(quality: str) -> int:
@@ -118,7 +118,7 @@ def pixels(quality: str) -> int:
 def typical_seconds(quality: Quality) -> float:
     """Return the core-seconds of a frame of the shots of `shots/`, for a root where none was rendered yet."""
     width, height = quality.rendered_size
-    return width * height * (TYPICAL_LIGHT * quality.samples + TYPICAL_REST)
+    return width * height * (TYPICAL_LIGHT * quality.typical_samples + TYPICAL_REST)
 
 
 def _statistics_folders(root: Path, name: str, quality: str) -> Iterator[Path]:

@@ -1,5 +1,6 @@
 """The layout of shot files and of film files, which are edits."""
 
+import dataclasses
 import hashlib
 import math
 import re
@@ -22,6 +23,7 @@ from pipeline.shot.documents.fields import (
     Positive,
     SchemaKeywords,
     is_number,
+    is_written_number,
     one_of,
     optional,
 )
@@ -44,7 +46,7 @@ from render.post.view import ACES, BUILT_IN, ColourView, view_of
 from render.scene.aovs import AOVS
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.quality import BATCH_SAMPLES, CONVENTIONS, MOST_TEMPORAL_FRAMES
+from render.scene.quality import BATCH_SAMPLES, CONVENTIONS, MOST_TEMPORAL_FRAMES, Quality
 from render.scene.stage import STAGES
 from render.scene.working_space import REC709, WORKING_SPACES
 
@@ -195,6 +197,12 @@ Samples = Annotated[
 ]
 
 
+NoiseThreshold = Annotated[
+    Annotated[float, Field(gt=0, le=1)] | Annotated[str, one_of(("off",), "noise threshold")],
+    ByForm(lambda value: isinstance(value, str) and not is_written_number(value)),
+]
+
+
 class QualityDocument(Document):
     """Settings of one quality that this shot replaces."""
 
@@ -212,9 +220,16 @@ class QualityDocument(Document):
     temporal_denoise: Annotated[int, Field(ge=0, le=MOST_TEMPORAL_FRAMES)] | None = optional(
         "frames before and after that the temporal denoiser reads; 0 is off (frames)"
     )
-    noise_threshold: Annotated[float, Field(gt=0, le=1)] | None = optional(
-        "noise at which a picture needs no more samples, such as 0.03"
+    noise_threshold: NoiseThreshold | None = optional(
+        "noise at which a part of the picture needs no more samples, such as 0.04, or `off`"
     )
+
+    def build(self, quality: Quality) -> Quality:
+        """Return a quality with these settings."""
+        settings = self.model_dump(exclude_none=True)
+        if self.noise_threshold == "off":
+            settings["noise_threshold"] = None
+        return dataclasses.replace(quality, **settings)
 
 
 class QualitiesDocument(Document):
