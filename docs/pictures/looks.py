@@ -59,6 +59,7 @@ SHEET = {
     "swirl": "swirl",
     "honey": "honey",
     "glass": "glass",
+    "frosted": "frosted",
     "smoke": "{material: smoke, density: 10}",
     "taffy": "taffy",
     "cream": "cream",

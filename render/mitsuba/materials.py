@@ -45,8 +45,9 @@ def surface_bsdf(
         case MitsubaMaterial():
             return bsdf.build(material.bsdf, coordinates, material.projection)
         case Glass():
+            rough = {"type": "roughdielectric", "alpha": material.roughness, "distribution": "ggx"}
             return {
-                "type": "dielectric",
+                **(rough if material.is_rough else {"type": "dielectric"}),
                 "int_ior": material.refraction,
                 "specular_transmittance": _rgb(material.colour),
                 **absorption.textures(material, size),

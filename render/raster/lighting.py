@@ -97,9 +97,9 @@ class Lighting:
         reflectance = reflectance_of(shape.material, sharpness)
         return _shaded(shape, colours, which, side, self.eye, reflectance, around, self.contact, self.lights)
 
-    def mirrored(self) -> Table:
-        """Return what a smooth mirror shows of the surroundings, as in `Surroundings`."""
-        return _surroundings(self.setup, 0.0, False).mirrored
+    def mirrored(self, roughness: float) -> Table:
+        """Return what a mirror of this roughness shows of the surroundings, as in `Surroundings`."""
+        return _surroundings(self.setup, roughness, False).mirrored
 
 
 def _surroundings(setup: StageSetup, roughness: float, is_stage: bool) -> Surroundings:

@@ -1,7 +1,8 @@
 """Clear subjects in quick previews: glass, honey and smoke let the stage behind them be seen.
 
 The stage is drawn first. Of the subject its normals are drawn, and its thickness along each line of sight: by
-it light is absorbed or scattered. Glass shifts what is behind it, as a ball of its refraction does.
+it light is absorbed or scattered. Glass shifts what is behind it, as a ball of its refraction does, and rough
+glass blurs it.
 """
 
 from __future__ import annotations
@@ -117,6 +118,9 @@ def seen_through(
     background         (H, W, 3), the linear light of the stage
     """
     material, size = shape.material, lighting.setup.placement.size
+    roughness = material.roughness if isinstance(material, Glass) else 0.0
+    across = float(np.linalg.norm(projection.axes[0]) * points.depth.mean()) if len(points.depth) else 1.0
+    reach = roughness * _BEHIND * size / across / 2.0
     surface = _surface_light(points, material, lighting)
     light = np.empty_like(surface)
     mix_light(
@@ -126,15 +130,28 @@ def seen_through(
         projection.axes,
         thickness,
         layers,
-        background,
+        _blurred(background, round(reach * background.shape[1])),
         surface,
         *ClearBody.of(material, size),
-        lighting.mirrored(),
+        lighting.mirrored(roughness),
         lighting.contact.frame[4:],
         size,
         light,
     )
     return light
+
+
+def _blurred(picture: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
+    """Return a picture (H, W, 3) whose pixels are means over squares of 2 reach + 1 pixels."""
+    for axis in (0, 1) if reach > 0 else ():
+        sides = [(reach + 1, reach) if side == axis else (0, 0) for side in range(3)]
+        sums = np.pad(picture, sides, mode="edge").cumsum(axis=axis, dtype=np.float64)
+        last, first = (
+            np.split(sums, [2 * reach + 1], axis=axis)[1],
+            sums.take(range(picture.shape[axis]), axis),
+        )
+        picture = ((last - first) / (2 * reach + 1)).astype(np.float32)
+    return picture
 
 
 def _surface_light(points: VisiblePoints, material: Material, lighting: Lighting) -> NDArray[np.float32]:

@@ -49,6 +49,13 @@ def test_no_look_reflects_more_than_it_gets(name: str, rendered: Rendered, at_re
     assert light.mean(axis=0).max() <= 1.01
 
 
+def test_rough_glass_keeps_all_light(rendered: Rendered, sphere: Surface, engine: Engine) -> None:
+    if engine.variant == "scalar_rgb":
+        pytest.skip("the plain variant leaves out light between microfacets")
+    layers = rendered(look=Glass(WHITE, roughness=0.28), quality=Quality(32, 18, 64, depth=20), **FURNACE)
+    assert layers["beauty"][layers["matte"] >= 0.999].mean() == pytest.approx(1.0, abs=0.02)
+
+
 SLAB = Absorption((0.5, 0.25, 0.9), depth=0.5)
 
 

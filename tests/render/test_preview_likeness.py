@@ -40,7 +40,7 @@ def pebble() -> Surface:
     return replace(round_one, vertices=vertices, normals=normals.astype(np.float32))
 
 
-@pytest.mark.parametrize("look", ["clay", "glaze", "chrome", "honey", "glass", "smoke"])
+@pytest.mark.parametrize("look", ["clay", "glaze", "chrome", "honey", "glass", "frosted", "smoke"])
 def test_a_preview_is_about_as_bright_as_the_render(
     look: str, pebble: Surface, rendered: Callable[..., RenderedFrame]
 ) -> None:

@@ -70,7 +70,9 @@ def test_what_is_inside_out_is_as_thick():
     np.testing.assert_array_equal(thickness_of(shape, CAMERA)[0], thickness_of(turned, CAMERA, -1)[0])
 
 
-@pytest.mark.parametrize("look", [LOOKS["glass"], LOOKS["honey"], Smoke((0.2, 0.2, 0.2), density=0.3)])
+@pytest.mark.parametrize(
+    "look", [LOOKS["glass"], LOOKS["frosted"], LOOKS["honey"], Smoke((0.2, 0.2, 0.2), density=0.3)]
+)
 def test_the_stage_is_seen_through_what_is_clear(look):
     """A bright stage makes a clear subject brighter than a dark stage does; a grey one hardly changes."""
     bright, dark = (

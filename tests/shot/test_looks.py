@@ -79,7 +79,7 @@ def test_scratches_lie_across_an_axis(tmp_path: Path) -> None:
         (f"{{material: clay, colour: [1, 1, 1], pigment: {{layers: {{{TWO}}}}}}}", "Remove one of them"),
         (f"{{material: glass, pigment: {{layers: {{{TWO}}}}}}}", "light goes through glass"),
         ("{material: clay, density: 2}", "take smoke"),
-        ("{material: clay, absorption: {colour: [1, 1, 1]}}", "take honey or glass"),
+        ("{material: clay, absorption: {colour: [1, 1, 1]}}", "take honey, glass or frosted"),
         ("{material: glass, absorption: {color: [1, 1, 1]}}", "color is called colour in look.absorption"),
         ("{material: glass, absorption: {colour: [0, 1, 1]}}", "must be above 0"),
         ("{material: clay, wireframe: {width: 0}}", "must be above 0"),

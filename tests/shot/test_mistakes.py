@@ -130,8 +130,8 @@ BROKEN = [
      "a.yaml:11:1: substeps is 100000000; it must be at most 10000"),
     ("camera:", "look: velvet\ncamera:",
      "a.yaml:11:1: look: 'velvet' is no look. There are: clay, putty, glaze, ceramic, "
-     "chrome, brushed, taffy, swirl, pearl, marble, cream, coffee, honey, glass, smoke, speed, strain, "
-     "symbolics_1990."),
+     "chrome, brushed, taffy, swirl, pearl, marble, cream, coffee, honey, glass, frosted, smoke, "
+     "speed, strain, symbolics_1990."),
     ("camera:", "quality: {draught: {samples: 6}}\ncamera:",
      "a.yaml:11:11: draught is called draft in quality. Rename it."),
     ("camera:", "quality: {final: {samples: 100}}\ncamera:",

@@ -21,6 +21,9 @@ from render.scene.textures import Texture
 _DIM, _DARK = (0.12, 0.12, 0.123), (0.035, 0.037, 0.042)
 """Reflectances of stages: a mirror of a pale floor is as pale, and so is smoke before a pale wall."""
 
+_POLISHED = 1e-3
+"""Roughness up to which glass refracts like a perfectly smooth surface."""
+
 
 @dataclass(frozen=True)
 class Diffuse(PatternedMaterial):
@@ -115,10 +118,12 @@ class BrushedMetal(Material):
 class Glass(Material):
     """A clear body that refracts light. `colour` is transmitted at each passage through the surface.
 
+    roughness   of its surface: 0 is polished, 0.3 is frosted
     refraction  index of refraction, 1.5 for window glass and honey
     absorption  absorption inside the body, or None
     """
 
+    roughness: float = 0.0
     refraction: float = field(default=1.5, kw_only=True)
     absorption: Absorption | None = field(default=None, kw_only=True)
     model: str = field(default="glass", init=False)
@@ -127,6 +132,11 @@ class Glass(Material):
         super().__post_init__()
         if not 1.0 < self.refraction <= 4.0:
             raise BadInputError(f"look has refraction {self.refraction}; it lies above 1 and up to 4")
+
+    @property
+    def is_rough(self) -> bool:
+        """True if the surface scatters light."""
+        return self.roughness > _POLISHED
 
     @property
     def auxiliary_colour(self) -> Triple:
@@ -247,6 +257,7 @@ LOOKS: dict[str, Material] = {
     "coffee": Plastic((0.045, 0.016, 0.006), roughness=0.07),
     "honey": Glass((1.0, 0.8, 0.36), refraction=1.49, absorption=Absorption((0.96, 0.72, 0.3), 0.4)),
     "glass": Glass((1.0, 1.0, 1.0), refraction=1.5, absorption=Absorption((0.80, 0.93, 0.89))),
+    "frosted": Glass((1.0, 1.0, 1.0), roughness=0.28, absorption=Absorption((0.84, 0.94, 0.91))),
     "smoke": Smoke((0.95, 0.95, 0.96), density=1.6),
     "speed": Satin((0.5, 0.5, 0.5), roughness=0.6, coat=0.0, measure=Measure("speed")),
     "strain": Satin((0.5, 0.5, 0.5), roughness=0.6, coat=0.0, measure=Measure("stretch")),
