@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -154,7 +155,7 @@ class Accumulator:
 
     def _light(self, beauty: Picture) -> dict[str, Pixels]:
         """Return the beauty and the light groups, with fireflies treated as the quality says."""
-        fireflies = self.fireflies()
+        fireflies = self._fireflies
         if not self.groups:
             return {"beauty": fireflies.apply(beauty[..., :3]).astype(np.float32)}
         parts = np.split(fireflies.apply(beauty[..., GROUPS:]), len(self.groups), axis=2)
@@ -162,15 +163,16 @@ class Accumulator:
 
     def facts(self) -> dict[str, float]:
         """Return the samples per pixel, the light of fireflies and, with adaptive sampling, the noise."""
-        light = self.fireflies().facts(self._pictures("beauty")[..., LUMINANCE])
+        light = self._fireflies.facts(self._pictures("beauty")[..., LUMINANCE])
         if self.quality.noise_threshold is None:
             return {"samples": self.quality.samples, **light}
         noise = {"noise": float(f"{_of_frame(self._noise()):.4g}")} if self._is_comparable else {}
         samples = round(float(self._planes["beauty"].counts.mean()), 2)
         return {"samples": samples, **light, **noise}
 
-    def fireflies(self) -> FireflyFilter:
-        """Return the filter that takes fireflies from the beauty, and from light groups alike."""
+    @cached_property
+    def _fireflies(self) -> FireflyFilter:
+        """The filter that takes fireflies from the beauty, and from light groups alike, once all is added."""
         matte = self._pictures("matte")[..., 0]
         return find_fireflies(*self._moments(), matte, self.quality.fireflies)
 

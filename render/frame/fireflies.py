@@ -42,6 +42,9 @@ MAX_BRIGHTENING_PER_SAMPLE = 0.005
 """Fraction by which it may do so where it is spread over all the picture, over the number of samples. What is
 beyond is removed: with few samples one alone could make the picture flicker."""
 
+RADII = (2, 6, 20, 60, 180)
+"""Radii in pixels of the kernels that spread light, up to an eighth of the picture."""
+
 EVERYWHERE = 1 << 30
 """Radius of the kernel that gives all pixels the same ratio."""
 
@@ -165,43 +168,48 @@ def _with_spread(removed: FireflyFilter, luminance: Picture, samples: Picture) -
     waiting, subject = excess > 0.0, removed.on_subject
     spread, reached, radius_of = removed.spread.copy(), removed.reached.copy(), removed.radius.copy()
     most = np.maximum(BRIGHTENING, MAX_BRIGHTENING_PER_SAMPLE * samples)
-    radius = 1
-    while waiting.any():
+    reaches = [radius for radius in RADII if 8 * radius <= max(luminance.shape)]
+    for radius in (*reaches, EVERYWHERE):
+        if not waiting.any():
+            break
         within = [_blurred(np.where(part, removed.brightness, 0.0), radius) for part in (subject, ~subject)]
         light = np.where(subject, *within) + 1e-12
-        peak = excess / light * (1.0 if radius == EVERYWHERE else 1.0 / (2.0 * np.pi * radius * (radius + 1)))
+        peak = excess * _peak(radius) / light
         chosen = waiting if radius == EVERYWHERE else waiting & (peak <= BRIGHTENING)
         part = np.minimum(1.0, most / np.maximum(peak, most))
         spread[chosen] = ((1.0 - removed.kept) * part)[chosen]
         reached[chosen], radius_of[chosen] = light[chosen], radius
         waiting = waiting & ~chosen
-        radius = 2 * radius if 8 * radius <= max(luminance.shape) else EVERYWHERE
     return replace(removed, spread=spread, reached=reached, radius=radius_of)
 
 
 def _blurred(picture: Picture, radius: int) -> Picture:
-    """Return a picture (H, W) after three box blurs, nearly a Gaussian of variance radius · (radius + 1).
-
-    EVERYWHERE gives each pixel the sum of all.
+    """Return a picture (H, W) after two box blurs; EVERYWHERE gives each pixel the sum of all.
 
     Beyond the edges all is black, which makes the blur symmetric: what one pixel gives another is what it
     would get from it.
     """
     if radius == EVERYWHERE:
         return np.full_like(picture, picture.sum())
-    for _ in range(3):
-        for axis in (0, 1):
-            picture = _box_sums(picture, radius, axis) / (2 * radius + 1)
+    for axis in (0, 1, 0, 1):
+        picture = _box_means(picture, radius, axis)
     return picture
 
 
-def _box_sums(picture: Picture, radius: int, axis: int) -> Picture:
-    """Return sums over `radius` pixels to each side along an axis."""
-    length = picture.shape[axis]
-    sums = np.cumsum(np.insert(picture, 0, 0.0, axis=axis), axis=axis)
-    places = np.arange(length)
-    upper, lower = np.minimum(places + radius + 1, length), np.maximum(places - radius, 0)
-    return np.asarray(np.take(sums, upper, axis=axis) - np.take(sums, lower, axis=axis))
+def _box_means(picture: Picture, radius: int, axis: int) -> Picture:
+    """Return means over `radius` pixels to each side along an axis."""
+    width, length = 2 * radius + 1, picture.shape[axis]
+    padding = [(0, 0), (0, 0)]
+    padding[axis] = (radius + 1, radius)
+    sums = np.cumsum(np.pad(picture, padding), axis=axis)
+    if axis == 0:
+        return np.asarray((sums[width:] - sums[:length]) / width)
+    return np.asarray((sums[:, width:] - sums[:, :length]) / width)
+
+
+def _peak(radius: int) -> float:
+    """Return the most that a pixel gets from itself by `_blurred`."""
+    return 1.0 if radius == EVERYWHERE else 1.0 / (2 * radius + 1) ** 2
 
 
 def _rounded(fraction: float) -> float:
