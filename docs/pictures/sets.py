@@ -16,8 +16,8 @@ from PIL import Image
 
 from pipeline.production.render_inputs.framing import Framing, with_stage_in_view
 from render.base.serialise import from_plain
+from render.frame.batch_schedule import seed_of
 from render.frame.render_frame import render_frame
-from render.frame.sample_batches import seed_of
 from render.mitsuba.engine import choose
 from render.post.colour import quantise, to_display
 from render.post.denoise import denoise

@@ -7,15 +7,22 @@ frame the same to the last bit however often, and with however many threads, it 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import groupby
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
+from render.frame.batch_schedule import (
+    Round,
+    affordable_motion_samples,
+    batch_schedule,
+    multijitter_rounds,
+    traced_rounds,
+)
 from render.frame.checkpoint import Checkpoint
-from render.frame.sample_batches import SampleBatches, ShutterInterval, motion_sample_count
+from render.frame.sample_batches import SampleBatches, ShutterInterval
 from render.mitsuba.engine import Engine
 from render.mitsuba.scene import build_scene, has_path_tracer
 from render.scene.aovs import Pixels, RenderedFrame, stage_motion, vertex_attributes
@@ -55,28 +62,31 @@ def render_frame(
     own = scene.motion_sample
     attributes = vertex_attributes(own, following, aovs, size)
     motion = 0.0 if shutter is None else shutter.longest_motion(size)
-    count = motion_sample_count(motion, quality.samples)
-    offsets = [0.0] if shutter is None else shutter.offsets(count)
+    if has_path_tracer(scene.material, quality):
+        affordable = affordable_motion_samples(quality, own.vertex_count)
+        rounds = traced_rounds(quality, motion, affordable, seed)
+    else:
+        rounds = multijitter_rounds(quality, motion)
     groups = [group.name for group in scene.lights.groups]
-    by_tile = has_path_tracer(scene.material, quality)
-    batches = SampleBatches(quality, count, aovs, seed, on_batch, checkpoint, groups, by_tile)
+    schedule = batch_schedule(quality, rounds)
+    batches = SampleBatches(quality, schedule, aovs, seed, on_batch, checkpoint, groups)
     stopwatch.lap("preparing")
     surface: Surface | None = None
 
-    def sample_at(index: int) -> tuple[MotionSample, Surface]:
-        offset = offsets[index]
+    def sample_at(time: float) -> tuple[MotionSample, Surface]:
+        offset = 0.0 if shutter is None else shutter.offset(time)
         sample = own if shutter is None or offset == 0.0 else shutter.at(offset)
         return sample, sample.with_attributes(attributes).surface(quality.width)
 
-    for index, its_batches in groupby(batches.remaining(), attrgetter("motion_sample")):
-        sample, surface = sample_at(index)
+    for moment, its_batches in groupby(batches.remaining(), attrgetter("time")):
+        sample, surface = sample_at(moment)
         moved = MotionSample(surface, sample.placement, sample.camera)
         scenes = build_scene(scene.at(moved), quality, aovs)
         stopwatch.lap("building")
         for batch in its_batches:
             batches.render(batch, scenes)
         stopwatch.lap("rendering")
-    surface = surface or sample_at(count - 1)[1]  # the checkpoint held all batches
+    surface = surface or sample_at(schedule[-1].time)[1]  # the checkpoint held all batches
     arrays = batches.accumulator.frame_aovs(scene.objects)
     if "alpha" not in arrays:
         arrays["alpha"] = _alpha(arrays, scene)
@@ -91,7 +101,7 @@ def render_frame(
         "working_space": scene.working_space.name,
         "surface_vertices": len(surface.vertices),
         "surface_faces": len(surface.faces),
-        **({} if shutter is None else _shutter_facts(shutter, motion, count)),
+        **({} if shutter is None else _shutter_facts(shutter, motion, rounds)),
         **engine.facts(),
     }
     return RenderedFrame(arrays, facts, stopwatch.seconds)
@@ -111,7 +121,8 @@ class Stopwatch:
         self._last = now
 
 
-def _shutter_facts(shutter: ShutterInterval, motion: float, count: int) -> dict[str, Any]:
+def _shutter_facts(shutter: ShutterInterval, motion: float, rounds: Sequence[Round]) -> dict[str, Any]:
+    count = len({time for each in rounds for time in each.times})
     return {
         "shutter": [shutter.opens, shutter.closes],
         "motion_samples": count,

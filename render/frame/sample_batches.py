@@ -1,24 +1,22 @@
-"""The sample batches of a frame: the motion samples they belong to, their sizes and order, and rendering them
-into an accumulator.
-"""
+"""Render the sample batches of a frame into an accumulator."""
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from render.frame.accumulator import MIN_ROUNDS, Accumulator
+from render.frame.accumulator import Accumulator
+from render.frame.batch_schedule import SampleBatch, chosen_pixels, seed_of
 from render.frame.checkpoint import Checkpoint
 from render.frame.tiles import Picture
 from render.mitsuba.scene import FrameScenes, SceneRenderer
-from render.scene.quality import BATCH_SAMPLES, Quality
+from render.scene.quality import Quality
 from render.scene.scene import MotionSample
 
 _MOMENT_CHANNELS = [0, 1, 2, 4, 7]
@@ -26,28 +24,6 @@ _MOMENT_CHANNELS = [0, 1, 2, 4, 7]
 
 _SEED_WORDS = {"auxiliary": "guides", "beauty": "beauty"}
 """Words that seeds are made from. They never change, or all noise would."""
-
-MAX_STEP = 1.0
-"""Pixels that a point of the subject may move between two motion samples."""
-
-MAX_MOTION_SAMPLES = 16
-
-FIRST_ROUND = 4
-"""Samples per pixel of each of the first two rounds, which adaptive sampling by tile compares first."""
-
-MIN_SAMPLES = 4
-"""Least samples per pixel of a motion sample, where the frame has at least twice as many. Multijitter spreads
-the samples of a batch evenly, which several emitters need: batches of one or two have three times the
-noise."""
-
-EVEN_COUNTS = (1, 2, 3, 4, 6, 8, 9, 12, 15, 16)
-"""Samples per batch that Mitsuba's multijitter takes exactly; it rounds others up to a rectangle."""
-
-
-def seed_of(*parts: str | int) -> int:
-    """Return a 32-bit seed from a shot's name, a frame, a batch. Mitsuba repeats neighbouring plain seeds."""
-    text = "\x1f".join(str(part) for part in parts)
-    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=4).digest(), "little")
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +38,9 @@ class ShutterInterval:
     closes: float
     at: Callable[[float], MotionSample]
 
-    def offsets(self, count: int) -> list[float]:
-        """Return the middles of `count` equal parts of the time."""
-        return [self.opens + (i + 0.5) / count * (self.closes - self.opens) for i in range(count)]
+    def offset(self, time: float) -> float:
+        """Return the offset after a share of the time has passed."""
+        return self.opens + time * (self.closes - self.opens)
 
     def longest_motion(self, size: tuple[int, int]) -> float:
         """Return the pixels that the fastest point moves, at the speed of its faster half."""
@@ -78,47 +54,27 @@ class ShutterInterval:
         return 2.0 * float(np.max(np.where(in_picture & in_front, np.maximum(*steps), 0.0), initial=0.0))
 
 
-@dataclass(frozen=True)
-class SampleBatch:
-    """A few samples per pixel of one motion sample.
-
-    motion_sample    its index
-    kind             "auxiliary" or "beauty"
-    samples          samples per pixel
-    first            samples per pixel in all batches of this kind before
-    ends_round       True if all motion samples have had equally many samples of the beauty since the last
-                     batch that did
-    """
-
-    motion_sample: int
-    kind: str
-    samples: int
-    first: int = 0
-    ends_round: bool = False
-
-
 class SampleBatches:
     """The sample batches of one frame, and the sums of those rendered so far.
 
+    batches     in order
     on_batch    is called after each batch with how many are done, and how many there are at most
     checkpoint  where the sums are stored for another process; if it has any, rendering resumes from them
     groups      names of light groups
-    by_tile     True if adaptive sampling stops tiles, False if it stops the whole frame
     """
 
     def __init__(
         self,
         quality: Quality,
-        motion_samples: int,
+        batches: Sequence[SampleBatch],
         aovs: Collection[str],
         seed: int,
         on_batch: Callable[[int, int], None] | None = None,
         checkpoint: Checkpoint | None = None,
         groups: Sequence[str] = (),
-        by_tile: bool = False,
     ) -> None:
         self._seed, self._on_batch, self._checkpoint = seed, on_batch, checkpoint
-        self._batches = batch_schedule(quality, motion_samples, by_tile)
+        self._quality, self._batches = quality, batches
         self._done = 0
         self.accumulator = Accumulator(quality, aovs, groups)
         if checkpoint is not None and (state := checkpoint.load()) is not None:
@@ -149,12 +105,7 @@ class SampleBatches:
     def _render_beauty(self, batch: SampleBatch, beauty: SceneRenderer, seed: int) -> None:
         """Render with our path tracer, whose batches continue one sequence, or with Mitsuba's integrator."""
         if beauty.path_tracer is not None:
-            one_seed = seed_of(self._seed, _SEED_WORDS[batch.kind])
-            pixels = self.accumulator.active_pixels
-            picture = np.asarray(beauty.path_tracer.render(batch.samples, batch.first, one_seed, pixels))
-            light = picture.shape[-1] - beauty.path_tracer.coverage_channels
-            self.accumulator.add("beauty", picture[..., :light], batch.samples, pixels)
-            self.accumulator.add("coverage", picture[..., light:], batch.samples, pixels)
+            self._trace_beauty(batch, beauty.path_tracer)
         else:
             picture = _with_moments(beauty.render(batch.samples, seed))
             groups = beauty.render_groups(batch.samples, seed)
@@ -163,46 +114,29 @@ class SampleBatches:
         if batch.ends_round:
             self.accumulator.end_round(by_tile=beauty.path_tracer is not None)
 
+    def _trace_beauty(self, batch: SampleBatch, tracer: Any) -> None:
+        """Render the pixels that are still noisy and choose this motion sample."""
+        pixels = chosen_pixels(self._quality, batch, self._seed, self.accumulator.active_pixels)
+        if pixels is not None and not len(pixels):
+            return
+        seed = seed_of(self._seed, _SEED_WORDS[batch.kind])
+        picture = np.asarray(tracer.render(batch.samples, batch.first, seed, pixels))
+        light = picture.shape[-1] - tracer.coverage_channels
+        self.accumulator.add("beauty", picture[..., :light], batch.samples, pixels)
+        self.accumulator.add("coverage", picture[..., light:], batch.samples, pixels)
+
     def _render_features(self, batch: SampleBatch, tracer: Any, seed: int) -> None:
         """Render with the rays of the path tracer, or with Mitsuba's integrator."""
+        pixels = chosen_pixels(self._quality, batch, self._seed)
+        if pixels is not None and not len(pixels):
+            return
         if tracer.continues_sequence:
             seed = seed_of(self._seed, _SEED_WORDS["beauty"])
-        for name, means in tracer.render(batch.samples, batch.first, seed).items():
-            self.accumulator.add(name, means, batch.samples)
-
-
-def batch_schedule(quality: Quality, motion_samples: int, by_tile: bool = False) -> list[SampleBatch]:
-    """Return the batches of a frame in order; `by_tile` as in `SampleBatches`.
-
-    Motion sample by motion sample. With adaptive sampling, beauty batches of all motion samples take turns,
-    so that all have the same samples when the frame converges.
-    """
-    is_adaptive = quality.noise_threshold is not None
-    if is_adaptive and by_tile and motion_samples == 1:
-        sizes = round_sizes(quality.samples)
-    else:
-        sizes = (interleaved_batch_sizes if is_adaptive else batch_sizes)(quality.samples, motion_samples)
-    auxiliary_sizes = batch_sizes(quality.auxiliary_samples, motion_samples)
-    auxiliary = [
-        [SampleBatch(i, "auxiliary", samples) for samples in auxiliary_sizes] for i in range(motion_samples)
-    ]
-    last = motion_samples - 1
-    beauty = [
-        [SampleBatch(i, "beauty", samples, ends_round=is_adaptive and i == last) for samples in sizes]
-        for i in range(motion_samples)
-    ]
-    if not is_adaptive:
-        batches = [batch for i in range(motion_samples) for batch in (*auxiliary[i], *beauty[i])]
-    else:
-        first_round = [batch for i in range(motion_samples) for batch in (*auxiliary[i], beauty[i][0])]
-        rounds = [batch for turn in zip(*beauty, strict=True) for batch in turn]
-        batches = first_round + rounds[motion_samples:]
-    taken = {"auxiliary": 0, "beauty": 0}
-    numbered = []
-    for batch in batches:
-        numbered.append(replace(batch, first=taken[batch.kind]))
-        taken[batch.kind] += batch.samples
-    return numbered
+            features = tracer.render(batch.samples, batch.first, seed, pixels)
+        else:
+            features = tracer.render(batch.samples, batch.first, seed)
+        for name, means in features.items():
+            self.accumulator.add(name, means, batch.samples, pixels)
 
 
 def _with_moments(picture: Picture) -> Picture:
@@ -220,58 +154,3 @@ def _multijitter_count(samples: int) -> int:
     """Return how many samples multijitter takes when asked for so many."""
     rows = math.isqrt(samples)
     return rows * -(-samples // rows)
-
-
-def motion_sample_count(motion: float, samples: int) -> int:
-    """Return how many motion samples a frame takes.
-
-    motion   pixels that its fastest point moves
-    samples  samples per pixel
-
-    The fewest that keep steps within MAX_STEP, of the counts that divide the samples equally into batches
-    that are not tiny; the largest such count where none is enough.
-    """
-    least = MIN_SAMPLES if samples >= 2 * MIN_SAMPLES else 1
-    divisors = [n for n in range(1, min(MAX_MOTION_SAMPLES, samples // least) + 1) if samples % n == 0]
-    possible = [n for n in divisors if n == 1 or _even_divisor(samples // n) >= least]
-    return next((n for n in possible if n * MAX_STEP >= motion), possible[-1])
-
-
-def batch_sizes(samples: int, motion_samples: int) -> list[int]:
-    """Return the sizes of the batches of one motion sample: equal, and `samples` in total if possible.
-
-    Samples that do not divide are rounded up.
-    """
-    share = -(-samples // motion_samples)
-    if motion_samples == 1:
-        size = min(share, BATCH_SAMPLES)
-        return [size] * (share // size)
-    size = _even_divisor(share)
-    return [size] * (share // size)
-
-
-def round_sizes(samples: int) -> list[int]:
-    """Return the sizes of the rounds after which tiles may stop: 4, 4, and then 8, up to `samples`.
-
-    Our sampler is most even after powers of two.
-    """
-    sizes: list[int] = []
-    while (left := samples - sum(sizes)) > 0:
-        sizes.append(min(left, FIRST_ROUND if len(sizes) < MIN_ROUNDS else MIN_ROUNDS * FIRST_ROUND))
-    return sizes
-
-
-def interleaved_batch_sizes(samples: int, motion_samples: int) -> list[int]:
-    """Return the sizes of the batches of one motion sample for adaptive sampling.
-
-    Batches of all motion samples take turns. Those of one round have about BATCH_SAMPLES together, so that a
-    frame may stop between rounds.
-    """
-    size = batch_sizes(samples, motion_samples)[0]
-    least = max(MIN_SAMPLES, -(-BATCH_SAMPLES // motion_samples))
-    size = min((n for n in EVEN_COUNTS if size % n == 0 and n >= least), default=size)
-    return [size] * (-(-samples // motion_samples) // size)
-
-
-def _even_divisor(samples: int) -> int:
-    return max(n for n in EVEN_COUNTS if samples % n == 0)

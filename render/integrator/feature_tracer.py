@@ -20,7 +20,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.integrator.path_tracer import camera_vertex
+from render.integrator.path_tracer import camera_vertex, film_pixels
 from render.integrator.sampler import DIRECTION, LOBE, OwenSampler
 
 MAX_FOLLOWED = 8
@@ -75,10 +75,13 @@ class FeatureTracer:
         """Tell where a surface interaction is on the shape `name`; nowhere if the scene has none."""
         return si.shape == self._shapes[name] if name in self._shapes else mi.Bool(False)
 
-    def render(self, samples: int, first: int, seed: int) -> dict[str, NDArray[np.float32]]:
-        """Return features, (H, W, 3) or (H, W, 1), as means over samples.
+    def render(
+        self, samples: int, first: int, seed: int, pixels: NDArray[np.integer[Any]] | None = None
+    ) -> dict[str, NDArray[np.float32]]:
+        """Return features as means over samples: (H, W, channels), or with `pixels` (pixels, channels).
 
-        first  samples of the same picture and seed that were taken before
+        first   samples of the same pixels and seed that were taken before
+        pixels  as of `PathTracer.render`
 
         albedo, normal, position, depth  of the first surface, 0 where there is none
         matte                            coverage by the subject and its wireframe
@@ -86,24 +89,20 @@ class FeatureTracer:
         names of `attributes`            those of the subject, 0 elsewhere
         """
         film = self.scene.sensors()[0].film()
-        (width, height), (left, top) = film.crop_size(), film.crop_offset()
-        index = dr.arange(mi.UInt32, int(width) * int(height))
-        row = index // dr.opaque(mi.UInt32, int(width))
-        column = index - row * int(width)
-        pixel = (row + int(top)) * int(film.size()[0]) + column + int(left)
-        sampler = OwenSampler(pixel, first, samples, seed)
-        corner, size = mi.Point2f(column, row), mi.Point2f(mi.ScalarPoint2f(film.crop_size()))
+        number, corner, size = film_pixels(film, pixels)
+        sampler = OwenSampler(number, first, samples, seed)
         sums = _sum_features(self, sampler, corner, size, self.follows and self.has_specular)
         dr.eval(sums)
-        shape = int(height), int(width)
+        width, height = (int(side) for side in film.crop_size())
+        shape = (height, width) if pixels is None else (len(pixels),)
         count = np.float32(samples)
         features = {name: _picture(values, shape) / count for name, values in sums.items()}
         dr.flush_malloc_cache()
         return features
 
 
-def _picture(values: Any, shape: tuple[int, int]) -> NDArray[np.float32]:
-    """Return values (pixels,) or (3, pixels) as (H, W, channels)."""
+def _picture(values: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Return values (pixels,) or (3, pixels) as (*shape, channels)."""
     return np.ascontiguousarray(np.atleast_2d(np.array(values)).T).reshape(*shape, -1)
 
 

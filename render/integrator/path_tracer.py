@@ -75,19 +75,28 @@ class PathTracer:
         rendered.
         """
         film = self.scene.sensors()[0].film()
-        (width, height), (left, top) = film.crop_size(), film.crop_offset()
-        numbers = np.arange(int(width) * int(height)) if pixels is None else pixels
-        index = mi.UInt32(numbers.astype(np.uint32))
-        row = index // dr.opaque(mi.UInt32, int(width))
-        column = index - row * int(width)
-        pixel = (row + int(top)) * int(film.size()[0]) + column + int(left)
-        sampler = OwenSampler(pixel, first, samples, seed)
-        corner, size = mi.Point2f(column, row), mi.Point2f(mi.ScalarPoint2f(film.crop_size()))
-        sums = _sum_samples(self, sampler, corner, size)
+        number, corner, size = film_pixels(film, pixels)
+        sums = _sum_samples(self, OwenSampler(number, first, samples, seed), corner, size)
         dr.eval(sums)
         picture = np.stack([np.array(channel, dtype=np.float64) for channel in sums], axis=1) / samples
         dr.flush_malloc_cache()
-        return picture if pixels is not None else picture.reshape(int(height), int(width), -1)
+        width, height = (int(side) for side in film.crop_size())
+        return picture if pixels is not None else picture.reshape(height, width, -1)
+
+
+def film_pixels(film: Any, pixels: NDArray[np.integer[Any]] | None) -> tuple[Any, Any, Any]:
+    """Return numbers of pixels in the whole picture, their upper left corners in the rendered part, and its
+    size.
+
+    pixels  as of `PathTracer.render`
+    """
+    (width, height), (left, top) = film.crop_size(), film.crop_offset()
+    numbers = np.arange(int(width) * int(height)) if pixels is None else pixels
+    index = mi.UInt32(numbers.astype(np.uint32))
+    row = index // dr.opaque(mi.UInt32, int(width))
+    column = index - row * int(width)
+    number = (row + int(top)) * int(film.size()[0]) + column + int(left)
+    return number, mi.Point2f(column, row), mi.Point2f(mi.ScalarPoint2f(film.crop_size()))
 
 
 @dr.syntax

@@ -35,6 +35,12 @@ class MotionSample:
         projected = self.camera.project(points, size[0] / size[1])
         return projected * (size[0] / 2.0, size[1] / 2.0, 1.0)
 
+    @property
+    def vertex_count(self) -> int:
+        """Vertices of the subject; of spheres, at least."""
+        subject = self.subject
+        return 42 * len(subject.centres) if isinstance(subject, Spheres) else len(subject.vertices)
+
     def surface(self, width: int) -> Surface:
         """Return the subject as triangles, fine enough for a picture `width` pixels wide."""
         subject = self.subject

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 import render
 from render.base.errors import BadInputError
+from render.frame.batch_schedule import seed_of
 from render.frame.render_frame import render_frame
-from render.frame.sample_batches import seed_of
 from render.mitsuba.engine import DEFAULT_ORDER, Engine
 from render.post.denoise import denoise
 from render.scene.aovs import RenderedFrame

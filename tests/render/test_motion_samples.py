@@ -10,20 +10,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.frame.sample_batches import (
+from render.frame.batch_schedule import (
     MAX_MOTION_SAMPLES,
     MAX_STEP,
     MIN_SAMPLES,
-    ShutterInterval,
-    batch_sizes,
+    SampleBatch,
+    batch_schedule,
+    chosen_pixels,
     motion_sample_count,
+    multijitter_rounds,
+    traced_rounds,
 )
+from render.frame.sample_batches import SampleBatches, ShutterInterval
 from render.mitsuba.engine import Engine
+from render.mitsuba.scene import build_scene
 from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
+from render.scene.lights import LIGHTS
+from render.scene.materials import LOOKS
 from render.scene.quality import BATCH_SAMPLES, Quality
-from render.scene.scene import MotionSample
-from render.scene.stage import StagePlacement
+from render.scene.scene import MotionSample, Scene
+from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
@@ -120,19 +127,109 @@ def test_every_sample_is_taken_and_every_pass_told(rendered: Rendered, sphere: S
     assert told == [(n, len(told)) for n in range(1, len(told) + 1)]
 
 
-@given(way=st.floats(0.0, 100.0), samples=st.sampled_from([1, 2, 3, 4, 5, 6, 7, 9, 12, 16, 32, 48, 64, 80]))
-def test_subframes_share_all_samples_evenly(way: float, samples: int) -> None:
-    count = motion_sample_count(way, samples)
+COUNTS = st.sampled_from([1, 2, 3, 4, 5, 6, 7, 9, 12, 16, 32, 48, 64, 80])
+
+
+@given(way=st.floats(0.0, 100.0), samples=COUNTS)
+def test_multijitter_shares_all_samples_evenly(way: float, samples: int) -> None:
+    quality = Quality(16, 9, samples=samples, depth=2, auxiliary_samples=1)
+    (only,) = multijitter_rounds(quality, way)
+    count = len(only.times)
     assert 1 <= count <= MAX_MOTION_SAMPLES
-    each = batch_sizes(samples, count)
-    assert sum(each) * count == samples
-    assert len(set(each)) == 1 and each[0] <= BATCH_SAMPLES
+    sizes = [batch.samples for batch in batch_schedule(quality, [only]) if batch.kind == "beauty"]
+    assert sum(sizes) == samples
+    assert len(set(sizes)) == 1 and sizes[0] <= BATCH_SAMPLES
     if samples >= 2 * MIN_SAMPLES:
-        assert count == 1 or each[0] >= MIN_SAMPLES
+        assert count == 1 or sizes[0] >= MIN_SAMPLES
     if samples in (16, 32, 64) and count < samples // MIN_SAMPLES:
         assert way <= MAX_STEP * count
 
 
+@given(
+    way=st.floats(0.0, 200.0),
+    samples=COUNTS,
+    auxiliary=COUNTS,
+    affordable=st.integers(0, 100),
+    is_adaptive=st.booleans(),
+    crop=st.sampled_from([None, (3, 2, 16, 8)]),
+)
+def test_every_pixel_gets_all_samples_once(
+    way: float,
+    samples: int,
+    auxiliary: int,
+    affordable: int,
+    is_adaptive: bool,
+    crop: tuple[int, int, int, int] | None,
+) -> None:
+    threshold = 0.02 if is_adaptive else None
+    quality = Quality(
+        16, 9, samples=samples, depth=2, auxiliary_samples=auxiliary, crop=crop, noise_threshold=threshold
+    )
+    rounds = traced_rounds(quality, way, affordable, 7)
+    width, height = quality.rendered_size
+    taken: dict[str, list[list[int]]] = {
+        kind: [[] for _ in range(width * height)] for kind in ("auxiliary", "beauty")
+    }
+    for batch in batch_schedule(quality, rounds):
+        assert 0.0 <= batch.time <= 1.0
+        pixels = chosen_pixels(quality, batch, 7)
+        for pixel in range(width * height) if pixels is None else pixels:
+            taken[batch.kind][pixel] += range(batch.first, batch.first + batch.samples)
+    assert all(numbers == list(range(samples)) for numbers in taken["beauty"])
+    assert all(
+        len(numbers) >= auxiliary and len(set(numbers)) == len(numbers) for numbers in taken["auxiliary"]
+    )
+    assert len({len(numbers) for numbers in taken["auxiliary"]}) == 1
+
+
+def test_a_crop_chooses_as_the_whole_picture() -> None:
+    whole, crop = Quality(16, 9, samples=4, depth=2), Quality(16, 9, samples=4, depth=2, crop=(3, 2, 9, 8))
+    batch = SampleBatch(0.5, "beauty", 1, 2, (1, 4))
+    chosen, of_crop = (chosen_pixels(quality, batch, 7) for quality in (whole, crop))
+    assert chosen is not None and of_crop is not None
+    rows, columns = np.divmod(chosen, 16)
+    inside = (columns >= 3) & (columns < 9) & (rows >= 2) & (rows < 8)
+    expected = (rows[inside] - 2) * 6 + columns[inside] - 3
+    assert np.array_equal(of_crop, expected)
+    assert 0.15 < len(rows) / (16 * 9) < 0.35
+
+
 def test_slow_things_are_not_cut_up() -> None:
-    assert motion_sample_count(0.0, 64) == motion_sample_count(MAX_STEP, 64) == 1
-    assert [motion_sample_count(way, 64) for way in (1.5, 3.0, 6.0, 50.0)] == [2, 4, 8, 16]
+    assert motion_sample_count(0.0, 64, 999) == motion_sample_count(MAX_STEP, 64, 999) == 1
+    assert [motion_sample_count(way, 64, 999) for way in (1.5, 3.0, 6.0, 50.0)] == [2, 4, 8, 64]
+
+
+def test_fast_things_are_sampled_at_more_times_than_a_pixel_has_samples() -> None:
+    counts = [motion_sample_count(126.0, samples, 999) for samples in (4, 16, 64)]
+    assert counts == [128, 128, 128]
+    assert motion_sample_count(126.0, 16, 40) == 32
+    assert motion_sample_count(126.0, 16, 0) == 16
+
+
+def test_times_that_show_are_random_in_their_parts() -> None:
+    coarse, others = (traced_rounds(FINE, 100.0, 0, seed)[0].times for seed in (7, 8))
+    assert coarse != others
+    assert [int(time * len(coarse)) for time in coarse] == list(range(len(coarse)))
+    fine = traced_rounds(FINE, 8.0, 0, 7)[0].times
+    assert fine == [(i + 0.5) / 8 for i in range(8)]
+
+
+def test_pixels_that_choose_their_times_are_as_bright(sphere: Surface, engine: Engine) -> None:
+    """A streak of 4 samples at 16 times is, over its rows, that of 16 samples at all of them."""
+    engine.start()
+    shutter = sliding(sphere, 4.0)
+
+    def columns(samples: int) -> np.ndarray:
+        quality = Quality(48, 27, samples=samples, depth=2, auxiliary_samples=samples)
+        (whole,) = traced_rounds(quality, 20.0, 16, 7)
+        assert len(whole.times) == 16
+        batches = SampleBatches(quality, batch_schedule(quality, [whole]), (), 7)
+        for batch in batches.remaining():
+            moved = shutter.at(shutter.offset(batch.time))
+            scene = Scene(
+                moved.subject, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], moved.placement, CAMERA
+            )
+            batches.render(batch, build_scene(scene, quality))
+        return batches.accumulator.frame_aovs(scene.objects)["matte"].mean(axis=0)
+
+    np.testing.assert_allclose(columns(4), columns(16), atol=0.06)

@@ -164,7 +164,7 @@ class RenderRequest:
         return self.source.summary.shown_as
 
     def seed(self, number: int) -> int:
-        from render.frame.sample_batches import seed_of
+        from render.frame.batch_schedule import seed_of
 
         return seed_of(self.folders.name, number)
 
