@@ -132,6 +132,7 @@ def compare(ours: Pictures, theirs: Pictures) -> Row:
     kept = errors[:, total <= np.quantile(total, 1.0 - LEFT_OUT)].mean(axis=1)
     both = errors.mean(axis=(1, 2))
     slower = ours.seconds / theirs.seconds
+    logs = np.log(np.maximum(theirs.variance, 1e-20) / np.maximum(ours.variance, 1e-20)).mean()
     energies = [[each.mean() for each in pictures.luminances] for pictures in (ours, theirs)]
     means = [float(np.mean(each)) for each in energies]
     noise = [float(np.std(each, ddof=1)) / len(each) ** 0.5 / each[0] for each in energies]
@@ -141,6 +142,7 @@ def compare(ours: Pictures, theirs: Pictures) -> Row:
         "CPU s, ours": ours.seconds / len(ours.luminances),
         "CPU, times Mitsuba's": slower,
         "gain": float(kept[1] / kept[0]) / slower,
+        "geometric": float(np.exp(logs)) / slower,
         "with fireflies": float(both[1] / both[0]) / slower,
         "energy, %": 100.0 * (means[0] / means[1] - 1.0),
         "± %": 100.0 * float(np.hypot(*noise)),

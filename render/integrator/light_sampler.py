@@ -162,13 +162,24 @@ class LightSampler:
             for source, weight in zip(self.sources, weights, strict=True)
         ]
 
-    def sample_all(self, si: Any, positions: Sequence[Any], active: Any) -> list[LightSample]:
-        """Sample every light source as seen from a surface interaction, each by two random numbers."""
-        ones = [1.0] * len(self.sources)
-        return [
-            self._sample(index, si, position, ones, active)
-            for index, position in zip(range(len(self)), positions, strict=True)
-        ]
+    def sample_each(self, number: Any, si: Any, position: Any, active: Any) -> LightSample:
+        """Sample the light source of a number below `near_count`, as one of those that are all sampled."""
+        import drjit as dr
+        import mitsuba as mi
+
+        emitter = mi.EmitterPtr(self._near[0].emitter)
+        for index, source in enumerate(self._near):
+            emitter = dr.select(number == index, source.emitter, emitter)
+        return _near_sample(emitter, si, position, 1.0, active)
+
+    def sample_distant(self, index: int, si: Any, position: Any, active: Any) -> LightSample:
+        """Sample the light source of an index from `near_count` on, as one of those that are all sampled."""
+        return self._sample(index, si, position, [1.0] * len(self), active)
+
+    @property
+    def near_count(self) -> int:
+        """The number of light sources that Mitsuba samples; they come first."""
+        return len(self._near)
 
     def sample_one(
         self, si: Any, probabilities: list[Any], number: Any, position: Any, active: Any

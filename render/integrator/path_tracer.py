@@ -108,7 +108,7 @@ def _sum_samples(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: An
     radiance, luminance, square = mi.Color3f(0.0), mi.Float(0.0), mi.Float(0.0)
     groups = tracer.groups.zeros() if tracer.groups.are_wanted else []
     coverage = [mi.Float(0.0)] * tracer.coverage_channels
-    while dr.hint(sample < sampler.count, label="samples", exclude=[tracer, sampler]):
+    while dr.hint(sample < sampler.count, label="samples", exclude=[tracer, sampler, corner, size]):
         sampler.sample = sample
         si, throughput = camera_vertex(tracer, sampler, corner, size)
         coverage = _plus(coverage, _seen(tracer, si))
@@ -143,24 +143,20 @@ def _seen(tracer: PathTracer, si: Any) -> list[Any]:
 def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) -> Any:
     """Trace one path through each pixel from its first surface interaction, and return its radiance by light
     group."""
-    groups, scene, light_sampler, context = (
-        tracer.groups,
-        tracer.scene,
-        tracer.light_sampler,
-        mi.BSDFContext(),
-    )
+    groups, scene, light_sampler = tracer.groups, tracer.scene, tracer.light_sampler
     radiance = groups.zeros()
     if dr.hint(not tracer.hide_emitters, mode="scalar"):
-        emitter = si.emitter(scene)
-        radiance = groups.add(radiance, throughput * emitter.eval(si), emitter)
+        radiance = groups.add(radiance, throughput * si.emitter(scene).eval(si), si.emitter(scene))
     vertex, active = mi.UInt32(0), si.is_valid()
     sample_all = 0 < len(light_sampler) <= MAX_SAMPLED_TOGETHER
     if dr.hint(sample_all, mode="scalar"):
-        positions = [sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + i) for i in range(len(light_sampler))]
-        for sample in light_sampler.sample_all(si, positions, active):
-            light = throughput * _direct_light(tracer, si, sample, active)
-            radiance = groups.add(radiance, light, sample.emitter)
-    while dr.hint(active, max_iterations=tracer.max_depth, label="path", exclude=[tracer, sampler]):
+        radiance = _all_direct_light(tracer, sampler, si, throughput, radiance, active)
+    while dr.hint(
+        active,
+        max_iterations=tracer.max_depth,
+        label="path",
+        exclude=[tracer, sampler, groups, scene, light_sampler, sample_all],
+    ):
         # Next event estimation: sample one emitter.
         probabilities = light_sampler.probabilities(si)
         if dr.hint(len(light_sampler) > 0, mode="scalar"):
@@ -174,7 +170,7 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
             probabilities = [dr.select(vertex == 0, 1.0, each) for each in probabilities]
         # Continue the path by the BSDF.
         lobe, direction = sampler.vertex_1d(vertex, LOBE), sampler.vertex_2d(vertex, DIRECTION)
-        bsdf_sample, weight = si.bsdf().sample(context, si, lobe, direction, active)
+        bsdf_sample, weight = si.bsdf().sample(mi.BSDFContext(), si, lobe, direction, active)
         throughput *= weight
         active &= dr.any(throughput != 0.0)
         next_si = scene.ray_intersect(si.spawn_ray(si.to_world(bsdf_sample.wo)), active)
@@ -188,6 +184,32 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
         vertex += 1
         active &= next_si.is_valid() & (vertex + 1 < tracer.max_depth)
         si = next_si
+    return radiance
+
+
+@dr.syntax
+def _all_direct_light(
+    tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any, radiance: Any, active: Any
+) -> Any:
+    """Add the reflected light of a sampled position on every emitter."""
+    light_sampler, vertex = tracer.light_sampler, mi.UInt32(0)
+    count, number = light_sampler.near_count, mi.UInt32(0)
+    if dr.hint(count > 0, mode="scalar"):
+        while dr.hint(
+            number < count,
+            label="emitters",
+            exclude=[tracer, sampler, light_sampler, vertex, si, throughput, active, count],
+        ):
+            position = sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + number)
+            sample = light_sampler.sample_each(number, si, position, active)
+            light = throughput * _direct_light(tracer, si, sample, active)
+            radiance = tracer.groups.add(radiance, light, sample.emitter)
+            number += 1
+    for index in range(count, len(light_sampler)):
+        position = sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + index)
+        sample = light_sampler.sample_distant(index, si, position, active)
+        light = throughput * _direct_light(tracer, si, sample, active)
+        radiance = tracer.groups.add(radiance, light, sample.emitter)
     return radiance
 
 

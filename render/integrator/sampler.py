@@ -73,7 +73,7 @@ class OwenSampler:
         import drjit as dr
         import mitsuba as mi
 
-        self._points = mi.UInt32(points(0, LENGTH)[:, _reversed_numbers()].ravel())
+        self._points = mi.UInt32(_all_points())
         self._first = dr.opaque(mi.UInt32, first % LENGTH)
         self.count = dr.opaque(mi.UInt32, count)
         epoch = dr.opaque(mi.UInt32, (seed + first // LENGTH) % 2**32)
@@ -91,7 +91,7 @@ class OwenSampler:
         """Return a number for LOBE or EMITTER_CHOICE at a vertex of the path, counted from 0."""
         return self._vertex_number(vertex, coordinate, 0)
 
-    def vertex_2d(self, vertex: Any, coordinate: int, repetition: int = 0) -> Any:
+    def vertex_2d(self, vertex: Any, coordinate: int, repetition: Any = 0) -> Any:
         """Return two numbers for EMITTER_POSITION or DIRECTION, independent for each `repetition`."""
         import mitsuba as mi
 
@@ -104,7 +104,7 @@ class OwenSampler:
 
         return dr.brev(self._first + self.sample) >> (32 - _DIGITS)
 
-    def _vertex_number(self, vertex: Any, coordinate: int, repetition: int) -> Any:
+    def _vertex_number(self, vertex: Any, coordinate: int, repetition: Any) -> Any:
         """Return a number of a vertex. From vertex _VERTICES on, the order of the points is shuffled."""
         import drjit as dr
 
@@ -150,6 +150,12 @@ def points(first: int, count: int) -> NDArray[np.uint32]:
     bits = (numbers[:, None] >> np.arange(_DIGITS)) & 1
     digits = [np.bitwise_xor.reduce(bits * matrix, axis=1) for matrix in _matrices()]
     return np.array(digits, dtype=np.uint32)
+
+
+@cache
+def _all_points() -> NDArray[np.uint32]:
+    """Return all points, (COORDINATES * LENGTH,), in the order of their numbers with digits reversed."""
+    return points(0, LENGTH)[:, _reversed_numbers()].ravel()
 
 
 def _reversed_numbers() -> NDArray[np.int64]:
