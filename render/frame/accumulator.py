@@ -113,9 +113,9 @@ class Accumulator:
             self._active = np.full(self._tiles.shape, _of_frame(noise) > threshold)
 
     @property
-    def active_pixels(self) -> PixelNumbers | None:
-        """The pixels that take more samples; None is all of them."""
-        return None if self._active is None or self._active.all() else self._tiles.pixels(self._active)
+    def active_pixels(self) -> PixelNumbers:
+        """The pixels that take more samples, tile by tile."""
+        return self._tiles.pixels(self._active)
 
     @property
     def has_converged(self) -> bool:

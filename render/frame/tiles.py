@@ -10,6 +10,7 @@ with their mean, so that the even spread of samples counts, which single samples
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,11 @@ class Tiles:
     shape: tuple[int, int]
     numbers: NDArray[np.int64]
 
+    @cached_property
+    def _order(self) -> PixelNumbers:
+        """All pixels, tile by tile."""
+        return np.argsort(self.numbers, kind="stable")
+
     @classmethod
     def of(cls, quality: Quality) -> Tiles:
         """Return the tiles of the part that a quality renders."""
@@ -59,9 +65,14 @@ class Tiles:
         sums = np.bincount(self.numbers, weights=values)
         return np.asarray(sums / np.bincount(self.numbers)).reshape(self.shape)
 
-    def pixels(self, chosen: TileMask) -> PixelNumbers:
-        """Return the pixels of chosen tiles, in rising order."""
-        return np.flatnonzero(chosen.ravel()[self.numbers])
+    def pixels(self, chosen: TileMask | None) -> PixelNumbers:
+        """Return the pixels of chosen tiles, tile by tile; None is all tiles.
+
+        Rays of a tile meet the same things, so this order is traced in less time than rows of the picture.
+        """
+        if chosen is None:
+            return self._order
+        return self._order[chosen.ravel()[self.numbers[self._order]]]
 
 
 def with_neighbours(chosen: TileMask) -> TileMask:
