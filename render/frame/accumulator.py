@@ -139,8 +139,11 @@ class Accumulator:
             "matte": np.clip(means["matte"][..., 0], 0.0, 1.0),
         }
         if "coverage" in means:
-            names = ["alpha", *(f"{COVERAGE}{name}" for name in objects)]
-            arrays |= zip(names, np.moveaxis(means["coverage"], 2, 0), strict=True)
+            alpha, *planes = np.moveaxis(means["coverage"], 2, 0)
+            covered = {f"{COVERAGE}{name}": plane for name, plane in zip(objects, planes, strict=False)}
+            arrays |= {"alpha": alpha, **covered}
+            if len(planes) > len(objects):
+                arrays["shadow"] = covered[f"{COVERAGE}stage"] * _shadow(*planes[len(objects) :])
         followed = {name: means[name] for name in DENOISER if name in means}
         if any(not np.array_equal(means[name.removeprefix("denoise_")], followed[name]) for name in followed):
             arrays |= followed
@@ -227,6 +230,11 @@ class Accumulator:
 def _of_frame(noise: Picture) -> float:
     """Return the noise of a frame, from that of its tiles."""
     return float(np.quantile(noise, QUIET_FRACTION, method="inverted_cdf"))
+
+
+def _shadow(lit: Picture, bare: Picture) -> Picture:
+    """Return the part of the light that is missing, from luminances with and without what casts shadows."""
+    return np.asarray(1.0 - np.divide(lit, bare, out=np.ones_like(lit), where=bare > 0.0))
 
 
 def _standard_error(mean: Picture, square: Picture, samples: NDArray[np.int32]) -> Picture:

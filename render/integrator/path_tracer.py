@@ -37,6 +37,18 @@ MAX_SAMPLED_TOGETHER = 6
 
 
 @dataclass(frozen=True, eq=False)
+class ShadowCatcher:
+    """A shape that the lens does not see, but the shadows on it.
+
+    shape  pointer to it
+    empty  path tracer of a scene with this shape and the emitters alone
+    """
+
+    shape: Any
+    empty: PathTracer
+
+
+@dataclass(frozen=True, eq=False)
 class PathTracer:
     """A path tracer for one scene.
 
@@ -45,6 +57,7 @@ class PathTracer:
     hide_emitters  True if the lens sees neither emitters nor the sky
     groups         light groups, each of which gets a sum of its own; by default one of all emitters
     objects        shapes whose coverage of the pixel is measured
+    catcher        a shape that is not seen, but the shadows on it; or None
     """
 
     scene: Any
@@ -54,11 +67,12 @@ class PathTracer:
     hide_emitters: bool
     groups: EmitterGroups = field(default_factory=EmitterGroups)
     objects: Sequence[Any] = ()
+    catcher: ShadowCatcher | None = None
 
     @property
     def coverage_channels(self) -> int:
-        """The channels of alpha and the coverage of the objects."""
-        return 1 + len(self.objects)
+        """The channels of alpha, the coverage of the objects, and light on the shadow catcher."""
+        return 1 + len(self.objects) + (2 if self.catcher else 0)
 
     def render(
         self, samples: int, first: int, seed: int, pixels: NDArray[np.integer[Any]] | None = None
@@ -101,9 +115,12 @@ def film_pixels(film: Any, pixels: NDArray[np.integer[Any]] | None) -> tuple[Any
 
 @dr.syntax
 def _sum_samples(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: Any) -> Any:
-    """Return the sums over all samples, (pixels,) each: radiance (3), luminance and its square, the radiance
-    (3) of each light group, alpha and the coverage of each object. Light that is not finite counts as
-    black."""
+    """Return the sums over all samples, (pixels,) each.
+
+    Radiance (3), luminance and its square, the radiance (3) of each light group, alpha, the coverage of each
+    object, and the luminance on the shadow catcher with and without what casts shadows. Light that is not
+    finite counts as black.
+    """
     sample = mi.UInt32(0)
     radiance, luminance, square = mi.Color3f(0.0), mi.Float(0.0), mi.Float(0.0)
     groups = tracer.groups.zeros() if tracer.groups.are_wanted else []
@@ -111,8 +128,8 @@ def _sum_samples(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: An
     while dr.hint(sample < sampler.count, label="samples", exclude=[tracer, sampler, corner, size]):
         sampler.sample = sample
         si, throughput = camera_vertex(tracer, sampler, corner, size)
-        coverage = _plus(coverage, _seen(tracer, si))
-        parts = _finite(trace(tracer, sampler, si, throughput))
+        parts, caught = _beside_catcher(tracer, sampler, si, throughput)
+        coverage = _plus(coverage, [*_seen(tracer, si), *caught])
         light = sum(parts[1:], parts[0])
         groups = _plus(groups, parts)
         y = mi.luminance(light)
@@ -134,9 +151,37 @@ def _plus(totals: list[Any], parts: list[Any]) -> list[Any]:
 
 def _seen(tracer: PathTracer, si: Any) -> list[Any]:
     """Return 1 or 0 for alpha and each object, by what the lens sees. A visible sky is opaque."""
-    hit = si.is_valid()
-    alpha = dr.select(hit, 1.0, 0.0) if tracer.hide_emitters else mi.Float(1.0)
-    return [alpha, *(dr.select(hit & (si.shape == shape), 1.0, 0.0) for shape in tracer.objects)]
+    hit = si.is_valid() if tracer.hide_emitters else mi.Bool(True)
+    if tracer.catcher is not None:
+        hit &= ~_is_on(si, tracer.catcher.shape)
+    objects = (dr.select(_is_on(si, shape), 1.0, 0.0) for shape in tracer.objects)
+    return [dr.select(hit, 1.0, 0.0), *objects]
+
+
+def _is_on(si: Any, shape: Any) -> Any:
+    return si.is_valid() & (si.shape == shape)
+
+
+def _beside_catcher(
+    tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any
+) -> tuple[list[Any], list[Any]]:
+    """Return the radiance by light group, 0 on the shadow catcher, and the luminance on the catcher with and
+    without what casts shadows.
+
+    Both paths on the catcher have the same random numbers: light that no shadow changes is the same to the
+    last bit. Light that the subject adds, such as a caustic, is left out, sample by sample.
+    """
+    parts = _finite(trace(tracer, sampler, dr.copy(si), dr.copy(throughput)))  # tracing moves them along
+    if tracer.catcher is None:
+        return parts, []
+    is_on = _is_on(si, tracer.catcher.shape)
+    lit = dr.select(is_on, mi.luminance(sum(parts[1:], parts[0])), 0.0)
+    bare = dr.copy(si)
+    bare.t = dr.select(is_on, si.t, dr.inf)
+    without = _finite(trace(tracer.catcher.empty, sampler, bare, dr.copy(throughput)))
+    seen = [dr.select(is_on, 0.0, part) for part in parts]
+    unshadowed = mi.luminance(sum(without[1:], without[0]))
+    return seen, [dr.minimum(lit, unshadowed), unshadowed]
 
 
 @dr.syntax

@@ -114,6 +114,8 @@ def _lit(
     path |= {"hide_emitters": not lights.shows_sky, "block_size": BLOCK_SIZE}
     integrator = _load_part(path)
     tracer = _path_tracer(lit, integrator, path, lights, to_scene, scene.objects)
+    if scene.stage.shadow_catcher:
+        tracer = _with_catcher(tracer, scene, size, path)
     if tracer is None:
         integrator = _load_part({"type": "moment", "block_size": BLOCK_SIZE, "path": path})
     groups = () if tracer else lights.groups
@@ -195,6 +197,23 @@ def _path_tracer(
     shapes = [by_name[name] for name in objects]
     dr.make_opaque(shapes)  # numbers of shapes differ from frame to frame; the compiled code shall not
     return PathTracer(scene, integrator, sampler, path["max_depth"], path["hide_emitters"], groups, shapes)
+
+
+def _with_catcher(tracer: Any, scene: Scene, size: tuple[int, int], path: dict[str, Any]) -> Any:
+    """Return the path tracer with the stage as its shadow catcher. Raises BadInputError for None."""
+    if tracer is None:
+        raise BadInputError(
+            "a shadow catcher needs a compiled variant of Mitsuba and a look other than smoke. Remove "
+            "shadow_catcher from the stage, or read what flowsculpt doctor says of libLLVM"
+        )
+    from render.integrator.path_tracer import ShadowCatcher
+
+    placement, lights = scene.placement, emitters.emitters(scene.lights, scene.placement.matrix())
+    floor = stage_shapes(scene.stage, placement, scene.camera, size, scene.working_space)["stage"]
+    alone = _load({"type": "scene", "sensor": sensor(scene.camera, size), "stage": floor, **lights})
+    hidden = {**path, "hide_emitters": True}
+    empty = _path_tracer(alone, tracer.integrator, hidden, scene.lights, placement.matrix(), ())
+    return replace(tracer, catcher=ShadowCatcher(tracer.objects[scene.objects.index("stage")], empty))
 
 
 def _mitsuba_features(

@@ -17,7 +17,7 @@ from render.post.cryptomatte import MATERIAL, OBJECT, cryptomatte_header, crypto
 from render.post.layer_names import cryptomatte_label
 from render.scene.aovs import COVERAGE, Pixels, RenderedFrame
 from render.scene.camera import Camera
-from render.scene.stage import StagePlacement
+from render.scene.stage import Stage, StagePlacement
 
 NOTHING = np.float32(1e10)
 """Depth where the lens sees nothing, as in Cycles."""
@@ -42,7 +42,7 @@ class Shown:
     before     of the frame before
     after      of the next frame
     size       width and height of the whole picture, pixels
-    has_stage  False if there is nothing around the subject
+    stage      around the subject
     materials  names of materials by object, where the names differ
     """
 
@@ -50,7 +50,7 @@ class Shown:
     before: View
     after: View
     size: tuple[int, int]
-    has_stage: bool
+    stage: Stage
     materials: Mapping[str, str]
 
 
@@ -61,9 +61,9 @@ def compositing_layers(raw: RenderedFrame, shown: Shown) -> dict[str, Pixels]:
     """
     alpha, matte = raw["alpha"], raw["matte"]
     mixed = [raw["position"], raw["depth"][..., None], raw["before"], raw["after"]]
-    values = unmixed(np.concatenate(mixed, axis=2), matte, alpha, shown.has_stage)
+    values = unmixed(np.concatenate(mixed, axis=2), matte, alpha, bool(shown.stage.objects))
     position, distance, before, after = np.split(values, (3, 4, 7), axis=2)
-    covered = distance[..., 0] > 0.0
+    covered = (alpha > 0.0) & (distance[..., 0] > 0.0)
     camera = shown.view.camera
     planar = (position - np.asarray(camera.origin)) @ camera.axes()[2]
     is_subject = (covered & (matte >= 0.5 * alpha))[..., None]
@@ -73,14 +73,15 @@ def compositing_layers(raw: RenderedFrame, shown: Shown) -> dict[str, Pixels]:
         moved = position + np.where(is_subject, offset, of_stage)
         return np.where(covered[..., None], _pixels_between(shown, position, moved, then.camera), 0.0)
 
-    coverage = object_coverage(raw, shown.has_stage)
+    coverage = object_coverage(raw, shown.stage)
     return {
         "beauty": raw["beauty"],
         "alpha": alpha,
         "planar_depth": np.where(covered, planar, NOTHING).astype(np.float32),
         "depth": np.where(covered, distance[..., 0], NOTHING).astype(np.float32),
-        "position": position.astype(np.float32),
-        **{name: raw[name] for name in ("normal", "albedo", "matte")},
+        "position": np.where(covered[..., None], position, 0.0).astype(np.float32),
+        **{name: np.where(covered[..., None], raw[name], np.float32(0.0)) for name in ("normal", "albedo")},
+        "matte": matte,
         "motion": motion(after, shown.after).astype(np.float32),
         "backward_motion": motion(before, shown.before).astype(np.float32),
         **cryptomatte_layers(OBJECT, coverage),
@@ -90,7 +91,7 @@ def compositing_layers(raw: RenderedFrame, shown: Shown) -> dict[str, Pixels]:
 
 def mattes_header(raw: RenderedFrame, shown: Shown, convention: str) -> dict[str, str]:
     """Return the header's entries for the mattes of `compositing_layers`, with a convention's names."""
-    coverage = object_coverage(raw, shown.has_stage)
+    coverage = object_coverage(raw, shown.stage)
     names = {OBJECT: coverage, MATERIAL: by_material(coverage, shown.materials)}
     entries = [
         cryptomatte_header(cryptomatte_label(crypto, convention), list(planes))
@@ -139,12 +140,14 @@ def _pixels_between(
     return motion.reshape(*points.shape[:2], 2)
 
 
-def object_coverage(raw: RenderedFrame, has_stage: bool) -> dict[str, Pixels]:
-    """Return the coverage (H, W) of each object by name; that of subject and stage where no more is known."""
+def object_coverage(raw: RenderedFrame, stage: Stage) -> dict[str, Pixels]:
+    """Return the coverage (H, W) of each object that is seen; of subject and stage where no more is known."""
     known = {name[len(COVERAGE) :]: plane for name, plane in raw.arrays.items() if name.startswith(COVERAGE)}
+    if stage.shadow_catcher:
+        known.pop("stage", None)
     if known:
         return known
-    rest = {"stage": np.maximum(raw["alpha"] - raw["matte"], 0.0)} if has_stage else {}
+    rest = {"stage": np.maximum(raw["alpha"] - raw["matte"], 0.0)} if stage.objects else {}
     return {"subject": raw["matte"], **rest}
 
 

@@ -61,6 +61,7 @@ AOVS = {**ALWAYS, **EXTRA, **DENOISER}
 COMPUTED = {
     "planar_depth": Aov("Z", "float", "distance from the camera's plane"),
     "backward_motion": Aov("XY", "float", "pixels right and up from this frame to the one before"),
+    "shadow": Aov("A", "half", "part of the pixel that a shadow on the shadow catcher darkens"),
     "denoised": Aov("RGB", "half", "light without noise"),
 }
 """Layers that are computed from the AOVs of a frame."""

@@ -92,6 +92,7 @@ class Stage:
     steepness      slope at the outer rim, radians
     width, height  of the plinth, stage units
     round          True for a round plinth, False for a square one
+    shadow_catcher True if floor and wall are not seen, but the shadows on them
     """
 
     kind: str = "cyclorama"
@@ -103,10 +104,13 @@ class Stage:
     width: float = 1.7
     height: float = 1.6
     round: bool = False
+    shadow_catcher: bool = False
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise BadInputError(f"stage is {self.kind!r}; it can be {', '.join(KINDS)}")
+        if self.shadow_catcher and self.kind == "none":
+            raise BadInputError("stage none has no floor that could catch shadows; take ground or cyclorama")
         if min(self.floor, self.sweep) <= 0.0 or not 0.0 < self.steepness <= math.pi / 2.0:
             raise BadInputError("a cyclorama's floor and sweep must be above 0, its steepness in 0° … 90°")
         if not (self.width >= 8.0 * BEVEL and self.height >= 8.0 * BEVEL):

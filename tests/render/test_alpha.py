@@ -1,11 +1,14 @@
 """Alpha, and the coverage of objects, that are measured with the rays of the light."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from render.base.errors import BadInputError
 from render.frame.render_frame import render_frame
 from render.scene.aovs import COVERAGE
-from render.scene.lights import LightRig, Sky
+from render.scene.lights import LIGHTS, LightRig, Sky
 from render.scene.materials import LOOKS
 from render.scene.scene import Scene
 from render.scene.stage import STAGES, StagePlacement
@@ -43,3 +46,32 @@ def test_alpha_is_whole_where_the_stage_is_seen_and_the_objects_share_it(rendere
         assert all(plane.max() == 1.0 for plane in parts.values())
         assert np.array_equal(sum(parts.values()), layers["alpha"])
         assert np.abs(parts[f"{COVERAGE}subject"] - layers["matte"]).mean() < 0.02
+
+
+def test_a_shadow_catcher_is_not_seen_but_darkens_what_lies_below(sphere, engine):
+    if engine.variant == "scalar_rgb":
+        pytest.skip("a shadow catcher needs a compiled variant")
+
+    def rendered(stage):
+        scene = Scene(sphere, LOOKS["clay"], LIGHTS["studio"], stage, StagePlacement(), CAMERA)
+        return render_frame(scene, replace(TINY, fireflies="keep"), 3, engine)
+
+    seen, caught = rendered(STAGES["ground"]), rendered(replace(STAGES["ground"], shadow_catcher=True))
+    floor = seen["coverage.stage"] == 1.0
+    assert (caught["beauty"][floor] == 0.0).all() and (caught["alpha"][floor] == 0.0).all()
+    assert np.array_equal(caught["beauty"][seen["matte"] == 1.0], seen["beauty"][seen["matte"] == 1.0])
+    assert caught["shadow"].min() >= 0.0 and (caught["shadow"] <= caught["coverage.stage"] + 1e-6).all()
+    assert caught["shadow"].max() > 0.5, "below the sphere"
+    assert np.median(caught["shadow"][floor]) < 0.2 and (caught["shadow"][floor] < 1e-6).any()
+
+
+def test_a_shadow_catcher_asks_for_a_path_tracer(sphere, engine):
+    stage = replace(STAGES["ground"], shadow_catcher=True)
+    scene = Scene(sphere, LOOKS["smoke"], LIGHTS["studio"], stage, StagePlacement(), CAMERA)
+    with pytest.raises(BadInputError, match="shadow catcher needs a compiled variant"):
+        render_frame(scene, TINY, 3, engine)
+
+
+def test_without_a_floor_no_shadow_can_be_caught():
+    with pytest.raises(BadInputError, match="take ground or cyclorama"):
+        replace(STAGES["none"], shadow_catcher=True)

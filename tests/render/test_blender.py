@@ -58,7 +58,7 @@ def test_blender_composites_our_layers_and_picks_our_mattes(convention, stage, s
     step = raw["matte"][..., None] * np.float32([0.5, 0.25, 0.0])
     raw = RenderedFrame({**raw.arrays, "after": step, "before": -0.5 * step})
     view = View(CAMERA, StagePlacement())
-    shown = Shown(view, view, view, TINY.rendered_size, bool(STAGES[stage].objects), {"subject": "clay"})
+    shown = Shown(view, view, view, TINY.rendered_size, STAGES[stage], {"subject": "clay"})
     layers = RenderedFrame(compositing_layers(raw, shown))
     standard = mattes_header(raw, shown, convention)
     write_exr(tmp_path / "frame.exr", layers, {}, standard=standard, convention=convention)

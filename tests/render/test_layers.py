@@ -18,7 +18,7 @@ from render.post.image import read_exr, write_exr
 from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.quality import CONVENTIONS
-from render.scene.stage import StagePlacement
+from render.scene.stage import STAGES, StagePlacement
 
 CAMERA = Camera((1.0, 2.0, 8.0), (0.0, 1.0, 0.0))
 SIZE = 16, 9
@@ -45,7 +45,7 @@ def raw_frame(matte, stage=None):
 
 def shown(stage=False, camera=CAMERA):
     here, there = View(CAMERA, StagePlacement()), View(camera, StagePlacement())
-    return Shown(here, here, there, SIZE, stage, {"subject": "clay"})
+    return Shown(here, here, there, SIZE, STAGES["cyclorama" if stage else "none"], {"subject": "clay"})
 
 
 def half_covered():

@@ -15,7 +15,7 @@ from pipeline.production.stages import FINISH
 from pipeline.production.tasks.finished_frames import FinishedFrames
 from pipeline.production.tasks.job import Context
 from render.post.denoise import denoise
-from render.scene.aovs import RenderedFrame
+from render.scene.aovs import DENOISER, RenderedFrame
 
 if TYPE_CHECKING:
     from pipeline.production.render_inputs.framing import Framing
@@ -76,7 +76,13 @@ class _Denoiser:
         return RenderedFrame({**layers.arrays, "beauty": light}, layers.facts), header
 
     def _read(self, number: int) -> tuple[RenderedFrame, dict[str, Any]]:
-        return self.context.read_picture(self.context.request, "raw", number, self.keys[number].raw)
+        layers, header = self.context.read_picture(self.context.request, "raw", number, self.keys[number].raw)
+        if "shadow" not in layers.arrays:
+            return layers, header
+        # Features of the shadow catcher, which is not seen, would blur the subject's outline.
+        names = {"albedo", "normal", *DENOISER} & layers.arrays.keys()
+        seen = {name: layers[name] * layers["alpha"][..., None] for name in names}
+        return RenderedFrame({**layers.arrays, **seen}, layers.facts), header
 
     def _single(self, number: int) -> DenoisedFrame:
         """Return a picture denoised by itself, with what the temporal denoiser needs of it."""

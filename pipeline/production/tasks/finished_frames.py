@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from pipeline.frames import FrameRate
 from pipeline.production.request.render_request import RenderRequest
 from render.movie.sequences import timecode
@@ -31,13 +33,16 @@ class FinishedFrames:
 
     def write(self, path: Path, number: int, frame: RenderedFrame, header: Mapping[str, Any]) -> None:
         """Write a finished frame; `frame` has the raw AOVs, and the finished light as its beauty."""
-        request, layers, standard = self.request, {n: frame[n] for n in ("beauty", "alpha")}, {}
+        request, standard = self.request, {}
+        shadow = {"shadow": frame["shadow"]} if "shadow" in frame.arrays else {}
+        alpha = np.minimum(sum(shadow.values(), frame["alpha"]), np.float32(1.0))
+        layers = light = {"beauty": frame["beauty"], "alpha": alpha}
         if request.layers is not None:
             from render.post.compositing import compositing_layers, mattes_header
 
             shown = self._shown(number)
             extra = {name: frame[name] for name, _ in request.precision if name in frame.arrays}
-            layers = {**extra, **compositing_layers(frame, shown)}
+            layers = {**extra, **compositing_layers(frame, shown), **shadow, **light}
             standard = mattes_header(frame, shown, request.layers)
         write_exr(
             path,
@@ -60,7 +65,7 @@ class FinishedFrames:
         lines = {"wireframe": "wireframe"} if picture.look.wireframe else {}
         materials = {"subject": material_name(picture.look), **lines}
         size = quality.width, quality.height
-        return Shown(now, before, after, size, bool(picture.stage.objects), materials)
+        return Shown(now, before, after, size, picture.stage, materials)
 
 
 def material_name(look: Material) -> str:

@@ -324,11 +324,14 @@ class StageDocument(Document):
         "of the plinth, in half-sizes of the subject; by default 1.6"
     )
     round: bool | None = optional("a round plinth instead of a square one")
+    shadow_catcher: bool | None = optional(
+        "floor and wall are not seen, but the shadows on them, as alpha: for compositing"
+    )
 
     @model_validator(mode="after")
     def _kind_has_all(self) -> Self:
-        all_settings = ("colour", "roughness", "width", "height", "round")
-        settings = dict.fromkeys(STAGES, all_settings[:2]) | {"plinth": all_settings, "none": ()}
+        all_settings = ("colour", "roughness", "shadow_catcher", "width", "height", "round")
+        settings = dict.fromkeys(STAGES, all_settings[:3]) | {"plinth": all_settings, "none": ()}
         for name in all_settings:
             if getattr(self, name) is not None and name not in settings[self.kind]:
                 fitting = " or ".join(kind for kind in STAGES if name in settings[kind])
