@@ -66,7 +66,8 @@ def write_exr(
         formats += [_PRECISION[kind]] * flat.shape[2]
         planes.append(channels.factor * (np.clip(flat, -_MAX_HALF, _MAX_HALF) if kind == "half" else flat))
     width, height = layers.size
-    spec = oiio.ImageSpec(width, height, len(formats), oiio.FLOAT)
+    one_format = formats[0] if len(set(formats)) == 1 else oiio.FLOAT  # counts where all channels have it
+    spec = oiio.ImageSpec(width, height, len(formats), one_format)
     spec.channelnames = tuple(name for group in names.values() for name in group)
     spec.channelformats = tuple(oiio.TypeDesc(each) for each in formats)
     spec.attribute("compression", "zip")

@@ -39,6 +39,12 @@ def test_layers_come_back_as_they_were(layers: RenderedFrame, tmp_path: Path) ->
         assert np.array_equal(again[name], array if exact else array.astype(np.float16).astype(np.float32))
 
 
+def test_a_file_of_half_floats_alone_holds_half_floats(tmp_path: Path) -> None:
+    light = np.full((2, 3, 3), 0.1, np.float32)
+    write_exr(tmp_path / "a.exr", RenderedFrame({"beauty": light}), {})
+    assert np.array_equal(read_exr(tmp_path / "a.exr")[0]["beauty"], light.astype(np.float16))
+
+
 def test_light_too_bright_for_half_floats_is_finite_in_the_file(
     layers: RenderedFrame, tmp_path: Path
 ) -> None:
