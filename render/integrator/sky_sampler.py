@@ -73,6 +73,8 @@ class Table:
     """
 
     def __init__(self, luminance: NDArray[np.float64]) -> None:
+        if not luminance.any():
+            luminance = np.ones_like(luminance)  # a sky that is turned off still has a density
         sine = np.sin(np.linspace(0.0, math.pi, len(luminance)))
         weights = np.maximum(luminance, 1e-4 * luminance.mean()) * np.maximum(sine, 0.25 * sine[1])[:, None]
         self._warp: Any = mi.Hierarchical2D0(

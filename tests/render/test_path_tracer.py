@@ -62,11 +62,12 @@ def blocks(picture: np.ndarray) -> np.ndarray:
         ("glass", LIGHTS["three_point"], 0.04),
         ("frosted", LIGHTS["studio"], 0.02),
         ("putty", LightRig(daylight=Daylight()), 0.01),
+        ("clay", LightRig(daylight=Daylight(sky=0.0)), 0.01),
         ("clay", LightRig(suns=(Sun((-1.0, -1.0, -0.5), (2.0, 2.0, 1.5)),), sky=Sky((0.1, 0.2, 0.3))), 0.01),
         ("clay", LightRig(sky=Sky((0.4, 0.5, 0.6), (0.4, 0.5, 0.6), (0.4, 0.5, 0.6), visible=True)), 0.01),
         ("putty", MANY, 0.01),
     ],
-    ids=["studio", "gallery", "glass", "frosted", "daylight", "sun", "sky", "many lamps"],
+    ids=["studio", "gallery", "glass", "frosted", "daylight", "no sky", "sun", "sky", "many lamps"],
 )
 def test_they_find_the_same_light_as_mitsuba(
     look: str, lights: LightRig, within: float, built: Callable[..., SceneRenderer]
