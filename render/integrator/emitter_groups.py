@@ -1,28 +1,58 @@
 """Emitter groups of a scene: sums of radiance, one for each group.
 
 A path adds light of many emitters to one pixel. Which of them is known only while it is traced, so each light
-is compared with all of them.
+is compared with all of them. Mitsuba's daylight is one emitter: its light from within the sun's disc is that
+of the sun, less the share of the sky there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
+
+from render.base.serialise import Triple
+from render.integrator.light_sampler import emitter_pointers
+
+
+@dataclass(frozen=True)
+class SunDisc:
+    """The sun within the emitter `sky`, where the two are in different groups.
+
+    direction  unit vector to its middle
+    cosine     of the angle between its middle and its edge
+    fraction   of the light there that is the sun's, by channel
+    group      index of its group
+    """
+
+    direction: Triple
+    cosine: float
+    fraction: Triple
+    group: int
 
 
 class EmitterGroups:
-    """The groups of the emitters of a scene. Those of no group belong to the last.
+    """The groups of the emitters of a scene. Emitters of no group belong to the last.
 
     count       sums of a path: as many as groups, 1 without groups
     are_wanted  True if the light of each group is wanted beside that of all
     """
 
-    def __init__(self, scene: Any = None, names: Sequence[Sequence[str]] = ()) -> None:
+    def __init__(
+        self, scene: Any = None, names: Sequence[Sequence[str]] = (), sun: SunDisc | None = None
+    ) -> None:
         """Group the emitters of a Mitsuba scene. names: those of the emitters of each group"""
-        from render.integrator.light_sampler import emitter_pointers
+        import drjit as dr
+        import mitsuba as mi
 
         self.count, self.are_wanted = max(1, len(names)), len(names) > 0
-        self._emitters = [emitter_pointers(scene, group) for group in names[: self.count - 1]]
+        self._emitters = [emitter_pointers(scene, group) for group in names]
+        self._sun = sun
+        if sun is not None:
+            self._sky = next(index for index, group in enumerate(names) if "sky" in group)
+            self._direction = dr.opaque(mi.Vector3f, list(sun.direction))
+            self._cosine = dr.opaque(mi.Float, sun.cosine)
+            self._fraction = dr.opaque(mi.Color3f, list(sun.fraction))
 
     def zeros(self) -> list[Any]:
         """Return the sums of a path without light."""
@@ -30,17 +60,38 @@ class EmitterGroups:
 
         return [mi.Color3f(0.0) for _ in range(self.count)]
 
-    def add(self, sums: list[Any], light: Any, emitter: Any) -> list[Any]:
-        """Return the sums with the light of an emitter, an array of pointers, added to that of its group."""
+    def add(self, sums: list[Any], light: Any, emitter: Any, direction: Any) -> list[Any]:
+        """Return the sums with the light of an emitter added to that of its group.
+
+        emitter    array of pointers
+        direction  unit vectors to the emitter
+        """
+        if self.count == 1:
+            return [sums[0] + light]
+        parts = self._parts(light, emitter)
+        if self._sun is not None:
+            self._move_sun(parts, direction)
+        return [total + part for total, part in zip(sums, parts, strict=True)]
+
+    def _parts(self, light: Any, emitter: Any) -> list[Any]:
+        """Return the light by the group of its emitter."""
         import drjit as dr
         import mitsuba as mi
 
         parts, is_other = [], mi.Bool(True)
-        for group in self._emitters:
+        for group in self._emitters[:-1]:
             is_member = mi.Bool(False)
             for member in group:
                 is_member |= emitter == member
             is_other &= ~is_member
             parts.append(dr.select(is_member, light, 0.0))
-        parts.append(dr.select(is_other, light, 0.0) if self._emitters else light)
-        return [total + part for total, part in zip(sums, parts, strict=True)]
+        return [*parts, dr.select(is_other, light, 0.0)]
+
+    def _move_sun(self, parts: list[Any], direction: Any) -> None:
+        """Move the light of the sun's disc from the sky's group to the sun's."""
+        import drjit as dr
+
+        assert self._sun is not None
+        sky, is_sun = parts[self._sky], dr.dot(direction, self._direction) > self._cosine
+        parts[self._sun.group] += dr.select(is_sun, sky * self._fraction, 0.0)
+        parts[self._sky] = dr.select(is_sun, sky * (1.0 - self._fraction), sky)

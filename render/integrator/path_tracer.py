@@ -191,7 +191,7 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
     groups, scene, light_sampler = tracer.groups, tracer.scene, tracer.light_sampler
     radiance = groups.zeros()
     if dr.hint(not tracer.hide_emitters, mode="scalar"):
-        radiance = groups.add(radiance, throughput * si.emitter(scene).eval(si), si.emitter(scene))
+        radiance = groups.add(radiance, throughput * si.emitter(scene).eval(si), si.emitter(scene), -si.wi)
     vertex, active = mi.UInt32(0), si.is_valid()
     sample_all = 0 < len(light_sampler) <= MAX_SAMPLED_TOGETHER
     if dr.hint(sample_all, mode="scalar"):
@@ -210,7 +210,7 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
             position = sampler.vertex_2d(vertex, EMITTER_POSITION)
             sample = light_sampler.sample_one(si, probabilities, choice, position, wanted)
             light = throughput * _direct_light(tracer, si, sample, wanted)
-            radiance = groups.add(radiance, light, sample.emitter)
+            radiance = groups.add(radiance, light, sample.emitter, sample.direction)
         if dr.hint(sample_all, mode="scalar"):
             probabilities = [dr.select(vertex == 0, 1.0, each) for each in probabilities]
         # Continue the path by the BSDF.
@@ -225,7 +225,7 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
         square = light_sampler.squared_density(si, hit, probabilities, active & ~delta)
         mis_weight = power_heuristic(bsdf_sample.pdf, dr.select(delta, 0.0, square))
         light = throughput * mis_weight * hit.emitter.eval(next_si, active)
-        radiance = groups.add(radiance, dr.select(active, light, 0.0), hit.emitter)
+        radiance = groups.add(radiance, dr.select(active, light, 0.0), hit.emitter, hit.d)
         vertex += 1
         active &= next_si.is_valid() & (vertex + 1 < tracer.max_depth)
         si = next_si
@@ -248,13 +248,13 @@ def _all_direct_light(
             position = sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + number)
             sample = light_sampler.sample_each(number, si, position, active)
             light = throughput * _direct_light(tracer, si, sample, active)
-            radiance = tracer.groups.add(radiance, light, sample.emitter)
+            radiance = tracer.groups.add(radiance, light, sample.emitter, sample.direction)
             number += 1
     for index in range(count, len(light_sampler)):
         position = sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + index)
         sample = light_sampler.sample_distant(index, si, position, active)
         light = throughput * _direct_light(tracer, si, sample, active)
-        radiance = tracer.groups.add(radiance, light, sample.emitter)
+        radiance = tracer.groups.add(radiance, light, sample.emitter, sample.direction)
     return radiance
 
 

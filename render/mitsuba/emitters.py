@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from render.base.serialise import Triple
+from render.integrator.emitter_groups import SunDisc
 from render.scene.camera import Camera
 from render.scene.lights import LightRig, Sky, Softbox, Sun
 from render.scene.sky import Daylight, Environment
@@ -25,6 +27,9 @@ _WANTED_AT_60 = 8.0
 
 _MAP_ROWS, _COARSE = 1024, 8
 """Rows of a map of daylight, and how many times fewer the sky is computed at."""
+
+_MAP_EDGE, _DISC_EDGE = 1.5, 1e-4
+"""Width of the sun's edge beyond its disc: in pixels of a map, and in radians."""
 
 _DUSK_EXPONENT = 0.8
 """Power of the light's fall towards dusk that exposure makes up for."""
@@ -46,6 +51,29 @@ def emitters_by_group(lights: LightRig) -> dict[str, list[str]]:
         group.name: [name for name, light in lights_of.items() if light in group.lights]
         for group in lights.groups
     }
+
+
+def sun_disc(lights: LightRig) -> SunDisc | None:
+    """Return the sun of a rig's daylight, where it is in another light group than the sky."""
+    daylight = lights.daylight
+    groups = [index for index, group in enumerate(lights.groups) if "sun" in group.lights]
+    if daylight is None or not groups or "sky" in lights.groups[groups[0]].lights:
+        return None
+    is_map = daylight.working_space != REC709.name
+    radius = daylight.width / 2.0 + (_MAP_EDGE * math.pi / _MAP_ROWS if is_map else _DISC_EDGE)
+    return SunDisc(daylight.direction, math.cos(radius), _sun_fraction(daylight), groups[0])
+
+
+@lru_cache(maxsize=4)
+def _sun_fraction(daylight: Daylight) -> Triple:
+    """Return the fraction, by channel, that the sun has of the light from the middle of its disc."""
+    direction = np.array([daylight.direction])
+    sun, sky = (
+        np.maximum(_radiance({**_sunsky(daylight), "sun_scale": sun, "sky_scale": sky}, direction)[0], 0.0)
+        for sun, sky in ((daylight.sun, 0.0), (0.0, daylight.sky))
+    )
+    red, green, blue = (sun / np.maximum(sun + sky, 1e-12)).tolist()
+    return red, green, blue
 
 
 def _distant(lights: LightRig) -> dict[str, Any]:

@@ -192,7 +192,8 @@ def _path_tracer(
     from render.integrator.path_tracer import PathTracer  # needs Mitsuba's variant
 
     sampler = LightSampler(scene, sampled_emitters(lights, to_scene))
-    groups = EmitterGroups(scene, list(emitters.emitters_by_group(lights).values()))
+    names = list(emitters.emitters_by_group(lights).values())
+    groups = EmitterGroups(scene, names, emitters.sun_disc(lights))
     by_name = {shape.id(): mi.ShapePtr(shape) for shape in scene.shapes()}
     shapes = [by_name[name] for name in objects]
     dr.make_opaque(shapes)  # numbers of shapes differ from frame to frame; the compiled code shall not

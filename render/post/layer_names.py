@@ -81,13 +81,21 @@ def channels_of(layer: str, count: int, convention: str | None = None) -> Channe
     else:
         default = "A" if layer.startswith(COVERAGE) else "RGB" if layer.startswith(PREFIX) else "XYZW"
         letters = tuple(_LETTERS.get(layer, default)[:count])
-        prefix = f"ViewLayer.{layer.capitalize()}" if convention == "blender" else layer
-        channels = Channels(prefix, letters)
+        channels = Channels(_prefix(layer, convention), letters)
     if len(channels.letters) != count:
         raise BadInputError(
             f"layer {layer!r} has {count} channels; it can have up to {len(channels.letters)}"
         )
     return channels
+
+
+def _prefix(layer: str, convention: str | None) -> str:
+    """Return the first part of the channel names of a layer that is in no table."""
+    if layer.startswith(PREFIX):
+        group = layer.removeprefix(PREFIX)
+        prefixes = {"blender": f"ViewLayer.Combined_{group}", "arnold": f"RGBA_{group}"}
+        return prefixes.get(convention or "", layer)
+    return f"ViewLayer.{layer.capitalize()}" if convention == "blender" else layer
 
 
 def _cryptomatte_channels(layer: str, convention: str | None) -> Channels:

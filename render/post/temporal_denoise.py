@@ -38,7 +38,7 @@ MIN_SPREAD = 0.004
 class DenoisedFrame:
     """A denoised frame, and what temporal denoising needs to know of its pixels.
 
-    light      float32 (H, W, 3), denoised
+    light      float32 (H, W, channels), denoised: the beauty, and other light of which it is the sum
     noise      float32 (H, W), the share of the light that denoising changed, around each pixel
     position   float32 (H, W, 3), scene units
     normal     float32 (H, W, 3)
@@ -77,7 +77,9 @@ def temporal_denoise(
     size: tuple[int, int] | None = None,
     corner: tuple[int, int] = (0, 0),
 ) -> Floats:
-    """Return the light (H, W, 3) of frame `number`, averaged with its neighbours.
+    """Return the light (H, W, channels) of frame `number`, averaged with its neighbours.
+
+    The beauty decides the weights, so light groups still sum to it.
 
     frames        by frame number: the frame itself, and neighbours without a gap
     size, corner  of a crop: width and height of the whole picture, and the crop's upper left corner; pixels
@@ -85,9 +87,8 @@ def temporal_denoise(
     frame = frames[number]
     height, width = frame.matte.shape
     size = size or (width, height)
-    total = np.ones((height, width, 4), dtype=np.float32)
-    total[..., :3] = frame.light
-    values = np.concatenate([frame.light, frame.matte[..., None]], axis=2)
+    total = _sums(frame, np.ones((height, width, 1), dtype=np.float32))
+    values = np.concatenate([frame.light[..., :3], frame.matte[..., None]], axis=2)
     spread = np.maximum(NOISE_LEFT * frame.noise, np.float32(MIN_SPREAD))
     tolerance = _tolerance(frame, size[0])
     rows, columns = np.mgrid[:height, :width]
@@ -99,9 +100,17 @@ def temporal_denoise(
             at += step
             neighbour = frames[at]
             pixels = _project(neighbour.camera, points, size, corner)
-            others = np.concatenate([neighbour.light, neighbour.matte[..., None], neighbour.position], axis=2)
+            others = _sums(
+                neighbour, np.concatenate([neighbour.matte[..., None], neighbour.position], axis=2)
+            )
             accumulate(values, others, pixels, points, tolerance, spread, total)
-    return np.asarray(total[..., :3] / total[..., 3:])
+    light = np.concatenate([total[..., :3], total[..., 4:]], axis=2)
+    return np.asarray(light / total[..., 3:4])
+
+
+def _sums(frame: DenoisedFrame, others: Floats) -> Floats:
+    """Return the beauty of a frame, other channels (H, W, C), and then its other light."""
+    return np.concatenate([frame.light[..., :3], others, frame.light[..., 3:]], axis=2)
 
 
 def _motion(start: DenoisedFrame, end: DenoisedFrame, step: int, pixels: Floats) -> Floats:
@@ -148,16 +157,16 @@ def accumulate(
 ) -> None:
     """Add a neighbour's light to `total` where it shows the same points in the same light.
 
-    frame      (H, W, 4): light and matte of the frame
-    neighbour  (H, W, 7): light, matte and position of the other frame
+    frame      (H, W, 4): beauty and matte of the frame
+    neighbour  (H, W, 7 + C): beauty, matte, position and C channels of other light of the other frame
     pixels     (H, W, 2): column and row of each pixel's point in the other frame; pixel centres are whole
     points     (H, W, 3): the position of that point then
     tolerance  (H, W): distance between that position and the one found
     spread     (H, W): standard deviation of the light, as a share of it
-    total      (H, W, 4): light times weight, and the weight
+    total      (H, W, 4 + C): beauty times weight, the weight, and other light times weight
     """
     height, width = frame.shape[:2]
-    values = np.zeros(7)
+    values = np.zeros(neighbour.shape[2])
     for y in range(height):
         for x in range(width):
             column, row = pixels[y, x, 0], pixels[y, x, 1]
@@ -179,6 +188,8 @@ def accumulate(
             for channel in range(3):
                 total[y, x, channel] += weight * values[channel]
             total[y, x, 3] += weight
+            for channel in range(7, values.size):
+                total[y, x, channel - 3] += weight * values[channel]
 
 
 @compiled()

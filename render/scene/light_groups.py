@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from render.base.serialise import Triple
+from render.scene.working_space import WorkingSpace
 
 Pixels = NDArray[np.float32]
 
@@ -34,9 +37,14 @@ class LightGroup:
         return PREFIX + self.name
 
 
+def light_layers(names: Iterable[str]) -> list[str]:
+    """Return the names of the layers of light groups, in the order of their sum."""
+    return sorted(name for name in names if name.startswith(PREFIX))
+
+
 def groups_in(arrays: Mapping[str, Pixels]) -> dict[str, Pixels]:
     """Return the light groups (H, W, 3) among the layers of a frame, by group, in the order of their sum."""
-    return {name.removeprefix(PREFIX): arrays[name] for name in sorted(arrays) if name.startswith(PREFIX)}
+    return {name.removeprefix(PREFIX): arrays[name] for name in light_layers(arrays)}
 
 
 def with_beauty(groups: Mapping[str, NDArray[Any]]) -> dict[str, Pixels]:
@@ -53,3 +61,16 @@ def with_beauty(groups: Mapping[str, NDArray[Any]]) -> dict[str, Pixels]:
     for layer in layers.values():
         beauty += layer
     return {"beauty": beauty, **layers}
+
+
+def mixed(groups: Mapping[str, Pixels], factors: Mapping[str, Triple], space: WorkingSpace) -> Pixels:
+    """Return the sum (H, W, 3) of light groups, in alphabetical order, each times a factor.
+
+    factors  red, green, blue of linear Rec.709 by group; others count once
+    space    the working space of the groups
+    """
+    total = np.zeros_like(next(iter(groups.values())))
+    for name in sorted(groups):
+        factor = space.from_rec709(np.array(factors.get(name, (1.0, 1.0, 1.0))))
+        total += groups[name] * factor.astype(np.float32)
+    return total

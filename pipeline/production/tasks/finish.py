@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,8 @@ from pipeline.production.stages import FINISH
 from pipeline.production.tasks.finished_frames import FinishedFrames
 from pipeline.production.tasks.job import Context
 from render.post.denoise import denoise
-from render.scene.aovs import DENOISER, RenderedFrame
+from render.scene.aovs import DENOISER, Pixels, RenderedFrame
+from render.scene.light_groups import groups_in, with_beauty
 
 if TYPE_CHECKING:
     from pipeline.production.render_inputs.framing import Framing
@@ -64,7 +65,7 @@ class _Denoiser:
         stages = {**raw.get("stages", {}), FINISH.name: FINISH.recipe}
         header = {**raw, "raw_key": self.keys[number].raw, "stages": stages}
         if len(window) == 1:
-            light = layers["beauty"] if quality.denoise == "off" else denoise(layers, quality.denoise)
+            light = self._light(layers)
         else:
             from render.post.temporal_denoise import temporal_denoise
 
@@ -73,7 +74,8 @@ class _Denoiser:
             light = temporal_denoise(self._denoised, number, (quality.width, quality.height), corner)
             header = {**header, "temporal_neighbours": [n for n in window if n != number]}
         light = np.where(layers["alpha"][..., None] > 0.0, light, np.float32(0.0))
-        return RenderedFrame({**layers.arrays, "beauty": light}, layers.facts), header
+        denoised = _layers_of(light, groups_in(layers.arrays))
+        return RenderedFrame({**layers.arrays, **denoised}, layers.facts), header
 
     def _read(self, number: int) -> tuple[RenderedFrame, dict[str, Any]]:
         layers, header = self.context.read_picture(self.context.request, "raw", number, self.keys[number].raw)
@@ -84,13 +86,36 @@ class _Denoiser:
         seen = {name: layers[name] * layers["alpha"][..., None] for name in names}
         return RenderedFrame({**layers.arrays, **seen}, layers.facts), header
 
+    def _light(self, layers: RenderedFrame) -> Pixels:
+        """Return the denoised beauty of a picture and, each denoised by itself, its light groups, of which it
+        is the sum: (H, W, 3 + 3 groups)."""
+        effort = self.context.request.quality.denoise
+
+        def denoised(light: Pixels) -> Pixels:
+            if effort == "off":
+                return light
+            return denoise(RenderedFrame({**layers.arrays, "beauty": light}, layers.facts), effort)
+
+        groups = groups_in(layers.arrays)
+        if not groups:
+            return denoised(layers["beauty"])
+        parts = [denoised(light) for light in groups.values()]
+        return np.concatenate([np.sum(parts, axis=0), *parts], axis=2)
+
     def _single(self, number: int) -> DenoisedFrame:
         """Return a picture denoised by itself, with what the temporal denoiser needs of it."""
         from render.post.temporal_denoise import DenoisedFrame, removed_noise
 
         layers, _ = self._read(number)
-        light = denoise(layers, self.context.request.quality.denoise)
+        light = self._light(layers)
         known = {name: layers[name] for name in ("position", "normal", "matte", "before", "after")}
         framing = self.framings[number]
-        noise = removed_noise(layers["beauty"], light)
+        noise = removed_noise(layers["beauty"], light[..., :3])
         return DenoisedFrame(light, noise, **known, camera=framing.camera, placement=framing.placement)
+
+
+def _layers_of(light: Pixels, groups: Iterable[str]) -> dict[str, Pixels]:
+    """Return the layers in the channels of `_Denoiser._light`."""
+    parts = (light[..., first : first + 3] for first in range(3, light.shape[2], 3))
+    layers = dict(zip(groups, parts, strict=True))
+    return with_beauty(layers) if layers else {"beauty": light}

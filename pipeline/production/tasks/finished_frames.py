@@ -15,6 +15,7 @@ from render.movie.sequences import timecode
 from render.post.exr_attributes import ExrAttributes
 from render.post.image import write_exr
 from render.scene.aovs import RenderedFrame
+from render.scene.light_groups import light_layers
 from render.scene.materials import LOOKS, Material
 
 if TYPE_CHECKING:
@@ -36,7 +37,8 @@ class FinishedFrames:
         request, standard = self.request, {}
         shadow = {"shadow": frame["shadow"]} if "shadow" in frame.arrays else {}
         alpha = np.minimum(sum(shadow.values(), frame["alpha"]), np.float32(1.0))
-        layers = light = {"beauty": frame["beauty"], "alpha": alpha}
+        groups = {name: frame[name] for name in light_layers(frame.arrays)}
+        layers = light = {"beauty": frame["beauty"], "alpha": alpha, **groups}
         if request.layers is not None:
             from render.post.compositing import compositing_layers, mattes_header
 
