@@ -48,6 +48,7 @@ COMMANDS = {
         "render": "Render frames of shots and assemble their movies.",
         "film": "Render every shot of an edit and cut them into a film.",
         "stills": "Write frames as PNG or JPEG, rendering what is missing.",
+        "relight": "Change lights of finished frames by factors, without rendering.",
         "turntable": "Turn an object, then the lights around it, before the camera.",
         "wedge": "Render a shot in a grid of variations.",
     },

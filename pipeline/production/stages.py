@@ -135,6 +135,7 @@ STAGES = {
 DELIVER = PipelineStage(
     "deliver", version=2, packages=("av", "OpenImageIO"), doing="encoding deliverables", makes="movie"
 )
+RELIGHT = PipelineStage("relight", version=1, packages=("OpenImageIO",), doing="relighting", makes="frame")
 TURNTABLE_SHEET = PipelineStage(
     "turntable_sheet", version=1, packages=("av", "OpenImageIO"), doing="laying out sheets", makes="png"
 )

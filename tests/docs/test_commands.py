@@ -30,7 +30,7 @@ OUTSIDE = {"git", "make", "source"}
 AS_WRITTEN = {"new", "validate", "flows", "status", "versions", "doctor"}
 """Commands that take a second or two."""
 
-OF_RESULTS = {"publish", "review", "verify"}
+OF_RESULTS = {"publish", "relight", "review", "verify"}
 """Commands that need rendered frames, or all of a store, even with --dry-run."""
 
 

@@ -138,6 +138,7 @@ OUTPUTS = (
     OutputFolder("renders/{shot}/{quality}", "contact sheets", "sheet {shot} {quality} …", files="*.sheet.*"),
     OutputFolder("renders/{shot}/{quality}", "movies", "render {shot} {quality} …"),
     OutputFolder("renders/{shot}/{quality}/frames", "finished frames", "render {shot} {quality}"),
+    OutputFolder("renders/{shot}/{quality}/relight/**", "relit frames", "relight {shot} {quality} …"),
     OutputFolder("renders/{shot}/{quality}/deliver", "deliverables", "deliver {shot} {quality} …"),
     OutputFolder("renders/{shot}/{quality}/{form}", "stills", "stills {shot} {quality} --as {form}"),
 )

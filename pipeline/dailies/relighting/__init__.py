@@ -1,0 +1,1 @@
+"""Relighting: finished frames with their light groups mixed anew, without rendering."""

@@ -1,0 +1,134 @@
+"""Factors on light groups, from the command line: `lights.key=1.4` or `lights.rim=1,0.8,0.6`."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import UsageError, shortened, suggestion
+from pipeline.shot.documents.colours import HEX_PATTERN, linear_of
+from pipeline.shot.yaml.inheritance import inherited
+from pipeline.shot.yaml.lookup import shown
+from pipeline.shot.yaml.plain_text import in_yaml
+from pipeline.shot.yaml.settings import OPTION
+from render.base.serialise import Triple
+from render.scene.light_groups import LightGroup
+from render.scene.lights import LightRig
+
+MAX_FACTOR = 1e6
+
+MOST_LETTERS = 60
+"""Letters of the longest name that factors give to a version."""
+
+_FACTOR = re.compile(r"\s*lights\.(\w+)\s*=(.*)", re.DOTALL)
+_INTENSITY = re.compile(r"\s*lights\.intensity(?:\.(\w+))?\s*=(.*)", re.DOTALL)
+
+_OF_SHOT = ("exposure", "hdri", "rig", "softboxes", "turn", "visible")
+"""Names under `lights` in a shot file that are no lights."""
+
+
+@dataclass(frozen=True)
+class LightSettings:
+    """Settings of the command line: factors on light groups as typed, and settings of the shot."""
+
+    factors: Mapping[str, str]
+    of_shot: tuple[str, ...]
+
+    @classmethod
+    def of(cls, settings: Iterable[str]) -> LightSettings:
+        """Split settings; of several factors on one group the last counts. Raises UsageError."""
+        factors, others = {}, []
+        for setting in settings:
+            if match := _INTENSITY.fullmatch(setting):
+                raise UsageError(
+                    f"{OPTION} {setting}: an intensity is of the shot, whose frames would be rendered "
+                    f"anew. Set a factor on the light that is rendered: lights.{match[1] or 'key'}={match[2]}"
+                )
+            match = _FACTOR.fullmatch(setting)
+            if match and match[1] not in _OF_SHOT:
+                factors[match[1]] = match[2].strip()
+            else:
+                others.append(setting)
+        return cls(factors, tuple(others))
+
+    def by_group(self, shot: str, groups: Sequence[LightGroup]) -> dict[str, Triple]:
+        """Return the factors (red, green, blue) by light group, in the order of the groups.
+
+        Raises UsageError where there are none, for a group that the shot does not have, and for text that is
+        no factor.
+        """
+        names = [group.name for group in groups]
+        if not self.factors:
+            raise UsageError(
+                f"no light is set. Write, for example, {OPTION} lights.{names[0]}=1.4; the light groups of "
+                f"{shot} are {', '.join(names)}"
+            )
+        for name in self.factors:
+            if name not in names:
+                owner = next((group.name for group in groups if name in group.lights), None)
+                remedy = f"It is in group {owner}: set lights.{owner}." if owner else suggestion(name, names)
+                raise UsageError(f"{OPTION} lights.{name}: {shot} has no light group {name}. {remedy}")
+        return {name: _parsed(name, self.factors[name]) for name in names if name in self.factors}
+
+
+def _parsed(name: str, text: str) -> Triple:
+    """Return a factor: one number, three of linear Rec.709, or a hexadecimal colour of sRGB."""
+    bare = text.strip("[]()'\" ")
+    if re.fullmatch(HEX_PATTERN, bare):
+        red, green, blue = linear_of(bare)
+        return red, green, blue
+    try:
+        numbers = [float(part) for part in bare.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (1, 3) or not all(math.isfinite(n) and 0.0 <= n <= MAX_FACTOR for n in numbers):
+        raise UsageError(
+            f"{OPTION} lights.{name}: {shortened(text)} is no factor from 0 to 1e6. Write a number, "
+            f"lights.{name}=1.4, or a colour, lights.{name}=1,0.8,0.6 or 'lights.{name}=#ffd0a0'"
+        )
+    red, green, blue = numbers * (3 // len(numbers))
+    return red, green, blue
+
+
+def version_name(factors: Mapping[str, Triple]) -> str:
+    """Return a name for frames with these factors, as in `key1.4_rim1-0.8-0.6`."""
+    words = [
+        name + "-".join(f"{value:.4g}" for value in (factor[:1] if _is_grey(factor) else factor))
+        for name, factor in factors.items()
+    ]
+    return "_".join(words).replace("+", "")[:MOST_LETTERS]
+
+
+def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Mapping[str, Triple]) -> str:
+    """Return how the factors are written in the shot file at `path`; `of_shot` are settings over it."""
+    members = {group.name: group.lights for group in lights.groups}
+    grey = {name: factor[0] for name, factor in factors.items() if _is_grey(factor)}
+    coloured = [name for name in factors if name not in grey]
+    words = []
+    if grey:
+        data: Any = inherited(path, None, tuple(of_shot), None).data
+        written = data.get("lights")
+        before = written.get("intensity", 1.0) if isinstance(written, dict) else 1.0
+        if not isinstance(before, dict):
+            before = {} if before == 1.0 else dict.fromkeys(lights.names, float(before))
+        after = {light: before.get(light, 1.0) * grey[name] for name in grey for light in members[name]}
+        intensity = {**before, **{light: float(f"{value:.6g}") for light, value in after.items()}}
+        if isinstance(written, dict):
+            words.append(f"write intensity: {in_yaml(intensity)} under lights in {shown(path)}")
+        else:
+            rig = {"rig": written or "studio", "intensity": intensity}
+            words.append(f"write lights: {in_yaml(rig)} in {shown(path)}")
+    if coloured:
+        words.append(
+            f"{', '.join(coloured)}: intensity takes no colours; write softboxes with a radiance of that "
+            "colour"
+        )
+    return "To render with these lights, " + "; ".join(words) + "."
+
+
+def _is_grey(factor: Triple) -> bool:
+    return len(set(factor)) == 1
