@@ -27,7 +27,7 @@ WHOLE = 0.999
 
 
 @dataclass(frozen=True)
-class View:
+class Viewpoint:
     """Camera and stage placement of one frame."""
 
     camera: Camera
@@ -35,8 +35,8 @@ class View:
 
 
 @dataclass(frozen=True)
-class Shown:
-    """What a frame shows, as far as its AOVs do not say it.
+class LayerInputs:
+    """The scene of a frame, as far as its AOVs do not show it.
 
     view       of the frame
     before     of the frame before
@@ -46,34 +46,34 @@ class Shown:
     materials  names of materials by object, where the names differ
     """
 
-    view: View
-    before: View
-    after: View
+    view: Viewpoint
+    before: Viewpoint
+    after: Viewpoint
     size: tuple[int, int]
     stage: Stage
     materials: Mapping[str, str]
 
 
-def compositing_layers(raw: RenderedFrame, shown: Shown) -> dict[str, Pixels]:
+def compositing_layers(raw: RenderedFrame, inputs: LayerInputs) -> dict[str, Pixels]:
     """Return the layers of a finished frame by name.
 
     raw  AOVs of all frames, `before` and `after`; its beauty is finished
     """
     alpha, matte = raw["alpha"], raw["matte"]
     mixed = [raw["position"], raw["depth"][..., None], raw["before"], raw["after"]]
-    values = unmixed(np.concatenate(mixed, axis=2), matte, alpha, bool(shown.stage.objects))
+    values = unmixed(np.concatenate(mixed, axis=2), matte, alpha, bool(inputs.stage.objects))
     position, distance, before, after = np.split(values, (3, 4, 7), axis=2)
     covered = (alpha > 0.0) & (distance[..., 0] > 0.0)
-    camera = shown.view.camera
+    camera = inputs.view.camera
     planar = (position - np.asarray(camera.origin)) @ camera.axes()[2]
     is_subject = (covered & (matte >= 0.5 * alpha))[..., None]
 
-    def motion(offset: NDArray[np.float64], then: View) -> NDArray[np.float64]:
-        of_stage = shown.view.placement.moved(position, then.placement) - position
+    def motion(offset: NDArray[np.float64], then: Viewpoint) -> NDArray[np.float64]:
+        of_stage = inputs.view.placement.moved(position, then.placement) - position
         moved = position + np.where(is_subject, offset, of_stage)
-        return np.where(covered[..., None], _pixels_between(shown, position, moved, then.camera), 0.0)
+        return np.where(covered[..., None], _pixels_between(inputs, position, moved, then.camera), 0.0)
 
-    coverage = object_coverage(raw, shown.stage)
+    coverage = object_coverage(raw, inputs.stage)
     return {
         "beauty": raw["beauty"],
         "alpha": alpha,
@@ -82,17 +82,17 @@ def compositing_layers(raw: RenderedFrame, shown: Shown) -> dict[str, Pixels]:
         "position": np.where(covered[..., None], position, 0.0).astype(np.float32),
         **{name: np.where(covered[..., None], raw[name], np.float32(0.0)) for name in ("normal", "albedo")},
         "matte": matte,
-        "motion": motion(after, shown.after).astype(np.float32),
-        "backward_motion": motion(before, shown.before).astype(np.float32),
+        "motion": motion(after, inputs.after).astype(np.float32),
+        "backward_motion": motion(before, inputs.before).astype(np.float32),
         **cryptomatte_layers(OBJECT, coverage),
-        **cryptomatte_layers(MATERIAL, by_material(coverage, shown.materials)),
+        **cryptomatte_layers(MATERIAL, by_material(coverage, inputs.materials)),
     }
 
 
-def mattes_header(raw: RenderedFrame, shown: Shown, convention: str) -> dict[str, str]:
+def mattes_header(raw: RenderedFrame, inputs: LayerInputs, convention: str) -> dict[str, str]:
     """Return the header's entries for the mattes of `compositing_layers`, with a convention's names."""
-    coverage = object_coverage(raw, shown.stage)
-    names = {OBJECT: coverage, MATERIAL: by_material(coverage, shown.materials)}
+    coverage = object_coverage(raw, inputs.stage)
+    names = {OBJECT: coverage, MATERIAL: by_material(coverage, inputs.materials)}
     entries = [
         cryptomatte_header(cryptomatte_label(crypto, convention), list(planes))
         for crypto, planes in names.items()
@@ -127,13 +127,13 @@ def unmixed(values: Pixels, matte: Pixels, alpha: Pixels, has_stage: bool) -> ND
 
 
 def _pixels_between(
-    shown: Shown, points: NDArray[np.float64], moved: NDArray[np.float64], camera: Camera
+    inputs: LayerInputs, points: NDArray[np.float64], moved: NDArray[np.float64], camera: Camera
 ) -> NDArray[np.float64]:
     """Return the pixels (H, W, 2), right and up, from points in the frame to moved ones in another camera."""
-    width, height = shown.size
+    width, height = inputs.size
     ends = [
         view.project(at.reshape(-1, 3), width / height) * (width / 2.0, height / 2.0, 1.0)
-        for view, at in ((shown.view.camera, points), (camera, moved))
+        for view, at in ((inputs.view.camera, points), (camera, moved))
     ]
     in_front = (ends[0][:, 2] > 0.0) & (ends[1][:, 2] > 0.0)
     motion = np.where(in_front[:, None], ends[1][:, :2] - ends[0][:, :2], 0.0)

@@ -19,7 +19,7 @@ MOST_FRAME_DIGITS = 40
 
 @dataclass(frozen=True)
 class ExrAttributes:
-    """What an EXR says of its picture in the attributes of the OpenEXR standard.
+    """Attributes of the OpenEXR standard that describe one picture.
 
     whole     width and height of the whole picture, the display window; None for that of the pixels
     corner    upper left pixel of the data window in it, where the file holds a crop

@@ -11,7 +11,7 @@ import OpenImageIO as oiio
 import pytest
 
 from render.frame.render_frame import render_frame
-from render.post.compositing import Shown, View, compositing_layers, mattes_header
+from render.post.compositing import LayerInputs, Viewpoint, compositing_layers, mattes_header
 from render.post.cryptomatte import MATERIAL, OBJECT
 from render.post.image import read_exr, write_exr
 from render.post.layer_names import cryptomatte_label
@@ -57,8 +57,8 @@ def test_blender_composites_our_layers_and_picks_our_mattes(convention, stage, s
     raw = render_frame(scene, TINY, 5, engine)
     step = raw["matte"][..., None] * np.float32([0.5, 0.25, 0.0])
     raw = RenderedFrame({**raw.arrays, "after": step, "before": -0.5 * step})
-    view = View(CAMERA, StagePlacement())
-    shown = Shown(view, view, view, TINY.rendered_size, STAGES[stage], {"subject": "clay"})
+    view = Viewpoint(CAMERA, StagePlacement())
+    shown = LayerInputs(view, view, view, TINY.rendered_size, STAGES[stage], {"subject": "clay"})
     layers = RenderedFrame(compositing_layers(raw, shown))
     standard = mattes_header(raw, shown, convention)
     write_exr(tmp_path / "frame.exr", layers, {}, standard=standard, convention=convention)

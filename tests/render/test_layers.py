@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from render.post import cryptomatte
-from render.post.compositing import Shown, View, compositing_layers, mattes_header, unmixed
+from render.post.compositing import LayerInputs, Viewpoint, compositing_layers, mattes_header, unmixed
 from render.post.exr_attributes import ExrAttributes
 from render.post.image import read_exr, write_exr
 from render.scene.aovs import RenderedFrame
@@ -44,8 +44,8 @@ def raw_frame(matte, stage=None):
 
 
 def shown(stage=False, camera=CAMERA):
-    here, there = View(CAMERA, StagePlacement()), View(camera, StagePlacement())
-    return Shown(here, here, there, SIZE, STAGES["cyclorama" if stage else "none"], {"subject": "clay"})
+    here, there = Viewpoint(CAMERA, StagePlacement()), Viewpoint(camera, StagePlacement())
+    return LayerInputs(here, here, there, SIZE, STAGES["cyclorama" if stage else "none"], {"subject": "clay"})
 
 
 def half_covered():

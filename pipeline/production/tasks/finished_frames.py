@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from pipeline.frames import FrameRate
 from pipeline.production.request.render_request import RenderRequest
 from render.movie.sequences import timecode
+from render.post.compositing import LayerInputs, Viewpoint, compositing_layers, mattes_header
 from render.post.exr_attributes import ExrAttributes
 from render.post.image import write_exr
 from render.scene.aovs import RenderedFrame
@@ -40,12 +41,10 @@ class FinishedFrames:
         groups = {name: frame[name] for name in light_layers(frame.arrays)}
         layers = light = {"beauty": frame["beauty"], "alpha": alpha, **groups}
         if request.layers is not None:
-            from render.post.compositing import compositing_layers, mattes_header
-
-            shown = self._shown(number)
+            inputs = self._inputs(number)
             extra = {name: frame[name] for name, _ in request.precision if name in frame.arrays}
-            layers = {**extra, **compositing_layers(frame, shown), **shadow, **light}
-            standard = mattes_header(frame, shown, request.layers)
+            layers = {**extra, **compositing_layers(frame, inputs), **shadow, **light}
+            standard = mattes_header(frame, inputs, request.layers)
         write_exr(
             path,
             RenderedFrame(layers, frame.facts),
@@ -56,18 +55,15 @@ class FinishedFrames:
             convention=request.layers,
         )
 
-    def _shown(self, number: int) -> Any:
-        """Return what a frame shows, for `compositing_layers`."""
-        from pipeline.production.render_inputs.shading import framing_at
-        from render.post.compositing import Shown, View
+    def _inputs(self, number: int) -> LayerInputs:
+        """Return what `compositing_layers` needs beside the AOVs."""
+        from pipeline.production.render_inputs.shading import framing_at  # takes a moment
 
         picture, quality = self.request.shot.picture, self.request.quality
         around = (framing_at(self.framings, number, offset) for offset in (0.0, -1.0, 1.0))
-        now, before, after = (View(framing.camera, framing.placement) for framing in around)
-        lines = {"wireframe": "wireframe"} if picture.look.wireframe else {}
-        materials = {"subject": material_name(picture.look), **lines}
-        size = quality.width, quality.height
-        return Shown(now, before, after, size, picture.stage, materials)
+        now, before, after = (Viewpoint(framing.camera, framing.placement) for framing in around)
+        size, materials = (quality.width, quality.height), {"subject": material_name(picture.look)}
+        return LayerInputs(now, before, after, size, picture.stage, materials)
 
 
 def material_name(look: Material) -> str:
@@ -76,12 +72,16 @@ def material_name(look: Material) -> str:
 
 
 def exr_attributes(request: RenderRequest, number: int, framings: Mapping[int, Framing]) -> ExrAttributes:
-    """Return the standard attributes of a picture, raw or finished."""
-    quality, rate = request.quality, FrameRate.of(request.source.summary.rate).fps
+    """Return the standard attributes of a finished picture."""
+    rate = FrameRate.of(request.source.summary.rate).fps
+    return replace(raw_attributes(request, framings[number]), rate=rate, timecode=timecode(number, rate))
+
+
+def raw_attributes(request: RenderRequest, framing: Framing) -> ExrAttributes:
+    """Return the standard attributes of a raw picture, whose key knows no frame rate."""
+    quality = request.quality
     return ExrAttributes(
         whole=(quality.width, quality.height),
         corner=quality.crop[:2] if quality.crop else (0, 0),
-        camera=framings[number].camera,
-        rate=rate,
-        timecode=timecode(number, rate),
+        camera=framing.camera,
     )

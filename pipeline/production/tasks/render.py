@@ -20,7 +20,7 @@ from pipeline.production.render_inputs.view_geometry import rotate_y
 from pipeline.production.request.keys import FrameKeys, raw_header
 from pipeline.production.store import readers
 from pipeline.production.store.store import Key
-from pipeline.production.tasks.finished_frames import exr_attributes
+from pipeline.production.tasks.finished_frames import raw_attributes
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.supervisor import MemoryGuard, StopRequest, deferred_signals
 from render.frame.checkpoint import Checkpoint
@@ -99,7 +99,7 @@ class _Renderer:
         if checkpoint.resumed:
             context.write("resumed", number, passes=checkpoint.resumed)
         header = raw_header(request, number, self.framings[number], self.keys[number])
-        attributes = exr_attributes(request, number, self.framings)
+        attributes = raw_attributes(request, self.framings[number])
         write_exr(path, layers, header, dict(request.aovs.precision), attributes=attributes)
         seconds = time.perf_counter() - begun
         _write_statistics(context, number, self.keys[number].raw, layers, seconds, checkpoint.resumed)
