@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -42,6 +43,17 @@ def test_groups_of_any_brightness_sum_to_the_beauty_to_the_last_bit(pictures: li
     layers = with_beauty({f"g{number}": picture for number, picture in enumerate(reversed(pictures))})
     total = sum(groups_in(layers).values(), np.zeros((2, 3, 3), np.float32))
     assert np.array_equal(total, layers["beauty"]) and np.isfinite(total).all()
+
+
+@pytest.mark.parametrize(
+    ("convention", "channel"),
+    [("blender", "ViewLayer.Combined_key.R"), ("arnold", "RGBA_key.R"), ("nuke", "light_key.R")],
+)
+def test_groups_have_the_names_of_other_programs(convention: str, channel: str, tmp_path: Path) -> None:
+    layers = with_beauty({"key": np.full((2, 3, 3), 0.3), "rim": np.full((2, 3, 3), 0.1)})
+    write_exr(tmp_path / "a.exr", RenderedFrame(layers), {}, convention=convention)
+    assert channel in oiio.ImageInput.open(str(tmp_path / "a.exr")).spec().channelnames
+    assert groups_in(read_exr(tmp_path / "a.exr")[0].arrays).keys() == {"key", "rim"}
 
 
 @pytest.mark.parametrize(

@@ -59,8 +59,8 @@ def relight(
 
     The shot needs light groups: write `light_groups: each` in its file and render it once. Then
     `flowsculpt relight A010_cube -q daily --set lights.key=1.4 --set lights.rim=1,0.8,0.6` writes frames and
-    a movie to renders/A010_cube/daily/relight/key1.4_rim1-0.8-0.6, as bright as rendered ones and through the
-    same view. It says what to write in the shot file for lights that please.
+    a movie to renders/A010_cube/daily/relight/key1.4_rim1-0.8-0.6: the light that rendering gives, through
+    the same view. At its end it tells what to write in the shot file to render with these lights.
     """
     given = LightSettings.of(settings or ())
     project = project_of(common, given.of_shot, allow_code, variant)
