@@ -31,6 +31,7 @@ from render.integrator.sampler import (
     PIXEL,
     OwenSampler,
 )
+from render.integrator.subsurface import SubsurfaceWalk, random_bits
 
 MAX_SAMPLED_TOGETHER = 6
 """Emitters that are all sampled at the first vertex; with more, one is chosen there too."""
@@ -58,6 +59,7 @@ class PathTracer:
     groups         light groups, each of which gets a sum of its own; by default one of all emitters
     objects        shapes whose coverage of the pixel is measured
     catcher        a shape that is not seen, but the shadows on it; or None
+    subsurface     random walks below the subject's surface, or None
     """
 
     scene: Any
@@ -68,6 +70,7 @@ class PathTracer:
     groups: EmitterGroups = field(default_factory=EmitterGroups)
     objects: Sequence[Any] = ()
     catcher: ShadowCatcher | None = None
+    subsurface: SubsurfaceWalk | None = None
 
     @property
     def coverage_channels(self) -> int:
@@ -192,16 +195,20 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
     radiance = groups.zeros()
     if dr.hint(not tracer.hide_emitters, mode="scalar"):
         radiance = groups.add(radiance, throughput * si.emitter(scene).eval(si), si.emitter(scene), -si.wi)
-    vertex, active = mi.UInt32(0), si.is_valid()
+    vertex, length, active = mi.UInt32(0), mi.UInt32(0), si.is_valid()
+    subsurface: Any = tracer.subsurface
+    is_exit = mi.Bool(False)
     sample_all = 0 < len(light_sampler) <= MAX_SAMPLED_TOGETHER
     if dr.hint(sample_all, mode="scalar"):
         radiance = _all_direct_light(tracer, sampler, si, throughput, radiance, active)
     while dr.hint(
         active,
-        max_iterations=tracer.max_depth,
         label="path",
-        exclude=[tracer, sampler, groups, scene, light_sampler, sample_all],
+        exclude=[tracer, sampler, groups, scene, light_sampler, sample_all, subsurface],
     ):
+        bsdf = si.bsdf()
+        if dr.hint(subsurface is not None, mode="scalar"):
+            bsdf = subsurface.bsdf(si, is_exit)
         # Next event estimation: sample one emitter.
         probabilities = light_sampler.probabilities(si)
         if dr.hint(len(light_sampler) > 0, mode="scalar"):
@@ -209,16 +216,25 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
             choice = sampler.vertex_1d(vertex, EMITTER_CHOICE)
             position = sampler.vertex_2d(vertex, EMITTER_POSITION)
             sample = light_sampler.sample_one(si, probabilities, choice, position, wanted)
-            light = throughput * _direct_light(tracer, si, sample, wanted)
+            light = throughput * _direct_light(tracer, si, bsdf, sample, wanted)
             radiance = groups.add(radiance, light, sample.emitter, sample.direction)
         if dr.hint(sample_all, mode="scalar"):
             probabilities = [dr.select(vertex == 0, 1.0, each) for each in probabilities]
         # Continue the path by the BSDF.
         lobe, direction = sampler.vertex_1d(vertex, LOBE), sampler.vertex_2d(vertex, DIRECTION)
-        bsdf_sample, weight = si.bsdf().sample(mi.BSDFContext(), si, lobe, direction, active)
+        bsdf_sample, weight = bsdf.sample(mi.BSDFContext(), si, lobe, direction, active)
         throughput *= weight
         active &= dr.any(throughput != 0.0)
-        next_si = scene.ray_intersect(si.spawn_ray(si.to_world(bsdf_sample.wo)), active)
+        way = si.to_world(bsdf_sample.wo)
+        is_exit = mi.Bool(False)
+        if dr.hint(subsurface is not None, mode="scalar"):
+            is_exit = subsurface.enters(si, bsdf_sample, active)
+        next_si = scene.ray_intersect(si.spawn_ray(way), active & ~is_exit)
+        if dr.hint(subsurface is not None, mode="scalar"):
+            exit_si, factor = subsurface.walk(scene, si, way, random_bits(lobe, direction), is_exit)
+            next_si = dr.select(is_exit, exit_si, next_si)
+            throughput *= dr.select(is_exit, factor, 1.0)
+            active &= dr.any(throughput != 0.0)
         # Add the light of an emitter that the path hits, weighted against next event estimation.
         hit = mi.DirectionSample3f(scene, next_si, si)
         delta = mi.has_flag(bsdf_sample.sampled_type, mi.BSDFFlags.Delta)
@@ -227,7 +243,8 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
         light = throughput * mis_weight * hit.emitter.eval(next_si, active)
         radiance = groups.add(radiance, dr.select(active, light, 0.0), hit.emitter, hit.d)
         vertex += 1
-        active &= next_si.is_valid() & (vertex + 1 < tracer.max_depth)
+        length += dr.select(is_exit, 0, 1)
+        active &= next_si.is_valid() & (length + 1 < tracer.max_depth)
         si = next_si
     return radiance
 
@@ -247,13 +264,13 @@ def _all_direct_light(
         ):
             position = sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + number)
             sample = light_sampler.sample_each(number, si, position, active)
-            light = throughput * _direct_light(tracer, si, sample, active)
+            light = throughput * _direct_light(tracer, si, si.bsdf(), sample, active)
             radiance = tracer.groups.add(radiance, light, sample.emitter, sample.direction)
             number += 1
     for index in range(count, len(light_sampler)):
         position = sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + index)
         sample = light_sampler.sample_distant(index, si, position, active)
-        light = throughput * _direct_light(tracer, si, sample, active)
+        light = throughput * _direct_light(tracer, si, si.bsdf(), sample, active)
         radiance = tracer.groups.add(radiance, light, sample.emitter, sample.direction)
     return radiance
 
@@ -277,9 +294,8 @@ def camera_vertex(tracer: Any, sampler: OwenSampler, corner: Any, size: Any) -> 
     return si, mi.Color3f(weight)
 
 
-def _direct_light(tracer: PathTracer, si: Any, sample: LightSample, active: Any) -> Any:
-    """Return the reflected light of a sampled position on an emitter, 0 where it is occluded."""
-    bsdf = si.bsdf()
+def _direct_light(tracer: PathTracer, si: Any, bsdf: Any, sample: LightSample, active: Any) -> Any:
+    """Return the light of a sampled position on an emitter that a BSDF reflects, 0 where it is occluded."""
     active = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
     reflected, bsdf_pdf = bsdf.eval_pdf(mi.BSDFContext(), si, si.to_local(sample.direction), active)
     others = sample.square - dr.square(sample.density) + dr.square(bsdf_pdf)

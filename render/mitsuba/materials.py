@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from render.base.errors import BadInputError
-from render.mitsuba import absorption, brushed, bsdf
+from render.mitsuba import absorption, brushed, bsdf, subsurface
 from render.mitsuba.texture_coordinates import TextureCoordinates, bitmap
 from render.scene.materials import (
     BrushedMetal,
@@ -19,6 +19,7 @@ from render.scene.materials import (
     Metal,
     MitsubaMaterial,
     PatternedMaterial,
+    Plastic,
     Satin,
     Smoke,
 )
@@ -57,6 +58,8 @@ def surface_bsdf(
         case PatternedMaterial():
             colour = _colour(material, attributes, coordinates)
             opaque = _opaque(material, colour, coordinates)
+            if isinstance(material, Diffuse | Plastic) and material.subsurface is not None:
+                opaque = subsurface.bsdf(opaque, has_coat=isinstance(material, Plastic))
             if isinstance(material, Diffuse | Glossy) and material.relief is not None:
                 relief = material.relief
                 height = bitmap(relief.texture.numbers(), coordinates, material.projection)

@@ -116,6 +116,9 @@ def _lit(
     tracer = _path_tracer(lit, integrator, path, lights, to_scene, scene.objects)
     if scene.stage.shadow_catcher:
         tracer = _with_catcher(tracer, scene, size, path)
+    walk = _subsurface_walk(lit, material, placement.size)
+    if tracer is not None and walk is not None:
+        tracer = replace(tracer, subsurface=walk)
     if tracer is None:
         integrator = _load_part({"type": "moment", "block_size": BLOCK_SIZE, "path": path})
     groups = () if tracer else lights.groups
@@ -215,6 +218,22 @@ def _with_catcher(tracer: Any, scene: Scene, size: tuple[int, int], path: dict[s
     hidden = {**path, "hide_emitters": True}
     empty = _path_tracer(alone, tracer.integrator, hidden, scene.lights, placement.matrix(), ())
     return replace(tracer, catcher=ShadowCatcher(tracer.objects[scene.objects.index("stage")], empty))
+
+
+def _subsurface_walk(scene: Any, material: Material, size: float) -> Any:
+    """Return the random walks below the subject's surface, or None. size: half the subject's, scene units"""
+    import mitsuba as mi
+
+    subsurface = getattr(material, "subsurface", None)
+    if subsurface is None or mi.variant() == "scalar_rgb":
+        return None
+    import drjit as dr
+
+    from render.integrator.subsurface import SubsurfaceWalk  # needs Mitsuba's variant
+
+    shape = next(mi.ShapePtr(shape) for shape in scene.shapes() if shape.id() == "subject")
+    dr.make_opaque(shape)
+    return SubsurfaceWalk(shape, [1.0 / (part * size) for part in subsurface.radius], material.is_clear)
 
 
 def _mitsuba_features(

@@ -49,6 +49,16 @@ def test_a_colour_takes_the_place_of_what_the_look_had_built_in(tmp_path: Path) 
     assert (tinted.colour, tinted.absorption) == ((0.0, 0.0, 1.0), None)
 
 
+@pytest.mark.parametrize(
+    ("radius", "expected"), [("0.1", (0.1, 0.1, 0.1)), ("[0.4, 0.2, 0.1]", (0.4, 0.2, 0.1))]
+)
+def test_a_subsurface_radius_is_a_number_or_one_for_each_colour(
+    radius: str, expected: tuple[float, ...], tmp_path: Path
+) -> None:
+    look = shot_of(tmp_path, f"{{material: marble, subsurface: {{radius: {radius}}}}}").picture.look
+    assert look.subsurface.radius == expected
+
+
 def test_absorption_is_said_by_colour_and_depth(tmp_path: Path) -> None:
     look = shot_of(
         tmp_path, "{material: honey, absorption: {colour: [0.5, 0.4, 0.3], depth: 2}}"

@@ -122,7 +122,9 @@ def _parts(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
 
 def _openness(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     """Check that the surface is closed if light goes into it."""
-    if shot.picture.look.model not in ("glass", "smoke") or not len(first.faces):
+    look = shot.picture.look
+    goes_in = look.model in ("glass", "smoke") or getattr(look, "subsurface", None) is not None
+    if not goes_in or not len(first.faces):
         return
     sides = np.sort(np.concatenate([first.faces[:, [0, 1]], first.faces[:, [1, 2]], first.faces[:, [2, 0]]]))
     edges, counts = np.unique(sides, axis=0, return_counts=True)
@@ -132,8 +134,8 @@ def _openness(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         yield Finding(
             ("look",),
             f"the surface is open: it has {len(boundary):,} boundary edges on frame {shot.frames.first}, the "
-            f"first at ({at}). Glass, honey and smoke need a closed one; the picture will be wrong. Close "
-            "the surface, or choose another look, such as look: glaze.",
+            f"first at ({at}). Glass, honey, smoke and subsurface need a closed one; the picture will be "
+            "wrong. Close the surface, or choose another look, such as look: glaze.",
         )
 
 

@@ -25,6 +25,7 @@ from pipeline.shot.documents.look_parts import (
     PigmentDocument,
     ProjectionDocument,
     ReliefDocument,
+    SubsurfaceDocument,
     WireframeDocument,
 )
 from pipeline.shot.yaml.plain_text import listed
@@ -49,7 +50,7 @@ _MODEL_WITH = {
 }
 """The only model that has a setting."""
 
-_PARTS = ("absorption", "pigment", "measure", "relief", "projection")
+_PARTS = ("absorption", "subsurface", "pigment", "measure", "relief", "projection")
 """Settings of a look that are documents of their own."""
 
 
@@ -77,6 +78,9 @@ class LookDocument(Document):
     )
     absorption: AbsorptionDocument | None = optional(
         "of glass: colour of light by the distance that it goes inside"
+    )
+    subsurface: SubsurfaceDocument | None = optional(
+        "of clay, plastic and glass: light is scattered below the surface"
     )
     density: Annotated[float, Field(gt=0, le=1000)] | None = optional(
         "of smoke: how often light is scattered through half of the subject"

@@ -25,11 +25,12 @@ from pipeline.shot.documents.fields import (
     is_written_number,
     one_of,
     optional,
+    require_three,
     vector,
 )
 from pipeline.shot.yaml.validation import ParseContext, as_finding, bad_value, finding
 from render.base.errors import RenderError
-from render.scene.materials import Absorption, Relief
+from render.scene.materials import Absorption, Relief, Subsurface
 from render.scene.measure import COLOUR_MAPS, KINDS, Measure
 from render.scene.patterns import PATTERNS, Pigment
 from render.scene.surface import Wireframe
@@ -263,6 +264,23 @@ class AbsorptionDocument(Document):
 
     def build(self) -> Absorption:
         return Absorption(vector(self.colour), float(self.depth))
+
+
+Radius = Annotated[float, Field(ge=1e-4, le=100)]
+RadiusTriple = Annotated[list[Radius], BeforeValidator(require_three), Field(min_length=3, max_length=3)]
+
+
+class SubsurfaceDocument(Document):
+    example = "{radius: 0.1}"
+
+    radius: Annotated[Radius | RadiusTriple, ByForm(lambda value: isinstance(value, list))] = Field(
+        description="mean distance that light goes before it is scattered, in half-sizes of the subject; a "
+        "number, or one each for red, green and blue"
+    )
+
+    def build(self) -> Subsurface:
+        radius = self.radius if isinstance(self.radius, list) else [self.radius] * 3
+        return Subsurface(vector(radius))
 
 
 class WireframeDocument(Document):

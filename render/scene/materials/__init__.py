@@ -1,6 +1,6 @@
 """Materials: what the sculpture is made of. Plain descriptions; `render.mitsuba.materials` builds them."""
 
-from render.scene.materials.material import Absorption, Material, PatternedMaterial, Relief
+from render.scene.materials.material import Absorption, Material, PatternedMaterial, Relief, Subsurface
 from render.scene.materials.mitsuba_bsdf import Bsdf
 from render.scene.materials.models import (
     LOOKS,
@@ -33,4 +33,5 @@ __all__ = [
     "Relief",
     "Satin",
     "Smoke",
+    "Subsurface",
 ]

@@ -24,6 +24,7 @@ _REFUSALS = {
     "relief": "takes no relief; leave it out",
     "pigment": "has one colour; leave its pigment out",
     "measure": "has one colour; leave its measure out",
+    "subsurface": "scatters no light below its surface; clay, marble, cream, glass and honey can",
     "colour_texture": "has one colour; leave its picture out",
 }
 """Messages about a field that a model does not have."""
@@ -188,3 +189,20 @@ class Absorption:
         """Absorption coefficient, per half of the subject's size."""
         red, green, blue = (0.0 - math.log(part) / self.depth for part in self.colour)
         return red, green, blue
+
+
+@dataclass(frozen=True)
+class Subsurface:
+    """Scattering below the surface.
+
+    radius  mean distance that red, green and blue light goes between two scattering events, in halves of the
+            subject's size
+    """
+
+    radius: Triple
+
+    def __post_init__(self) -> None:
+        if not all(1e-4 <= part <= 100.0 for part in self.radius):
+            raise BadInputError(
+                f"subsurface has radius {self.radius}; each number lies between 0.0001 and 100"
+            )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
 from render.base.serialise import Triple
-from render.scene.materials.material import Absorption, Material, PatternedMaterial, Relief
+from render.scene.materials.material import Absorption, Material, PatternedMaterial, Relief, Subsurface
 from render.scene.materials.mitsuba_bsdf import Bsdf
 from render.scene.measure import Measure
 from render.scene.patterns import Pigment
@@ -29,10 +29,12 @@ _POLISHED = 1e-3
 class Diffuse(PatternedMaterial):
     """Chalk: reflects equally in all directions.
 
-    relief  a texture of heights, or None
+    relief      a texture of heights, or None
+    subsurface  scattering below the surface, or None
     """
 
     relief: Relief | None = field(default=None, kw_only=True)
+    subsurface: Subsurface | None = field(default=None, kw_only=True)
     model: str = field(default="diffuse", init=False)
 
 
@@ -50,9 +52,20 @@ class Glossy(PatternedMaterial):
 
 @dataclass(frozen=True)
 class Plastic(Glossy):
-    """A coloured body under a clear coat."""
+    """A coloured body under a clear coat.
 
+    subsurface  scattering below the surface, or None
+    """
+
+    subsurface: Subsurface | None = field(default=None, kw_only=True)
     model: str = field(default="plastic", init=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.subsurface and self.roughness_texture:
+            raise BadInputError(
+                "look has subsurface and a picture of roughness; remove one, or give roughness as a number"
+            )
 
 
 @dataclass(frozen=True)
@@ -121,11 +134,13 @@ class Glass(Material):
     roughness   of its surface: 0 is polished, 0.3 is frosted
     refraction  index of refraction, 1.5 for window glass and honey
     absorption  absorption inside the body, or None
+    subsurface  scattering inside the body, or None
     """
 
     roughness: float = 0.0
     refraction: float = field(default=1.5, kw_only=True)
     absorption: Absorption | None = field(default=None, kw_only=True)
+    subsurface: Subsurface | None = field(default=None, kw_only=True)
     model: str = field(default="glass", init=False)
 
     def __post_init__(self) -> None:
