@@ -24,6 +24,9 @@ for each light group."""
 MIN_ROUNDS = 2
 """Rounds needed to compare."""
 
+MIN_OUTLINE = 1e-3
+"""Mean of coverage times what it leaves, in a tile that the subject's outline crosses."""
+
 QUIET_FRACTION = 0.95
 """Fraction of the tiles whose noise the noise of a frame is at least, so that the noisiest corner does not
 decide."""
@@ -96,7 +99,8 @@ class Accumulator:
 
         by_tile  False stops no tile before the noise of the frame is at most the threshold
 
-        A tile goes on while one of its neighbours is noisy, so that none stops by chance amid noise.
+        A tile goes on while one of its neighbours is noisy, so that none stops by chance amid noise. Tiles on
+        the subject's outline take half of the most samples, so that alpha is smooth in front of anything.
         """
         latest = self._planes.pop("round")
         pixels = np.flatnonzero(latest.counts)
@@ -108,7 +112,7 @@ class Accumulator:
         noise = self._noise()
         if by_tile:
             active = np.ones(self._tiles.shape, dtype=bool) if self._active is None else self._active
-            self._active = active & with_neighbours(active & (noise > threshold))
+            self._active = active & (with_neighbours(active & (noise > threshold)) | self._needed_by_alpha())
         else:
             self._active = np.full(self._tiles.shape, _of_frame(noise) > threshold)
 
@@ -189,6 +193,14 @@ class Accumulator:
     def _is_comparable(self) -> bool:
         rounds = self._planes.get("rounds")
         return rounds is not None and int(rounds.counts.min()) >= MIN_ROUNDS
+
+    def _needed_by_alpha(self) -> TileMask:
+        """Return the tiles whose coverage by the subject needs more samples."""
+        counts = self._planes["beauty"].counts
+        if "matte" not in self._planes or 2 * int(counts.max()) >= self.quality.samples:
+            return np.zeros(self._tiles.shape, dtype=bool)
+        matte = self._planes["matte"].means()[:, 0]
+        return self._tiles.means(matte * (1.0 - matte)) > MIN_OUTLINE
 
     def _noise(self) -> Picture:
         """Return the noise (rows, columns) of the tiles, with fireflies dimmed.

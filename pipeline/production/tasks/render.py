@@ -82,7 +82,7 @@ class _Renderer:
     def _write(self, number: int, checkpoint: Checkpoint, path: Path) -> None:
         context, request, begun = self.context, self.context.request, time.perf_counter()
         picture = request.shot.picture
-        sample, shutter, following = _ShownFrame(context, number, self.framings).moments()
+        sample, shutter, following = ShownFrame(context, number, self.framings).moments()
         lights = picture.lights.turned(request.angles[number].lights)
         placed = sample.placement, sample.camera
         layers = render_frame(
@@ -111,7 +111,7 @@ class _Renderer:
 
 
 @dataclass(frozen=True)
-class _ShownFrame:
+class ShownFrame:
     """The subject, camera and stage of one picture, at the picture and around it."""
 
     context: Context
