@@ -98,6 +98,7 @@ def render_frame(
         "auxiliary_samples": quality.auxiliary_samples,
         "depth": quality.depth,
         "lens_radius": scene.camera.lens_radius,
+        **({"is_clear": scene.material.is_clear} if "denoise_albedo" in arrays else {}),
         "working_space": scene.working_space.name,
         "surface_vertices": len(surface.vertices),
         "surface_faces": len(surface.faces),

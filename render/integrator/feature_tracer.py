@@ -161,8 +161,8 @@ def _features(
 def _follow(tracer: FeatureTracer, sampler: OwenSampler, si: Any, active: Any) -> tuple[Any, Any]:
     """Return the albedo and normal of the first rough surface that smooth ones show.
 
-    The albedo is multiplied by what they reflect and let through. Where the path leaves the scene, hits an
-    emitter or stays among smooth surfaces, the albedo is 1 times that, and the normal is 0.
+    The albedo is multiplied by what they reflect and let through. An emitter or the sky of radiance L has the
+    albedo L / (1 + L), and smooth surfaces that are not left 1. Their normal is 0.
     """
     throughput, vertex = mi.Color3f(1.0), mi.UInt32(0)
     result, normal = mi.Color3f(0.0), mi.Vector3f(0.0)
@@ -178,7 +178,10 @@ def _follow(tracer: FeatureTracer, sampler: OwenSampler, si: Any, active: Any) -
         is_followed = hit & is_smooth & ~is_emitter & (vertex < MAX_FOLLOWED)
         is_rough = hit & ~is_emitter & ~is_smooth
         ends = active & ~is_followed
-        result = dr.select(ends, throughput * dr.select(is_rough, albedo, 1.0), result)
+        leaves = active & (is_emitter | ~si.is_valid())
+        radiance = dr.maximum(si.emitter(tracer.scene).eval(si, leaves), 0.0)
+        albedo = dr.select(leaves, radiance / (1.0 + radiance), dr.select(is_rough, albedo, 1.0))
+        result = dr.select(ends, throughput * albedo, result)
         normal = dr.select(ends & is_rough, si.sh_frame.n, normal)
         active = is_followed
     return dr.clip(result, 0.0, 1.0), normal

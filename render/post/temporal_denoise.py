@@ -34,6 +34,10 @@ MIN_SPREAD = 0.004
 """The share of a light below which a difference is never taken for a change."""
 
 
+MOST_SHARE = 3.0
+"""Most of what denoising may have changed of a pixel, over the mean around it, to count as noise."""
+
+
 @dataclass(frozen=True, eq=False)
 class DenoisedFrame:
     """A denoised frame, and what temporal denoising needs to know of its pixels.
@@ -59,16 +63,30 @@ class DenoisedFrame:
 
 
 def removed_noise(beauty: Floats, denoised: Floats, radius: int = 3) -> Floats:
-    """Return what denoising changed (H, W), as a share of the light: its root mean square in a square."""
+    """Return what denoising changed (H, W), as a share of the light: its root mean square in a square.
+
+    The share of a pixel counts at most MOST_SHARE times that of its neighbours, so that one bright pixel, or
+    one that is not finite, does not make them look noisy.
+    """
     light = np.maximum(denoised.max(axis=2), 0.02)
-    share = (np.abs(beauty - denoised).max(axis=2) / light).astype(np.float64) ** 2
+    change = np.nan_to_num(np.abs(beauty - denoised), posinf=0.0, neginf=0.0).max(axis=2)
+    share = (change / light).astype(np.float64) ** 2
+    capped = np.minimum(share, 1.0)
+    area = (2 * radius + 1) ** 2
+    others = np.maximum(area * _square_means(capped, radius) - capped, 0.0) / (area - 1)
+    share = np.minimum(share, MOST_SHARE**2 * others)
+    return np.asarray(np.sqrt(_square_means(share, radius)), dtype=np.float32)
+
+
+def _square_means(picture: NDArray[np.float64], radius: int) -> NDArray[np.float64]:
+    """Return the mean (H, W) over the square around each pixel; border pixels are repeated outwards."""
     side = 2 * radius + 1
     for axis in (0, 1):
         widths = [(radius + 1, radius) if a == axis else (0, 0) for a in (0, 1)]
-        sums = np.cumsum(np.pad(share, widths, mode="edge"), axis=axis)
+        sums = np.cumsum(np.pad(picture, widths, mode="edge"), axis=axis)
         upper = np.take(sums, range(side, sums.shape[axis]), axis)
-        share = (upper - np.take(sums, range(sums.shape[axis] - side), axis)) / side
-    return np.asarray(np.sqrt(np.maximum(share, 0.0)), dtype=np.float32)
+        picture = (upper - np.take(sums, range(sums.shape[axis] - side), axis)) / side
+    return np.maximum(picture, 0.0)
 
 
 def temporal_denoise(

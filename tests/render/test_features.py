@@ -10,6 +10,7 @@ import pytest
 
 from render.mitsuba.engine import Engine
 from render.mitsuba.scene import build_scene
+from render.post.denoise import denoise, denoiser_features
 from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
@@ -62,3 +63,23 @@ def test_the_matte_is_the_coverage_of_the_light(sphere: Surface, engine: Engine)
     alpha = scenes.beauty.path_tracer.render(4, 0, 7)[..., 5]
     assert np.array_equal(scenes.features.render(4, 0, 7)["matte"][..., 0], alpha)
     assert 0.0 < alpha.mean() < 1.0
+
+
+def test_features_of_mirrors_are_filtered_and_the_albedo_in_glass_is_kept(
+    rendered: Rendered, engine: Engine
+) -> None:
+    if engine.variant == "scalar_rgb":
+        pytest.skip("the scalar variant follows no paths")
+    chrome, glass = (rendered(look=LOOKS[name]) for name in ("chrome", "glass"))
+    assert not np.array_equal(denoiser_features(chrome).albedo, chrome["denoise_albedo"])
+    assert np.array_equal(denoiser_features(glass).albedo, glass["denoise_albedo"])
+    assert not np.array_equal(denoiser_features(glass).normal, glass["denoise_normal"])
+
+
+def test_a_pixel_that_is_not_finite_does_not_spoil_the_denoised_picture(picture: RenderedFrame) -> None:
+    beauty = picture["beauty"].copy()
+    beauty[3, 4], beauty[10, 20] = np.inf, np.nan
+    spoiled = RenderedFrame({**picture.arrays, "beauty": beauty}, picture.facts)
+    clean = denoise(spoiled)
+    assert np.isfinite(clean).all()
+    assert clean.mean() == pytest.approx(denoise(picture).mean(), rel=0.02)

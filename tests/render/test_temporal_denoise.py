@@ -110,6 +110,14 @@ def test_noise_is_told_where_the_denoiser_changed_the_picture():
     np.testing.assert_allclose(found[:, 20:], 0.1, rtol=1e-3)
 
 
+@pytest.mark.parametrize("value", [65504.0, np.inf, np.nan])
+def test_one_bright_pixel_does_not_make_its_neighbours_noisy(value):
+    truth = np.full((32, 32, 3), 0.5, np.float32)
+    beauty = truth * (1.0 + 0.1 * np.random.default_rng(1).choice([-1.0, 1.0], size=(32, 32, 1)))
+    beauty[16, 16] = value
+    np.testing.assert_allclose(removed_noise(beauty.astype(np.float32), truth), 0.1, rtol=0.1)
+
+
 def test_a_part_of_a_picture_is_followed_as_the_whole_is():
     moments = film(range(-2, 3), speed=1.0)
     rows, columns = slice(20, 52), slice(30, 70)

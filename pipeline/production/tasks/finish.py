@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,13 +15,12 @@ from pipeline.production.request.keys import PictureKeys
 from pipeline.production.stages import FINISH
 from pipeline.production.tasks.finished_frames import FinishedFrames
 from pipeline.production.tasks.job import Context
-from render.post.denoise import denoise
+from render.post.film_denoiser import FilmDenoiser, RawFrame
 from render.scene.aovs import DENOISER, Pixels, RenderedFrame
 from render.scene.light_groups import groups_in, with_beauty
 
 if TYPE_CHECKING:
     from pipeline.production.render_inputs.framing import Framing
-    from render.post.temporal_denoise import DenoisedFrame
 
 
 def finish(context: Context) -> bool:
@@ -51,28 +51,21 @@ def finish(context: Context) -> bool:
 
 @dataclass(eq=False)
 class _Denoiser:
-    """Denoises the raw pictures of a batch; one that several frames take light from, once."""
+    """Denoises the raw pictures of a batch."""
 
     context: Context
     keys: PictureKeys
     framings: Mapping[int, Framing]
-    _denoised: dict[int, DenoisedFrame] = field(default_factory=dict)
 
     def finished(self, number: int) -> tuple[RenderedFrame, dict[str, Any]]:
         """Return a picture with its beauty free of noise, and its header: the raw one's, and the stage's."""
-        quality, window = self.context.request.quality, self.keys[number].window
+        window = self.keys[number].window
         layers, raw = self._read(number)
         stages = {**raw.get("stages", {}), FINISH.name: FINISH.recipe}
         header = {**raw, "raw_key": self.keys[number].raw, "stages": stages}
-        if len(window) == 1:
-            light = self._light(layers)
-        else:
-            from render.post.temporal_denoise import temporal_denoise
-
-            self._denoised = {n: self._denoised.get(n) or self._single(n) for n in window}
-            corner = quality.crop[:2] if quality.crop else (0, 0)
-            light = temporal_denoise(self._denoised, number, (quality.width, quality.height), corner)
+        if len(window) > 1:
             header = {**header, "temporal_neighbours": [n for n in window if n != number]}
+        light = self._denoiser.light(number, window)
         light = np.where(layers["alpha"][..., None] > 0.0, light, np.float32(0.0))
         denoised = _layers_of(light, groups_in(layers.arrays))
         return RenderedFrame({**layers.arrays, **denoised}, layers.facts), header
@@ -86,36 +79,19 @@ class _Denoiser:
         seen = {name: layers[name] * layers["alpha"][..., None] for name in names}
         return RenderedFrame({**layers.arrays, **seen}, layers.facts), header
 
-    def _light(self, layers: RenderedFrame) -> Pixels:
-        """Return the denoised beauty of a picture and, each denoised by itself, its light groups, of which it
-        is the sum: (H, W, 3 + 3 groups)."""
-        effort = self.context.request.quality.denoise
+    @cached_property
+    def _denoiser(self) -> FilmDenoiser:
+        quality = self.context.request.quality
+        corner = quality.crop[:2] if quality.crop else (0, 0)
+        return FilmDenoiser(self._raw, quality.denoise, (quality.width, quality.height), corner)
 
-        def denoised(light: Pixels) -> Pixels:
-            if effort == "off":
-                return light
-            return denoise(RenderedFrame({**layers.arrays, "beauty": light}, layers.facts), effort)
-
-        groups = groups_in(layers.arrays)
-        if not groups:
-            return denoised(layers["beauty"])
-        parts = [denoised(light) for light in groups.values()]
-        return np.concatenate([np.sum(parts, axis=0), *parts], axis=2)
-
-    def _single(self, number: int) -> DenoisedFrame:
-        """Return a picture denoised by itself, with what the temporal denoiser needs of it."""
-        from render.post.temporal_denoise import DenoisedFrame, removed_noise
-
-        layers, _ = self._read(number)
-        light = self._light(layers)
-        known = {name: layers[name] for name in ("position", "normal", "matte", "before", "after")}
+    def _raw(self, number: int) -> RawFrame:
         framing = self.framings[number]
-        noise = removed_noise(layers["beauty"], light[..., :3])
-        return DenoisedFrame(light, noise, **known, camera=framing.camera, placement=framing.placement)
+        return RawFrame(self._read(number)[0], framing.camera, framing.placement)
 
 
 def _layers_of(light: Pixels, groups: Iterable[str]) -> dict[str, Pixels]:
-    """Return the layers in the channels of `_Denoiser._light`."""
+    """Return the layers in the channels of `FilmDenoiser.light`."""
     parts = (light[..., first : first + 3] for first in range(3, light.shape[2], 3))
     layers = dict(zip(groups, parts, strict=True))
     return with_beauty(layers) if layers else {"beauty": light}
