@@ -78,9 +78,11 @@ class Watch:
         import drjit as dr
         import mitsuba as mi
 
+        from render.integrator.feature_tracer import FeatureTracer
         from render.integrator.path_tracer import PathTracer
 
         render, follow, denoise = mi.render, PathTracer.render, pyoidn.denoise
+        features = FeatureTracer.render
 
         def rendered(scene: Any, *arguments: Any, integrator: Any, **others: Any) -> Any:
             def work() -> Any:
@@ -101,11 +103,16 @@ class Watch:
         def denoised(*arguments: Any, **others: Any) -> Any:
             return self.timed("denoiser", lambda: denoise(*arguments, **others))
 
+        def traced(tracer: FeatureTracer, *arguments: Any) -> Any:
+            return self.timed("auxiliary features", lambda: features(tracer, *arguments))
+
         mi.render, PathTracer.render, pyoidn.denoise = rendered, followed, denoised
+        FeatureTracer.render = traced
         try:
             yield
         finally:
             mi.render, PathTracer.render, pyoidn.denoise = render, follow, denoise
+            FeatureTracer.render = features
 
     @contextmanager
     def over_digests(self) -> Iterator[None]:
