@@ -172,9 +172,23 @@ class LightSampler:
             emitter = dr.select(number == index, source.emitter, emitter)
         return _near_sample(emitter, si, position, 1.0, active)
 
-    def sample_distant(self, index: int, si: Any, position: Any, active: Any) -> LightSample:
+    def sample_distant(self, index: int, vertex: Any, si: Any, position: Any, active: Any) -> LightSample:
         """Sample the light source of an index from `near_count` on, as one of those that are all sampled."""
-        return self._sample(index, si, position, [1.0] * len(self), active)
+        return self._sample(index, si, position, self.expected_samples(vertex, active), active)
+
+    def expected_samples(
+        self, vertex: Any, are_all_sampled: Any, probabilities: Sequence[Any] | None = None
+    ) -> list[Any]:
+        """Return the expected number of samples of each light source at a vertex of a path.
+
+        Where all are sampled it is 1, but 0 for the rest of a sky beyond the first vertex. Elsewhere it is
+        the probability, or 0 without them.
+        """
+        import drjit as dr
+
+        counts = [dr.select(vertex == 0, 1.0, 0.0) if source.is_rest else 1.0 for source in self.sources]
+        others = probabilities or [0.0] * len(self)
+        return [dr.select(are_all_sampled, one, other) for one, other in zip(counts, others, strict=True)]
 
     @property
     def near_count(self) -> int:
@@ -247,8 +261,9 @@ class LightSampler:
         direction, density = source.distribution.sample(position)
         sky = dr.zeros(mi.SurfaceInteraction3f)
         sky.wi = -direction
-        density *= probability
-        light = dr.select(density > 0.0, source.emitter.eval(sky, active) / density, 0.0)
+        density = density * probability
+        light = source.emitter.eval(sky, active) * (source.distribution.correction / density)
+        light = dr.select(density > 0.0, light, 0.0)
         square = dr.maximum(self._distant_square(direction, probabilities), dr.square(density))
         return LightSample(
             source.emitter, direction, si.p + direction * self._far, light, density, square, mi.Bool(False)

@@ -2,7 +2,7 @@
 
 Path tracing with next event estimation and multiple importance sampling (Veach 1997). It computes the same
 light as Mitsuba's `path` with less noise: random numbers continue one sequence from batch to batch
-(`render.integrator.sampler`), emitters are chosen by their irradiance, and at the first vertex all of them
+(`render.integrator.sampler`), emitters are chosen by their irradiance, and at the first vertices all of them
 are sampled (`render.integrator.light_sampler`). The samples of a pixel are taken one after the other, so that
 sums have a fixed order.
 
@@ -33,8 +33,12 @@ from render.integrator.sampler import (
 )
 from render.integrator.subsurface import SubsurfaceWalk, random_bits
 
-MAX_SAMPLED_TOGETHER = 6
-"""Emitters that are all sampled at the first vertex; with more, one is chosen there too."""
+MAX_SAMPLED_TOGETHER, ALL_SAMPLED_VERTICES = 6, 2
+"""Most emitters that are all sampled at the first vertices of a path, and the number of these vertices. With
+more emitters, one is chosen there too."""
+
+SURVIVAL_FACTOR = 4.0
+"""Probability that a path goes on after those vertices, over its throughput (Russian roulette)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,8 +203,6 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
     subsurface: Any = tracer.subsurface
     is_exit = mi.Bool(False)
     sample_all = 0 < len(light_sampler) <= MAX_SAMPLED_TOGETHER
-    if dr.hint(sample_all, mode="scalar"):
-        radiance = _all_direct_light(tracer, sampler, si, throughput, radiance, active)
     while dr.hint(
         active,
         label="path",
@@ -209,17 +211,21 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
         bsdf = si.bsdf()
         if dr.hint(subsurface is not None, mode="scalar"):
             bsdf = subsurface.bsdf(si, is_exit)
-        # Next event estimation: sample one emitter.
+        # Next event estimation: sample all emitters at the first vertices, and one emitter at later ones.
         probabilities = light_sampler.probabilities(si)
+        are_all_sampled = sample_all & (vertex < ALL_SAMPLED_VERTICES)
+        if dr.hint(sample_all, mode="scalar"):
+            first = active & are_all_sampled
+            radiance = _all_direct_light(tracer, sampler, vertex, si, bsdf, throughput, radiance, first)
         if dr.hint(len(light_sampler) > 0, mode="scalar"):
-            wanted = active & (vertex > 0) if sample_all else active
+            wanted = active & ~are_all_sampled
             choice = sampler.vertex_1d(vertex, EMITTER_CHOICE)
             position = sampler.vertex_2d(vertex, EMITTER_POSITION)
             sample = light_sampler.sample_one(si, probabilities, choice, position, wanted)
             light = throughput * _direct_light(tracer, si, bsdf, sample, wanted)
             radiance = groups.add(radiance, light, sample.emitter, sample.direction)
         if dr.hint(sample_all, mode="scalar"):
-            probabilities = [dr.select(vertex == 0, 1.0, each) for each in probabilities]
+            probabilities = light_sampler.expected_samples(vertex, are_all_sampled, probabilities)
         # Continue the path by the BSDF.
         lobe, direction = sampler.vertex_1d(vertex, LOBE), sampler.vertex_2d(vertex, DIRECTION)
         bsdf_sample, weight = bsdf.sample(mi.BSDFContext(), si, lobe, direction, active)
@@ -244,6 +250,11 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
         radiance = groups.add(radiance, dr.select(active, light, 0.0), hit.emitter, hit.d)
         vertex += 1
         length += dr.select(is_exit, 0, 1)
+        survival = dr.select(
+            vertex < ALL_SAMPLED_VERTICES, 1.0, dr.minimum(1.0, SURVIVAL_FACTOR * dr.max(throughput))
+        )
+        active &= sampler.vertex_1d(vertex, EMITTER_CHOICE, 1) < survival
+        throughput /= survival
         active &= next_si.is_valid() & (length + 1 < tracer.max_depth)
         si = next_si
     return radiance
@@ -251,26 +262,34 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
 
 @dr.syntax
 def _all_direct_light(
-    tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any, radiance: Any, active: Any
+    tracer: PathTracer,
+    sampler: OwenSampler,
+    vertex: Any,
+    si: Any,
+    bsdf: Any,
+    throughput: Any,
+    radiance: Any,
+    active: Any,
 ) -> Any:
     """Add the reflected light of a sampled position on every emitter."""
-    light_sampler, vertex = tracer.light_sampler, mi.UInt32(0)
+    light_sampler = tracer.light_sampler
     count, number = light_sampler.near_count, mi.UInt32(0)
     if dr.hint(count > 0, mode="scalar"):
         while dr.hint(
-            number < count,
+            active & (number < count),
             label="emitters",
-            exclude=[tracer, sampler, light_sampler, vertex, si, throughput, active, count],
+            exclude=[tracer, sampler, light_sampler, vertex, si, bsdf, throughput, active, count],
         ):
             position = sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + number)
             sample = light_sampler.sample_each(number, si, position, active)
-            light = throughput * _direct_light(tracer, si, si.bsdf(), sample, active)
+            light = throughput * _direct_light(tracer, si, bsdf, sample, active)
             radiance = tracer.groups.add(radiance, light, sample.emitter, sample.direction)
             number += 1
     for index in range(count, len(light_sampler)):
         position = sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + index)
-        sample = light_sampler.sample_distant(index, si, position, active)
-        light = throughput * _direct_light(tracer, si, si.bsdf(), sample, active)
+        wanted = active & (light_sampler.expected_samples(vertex, active)[index] > 0.0)
+        sample = light_sampler.sample_distant(index, vertex, si, position, wanted)
+        light = throughput * _direct_light(tracer, si, bsdf, sample, wanted)
         radiance = tracer.groups.add(radiance, light, sample.emitter, sample.direction)
     return radiance
 

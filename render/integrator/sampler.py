@@ -87,9 +87,9 @@ class OwenSampler:
         columns = (mi.UInt32(coordinate), mi.UInt32(coordinate + 1))
         return mi.Point2f(*(self._number(column, column, self._digits) for column in columns))
 
-    def vertex_1d(self, vertex: Any, coordinate: int) -> Any:
+    def vertex_1d(self, vertex: Any, coordinate: int, repetition: Any = 0) -> Any:
         """Return a number for LOBE or EMITTER_CHOICE at a vertex of the path, counted from 0."""
-        return self._vertex_number(vertex, coordinate, 0)
+        return self._vertex_number(vertex, coordinate, repetition)
 
     def vertex_2d(self, vertex: Any, coordinate: int, repetition: Any = 0) -> Any:
         """Return two numbers for EMITTER_POSITION or DIRECTION, independent for each `repetition`."""
