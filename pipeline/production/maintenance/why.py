@@ -33,7 +33,7 @@ from pipeline.shot.yaml.settings import OPTION
 from pipeline.shot.yaml.source import YamlSource
 from render.base.errors import RenderError
 from render.base.serialise import from_plain
-from render.post.image import read_header
+from render.post.image import CONVENTION, read_header
 
 _NOT_COMPARED = ("key", "mesh_key", "normals_key", "inputs", "stages", "temporal_neighbours")
 """Entries of a header that the reasons cover."""
@@ -225,6 +225,9 @@ class _Frame:
         others = [n for n in keys.window if n != self.number]
         if header.get("raw_key", keys.raw) != keys.raw:
             yield "what was rendered differs: by the flow or the cameras during its exposure"
+        elif header.get(CONVENTION) != self.request.layers:
+            now, then = self.request.layers or "none", header.get(CONVENTION) or "none"
+            yield f"its layers for compositing differ: {then} before, {now} now"
         elif before != others:
             yield f"it was averaged with frames {before}, and would be with frames {others} now"
         elif "raw_key" not in header:
