@@ -68,6 +68,9 @@ SHEET = {
     "strain": "{material: strain, measure: {stretch: {range: [1, 2.5]}}}",
     "clay, measure: area": "{material: clay, measure: {area: {range: [0.5, 2]}}}",
     "bsdf: gold": "{bsdf: {type: roughconductor, material: Au, alpha: 0.12}}",
+    "marble, subsurface": "{material: marble, subsurface: {radius: 0.1}}",
+    "cream, subsurface": "{material: cream, subsurface: {radius: [0.1, 0.07, 0.04]}}",
+    "honey, subsurface": "{material: honey, subsurface: {radius: 1}}",
     "clay, wireframe": "{material: clay, colour: [0.7, 0.7, 0.7], wireframe: {width: 0.6}}",
 }
 """What stands under each picture, and what the shot file says."""
