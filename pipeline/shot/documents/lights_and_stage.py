@@ -84,7 +84,8 @@ def _require_groups(value: Any) -> Any:
 
 
 LightGroupsField = Annotated[
-    Literal["off", "each"] | dict[LightName, Annotated[list[str], Field(min_length=1)]],
+    Literal["off", "each"]
+    | dict[LightName, Annotated[list[str], Field(min_length=1), SchemaKeywords(type=["array", "string"])]],
     MAPPING_IS_SECOND,
     BeforeValidator(_require_groups),
 ]
