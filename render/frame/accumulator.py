@@ -100,7 +100,7 @@ class Accumulator:
         by_tile  False stops no tile before the noise of the frame is at most the threshold
 
         A tile goes on while one of its neighbours is noisy, so that none stops by chance amid noise. Tiles on
-        the subject's outline take half of the most samples, so that alpha is smooth in front of anything.
+        the subject's outline take all samples, so that alpha is smooth in front of anything.
         """
         latest = self._planes.pop("round")
         pixels = np.flatnonzero(latest.counts)
@@ -112,7 +112,7 @@ class Accumulator:
         noise = self._noise()
         if by_tile:
             active = np.ones(self._tiles.shape, dtype=bool) if self._active is None else self._active
-            self._active = active & (with_neighbours(active & (noise > threshold)) | self._needed_by_alpha())
+            self._active = active & (with_neighbours(active & (noise > threshold)) | self._on_outline())
         else:
             self._active = np.full(self._tiles.shape, _of_frame(noise) > threshold)
 
@@ -194,10 +194,9 @@ class Accumulator:
         rounds = self._planes.get("rounds")
         return rounds is not None and int(rounds.counts.min()) >= MIN_ROUNDS
 
-    def _needed_by_alpha(self) -> TileMask:
-        """Return the tiles whose coverage by the subject needs more samples."""
-        counts = self._planes["beauty"].counts
-        if "matte" not in self._planes or 2 * int(counts.max()) >= self.quality.samples:
+    def _on_outline(self) -> TileMask:
+        """Return the tiles that the subject's outline crosses."""
+        if "matte" not in self._planes:
             return np.zeros(self._tiles.shape, dtype=bool)
         matte = self._planes["matte"].means()[:, 0]
         return self._tiles.means(matte * (1.0 - matte)) > MIN_OUTLINE

@@ -13,7 +13,7 @@ BATCH_SAMPLES = 16
 MIN_ADAPTIVE_SAMPLES = 9
 """Fewest samples with a noise threshold: 8 measure the noise, and another can be saved."""
 
-TYPICAL_FRACTION = 0.25
+TYPICAL_FRACTION = 0.625
 """Fraction of the most samples that a typical frame takes with adaptive sampling."""
 
 MOST_TEMPORAL_FRAMES = 4
@@ -117,11 +117,11 @@ QUALITIES = {
     "final": Quality(
         1920,
         1080,
-        samples=128,
+        samples=64,
         depth=10,
         auxiliary_samples=64,
         temporal_denoise=2,
-        noise_threshold=0.04,
+        noise_threshold=0.025,
     ),
 }
 

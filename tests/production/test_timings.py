@@ -125,7 +125,7 @@ def test_frames_of_the_same_kind_tell_what_frames_will_take(tmp_path: Path) -> N
 def test_another_quality_goes_by_samples_and_pixels(tmp_path: Path) -> None:
     statistics(tmp_path, 1, 2.0, 1.0)
     expected = estimate(plan_of(Job("r", "render", (0,), (1,)), quality="final"), tmp_path, cores=1)
-    assert expected.seconds == pytest.approx((2.0 * 32 / 4 + 1.0) * (1920 * 1080) / (480 * 270))
+    assert expected.seconds == pytest.approx((2.0 * 40 / 4 + 1.0) * (1920 * 1080) / (480 * 270))
 
 
 def test_what_was_never_done_here_is_said_to_be_unknown(tmp_path: Path) -> None:
