@@ -3,8 +3,8 @@
     python -P benchmarks/blender.py SCENE.json
 
 It gets the same input as Mitsuba: the triangles and normals, emitters of the same size and radiance, the
-same sky, lens, box filter and number of bounces. The y axis points up in both. It needs bpy, and no module
-of this project.
+same sky, lens, box filter and number of bounces. Caustics are traced, and nothing is clamped or blurred. Data
+persist from picture to picture. The y axis points up in both. It needs bpy, and no module of this project.
 """
 
 from __future__ import annotations
@@ -28,17 +28,19 @@ def main() -> None:
     told = json.loads(Path(sys.argv[1]).read_text())
     bpy.ops.wm.read_factory_settings(use_empty=True)
     _settings(told)
-    _sky(told["sky"])
+    _sky(np.load(ROOM / told["sky"]), told["sky_visible"])
     for lamp in told["lamps"]:
         _lamp(lamp)
+    if told["sun"]:
+        _sun(told["sun"])
     stage = np.load(ROOM / told["stage"])
-    _show("stage", stage, _paint("stage", told["stage_colour"]))
-    clay = _paint("subject", told["colour"])
+    _show("stage", stage, _paint("stage", {"model": "diffuse", "colour": told["stage_colour"]}))
+    look = _paint("subject", told["look"])
     print(json.dumps({"blender": bpy.app.version_string}), flush=True)
     for line in sys.stdin:
         wanted = json.loads(line)
         if "mesh" in wanted:
-            _show("subject", np.load(ROOM / wanted["mesh"]), clay)
+            _show("subject", np.load(ROOM / wanted["mesh"]), look)
             print(json.dumps({}), flush=True)
         else:
             print(json.dumps({"seconds": _render(**wanted)}), flush=True)
@@ -58,7 +60,9 @@ def _settings(told: dict[str, Any]) -> None:
     cycles.pixel_filter_type = "BOX"
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
     cycles.max_bounces = told["depth"] - 2  # bounces after the first surface, emitters not counted
-    cycles.diffuse_bounces = cycles.glossy_bounces = cycles.max_bounces
+    cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = cycles.max_bounces
+    cycles.blur_glossy = 0.0
+    scene.render.use_persistent_data = True
     cycles.denoiser = "OPENIMAGEDENOISE"
     lens = bpy.data.cameras.new("lens")
     lens.sensor_fit = "HORIZONTAL"
@@ -70,12 +74,35 @@ def _settings(told: dict[str, Any]) -> None:
     scene.camera = camera
 
 
-def _sky(radiance: list[float]) -> None:
-    world = bpy.data.worlds.new("sky")
+def _sky(radiance: Any, is_visible: bool) -> None:
+    """Surround the scene with an environment map (H, W, 3), whose upper left is Mitsuba's."""
+    world = bpy.context.scene.world = bpy.data.worlds.new("sky")
     world.use_nodes = True
-    world.node_tree.nodes["Background"].inputs["Color"].default_value = (*radiance, 1.0)
-    world.cycles_visibility.camera = False
-    bpy.context.scene.world = world
+    nodes, links = world.node_tree.nodes, world.node_tree.links
+    height, width = radiance.shape[:2]
+    image = bpy.data.images.new("sky", width, height, float_buffer=True)
+    image.colorspace_settings.name = "Non-Color"
+    turned = np.roll(radiance, width // 4, axis=1)[::-1]
+    image.pixels.foreach_set(np.dstack([turned, np.ones((height, width))]).astype(np.float32).ravel())
+    texture, turn = nodes.new("ShaderNodeTexEnvironment"), nodes.new("ShaderNodeMapping")
+    place = nodes.new("ShaderNodeTexCoord")
+    texture.image = image
+    turn.inputs["Rotation"].default_value = (math.pi / 2.0, 0.0, 0.0)
+    links.new(place.outputs["Generated"], turn.inputs["Vector"])
+    links.new(turn.outputs["Vector"], texture.inputs["Vector"])
+    links.new(texture.outputs["Color"], nodes["Background"].inputs["Color"])
+    world.cycles_visibility.camera = is_visible
+
+
+def _sun(told: dict[str, Any]) -> None:
+    """Add a distant disc."""
+    light = bpy.data.lights.new("sun", "SUN")
+    light.energy = max(told["irradiance"])
+    light.color = [each / light.energy for each in told["irradiance"]]
+    light.angle = told["width"]
+    sun = bpy.data.objects.new("sun", light)
+    sun.matrix_world = Matrix(told["matrix"])
+    bpy.context.scene.collection.objects.link(sun)
 
 
 def _lamp(told: dict[str, Any]) -> None:
@@ -97,14 +124,27 @@ def _power(radiance: float, area: float) -> float:
     return math.pi * area * radiance
 
 
-def _paint(name: str, colour: list[float]) -> Any:
+def _paint(name: str, look: dict[str, Any]) -> Any:
+    """Return the material of a look. Blender's roughness is the square root of Mitsuba's."""
     paint = bpy.data.materials.new(name)
     paint.use_nodes = True
     nodes = paint.node_tree.nodes
     nodes.clear()
-    matt, out = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
-    matt.inputs["Color"].default_value = (*colour, 1.0)
-    paint.node_tree.links.new(matt.outputs["BSDF"], out.inputs["Surface"])
+    kind, colour, roughness = {
+        "diffuse": ("ShaderNodeBsdfDiffuse", "Color", None),
+        "plastic": ("ShaderNodeBsdfPrincipled", "Base Color", look.get("roughness")),
+        "metal": ("ShaderNodeBsdfAnisotropic", "Color", look.get("roughness")),
+        "glass": ("ShaderNodeBsdfGlass", "Color", 0.0),
+    }[look["model"]]
+    bsdf, out = nodes.new(kind), nodes.new("ShaderNodeOutputMaterial")
+    bsdf.inputs[colour].default_value = (*look["colour"], 1.0)
+    if roughness is not None:
+        bsdf.inputs["Roughness"].default_value = math.sqrt(roughness)
+    if "IOR" in bsdf.inputs:
+        bsdf.inputs["IOR"].default_value = look["refraction"]
+    if kind == "ShaderNodeBsdfAnisotropic":
+        bsdf.distribution = "GGX"
+    paint.node_tree.links.new(bsdf.outputs["BSDF"], out.inputs["Surface"])
     return paint
 
 
@@ -128,11 +168,15 @@ def _show(name: str, arrays: Any, paint: Any) -> None:
     bpy.context.scene.collection.objects.link(bpy.data.objects.new(name, mesh))
 
 
-def _render(samples: int, denoised: bool, seed: int, to: str) -> list[float]:
-    """Render and write the picture; return its seconds by the clock, and of all threads."""
+def _render(samples: int, prefilter: str | None, seed: int, to: str) -> list[float]:
+    """Render and write the picture; return its seconds by the clock, and of all threads.
+
+    prefilter  of the denoiser: NONE, FAST or ACCURATE; None is a raw picture
+    """
     scene = bpy.context.scene
     scene.cycles.samples, scene.cycles.seed = samples, seed
-    scene.cycles.use_denoising = denoised
+    scene.cycles.use_denoising = prefilter is not None
+    scene.cycles.denoising_prefilter = prefilter or "NONE"
     begun = time.perf_counter(), time.process_time()
     bpy.ops.render.render()
     ended = time.perf_counter(), time.process_time()

@@ -1,19 +1,20 @@
-"""`python -m benchmarks.cycles [WIDTH] [REFERENCE]`: time to equal error, against Blender's Cycles.
+"""`python -m benchmarks.cycles [WIDTH REFERENCE [CELL …]]`: time to equal error, against Blender's Cycles.
 
-The scene is a clay torus in the studio that turns by half a degree a frame, WIDTH pixels wide (256). Both
-renderers get the same triangles, stage, emitters, sky and lens, six vertices to a path, a box filter and
-Intel's denoiser (`benchmarks/blender.py` has the settings). Each renders three frames in turn: raw, denoised,
-and, here only, denoised over time with two frames to either side. Seconds include building the scene and the
-auxiliary features.
+A cell is a look and a light rig, such as `clay-studio`; by default all of LOOK_NAMES × RIG_NAMES are
+measured. Cells that `benchmarks/out/cycles.json` holds already, for that width and reference, are only shown.
+The scene is a torus, WIDTH pixels wide (256). Both renderers get the same triangles, stage, emitters, sun,
+sky and lens, as many vertices to a path, a box filter and Intel's denoiser (see `benchmarks/blender.py`).
+Each renders three seeds, raw and denoised. Seconds include building the scene, which both are given anew for
+every picture, and the auxiliary features. Cycles denoises with the prefilter of features and without; what
+reaches the error sooner counts.
 
 Each renderer is compared with its own reference of REFERENCE samples (1024), so that it does not matter which
-of the two is right; the distance between the references is printed. The references' noise is estimated from
+of the two is right; the distance between the references is shown. The references' noise is estimated from
 their halves, and subtracted. Errors are root mean squares of display values. The time of Cycles is
-interpolated between powers of two of samples, as in `benchmarks.equal_quality`.
+interpolated between its numbers of samples, and beyond them falls as noise does.
 
-Targets: half the time, and a quarter with denoising over time; by the clock, and in CPU seconds, which other
-work does not lengthen. Writes `benchmarks/out/cycles.json` and PNGs. Needs
-`benchmarks/requirements-cycles.txt`.
+The table has the CPU seconds of Cycles until the error of ours, over ours: the mean, and the least and most
+of the seeds. Needs `benchmarks/requirements-cycles.txt`.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,37 +36,71 @@ import numpy as np
 
 from benchmarks.equal_quality import Best
 from benchmarks.errors import put, shown
-from benchmarks.flicker import CAMERA, TURN, moment_of, subject
-from benchmarks.report import Row, Target, keep, show
+from benchmarks.flicker import CAMERA, subject
+from benchmarks.report import OUT, Row, Target, show
 from pipeline.arrays import AnyArray
 from render.frame.render_frame import render_frame
+from render.mitsuba.emitters import daylight_exposure, daylight_irradiances, daylight_map, gradient_map
 from render.mitsuba.engine import Engine, choose
+from render.mitsuba.scene import build_scene
+from render.post.denoise import denoise
 from render.post.image import read_exr
-from render.post.temporal_denoise import DenoisedFrame, temporal_denoise
-from render.scene.aovs import RenderedFrame
-from render.scene.lights import LIGHTS, Softbox
-from render.scene.materials import LOOKS
+from render.scene.lights import LIGHTS, LightRig, Softbox
+from render.scene.materials import LOOKS, Glass, Material
 from render.scene.quality import Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.stage import STAGES, Stage, StagePlacement
 from render.scene.surface import Surface
 
-HOME = Path(sys.prefix) / "cycles"
-DEPTH, RIG, LOOK, STAGE = 6, LIGHTS["studio"], LOOKS["clay"], STAGES["cyclorama"]
-FRAMES, AROUND = 3, 2
-RAW, DENOISED = (16, 64, 256), (16, 64, 256)
-"""Samples of Cycles."""
+HOME = Path(os.environ.get("BLENDER_MODULE", Path(sys.prefix) / "cycles"))
+LOOK_NAMES, RIG_NAMES = ("clay", "glaze", "chrome", "glass"), ("studio", "gallery", "daylight")
+DEPTH, SEEDS = 6, 3
+OURS, THEIRS = {"raw": (16, 64), "denoised": (16, 64)}, (4, 16, 64, 256)
+"""Samples of both."""
 
-LEAST, LEAST_OVER_TIME = 2.0, 4.0
-"""Targets: the time of Cycles over ours."""
+COMPARED = {"raw": 64, "denoised": 16}
+"""Samples of ours whose error Cycles is to reach."""
+
+LEAST, LEAST_MEDIAN = {"raw": 1.3, "denoised": 2.0}, 3.0
+"""Targets: the CPU time of Cycles over ours."""
+
+_REFLECTED_INSIDE = 0.591
+"""Diffuse light that a coat of index 1.49 reflects from inside (Egan and Hilgeman 1973)."""
+
+PREFILTERS = {"raw": (None,), "denoised": ("NONE", "ACCURATE")}
+
+Tries = dict[str, list[list[float]]]
+"""CPU seconds and errors of each seed, by samples."""
 
 
-Spent = AnyArray
-"""(2,): seconds by the clock, and CPU seconds of all threads, which other work does not lengthen."""
+@dataclass(frozen=True)
+class Cell:
+    """A look under a light rig."""
 
+    name: str
+    look: Material
+    lights: LightRig
+    stage: Stage
 
-def now() -> Spent:
-    return np.array([time.perf_counter(), time.process_time()])
+    @classmethod
+    def named(cls, name: str) -> Cell:
+        """Return a cell by its name. Glass is clear, since volumes that absorb would hold Cycles up."""
+        look_name, rig = name.split("-")
+        look = LOOKS[look_name]
+        if isinstance(look, Glass):
+            look = replace(look, absorption=None)
+        stage = STAGES["ground" if rig == "daylight" else "cyclorama"]
+        if look.stage_colour is not None:
+            stage = replace(stage, colour=look.stage_colour)
+        return cls(name, look, LIGHTS[rig], stage)
+
+    @property
+    def depth(self) -> int:
+        """Vertices of a path."""
+        return max(DEPTH, self.look.min_path_depth)
+
+    def scene(self, surface: Surface) -> Scene:
+        return Scene(surface, self.look, self.lights, self.stage, StagePlacement(), CAMERA)
 
 
 @dataclass(eq=False)
@@ -88,39 +123,48 @@ class Cycles:
                 return dict(json.loads(line))
         raise RuntimeError(f"Blender ended: {(self.room / 'blender.log').read_text()[-2000:]}")
 
-    def show(self, surface: Surface) -> None:
-        np.savez(
-            self.room / "subject.npz",
-            vertices=surface.vertices,
-            normals=surface.normals,
-            faces=surface.faces,
-        )
+    def rendered(
+        self, surface: Surface, samples: int, prefilter: str | None, seed: int
+    ) -> tuple[float, AnyArray]:
+        """Return CPU seconds and the picture of a surface that Blender has not seen yet."""
+        file = self.room / "subject.npz"
+        np.savez(file, vertices=surface.vertices, normals=surface.normals, faces=surface.faces)
         self.say(mesh="subject.npz")
-
-    def rendered(self, samples: int, denoised: bool, seed: int) -> tuple[Spent, AnyArray]:
-        seconds = self.say(samples=samples, denoised=denoised, seed=seed, to="picture.exr")["seconds"]
+        said = self.say(samples=samples, prefilter=prefilter, seed=seed, to="picture.exr")
         layers, _ = read_exr(self.room / "picture.exr")
-        return np.array(seconds), layers["beauty"].astype(np.float64)
+        return float(said["seconds"][1]), layers["beauty"].astype(np.float64)
 
 
 @contextmanager
-def cycles(room: Path, size: tuple[int, int]) -> Iterator[Cycles]:
+def cycles(room: Path, size: tuple[int, int], cell: Cell) -> Iterator[Cycles]:
     """Start Blender with stage, emitters and lens, without a subject."""
-    vertices, normals, faces = STAGE.mesh()
+    vertices, normals, faces = cell.stage.mesh()
     np.savez(room / "stage.npz", vertices=vertices, normals=normals, faces=faces)
     axes = CAMERA.axes()
     lens = np.eye(4)
     lens[:3, :3], lens[:3, 3] = np.stack([axes[0], axes[1], -axes[2]], axis=1), CAMERA.origin
+    daylight, look = cell.lights.daylight, cell.look
+    np.save(
+        room / "sky.npy",
+        daylight_map(replace(daylight, sun=0.0)) if daylight else gradient_map(cell.lights.sky),
+    )
     told = {
         "size": size,
-        "depth": DEPTH,
+        "depth": cell.depth,
         "field_of_view": CAMERA.field_of_view,
         "camera": lens.tolist(),
-        "sky": RIG.sky.zenith,
-        "lamps": [_lamp(box) for box in RIG.softboxes],
+        "sky": "sky.npy",
+        "sky_visible": cell.lights.shows_sky,
+        "sun": _sun(cell.lights),
+        "lamps": [_lamp(box) for box in cell.lights.softboxes],
         "stage": "stage.npz",
-        "stage_colour": STAGE.colour,
-        "colour": LOOK.colour,
+        "stage_colour": cell.stage.colour,
+        "look": {
+            "model": look.model,
+            "colour": _base_colour(look),
+            "roughness": look.roughness,
+            "refraction": look.refraction if isinstance(look, Glass) else 1.49,
+        },
     }
     (room / "scene.json").write_text(json.dumps(told))
     program = Path(__file__).with_name("blender.py")
@@ -141,21 +185,47 @@ def cycles(room: Path, size: tuple[int, int]) -> Iterator[Cycles]:
         process.wait()
 
 
+def _base_colour(look: Material) -> list[float]:
+    """Return the colour that makes a look of Cycles as bright as ours.
+
+    Light that the inside of our plastic's coat reflects meets the body again (Mitsuba's `nonlinear`).
+    """
+    if look.model != "plastic":
+        return list(look.colour)
+    return [part * (1.0 - _REFLECTED_INSIDE) / (1.0 - part * _REFLECTED_INSIDE) for part in look.colour]
+
+
 def _lamp(box: Softbox) -> dict[str, Any]:
     """Return an emitter's data; it shines along its -z axis, its y axis as vertical as possible."""
-    back = np.subtract(box.position, box.target)
-    back = back / np.linalg.norm(back)
-    up = (0.0, 1.0, 0.0) if math.hypot(back[0], back[2]) > 1e-3 else (0.0, 0.0, -1.0)
-    right = np.cross(up, back)
-    right /= np.linalg.norm(right)
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = np.stack([right, np.cross(back, right), back], axis=1), box.position
+    matrix = _facing(np.subtract(box.position, box.target))
+    matrix[:3, 3] = box.position
     return {
         "matrix": matrix.tolist(),
         "width": box.width,
         "height": box.height,
         "radiance": box.radiance,
     }
+
+
+def _sun(lights: LightRig) -> dict[str, Any] | None:
+    """Return the sun's data, or None for a rig without daylight."""
+    if lights.daylight is None:
+        return None
+    strength = daylight_exposure(lights.daylight) * lights.daylight.sun
+    irradiance = strength * daylight_irradiances(lights.daylight)[0]
+    matrix = _facing(np.array(lights.daylight.direction))
+    return {"matrix": matrix.tolist(), "irradiance": irradiance.tolist(), "width": lights.daylight.width}
+
+
+def _facing(back: AnyArray) -> AnyArray:
+    """Return the transform (4, 4) of an emitter that shines against `back`."""
+    back = back / np.linalg.norm(back)
+    up = (0.0, 1.0, 0.0) if math.hypot(back[0], back[2]) > 1e-3 else (0.0, 0.0, -1.0)
+    right = np.cross(up, back)
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack([right, np.cross(back, right), back], axis=1)
+    return matrix
 
 
 @dataclass(eq=False)
@@ -176,134 +246,126 @@ class Truth:
         return 255.0 * math.sqrt(max(square, 1e-10))
 
 
-@dataclass(eq=False)
-class Tries:
-    """Seconds and errors of one method by number of samples; means over the frames."""
+def measure(cell: Cell, size: tuple[int, int], reference: int, engine: Engine) -> dict[str, Any]:
+    """Return the tries of both renderers in a cell, and how far apart their references are."""
+    surface = subject(0.0)
+    ours = _try_ours(cell, surface, size, reference, engine)
+    with tempfile.TemporaryDirectory() as folder, cycles(Path(folder), size, cell) as blender:
+        blender.rendered(surface, 1, "ACCURATE", 1)
+        truth = Truth(*(blender.rendered(surface, reference // 2, None, 900 + i)[1] for i in (0, 1)))
+        tries: dict[str, Tries] = {}
+        for kind, prefilters in PREFILTERS.items():
+            for prefilter in prefilters:
+                tried = tries.setdefault(kind if prefilter is None else f"{kind} {prefilter}", {})
+                for samples in THEIRS:
+                    for seed in range(SEEDS):
+                        seconds, picture = blender.rendered(surface, samples, prefilter, 10 * seed + samples)
+                        tried.setdefault(str(samples), []).append([seconds, truth.error(picture)])
+        version = blender.version
+    put(f"cycles_{cell.name}", {"ours": ours["truth"].mean, "Cycles": truth.mean})
+    means = [shown(each.mean).mean() for each in (ours["truth"], truth)]
+    return {
+        "blender": version,
+        "ours": ours["tries"],
+        "Cycles": tries,
+        "apart": ours["truth"].error(truth.mean),
+        "brightness": means[1] / means[0],
+    }
 
-    spent: dict[int, list[Spent]] = field(default_factory=dict)
-    squares: dict[int, list[float]] = field(default_factory=dict)
 
-    def add(self, samples: int, spent: Spent, error: float) -> None:
-        self.spent.setdefault(samples, []).append(spent)
-        self.squares.setdefault(samples, []).append(error**2)
-
-    def of(self, samples: int) -> tuple[Spent, float]:
-        return np.mean(self.spent[samples], axis=0), math.sqrt(float(np.mean(self.squares[samples])))
-
-    def until(self, wanted: float) -> Spent:
-        """Return the seconds until the error is `wanted`."""
-        known = sorted(self.spent)
-        errors = [np.array(self.of(samples)[1]) for samples in known]
-        by_clock = ([float(self.of(samples)[0][clock]) for samples in known] for clock in (0, 1))
-        return np.array([Best(known, seconds, errors).until(float, wanted) for seconds in by_clock])
-
-
-def ours(surface: Surface, size: tuple[int, int], samples: int, seed: int, engine: Engine) -> RenderedFrame:
-    quality = Quality(*size, samples=samples, depth=DEPTH, auxiliary_samples=16)
-    scene = Scene(surface, LOOK, RIG, STAGE, StagePlacement(), CAMERA)
-    return render_frame(scene, quality, seed, engine, aovs=("before", "after"))
+def _try_ours(
+    cell: Cell, surface: Surface, size: tuple[int, int], reference: int, engine: Engine
+) -> dict[str, Any]:
+    """Return our tries and our reference, without the bound on fireflies, which spreads light."""
+    quality = Quality(*size, samples=16, depth=cell.depth, auxiliary_samples=16)
+    tracer = build_scene(cell.scene(surface), quality).beauty.path_tracer
+    truth = Truth(*(tracer.render(reference // 2, 0, 7000 + i)[..., :3] for i in (0, 1)))
+    tries: dict[str, Tries] = {"raw": {}, "denoised": {}}
+    denoise(render_frame(cell.scene(surface), quality, 1, engine))  # compiles
+    for samples in sorted({*OURS["raw"], *OURS["denoised"]}):
+        for seed in range(SEEDS):
+            begun = time.process_time()
+            frame = render_frame(cell.scene(surface), replace(quality, samples=samples), 50 + seed, engine)
+            raw = time.process_time() - begun
+            clean = denoise(frame)
+            denoised = time.process_time() - begun
+            tries["raw"].setdefault(str(samples), []).append([raw, truth.error(frame["beauty"])])
+            tries["denoised"].setdefault(str(samples), []).append([denoised, truth.error(clean)])
+    return {"tries": tries, "truth": truth}
 
 
-def main(width: int = 256, reference: int = 1024) -> list[Target]:
-    """Measure three frames; return the targets."""
+def ratios(measured: dict[str, Any], kind: str, samples: int) -> list[float]:
+    """Return the CPU seconds of Cycles until the error of ours, over ours: of the means, and of each seed."""
+    own = np.array(measured["ours"][kind][str(samples)])
+    found = []
+    for seeds in (slice(None), *(slice(i, i + 1) for i in range(len(own)))):
+        seconds, error = _mean(own[seeds])
+        theirs = [tried for name, tried in measured["Cycles"].items() if name.startswith(kind)]
+        found.append(min(_until(tried, seeds, error) for tried in theirs) / seconds)
+    return found
+
+
+def _mean(tries: AnyArray) -> tuple[float, float]:
+    """Return mean seconds, and the root of the mean square of errors, of tries (seeds, 2)."""
+    return float(tries[:, 0].mean()), float(np.sqrt((tries[:, 1] ** 2).mean()))
+
+
+def _until(tried: Tries, seeds: slice, error: float) -> float:
+    """Return the seconds until an error. Beyond the most samples, it falls with the root of the time."""
+    known = sorted(map(int, tried))
+    means = [_mean(np.array(tried[str(samples)])[seeds]) for samples in known]
+    last, least = means[-1]
+    if error < least:
+        return last * (least / error) ** 2
+    best = Best(known, [seconds for seconds, _ in means], [np.array(each) for _, each in means])
+    return best.until(float, error)
+
+
+def _row(name: str, measured: dict[str, Any]) -> Row:
+    row: Row = {"cell": name}
+    for kind, samples in COMPARED.items():
+        mean, *seeds = ratios(measured, kind, samples)
+        row[f"{kind}, {samples}"] = mean
+        row[f"{kind}, seeds"] = f"{min(seeds):.3g} to {max(seeds):.3g}"
+        row[f"{kind} is a"] = "win" if min(seeds) > 1.0 else "loss" if max(seeds) < 1.0 else "draw"
+    return row | {"steps apart": measured["apart"], "brightness": measured["brightness"]}
+
+
+def main(width: int = 256, reference: int = 1024, *names: str) -> list[Target]:
+    """Measure the cells that are not measured yet; return the targets."""
     if not HOME.is_dir():
         print("Cycles is not installed; benchmarks/requirements-cycles.txt says how")
         return []
     engine, size = choose(), (width, width * 9 // 16)
     engine.start()
-    numbers = range(1 - AROUND, FRAMES + 1 + AROUND)
-    surfaces = {n: subject(TURN * (n + AROUND)) for n in numbers}
-    tries = {name: Tries() for name in ("ours, raw", "ours, denoised", "ours, over time")}
-    tries |= {"Cycles, raw": Tries(), "Cycles, denoised": Tries()}
-    apart: list[float] = []
-    ours(surfaces[1], size, 16, 1, engine)  # compiles
-    moments: dict[int, DenoisedFrame] = {}
-    made: dict[int, Spent] = {}
-    for number in numbers:
-        begun = now()
-        moments[number] = moment_of(ours(surfaces[number], size, 16, number + 10, engine))
-        made[number] = now() - begun
-    temporal_denoise(moments, 1)  # compiles
-    with tempfile.TemporaryDirectory() as folder, cycles(Path(folder), size) as blender:
-        blender.show(surfaces[1])
-        blender.rendered(1, True, 1)
-        for number in range(1, FRAMES + 1):
-            surface = surfaces[number]
-            blender.show(surface)
-            truth = _ours_at_last(surface, size, reference, engine)
-            for samples in (16, 64):
-                begun = now()
-                layers = ours(surface, size, samples, number + 50, engine)
-                raw = now() - begun
-                moment = moment_of(layers)
-                denoised = now() - begun
-                tries["ours, raw"].add(samples, raw, truth.error(layers["beauty"]))
-                tries["ours, denoised"].add(samples, denoised, truth.error(moment.light))
-            begun = now()
-            around = {n: moments[n] for n in range(number - AROUND, number + AROUND + 1)}
-            quiet = temporal_denoise(around, number)
-            seconds = now() - begun + made[number]
-            tries["ours, over time"].add(16, seconds, truth.error(quiet))
-            theirs = Truth(*(blender.rendered(reference // 2, False, 900 + i)[1] for i in (0, 1)))
-            for name, denoised_too, wanted in (
-                ("Cycles, raw", False, RAW),
-                ("Cycles, denoised", True, DENOISED),
-            ):
-                for samples in wanted:
-                    spent, picture = blender.rendered(samples, denoised_too, 10 * number + samples)
-                    tries[name].add(samples, spent, theirs.error(picture))
-            apart.append(truth.error(theirs.mean))
-        version = blender.version
-    put("cycles_truths", {"ours": truth.mean, "Cycles": theirs.mean, "16 over time": quiet})
-    rows: list[Row] = [
-        {
-            "made by": name,
-            "samples": float(samples),
-            "s": float(tried.of(samples)[0][0]),
-            "CPU s": float(tried.of(samples)[0][1]),
-            "error": tried.of(samples)[1],
-        }
-        for name, tried in tries.items()
-        for samples in sorted(tried.spent)
-    ]
-    show(f"{FRAMES} frames of {size[0]} × {size[1]}, Blender {version}; errors in steps of 255", rows)
-    means = [shown(each.mean).mean(axis=(0, 1)) for each in (truth, theirs)]
-    print(
-        f"converged, they are {np.mean(apart):.3g} steps apart; Cycles's means are "
-        + ", ".join(f"{factor:.4f}" for factor in means[1] / means[0])
-        + " of ours"
+    OUT.mkdir(exist_ok=True)
+    path, made_by = OUT / "cycles.json", {"width": width, "reference": reference}
+    stored = json.loads(path.read_text()) if path.exists() else {}
+    cells = stored["cells"] if isinstance(stored, dict) and stored.get("made by") == made_by else {}
+    for name in names or [f"{look}-{rig}" for look in LOOK_NAMES for rig in RIG_NAMES]:
+        if name not in cells:
+            cells[name] = measure(Cell.named(name), size, reference, engine)
+            path.write_text(json.dumps({"made by": made_by, "cells": cells}, indent=1) + "\n")
+            show(name, [_row(name, cells[name])])
+    rows = [_row(name, measured) for name, measured in cells.items()]
+    targets = []
+    for kind, samples in COMPARED.items():
+        column = f"{kind}, {samples}"
+        values = [float(row[column]) for row in rows]
+        targets += [
+            Target(str(row["cell"]), f"Cycles: times as long, {column}", value, least=LEAST[kind])
+            for row, value in zip(rows, values, strict=True)
+        ]
+        targets.append(
+            Target("median", f"Cycles: times as long, {column}", float(np.median(values)), least=LEAST_MEDIAN)
+        )
+    show(
+        f"{size[0]} × {size[1]}, {SEEDS} seeds: CPU seconds of Cycles until the error of ours, over ours",
+        rows,
     )
-    keep("cycles", [*rows, {"made by": "apart, converged", "error": float(np.mean(apart))}])
-    return [
-        *_targets(tries, "ours, raw", 64, "Cycles, raw", LEAST),
-        *_targets(tries, "ours, denoised", 16, "Cycles, denoised", LEAST),
-        *_targets(tries, "ours, over time", 16, "Cycles, denoised", LEAST_OVER_TIME),
-    ]
-
-
-def _targets(tries: dict[str, Tries], who: str, samples: int, whom: str, least: float) -> list[Target]:
-    spent, error = tries[who].of(samples)
-    ratios = tries[whom].until(error) / spent
-    return [
-        Target(f"{who}, {samples} samples", f"{whom}: times as long, {by}", float(ratio), least=least)
-        for by, ratio in zip(("by the clock", "CPU"), ratios, strict=True)
-    ]
-
-
-def _ours_at_last(surface: Surface, size: tuple[int, int], samples: int, engine: Engine) -> Truth:
-    """Return our reference, without firefly clamping, which removes light."""
-    return Truth(*(_unguarded(surface, size, samples // 2, 7000 + i) for i in (0, 1)))
-
-
-def _unguarded(surface: Surface, size: tuple[int, int], samples: int, seed: int) -> AnyArray:
-    from benchmarks.equal_quality import PASS, one_pass
-    from render.mitsuba.scene import build_scene
-
-    scene = Scene(surface, LOOK, RIG, STAGE, StagePlacement(), CAMERA)
-    beauty = build_scene(scene, Quality(*size, samples=PASS, depth=DEPTH)).beauty
-    count = max(1, samples // PASS)
-    return np.asarray(sum(one_pass(beauty, 1000 * seed + i) for i in range(count)) / count)
+    return targets
 
 
 if __name__ == "__main__":
-    show("Targets", [target.row for target in main(*map(int, sys.argv[1:]))])
+    width, reference, *names = [*sys.argv[1:], *("256", "1024")[len(sys.argv) - 1 :]]
+    show("Targets", [target.row for target in main(int(width), int(reference), *names)])

@@ -81,7 +81,7 @@ def _distant(lights: LightRig) -> dict[str, Any]:
     if lights.daylight and lights.daylight.working_space != REC709.name:
         import mitsuba as mi
 
-        return {"type": "envmap", "bitmap": mi.Bitmap(_daylight_map(lights.daylight))}
+        return {"type": "envmap", "bitmap": mi.Bitmap(daylight_map(lights.daylight))}
     if lights.daylight:
         daylight, strength = lights.daylight, daylight_exposure(lights.daylight)
         scales = {"sun_scale": strength * daylight.sun, "sky_scale": strength * daylight.sky}
@@ -149,11 +149,15 @@ def _sky(sky: Sky) -> dict[str, Any]:
 
     if sky.is_uniform:
         return {"type": "constant", "radiance": {"type": "rgb", "value": list(sky.zenith)}}
+    return {"type": "envmap", "bitmap": mi.Bitmap(gradient_map(sky))}
+
+
+def gradient_map(sky: Sky) -> NDArray[np.float32]:
+    """Return the radiance (64, 8, 3) of a sky as an environment map."""
     height = np.cos((np.arange(64) + 0.5) / 64 * math.pi)[:, None]
     end = np.where(height > 0.0, np.array(sky.zenith), np.array(sky.nadir))
     rows = np.array(sky.horizon) + np.abs(height) ** 0.6 * (end - np.array(sky.horizon))
-    picture = np.broadcast_to(rows[:, None, :], (64, 8, 3)).astype(np.float32)
-    return {"type": "envmap", "bitmap": mi.Bitmap(np.ascontiguousarray(picture))}
+    return np.ascontiguousarray(np.broadcast_to(rows[:, None, :], (64, 8, 3)), dtype=np.float32)
 
 
 def _environment(environment: Environment) -> dict[str, Any]:
@@ -200,7 +204,7 @@ def daylight_irradiances(daylight: Daylight) -> tuple[NDArray[np.float64], NDArr
 
 
 @lru_cache(maxsize=2)
-def _daylight_map(daylight: Daylight) -> NDArray[np.float32]:
+def daylight_map(daylight: Daylight) -> NDArray[np.float32]:
     """Return radiance (_MAP_ROWS, 2 _MAP_ROWS, 3) of sun and sky in the daylight's working space.
 
     Mitsuba's emitter yields Rec.709 alone. The sky is smooth and computed coarsely; the sun's light is
