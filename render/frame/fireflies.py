@@ -36,11 +36,8 @@ REACH = 2
 
 BRIGHTENING = 0.02
 """Fraction by which the light of one firefly may brighten its surroundings: the brighter the firefly, the
-farther its light is spread."""
-
-MAX_BRIGHTENING_PER_SAMPLE = 0.005
-"""Fraction by which it may do so where it is spread over all the picture, over the number of samples. What is
-beyond is removed: with few samples one alone could make the picture flicker."""
+farther its light is spread. Where all the picture is too small for it, the rest is removed: one sample alone
+would make a film flicker."""
 
 RADII = (2, 6, 20, 60, 180)
 """Radii in pixels of the kernels that spread light, up to an eighth of the picture."""
@@ -108,7 +105,7 @@ def find_fireflies(
     nothing, reached = np.zeros_like(kept), np.ones_like(kept)
     radius = np.zeros(kept.shape, dtype=np.int32)
     removed = FireflyFilter(kept, luminance * kept, matte > 0.5, nothing, reached, radius)
-    return _with_spread(removed, luminance, samples) if treatment == "soft" else removed
+    return _with_spread(removed, luminance) if treatment == "soft" else removed
 
 
 def kept_fractions(luminance: Picture, square: Picture, samples: Picture, treatment: str) -> Picture:
@@ -159,7 +156,7 @@ def _supporting_samples(
     return count
 
 
-def _with_spread(removed: FireflyFilter, luminance: Picture, samples: Picture) -> FireflyFilter:
+def _with_spread(removed: FireflyFilter, luminance: Picture) -> FireflyFilter:
     """Return a filter that spreads the light which `removed` removes.
 
     Each pixel's light goes as far as it must to brighten its surroundings by no more than BRIGHTENING.
@@ -167,7 +164,6 @@ def _with_spread(removed: FireflyFilter, luminance: Picture, samples: Picture) -
     excess = (1.0 - removed.kept) * luminance
     waiting, subject = excess > 0.0, removed.on_subject
     spread, reached, radius_of = removed.spread.copy(), removed.reached.copy(), removed.radius.copy()
-    most = np.maximum(BRIGHTENING, MAX_BRIGHTENING_PER_SAMPLE * samples)
     reaches = [radius for radius in RADII if 8 * radius <= max(luminance.shape)]
     for radius in (*reaches, EVERYWHERE):
         if not waiting.any():
@@ -176,7 +172,7 @@ def _with_spread(removed: FireflyFilter, luminance: Picture, samples: Picture) -
         light = np.where(subject, *within) + 1e-12
         peak = excess * _peak(radius) / light
         chosen = waiting if radius == EVERYWHERE else waiting & (peak <= BRIGHTENING)
-        part = np.minimum(1.0, most / np.maximum(peak, most))
+        part = BRIGHTENING / np.maximum(peak, BRIGHTENING)
         spread[chosen] = ((1.0 - removed.kept) * part)[chosen]
         reached[chosen], radius_of[chosen] = light[chosen], radius
         waiting = waiting & ~chosen

@@ -34,7 +34,7 @@ def filtered(samples: NDArray[np.float64], treatment: str = "soft") -> NDArray[n
 
 def test_a_lone_spark_is_spread_and_no_light_is_lost() -> None:
     samples = np.full((16, *SIZE), GREY)
-    samples[3, 9, 16] = 40.0
+    samples[3, 9, 16] = 30.0
     light = filtered(samples)
     assert light.max() < 4.0 * GREY
     assert light.sum() == pytest.approx(samples.mean(axis=0).sum())
@@ -45,7 +45,7 @@ def test_a_lone_spark_is_spread_and_no_light_is_lost() -> None:
 
 def test_firm_removes_the_light_of_a_spark_and_tells_how_much() -> None:
     samples = np.full((16, *SIZE), GREY)
-    samples[3, 9, 16] = 40.0
+    samples[3, 9, 16] = 30.0
     firm, mean = filter_of(samples, "firm")
     light = firm.apply(mean[..., None])
     assert firm.facts(mean)["light_removed"] == pytest.approx(1.0 - light.sum() / mean.sum(), rel=0.01)
@@ -89,7 +89,7 @@ def test_less_light_is_removed_the_more_samples_are_taken() -> None:
 
 def test_light_of_the_subject_stays_on_the_subject() -> None:
     mean, square = np.full(SIZE, GREY), np.full(SIZE, GREY * GREY)
-    mean[9, 13], square[9, 13] = 2.0, 16 * 4.0
+    mean[9, 13], square[9, 13] = 1.5, 16 * 2.25
     matte = np.zeros(SIZE)
     matte[:, :16] = 1.0
     firefly_filter = find_fireflies(mean, square, np.full(SIZE, 16.0), matte, "soft")
