@@ -64,6 +64,7 @@ class PathTracer:
     objects        shapes whose coverage of the pixel is measured
     catcher        a shape that is not seen, but the shadows on it; or None
     subsurface     random walks below the subject's surface, or None
+    caustic_sun    a `caustic_sun.CausticSun`, or None
     """
 
     scene: Any
@@ -75,6 +76,7 @@ class PathTracer:
     objects: Sequence[Any] = ()
     catcher: ShadowCatcher | None = None
     subsurface: SubsurfaceWalk | None = None
+    caustic_sun: Any = None
 
     @property
     def coverage_channels(self) -> int:
@@ -202,6 +204,7 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
     vertex, length, active = mi.UInt32(0), mi.UInt32(0), si.is_valid()
     subsurface: Any = tracer.subsurface
     is_exit = mi.Bool(False)
+    after_matt = mi.Bool(False)
     sample_all = 0 < len(light_sampler) <= MAX_SAMPLED_TOGETHER
     while dr.hint(
         active,
@@ -246,8 +249,14 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
         delta = mi.has_flag(bsdf_sample.sampled_type, mi.BSDFFlags.Delta)
         square = light_sampler.squared_density(si, hit, probabilities, active & ~delta)
         mis_weight = power_heuristic(bsdf_sample.pdf, dr.select(delta, 0.0, square))
-        light = throughput * mis_weight * hit.emitter.eval(next_si, active)
-        radiance = groups.add(radiance, dr.select(active, light, 0.0), hit.emitter, hit.d)
+        direction, share = hit.d, mi.Float(1.0)
+        if dr.hint(tracer.caustic_sun is not None, mode="scalar"):
+            in_caustic = active & after_matt & delta & ~next_si.is_valid()
+            direction, share = tracer.caustic_sun.widened(hit.d, in_caustic)
+            after_matt |= ~delta | is_exit
+            next_si.wi = dr.select(in_caustic, -direction, next_si.wi)
+        light = throughput * mis_weight * share * hit.emitter.eval(next_si, active)
+        radiance = groups.add(radiance, dr.select(active, light, 0.0), hit.emitter, direction)
         vertex += 1
         length += dr.select(is_exit, 0, 1)
         survival = dr.select(

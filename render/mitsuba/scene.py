@@ -192,6 +192,7 @@ def _path_tracer(
     import drjit as dr
     import mitsuba as mi
 
+    from render.integrator.caustic_sun import CausticSun  # needs Mitsuba's variant
     from render.integrator.path_tracer import PathTracer  # needs Mitsuba's variant
 
     sampler = LightSampler(scene, sampled_emitters(lights, to_scene))
@@ -200,7 +201,10 @@ def _path_tracer(
     by_name = {shape.id(): mi.ShapePtr(shape) for shape in scene.shapes()}
     shapes = [by_name[name] for name in objects]
     dr.make_opaque(shapes)  # numbers of shapes differ from frame to frame; the compiled code shall not
-    return PathTracer(scene, integrator, sampler, path["max_depth"], path["hide_emitters"], groups, shapes)
+    daylight = lights.daylight
+    sun = CausticSun.of(daylight.direction, daylight.width) if daylight else None
+    depth, hide = path["max_depth"], path["hide_emitters"]
+    return PathTracer(scene, integrator, sampler, depth, hide, groups, shapes, caustic_sun=sun)
 
 
 def _with_catcher(tracer: Any, scene: Scene, size: tuple[int, int], path: dict[str, Any]) -> Any:
