@@ -37,7 +37,7 @@ def _register() -> None:
         for flags in (mi.BSDFFlags.Glossy, mi.BSDFFlags.Diffuse)
     )
 
-    class Subsurface(mi.BSDF):
+    class SubsurfaceBSDF(mi.BSDF):
         """Reflect by the coat of the nested body. Samples of its diffuse part go inwards."""
 
         def __init__(self, properties: Any) -> None:
@@ -79,7 +79,7 @@ def _register() -> None:
             return self.body.eval_diffuse_reflectance(si, active)
 
         def to_string(self) -> str:
-            return f"Subsurface[{self.body}]"
+            return f"SubsurfaceBSDF[{self.body}]"
 
         def _coat_chance(self, si: Any) -> Any:
             """Return the probability with which the coat is sampled."""
@@ -87,4 +87,4 @@ def _register() -> None:
             fresnel = _COAT + (1.0 - _COAT) * (1.0 - cosine) ** 5
             return dr.clip(fresnel / (fresnel + 0.5 * (1.0 - fresnel)), 0.1, 0.9)
 
-    mi.register_bsdf(_NAME, Subsurface)
+    mi.register_bsdf(_NAME, SubsurfaceBSDF)
