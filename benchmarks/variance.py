@@ -7,8 +7,9 @@ denoiser take no part. Both render REPEATS pictures (6) of 16 and of 64 samples 
 Error is the variance of a pixel's luminance between the pictures, relative to the square of its mean (at
 least 2% of the picture's), and its mean over pixels. The 2% of pixels with the greatest errors of both
 together are left out: fireflies would decide alone. `with fireflies` counts them. The gain is the error times
-the CPU seconds of Mitsuba's over that of ours. Energy is the mean luminance of ours over Mitsuba's less 1, by
-all pictures of both, with its standard error.
+the CPU seconds of Mitsuba's over that of ours. `typical pixel` is the geometric mean of the
+pixels' gains. Energy is the mean luminance of ours over Mitsuba's less 1, by all pictures of both, with its
+standard error.
 
 Targets: a gain of at least 1.2 in every cell and 3 in the median, and energies within 0.1% and two standard
 errors. `--quick` renders four pictures 64 pixels wide. Names of materials and rigs measure those alone.
@@ -142,7 +143,7 @@ def compare(ours: Pictures, theirs: Pictures) -> Row:
         "CPU s, ours": ours.seconds / len(ours.luminances),
         "CPU, times Mitsuba's": slower,
         "gain": float(kept[1] / kept[0]) / slower,
-        "geometric": float(np.exp(logs)) / slower,
+        "typical pixel": float(np.exp(logs)) / slower,
         "with fireflies": float(both[1] / both[0]) / slower,
         "energy, %": 100.0 * (means[0] / means[1] - 1.0),
         "± %": 100.0 * float(np.hypot(*noise)),

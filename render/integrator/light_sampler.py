@@ -4,7 +4,7 @@ Mitsuba chooses all emitters equally often. Here an emitter is chosen with proba
 unoccluded irradiance at the shading point (compare pbrt's `LightSampler`), mixed with a small uniform part:
 a glossy surface may reflect a faint emitter strongly. A gradient sky is left out: paths that the BSDF samples
 find it best. Daylight and environment maps are sampled in two ways, as bright part and rest
-(`render.integrator.sky_sampler`); the rest takes part only where all emitters are sampled.
+(`render.integrator.sky_sampler`); the rest is sampled at the first vertex alone.
 """
 
 from __future__ import annotations
