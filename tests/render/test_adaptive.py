@@ -107,13 +107,14 @@ def test_each_tile_is_the_picture_of_as_many_samples(rendered: Rendered, engine:
 
 
 def test_the_measure_foretells_the_error(rendered: Rendered) -> None:
-    """Against many more samples, over the square root of the light."""
+    """Against many more samples. Evenly spread samples have less error than their differences tell."""
     frame = rendered(quality=MOST)
     truth = rendered(quality=replace(MOST, samples=256, noise_threshold=None), seed=8)["beauty"]
     luma = np.array([0.2126, 0.7152, 0.0722])
     error = ((frame["beauty"] - truth) @ luma).ravel()
     noise = noise_of_tiles(Tiles.of(MOST), (truth @ luma).ravel(), error * error)
-    assert frame.facts["noise"] == pytest.approx(np.quantile(noise, 0.95), rel=0.5)
+    true = np.quantile(noise, 0.95)
+    assert 0.8 * true < frame.facts["noise"] < 2.0 * true
 
 
 def test_a_crop_takes_the_samples_of_the_whole_picture(rendered: Rendered) -> None:
