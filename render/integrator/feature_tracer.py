@@ -20,7 +20,8 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.integrator.path_tracer import camera_vertex, film_pixels
+from render.integrator.path import camera_vertex
+from render.integrator.path_tracer import film_pixels
 from render.integrator.sampler import DIRECTION, LOBE, OwenSampler
 
 MAX_FOLLOWED = 8

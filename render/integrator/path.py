@@ -1,0 +1,237 @@
+"""Paths of light, in code that Dr.Jit compiles: from the lens, by way of surfaces, to emitters.
+
+Path tracing with next event estimation and multiple importance sampling (Veach 1997). At the first vertices
+of a path all emitters are sampled, at later ones one. Faint paths end by Russian roulette.
+
+Importing this imports Mitsuba, so an engine of a compiled variant must have been started.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import drjit as dr
+import mitsuba as mi
+
+from render.integrator.light_sampler import LightSample
+from render.integrator.sampler import (
+    DIRECTION,
+    EMITTER_CHOICE,
+    EMITTER_POSITION,
+    LENS,
+    LOBE,
+    PIXEL,
+    OwenSampler,
+)
+from render.integrator.subsurface import random_bits
+
+if TYPE_CHECKING:
+    from render.integrator.path_tracer import PathTracer
+
+MAX_SAMPLED_TOGETHER, ALL_SAMPLED_VERTICES = 6, 2
+"""Most emitters that are all sampled at the first vertices of a path, and the number of these vertices. With
+more emitters, one is chosen there too."""
+
+SURVIVAL_FACTOR = 4.0
+"""Probability that a path goes on after those vertices, over its throughput (Russian roulette)."""
+
+
+def camera_vertex(tracer: Any, sampler: OwenSampler, corner: Any, size: Any) -> tuple[Any, Any]:
+    """Return the first surface interaction of a path, and its throughput.
+
+    tracer  has a scene, Mitsuba's integrator and `hide_emitters`
+    """
+    sensor = tracer.scene.sensors()[0]
+    lens = sampler.sample_2d(LENS) if sensor.needs_aperture_sample() else mi.Point2f(0.5)
+    ray, weight = sensor.sample_ray(0.0, 0.0, (corner + sampler.sample_2d(PIXEL)) / size, lens)
+    pi = tracer.scene.ray_intersect_preliminary(ray, coherent=True)
+    si = pi.compute_surface_interaction(ray)
+    if tracer.hide_emitters:
+        on_emitter = si.is_valid() & (si.shape.emitter() != None)  # noqa: E711 an array of pointers
+        past = tracer.integrator.skip_area_emitters(tracer.scene, si.spawn_ray(ray.d), True, on_emitter)
+        behind = past.compute_surface_interaction(ray, mi.RayFlags.All, on_emitter)
+        behind.t = dr.norm(behind.p - ray.o)
+        si = dr.select(on_emitter, behind, si)
+    return si, mi.Color3f(weight)
+
+
+@dr.syntax
+def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) -> Any:
+    """Trace one path through each pixel from its first surface interaction, and return its radiance by light
+    group."""
+    groups = tracer.groups
+    radiance = groups.zeros()
+    if dr.hint(not tracer.hide_emitters, mode="scalar"):
+        emitter = si.emitter(tracer.scene)
+        radiance = groups.add(radiance, throughput * emitter.eval(si), emitter, -si.wi)
+    vertex, length, active = mi.UInt32(0), mi.UInt32(0), si.is_valid()
+    is_exit, after_matt = mi.Bool(False), mi.Bool(False)
+    while dr.hint(active, label="path", exclude=[tracer, sampler, groups]):
+        bsdf = si.bsdf() if tracer.subsurface is None else tracer.subsurface.bsdf(si, is_exit)
+        radiance, counts = _sampled_light(tracer, sampler, vertex, si, bsdf, throughput, radiance, active)
+        bsdf_sample, throughput, next_si, is_exit = _next_vertex(
+            tracer, sampler, vertex, si, bsdf, throughput, active
+        )
+        active &= dr.any(throughput != 0.0)
+        is_delta = mi.has_flag(bsdf_sample.sampled_type, mi.BSDFFlags.Delta)
+        light, emitter, direction = _light_of_hit(
+            tracer, si, next_si, bsdf_sample.pdf, is_delta, after_matt, counts, active
+        )
+        radiance = groups.add(radiance, dr.select(active, throughput * light, 0.0), emitter, direction)
+        after_matt |= ~is_delta | is_exit
+        vertex += 1
+        length += dr.select(is_exit, 0, 1)
+        survival = _survival(vertex, throughput)
+        active &= sampler.vertex_1d(vertex, EMITTER_CHOICE, 1) < survival
+        throughput /= survival
+        active &= next_si.is_valid() & (length + 1 < tracer.max_depth)
+        si = next_si
+    return radiance
+
+
+def _next_vertex(
+    tracer: PathTracer, sampler: OwenSampler, vertex: Any, si: Any, bsdf: Any, throughput: Any, active: Any
+) -> tuple[Any, Any, Any, Any]:
+    """Continue paths by their BSDF.
+
+    Returns the sample of the BSDF, the throughput, the next surface interaction, and whether a random walk
+    below the surface ends there.
+    """
+    lobe, direction = sampler.vertex_1d(vertex, LOBE), sampler.vertex_2d(vertex, DIRECTION)
+    bsdf_sample, weight = bsdf.sample(mi.BSDFContext(), si, lobe, direction, active)
+    throughput = throughput * weight
+    active = active & dr.any(throughput != 0.0)
+    way = si.to_world(bsdf_sample.wo)
+    if tracer.subsurface is None:
+        next_si = tracer.scene.ray_intersect(si.spawn_ray(way), active)
+        return bsdf_sample, throughput, next_si, mi.Bool(False)
+    is_exit = tracer.subsurface.enters(si, bsdf_sample, active)
+    next_si = tracer.scene.ray_intersect(si.spawn_ray(way), active & ~is_exit)
+    seed = random_bits(lobe, direction)
+    exit_si, factor = tracer.subsurface.walk(tracer.scene, si, way, seed, is_exit)
+    throughput = throughput * dr.select(is_exit, factor, 1.0)
+    return bsdf_sample, throughput, dr.select(is_exit, exit_si, next_si), is_exit
+
+
+def _light_of_hit(
+    tracer: PathTracer,
+    si: Any,
+    next_si: Any,
+    pdf: Any,
+    is_delta: Any,
+    after_matt: Any,
+    counts: list[Any],
+    active: Any,
+) -> tuple[Any, Any, Any]:
+    """Return the light of the emitters that paths hit, weighted against samples of these, the emitters and
+    the directions to them.
+
+    pdf         density of the direction from `si`, unless a mirror or glass gave it (is_delta)
+    after_matt  True for paths that left a matt surface before
+    counts      expected samples of each light source at `si`
+    """
+    hit = mi.DirectionSample3f(tracer.scene, next_si, si)
+    square = tracer.light_sampler.squared_density(si, hit, counts, active & ~is_delta)
+    weight = power_heuristic(pdf, dr.select(is_delta, 0.0, square))
+    direction = hit.d
+    if tracer.caustic_sun is not None:
+        in_caustic = active & after_matt & is_delta & ~next_si.is_valid()
+        direction, share = tracer.caustic_sun.widened(hit.d, in_caustic)
+        weight *= share
+        next_si = dr.copy(next_si)
+        next_si.wi = dr.select(in_caustic, -direction, next_si.wi)
+    return weight * hit.emitter.eval(next_si, active), hit.emitter, direction
+
+
+def _survival(vertex: Any, throughput: Any) -> Any:
+    """Return the probability with which paths go on from a vertex."""
+    by_throughput = dr.minimum(1.0, SURVIVAL_FACTOR * dr.max(throughput))
+    return dr.select(vertex < ALL_SAMPLED_VERTICES, 1.0, by_throughput)
+
+
+def _sampled_light(
+    tracer: PathTracer,
+    sampler: OwenSampler,
+    vertex: Any,
+    si: Any,
+    bsdf: Any,
+    throughput: Any,
+    radiance: Any,
+    active: Any,
+) -> tuple[Any, list[Any]]:
+    """Add the reflected light of sampled emitters to the radiance by light group: of all at the first
+    vertices, of one at later ones. Return it, and the expected samples of each light source.
+    """
+    light_sampler = tracer.light_sampler
+    probabilities = light_sampler.probabilities(si)
+    if len(light_sampler) == 0:
+        return radiance, probabilities
+    is_all_possible = len(light_sampler) <= MAX_SAMPLED_TOGETHER
+    are_all_sampled = is_all_possible & (vertex < ALL_SAMPLED_VERTICES)
+    counts = probabilities
+    if is_all_possible:
+        counts = light_sampler.expected_samples(vertex, are_all_sampled, probabilities)
+        first = active & are_all_sampled
+        radiance = _all_direct_light(tracer, sampler, vertex, si, bsdf, throughput, radiance, first)
+    later = active & ~are_all_sampled
+    choice, position = sampler.vertex_1d(vertex, EMITTER_CHOICE), sampler.vertex_2d(vertex, EMITTER_POSITION)
+    sample = light_sampler.sample_one(si, probabilities, choice, position, later)
+    light = throughput * _direct_light(tracer, si, bsdf, sample, later)
+    return tracer.groups.add(radiance, light, sample.emitter, sample.direction), counts
+
+
+@dr.syntax
+def _all_direct_light(
+    tracer: PathTracer,
+    sampler: OwenSampler,
+    vertex: Any,
+    si: Any,
+    bsdf: Any,
+    throughput: Any,
+    radiance: Any,
+    active: Any,
+) -> Any:
+    """Add the reflected light of a sampled position on every emitter."""
+    light_sampler = tracer.light_sampler
+    count, number = light_sampler.near_count, mi.UInt32(0)
+    if dr.hint(count > 0, mode="scalar"):
+        while dr.hint(
+            active & (number < count),
+            label="emitters",
+            exclude=[tracer, sampler, light_sampler, vertex, si, bsdf, throughput, active, count],
+        ):
+            position = sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + number)
+            sample = light_sampler.sample_each(number, si, position, active)
+            light = throughput * _direct_light(tracer, si, bsdf, sample, active)
+            radiance = tracer.groups.add(radiance, light, sample.emitter, sample.direction)
+            number += 1
+    for index in range(count, len(light_sampler)):
+        position = sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + index)
+        wanted = active & (light_sampler.expected_samples(vertex, active)[index] > 0.0)
+        sample = light_sampler.sample_distant(index, vertex, si, position, wanted)
+        light = throughput * _direct_light(tracer, si, bsdf, sample, wanted)
+        radiance = tracer.groups.add(radiance, light, sample.emitter, sample.direction)
+    return radiance
+
+
+def _direct_light(tracer: PathTracer, si: Any, bsdf: Any, sample: LightSample, active: Any) -> Any:
+    """Return the light of a sampled position on an emitter that a BSDF reflects, 0 where it is occluded."""
+    active = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+    reflected, bsdf_pdf = bsdf.eval_pdf(mi.BSDFContext(), si, si.to_local(sample.direction), active)
+    others = sample.square - dr.square(sample.density) + dr.square(bsdf_pdf)
+    weight = dr.select(sample.is_delta, 1.0, power_heuristic(sample.density, others))
+    light = sample.light * reflected * weight
+    active &= dr.any(light != 0.0)
+    active &= ~tracer.scene.ray_test(si.spawn_ray_to(sample.target), active)
+    return dr.select(active, light, 0.0)
+
+
+def power_heuristic(pdf: Any, others: Any) -> Any:
+    """Return the weight of a sample that several strategies could have found (Veach 1997).
+
+    pdf     its density
+    others  sum of the squared densities of the other strategies
+    """
+    square = pdf * pdf
+    weight = square / (square + others)
+    return dr.select(dr.isfinite(weight), weight, 0.0)
