@@ -38,7 +38,7 @@ QUALITY = "draft.scale20"
 SHOT = """\
 title: A box, twisted
 frames: 1-3
-subject: {solid: box, size: [2, 1, 2]}
+subject: {solid: box, size: [2, 1, 1]}
 resample: off
 flows:
   - twist: {axis: y, amount: {ease: linear, keys: {1: 0, 3: 40}}}
@@ -266,7 +266,8 @@ def test_through_the_whole_turn_the_object_touches_neither_balls_nor_chart(
     pieces: list[Surface] = [ball(grey), ball(chrome), chart(board, camera)]
     projected = [camera.project(piece.vertices, ASPECT) for piece in pieces]
     assert np.abs(object_[:, :2]).max() < 1.0
-    assert max(piece[:, 1].max() for piece in projected) < object_[:, 1].min() + 0.01
+    # A wide lens stretches the balls a little.
+    assert max(piece[:, 1].max() for piece in projected) < object_[:, 1].min() + 0.02
     assert all(np.abs(piece[:, :2]).max() < 1.0 for piece in projected)
 
 

@@ -16,6 +16,7 @@ from pipeline.errors import FrameError, MachineError, MissingInputError, UsageEr
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.variants import avoid
+from pipeline.production.stages import FINISH
 from pipeline.production.store.locks import exclusive
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.worker import task_of
@@ -289,7 +290,7 @@ def test_what_is_otherwise_than_it_was_is_told_before(desk: Desk) -> None:
     told = "\n".join(record.differences(other))
     assert f"{other} renders now, {record.variant} did then" in told
     assert "mitsuba is" in told and "was 3.0" in told
-    assert "stage finish has version 1 now and had 0" in told and "was an abacus" in told
+    assert f"stage finish has version {FINISH.version} now and had 0" in told and "was an abacus" in told
 
 
 def test_a_variant_that_crashed_is_not_replaced_behind_the_users_back(desk: Desk) -> None:
@@ -318,7 +319,8 @@ def test_versions_of_before_stages_had_versions_are_read(tmp_path: Path, publish
     (tmp_path / FILE).write_text(json.dumps(data))
     record = Provenance.read(tmp_path / FILE)
     assert record == replace(Provenance.read(published.home / "v001" / FILE), stages={})
-    assert "stage finish has version 1 now and had unknown" in "\n".join(record.differences(record.variant))
+    told = "\n".join(record.differences(record.variant))
+    assert f"stage finish has version {FINISH.version} now and had unknown" in told
 
 
 def test_a_provenance_gives_no_leave_to_run_code(desk: Desk) -> None:
