@@ -20,11 +20,11 @@ HOME = Path("renders") / NAME / "draft.scale10"
 
 @pytest.fixture(scope="module")
 def rendered_project(tmp_path_factory: pytest.TempPathFactory) -> ProjectFolder:
-    """A shot with light groups, of which two tiny frames are finished."""
+    """A shot with light groups, of which two tiny frames are finished, with layers for compositing."""
     project = ProjectFolder(tmp_path_factory.mktemp("relit"))
     project.shot.parent.mkdir()
     project.shot.write_text(TINY + "light_groups: {warm: [key, back]}\n")
-    done = project.run("render", NAME, *SIZE)
+    done = project.run("render", NAME, *SIZE, "--layers", "nuke")
     assert done.code == 0, done.err
     return project
 
@@ -92,7 +92,7 @@ def test_the_shot_file_can_say_the_same(relit: ProjectFolder) -> None:
             ("--set", "lights.rim=2", "-f", "2-3", *SIZE[:4]),
             3,
             "no finished frame 3 at draft.scale10 to relight. Render first: flowsculpt render T010_tiny "
-            "-q draft --scale 10% -f 3",
+            "-q draft --scale 10% --set 'layers=nuke' -f 3",
         ),
         (
             ("--set", "light_groups=off", "--set", "lights.rim=2"),

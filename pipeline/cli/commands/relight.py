@@ -29,7 +29,7 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import writing
 from pipeline.shot.yaml.lookup import NAME, shown
 from render.base.plural import plural
-from render.scene.quality import DEFAULT_QUALITY
+from render.scene.quality import CONVENTIONS, DEFAULT_QUALITY
 
 
 def relight(
@@ -64,7 +64,8 @@ def relight(
     """
     given = LightSettings.of(settings or ())
     project = project_of(common, given.of_shot, allow_code, variant)
-    request = project.asked(shot, cropped_name(quality, crop, scale), frames)
+    quality_name = cropped_name(quality, crop, scale)
+    request = project.asked(shot, quality_name, frames)
     lights, path = request.shot.picture.lights, find_shot(shot)
     if not lights.groups:
         raise UsageError(
@@ -72,11 +73,15 @@ def relight(
             f"light_groups: each in the file, and render it: {_command('render', request)}"
         )
     factors = given.by_group(request.name, lights.groups)
-    relit = RelitFrames(request, project.store, factors, _version(name) or version_name(factors))
+    version = _version(name) or version_name(factors)
+    # Frames may have been finished with `--layers`, which their keys know.
+    others = (project.with_layers(each).asked(shot, quality_name, frames) for each in CONVENTIONS)
+    choices = [RelitFrames(each, project.store, factors, version) for each in (request, *others)]
+    relit = min(choices, key=lambda each: len(each.missing() or ()))
     if missing := relit.missing():
         raise MissingInputError(
             f"{request.name}: there is no finished frame {missing} at {request.quality_name} to relight. "
-            f"Render first: {_command('render', request)} -f {missing}"
+            f"Render first: {_command('render', relit.request)} -f {missing}"
         )
     count = plural(len(relit.numbers), "frame")
     facts: dict[str, Any] = {"path": str(relit.movie_path), "frames": relit.numbers, "factors": factors}
