@@ -14,7 +14,7 @@ from render.scene.aovs import AOVS, COMPUTED, COVERAGE
 from render.scene.light_groups import PREFIX
 
 CRYPTO = "Crypto"
-"""How the names of all layers with mattes begin."""
+"""The beginning of the names of all cryptomatte layers."""
 
 
 @dataclass(frozen=True)

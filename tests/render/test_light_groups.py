@@ -86,7 +86,7 @@ def test_a_frame_without_groups_has_the_light_of_one_with_them(
     "rig", [LIGHTS["studio"].grouped({"cool": ["rim", "sky"]}), LIGHTS["daylight"].grouped({})]
 )
 def test_each_light_has_its_own_group(rig: LightRig, rendered: Callable[..., RenderedFrame]) -> None:
-    """The same light alone gives the same picture, but for noise."""
+    """A render of that light alone gives the same picture, but for noise."""
     groups = groups_in(rendered(lights=rig, quality=QUALITY).arrays)
     for group in rig.groups[:2]:
         alone = rendered(lights=rig.only(group).grouped({}), quality=QUALITY)["beauty"]

@@ -39,7 +39,7 @@ class _Facts:
     cameras      the key of its cameras
     reach        frames to either side that the temporal denoiser reads
     precision    AOVs that the shot names, and `half` or `float`
-    layers       whose channel names the layers of finished frames have; None for light and alpha alone
+    layers       the program whose channel names finished frames have; None without layers for compositing
     follow_flow  pictures that need their mesh and the flow
     need_mesh    pictures made of their mesh itself, not of what `smooth_normals` keeps for rendering
     """
@@ -267,7 +267,7 @@ class RenderRequest:
 
     @property
     def layers(self) -> str | None:
-        """Whose channel names the layers of finished frames have; None for light and alpha alone."""
+        """The program whose channel names finished frames have; None without layers for compositing."""
         return self._facts.layers
 
     @property
