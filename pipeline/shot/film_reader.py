@@ -9,7 +9,7 @@ from typing import Any
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError, suggestion
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.documents.fields import is_number
-from pipeline.shot.documents.shot import FilmDocument, SoundDocument
+from pipeline.shot.documents.film import FilmDocument, SoundDocument
 from pipeline.shot.shot import Card, Clip, Film, Shot, SoundTrack
 from pipeline.shot.shot_reader import read_rate, read_shot
 from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, is_there, name_fault, shown

@@ -1,13 +1,12 @@
-"""The layout of shot files and of film files, which are edits."""
+"""The layout of shot files."""
 
-import dataclasses
 import hashlib
 import math
 import re
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from pipeline.errors import shortened
 from pipeline.frames import FASTEST, SLOWEST
@@ -23,7 +22,6 @@ from pipeline.shot.documents.fields import (
     Positive,
     SchemaKeywords,
     is_number,
-    is_written_number,
     one_of,
     optional,
 )
@@ -35,18 +33,17 @@ from pipeline.shot.documents.lights_and_stage import (
     require_rig,
 )
 from pipeline.shot.documents.look import LookDocument
+from pipeline.shot.documents.quality import QualitiesDocument
 from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.subject import SubjectDocument
-from pipeline.shot.yaml.messages import number_in
 from pipeline.shot.yaml.plain_text import in_yaml
-from pipeline.shot.yaml.synonyms import synonym
 from pipeline.shot.yaml.validation import ParseContext, as_finding, bad_value, finding
 from render.base.input_files import read_input
 from render.post.view import ACES, BUILT_IN, ColourView, view_of
 from render.scene.aovs import AOVS
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.quality import BATCH_SAMPLES, CONVENTIONS, MOST_TEMPORAL_FRAMES, Quality
+from render.scene.quality import CONVENTIONS
 from render.scene.stage import STAGES
 from render.scene.working_space import REC709, WORKING_SPACES
 
@@ -180,67 +177,7 @@ def _tables(config: Path) -> list[Path]:
     return sorted(file for file in files if file.name in names and file.is_file())
 
 
-def _check_samples(samples: int) -> int:
-    if samples > BATCH_SAMPLES and samples % BATCH_SAMPLES:
-        raise bad_value(
-            f"{samples} samples do not divide into batches of {BATCH_SAMPLES}. "
-            f"Write up to {BATCH_SAMPLES}, or a multiple of it."
-        )
-    return samples
-
-
-Samples = Annotated[
-    int,
-    Field(ge=1, le=65536),
-    AfterValidator(_check_samples),
-    SchemaKeywords(anyOf=[{"maximum": BATCH_SAMPLES}, {"multipleOf": BATCH_SAMPLES}]),
-]
-
-
-NoiseThreshold = Annotated[
-    Annotated[float, Field(gt=0, le=1)] | Annotated[str, one_of(("off",), "noise threshold")],
-    ByForm(lambda value: isinstance(value, str) and not is_written_number(value)),
-]
-
-
-class QualityDocument(Document):
-    """Settings of one quality that this shot replaces."""
-
-    example = "{samples: 64}"
-
-    samples: Samples | None = optional("for each pixel: up to 16, or a multiple of it")
-    auxiliary_samples: Samples | None = optional(
-        "of albedo, normal and depth, which guide the denoiser, for each pixel"
-    )
-    depth: Annotated[int, Field(ge=2, le=100)] | None = optional("longest path of light, in vertices")
-    fireflies: Literal["keep", "soft", "firm"] | None = optional(
-        "single pixels far too bright: keep them, spread their light (soft), or remove it (firm)"
-    )
-    denoise: Literal["off", "fast", "balanced", "high"] | None = optional("effort of the denoiser")
-    temporal_denoise: Annotated[int, Field(ge=0, le=MOST_TEMPORAL_FRAMES)] | None = optional(
-        "frames before and after that the temporal denoiser reads; 0 is off (frames)"
-    )
-    noise_threshold: NoiseThreshold | None = optional(
-        "noise at which a part of the picture needs no more samples, such as 0.04, or `off`"
-    )
-
-    def build(self, quality: Quality) -> Quality:
-        """Return a quality with these settings."""
-        settings = self.model_dump(exclude_none=True)
-        if self.noise_threshold == "off":
-            settings["noise_threshold"] = None
-        return dataclasses.replace(quality, **settings)
-
-
-class QualitiesDocument(Document):
-    example = "{final: {samples: 64}}"
-
-    draft: QualityDocument = Field(default=QualityDocument(), description="480×270, for looks while working")
-    daily: QualityDocument = Field(default=QualityDocument(), description="960×540, for review")
-    final: QualityDocument = Field(default=QualityDocument(), description="1920×1080, for delivery")
-
-
-def _first_and_last(value: Any) -> Any:
+def require_range(value: Any) -> Any:
     """Refuse numbers and lists, with the range that they mean."""
     if isinstance(value, str):
         return value
@@ -258,7 +195,7 @@ def _first_and_last(value: Any) -> Any:
 
 
 Frames = Annotated[
-    str, BeforeValidator(_first_and_last), SchemaKeywords(pattern=r"^\s*-?\d+(--?\d+)?(,-?\d+(--?\d+)?)*\s*$")
+    str, BeforeValidator(require_range), SchemaKeywords(pattern=r"^\s*-?\d+(--?\d+)?(,-?\d+(--?\d+)?)*\s*$")
 ]
 """A range without gaps, which `clock.parse_frames` checks."""
 
@@ -319,92 +256,3 @@ class ShotDocument(Document):
     quality: QualitiesDocument = Field(
         default=QualitiesDocument(), description="settings that this shot replaces"
     )
-
-
-CardSeconds = Annotated[float, Field(ge=0, le=60)]
-
-
-def _frame_count(value: Any) -> Any:
-    """Refuse seconds, with the frames that they are."""
-    seconds = float(value) if isinstance(value, float) else None
-    if isinstance(value, str) and value.endswith("s"):
-        seconds = number_in(value)
-    if seconds and math.isfinite(seconds):
-        raise bad_value(
-            f"{value} is no count of frames. Write {round(24 * seconds)} for {seconds:g} s at 24 a second."
-        )
-    return value
-
-
-DissolveFrames = Annotated[int, BeforeValidator(_frame_count), Field(ge=0, le=1000)]
-Seconds = Annotated[float, Field(ge=0, le=86400)]
-
-
-ClipFrames = Annotated[str, BeforeValidator(_first_and_last)]
-
-
-class ClipDocument(Document):
-    """All of a shot, or a part of it."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _names_a_shot(cls, value: Any) -> Any:
-        """Refuse `A010: 1-24`, with the names that belong there."""
-        name = next(iter(value)) if isinstance(value, dict) and len(value) == 1 else None
-        known = (*cls.model_fields, *CardDocument.model_fields)
-        if isinstance(value, dict) and value and value.keys() <= {"frames", "dissolve"}:
-            raise finding(
-                f"{' and '.join(value)} {'stands' if len(value) == 1 else 'stand'} beside the shot. "
-                f"Write {in_yaml({'shot': 'NAME', **value})}."
-            )
-        if name is not None and name not in known and synonym(name, known) is None:
-            part = f", frames: {value[name]}" if isinstance(value[name], str) else ""
-            raise finding(f"{name} has no name before it. Write {{shot: {name}{part}}}.")
-        return value
-
-    shot: str = Field(description="its name")
-    frames: ClipFrames | None = optional(
-        "frames to show, as in 10-40, or 10-40x2 for every second; by default all"
-    )
-    dissolve: DissolveFrames = Field(0, description="overlap with the entry before (frames)")
-
-
-class CardDocument(Document):
-    """A title card between shots."""
-
-    card: str = Field(description="its words")
-    subtitle: str = Field("", description="words below them")
-    seconds: Annotated[float, Field(gt=0, le=60)] = Field(2.0, description="its duration (s)")
-    dissolve: DissolveFrames = Field(0, description="overlap with the entry before (frames)")
-
-
-class SoundDocument(Document):
-    """The sound of a film."""
-
-    example = "{file: music.wav}"
-
-    file: str = Field(description="beside this file: WAV, FLAC, or another format that FFmpeg reads")
-    start: Annotated[float, Field(ge=-86400, le=86400)] = Field(
-        0.0, description="when it begins in the film; a negative start cuts its beginning (s)"
-    )
-    gain: Annotated[float, Field(ge=-60, le=24)] = Field(0.0, description="louder above 0, softer below (dB)")
-    fade_in: Seconds = Field(0.0, description="duration of the fade at its beginning (s)")
-    fade_out: Seconds = Field(0.0, description="duration of the fade at its end or the film's (s)")
-
-
-_ENTRY = ByForm(lambda value: 0 if not isinstance(value, dict) else 2 if "card" in value else 1)
-
-
-class FilmDocument(Document):
-    what = "an edit"
-
-    title: str = Field(description="the name of the film, on its first card")
-    subtitle: str = Field("", description="below the title")
-    credits: list[str] = Field(default_factory=list, description="lines of the last card")
-    shots: list[Annotated[str | ClipDocument | CardDocument, _ENTRY]] = Field(
-        min_length=1, description="names of shot files beside this one, and cards, in the order of the edit"
-    )
-    sound: SoundDocument | None = optional("sound from a file beside this one")
-    rate: Rate = Field(24, description="24, 23.976 or 24000/1001: the same for all shots (frames per second)")
-    title_seconds: CardSeconds = Field(3.0, description="duration of the title; 0 leaves it out (s)")
-    credits_seconds: CardSeconds = Field(3.0, description="duration of the credits; 0 leaves them out (s)")
