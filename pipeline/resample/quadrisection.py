@@ -12,10 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
-from pipeline.errors import FrameError
 from pipeline.mesh.triangle_mesh import TriangleMesh, edge_keys
 from pipeline.resample.thresholds import Thresholds
-from render.base.plural import plural
+from pipeline.resample.vertex_budget import require_room
 
 _NONE = np.empty((0, 2), np.int32)
 _NO_GRADATION = 1e12  # changes nothing: the fields have been graded before
@@ -54,7 +53,7 @@ def quadrisect(mesh: TriangleMesh, thresholds: Thresholds) -> Quadrisected:
         if not cut.any():
             fixed = thresholds if fields is None else _fixed(fields, thresholds)
             return Quadrisected(mesh, fixed, np.concatenate([_NONE, *parents]), len(parents))
-        _require_room(mesh, int(cut.sum()), thresholds.max_vertices)
+        require_room(len(mesh.vertices), int(cut.sum()), thresholds.max_vertices)
         ends = edges.ends[cut]
         mesh = _cut(mesh, edges, cut)
         if fields is not None:
@@ -90,15 +89,6 @@ def _to_cut(mesh: TriangleMesh, edges: _Edges, longest: float | Floats) -> AnyAr
     cut = np.zeros(len(edges.ends), np.bool_)
     cut[edges.sides[long[edges.sides].any(axis=1)]] = True
     return cut
-
-
-def _require_room(mesh: TriangleMesh, more: int, budget: int) -> None:
-    now = len(mesh.vertices)
-    if now + more > budget:
-        raise FrameError(
-            f"{now} vertices and {plural(more, 'edge')} to split exceed the budget of {budget} vertices; "
-            "raise max_vertices or max_edge_length"
-        )
 
 
 def _cut(mesh: TriangleMesh, edges: _Edges, cut: AnyArray) -> TriangleMesh:

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from pipeline.arrays import Indices, Points
-from pipeline.errors import FrameError, VertexBudgetError
+from pipeline.errors import FlowsculptError, FrameError
 from pipeline.interruption import interruptible
 from pipeline.mesh.halfedge_mesh import WORTH_SHARING, HalfedgeMesh
 from pipeline.progress import report_progress
@@ -32,7 +32,7 @@ from pipeline.resample.kernels.ring import MAX_SPOKES, new_ring
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE, BIRTH_SIZE, longest_edges_first, split_edges
 from pipeline.resample.placement import Placement
 from pipeline.resample.thresholds import Thresholds, TriangleShape
-from render.base.plural import plural
+from pipeline.resample.vertex_budget import require_room, require_room_for_area
 
 _MAX_PLACED = 16  # rounds of splits; an edge halved that often has been stretched 65,000-fold in one frame
 _MANY_FACES = 200_000  # from which on one compiled call may take over a second
@@ -99,6 +99,7 @@ class ResamplePass:
         self.changes = changes_of(mesh)
         reset(self.changes)
         self.faces = int(mesh.sizes[1])  # before this pass
+        self._dead = work_list(0), work_list(0)  # removed faces and vertices, still in the arrays
 
     def find_edges(self) -> None:
         """Find the edges outside their limits, and those opposite clearly obtuse corners."""
@@ -119,11 +120,17 @@ class ResamplePass:
     def run(self) -> Report:
         """Bring the edges found by `find_edges` within their limits.
 
-        Raises FrameError where the vertices would exceed the budget.
+        Raises FrameError where the vertices would exceed the budget or a placement fails; the surface is then
+        sound, with the changes made so far.
         """
-        self.split_long_edges()
-        for step in (self.collapse_short_edges, self.relax_vertices, self.make_room, self.compact):
-            self._call(step)
+        try:
+            self.split_long_edges()
+            for step in (self.collapse_short_edges, self.relax_vertices, self.make_room):
+                self._call(step)
+        except FlowsculptError:
+            self._close_gaps()
+            raise
+        self._call(self.compact)
         return self._report()
 
     def _call(self, step: Callable[[], None]) -> None:
@@ -216,35 +223,27 @@ class ResamplePass:
         """Measure the edges and close the gaps that removed faces and vertices left in the arrays."""
         low, high = length_range(self.mesh.arrays, self.faces, self.changes, self.block_ranges)
         self.shortest, self.longest = math.sqrt(low), math.sqrt(high)
+        self._close_gaps()
+
+    def _close_gaps(self) -> None:
         self.mesh.compact(items_of(self._dead[1]), items_of(self._dead[0]))
 
     def _keep_to_budget(self, splits: Indices) -> None:
-        """Raise FrameError where splits at these half-edges exceed the budget; some name an edge twice."""
-        vertices, budget = int(self.mesh.sizes[0]), self.thresholds.max_vertices
-        if not self.passes and 4 * len(splits) > vertices:
-            self._keep_area_to_budget()
-        if vertices + len(splits) <= budget:
-            return
-        more = len(np.unique(np.maximum(splits, self.mesh.arrays.twin[splits])))
-        if vertices + more > budget:
-            corners = self.mesh.vertices[self.mesh.faces]
-            longest = float(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max())
-            raise VertexBudgetError(
-                f"{vertices} vertices and {plural(more, 'edge')} to split exceed the budget of {budget} "
-                f"vertices (longest edge {longest:g}, allowed {self.limits.max_edge_length:g})"
-            )
+        """Raise VertexBudgetError where splits at these half-edges exceed the budget; edges may recur.
 
-    def _keep_area_to_budget(self) -> None:
-        """Raise FrameError where even the largest triangles allowed, equilateral ones, would be too many."""
-        a, b, c = (self.mesh.vertices[corners] for corners in self.mesh.faces.T)
-        area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-        longest, budget = self.limits.max_edge_length, self.thresholds.max_vertices
-        needed = 0.5 * area / (math.sqrt(3.0) / 4.0 * longest**2)  # half as many vertices as faces
-        if needed > 1.01 * budget:
-            raise VertexBudgetError(
-                f"a surface of {area:.3g} square units takes at least {needed:,.0f} vertices where edges are "
-                f"{longest:g} units long at most, which exceeds the budget of {budget}"
-            )
+        Vertices that have collapsed do not count: `make_room` splits while they are still in the arrays.
+        """
+        vertices, budget = int(self.mesh.sizes[0] - self._dead[1][0]), self.thresholds.max_vertices
+        longest = self.limits.max_edge_length
+        if not self.passes and 4 * len(splits) > vertices:
+            require_room_for_area(self.mesh.vertices, self.mesh.faces, longest, budget)
+        if vertices + len(splits) > budget:
+            more = len(np.unique(np.maximum(splits, self.mesh.arrays.twin[splits])))
+            require_room(vertices, more, budget, f" (longest edge {self._longest():g}, allowed {longest:g})")
+
+    def _longest(self) -> float:
+        corners = self.mesh.vertices[self.mesh.faces]
+        return float(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max())
 
     def _report(self) -> Report:
         waiting = self.changes.edge_states[items_of(self.changes.short_edges)]
