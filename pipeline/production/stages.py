@@ -87,7 +87,7 @@ RENDER = PipelineStage(
 )
 FINISH = PipelineStage(
     "finish",
-    version=2,
+    version=3,
     packages=("pyoidn", "OpenImageIO"),
     doing="denoising",
     makes="frame",

@@ -54,11 +54,14 @@ def denoiser_features(frame: RenderedFrame, effort: str = "high") -> Features:
 def denoise_light(light: Pixels, features: Features, effort: str = "high") -> Pixels:
     """Return light (H, W, 3) of a frame without noise: its beauty, or one of its light groups.
 
-    Values that are not finite count as 0. Raises MachineError where the denoiser cannot run.
+    Values that are not finite count as 0. Black stays black: in it the denoiser would see the features.
+    Raises MachineError where the denoiser cannot run.
     """
     import pyoidn  # slow to import, and many processes denoise nothing
 
     colour = np.maximum(np.nan_to_num(light, posinf=0.0, neginf=0.0), np.float32(0.0))
+    if not colour.any():
+        return colour
     guides = {"albedo": features.albedo, "normal": features.normal}
     try:
         clean = pyoidn.denoise(colour, **guides, hdr=True, clean_aux=True, quality=effort)

@@ -223,6 +223,11 @@ def test_denoising_takes_the_noise_and_leaves_the_light(rendered: Rendered, pict
     assert clean.mean() == pytest.approx(truth.mean(), rel=0.03)
 
 
+def test_black_light_stays_black(picture: RenderedFrame) -> None:
+    """As that of a light group whose lights are off."""
+    assert not denoise(RenderedFrame({**picture.arrays, "beauty": np.zeros_like(picture["beauty"])})).any()
+
+
 def test_denoising_is_repeatable(picture: RenderedFrame) -> None:
     assert np.array_equal(denoise(picture), denoise(picture))
 
