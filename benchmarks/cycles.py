@@ -2,16 +2,17 @@
 
 A cell is a look and a light rig, such as `clay-studio`; by default all of LOOK_NAMES × RIG_NAMES are
 measured. Cells that `benchmarks/out/cycles.json` holds already, for that width and reference, are only shown.
-The scene is a torus, WIDTH pixels wide (256). Both renderers get the same triangles, stage, emitters, sun,
+The scene is a torus, WIDTH pixels wide (160). Both renderers get the same triangles, stage, emitters, sun,
 sky and lens, as many vertices to a path, a box filter and Intel's denoiser (see `benchmarks/blender.py`).
 Each renders three seeds, raw and denoised. Seconds include building the scene, which both are given anew for
 every picture, and the auxiliary features. Cycles denoises with the prefilter of features and without; what
 reaches the error sooner counts.
 
-Each renderer is compared with its own reference of REFERENCE samples (1024), so that it does not matter which
+Each renderer is compared with its own reference of REFERENCE samples (256), so that it does not matter which
 of the two is right; the distance between the references is shown. The references' noise is estimated from
 their halves, and subtracted. Errors are root mean squares of display values. The time of Cycles is
-interpolated between its numbers of samples, and beyond them falls as noise does.
+interpolated between its numbers of samples. Beyond them its error falls as between the last two, or as noise
+does if that is faster.
 
 The table has the CPU seconds of Cycles until the error of ours, over ours: the mean, and the least and most
 of the seeds. Needs `benchmarks/requirements-cycles.txt`.
@@ -55,7 +56,7 @@ from render.scene.surface import Surface
 HOME = Path(os.environ.get("BLENDER_MODULE", Path(sys.prefix) / "cycles"))
 LOOK_NAMES, RIG_NAMES = ("clay", "glaze", "chrome", "glass"), ("studio", "gallery", "daylight")
 DEPTH, SEEDS = 6, 3
-OURS, THEIRS = {"raw": (16, 64), "denoised": (16, 64)}, (4, 16, 64, 256)
+OURS, THEIRS = (16, 64), {"raw": (16, 64), "denoised": (4, 16, 64)}
 """Samples of both."""
 
 COMPARED = {"raw": 64, "denoised": 16}
@@ -257,7 +258,7 @@ def measure(cell: Cell, size: tuple[int, int], reference: int, engine: Engine) -
         for kind, prefilters in PREFILTERS.items():
             for prefilter in prefilters:
                 tried = tries.setdefault(kind if prefilter is None else f"{kind} {prefilter}", {})
-                for samples in THEIRS:
+                for samples in THEIRS[kind]:
                     for seed in range(SEEDS):
                         seconds, picture = blender.rendered(surface, samples, prefilter, 10 * seed + samples)
                         tried.setdefault(str(samples), []).append([seconds, truth.error(picture)])
@@ -282,7 +283,7 @@ def _try_ours(
     truth = Truth(*(tracer.render(reference // 2, 0, 7000 + i)[..., :3] for i in (0, 1)))
     tries: dict[str, Tries] = {"raw": {}, "denoised": {}}
     denoise(render_frame(cell.scene(surface), quality, 1, engine))  # compiles
-    for samples in sorted({*OURS["raw"], *OURS["denoised"]}):
+    for samples in OURS:
         for seed in range(SEEDS):
             begun = time.process_time()
             frame = render_frame(cell.scene(surface), replace(quality, samples=samples), 50 + seed, engine)
@@ -311,12 +312,16 @@ def _mean(tries: AnyArray) -> tuple[float, float]:
 
 
 def _until(tried: Tries, seeds: slice, error: float) -> float:
-    """Return the seconds until an error. Beyond the most samples, it falls with the root of the time."""
+    """Return the seconds until an error.
+
+    Beyond the most samples, the error falls as between the last two, and at least as noise does.
+    """
     known = sorted(map(int, tried))
     means = [_mean(np.array(tried[str(samples)])[seeds]) for samples in known]
-    last, least = means[-1]
+    (before, more), (last, least) = means[-2:]
     if error < least:
-        return last * (least / error) ** 2
+        slope = max(0.5, math.log(more / least) / math.log(last / before))
+        return float(last * (least / error) ** (1.0 / slope))
     best = Best(known, [seconds for seconds, _ in means], [np.array(each) for _, each in means])
     return best.until(float, error)
 
@@ -331,7 +336,7 @@ def _row(name: str, measured: dict[str, Any]) -> Row:
     return row | {"steps apart": measured["apart"], "brightness": measured["brightness"]}
 
 
-def main(width: int = 256, reference: int = 1024, *names: str) -> list[Target]:
+def main(width: int = 160, reference: int = 256, *names: str) -> list[Target]:
     """Measure the cells that are not measured yet; return the targets."""
     if not HOME.is_dir():
         print("Cycles is not installed; benchmarks/requirements-cycles.txt says how")
@@ -367,5 +372,5 @@ def main(width: int = 256, reference: int = 1024, *names: str) -> list[Target]:
 
 
 if __name__ == "__main__":
-    width, reference, *names = [*sys.argv[1:], *("256", "1024")[len(sys.argv) - 1 :]]
+    width, reference, *names = [*sys.argv[1:], *("160", "256")[len(sys.argv) - 1 :]]
     show("Targets", [target.row for target in main(int(width), int(reference), *names)])
