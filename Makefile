@@ -73,9 +73,13 @@ setup: .venv/ready
 	@touch $@
 
 # Blender as a module, 820 MB, for Python 3.11 alone: for the tests of its compositor and the comparison with Cycles.
-blender: .venv/ready-dev
-	$(BIN)/python -m pip install --quiet --no-deps --target .venv/cycles -r benchmarks/requirements-cycles.txt
+blender: .venv/ready-cycles
 	$(BIN)/python -m pytest tests/render/test_blender.py
+
+.venv/ready-cycles: .venv/ready-dev benchmarks/requirements-cycles.txt
+	rm -rf .venv/cycles
+	$(BIN)/python -m pip install --quiet --no-deps --target .venv/cycles -r benchmarks/requirements-cycles.txt
+	@touch $@
 
 .venv/ready-bench: .venv/ready benchmarks/requirements.txt
 	$(BIN)/python -m pip install --quiet --no-deps --target .venv/peers -r benchmarks/requirements.txt
