@@ -10,6 +10,7 @@ from pipeline.shot.documents.fields import is_number
 from pipeline.shot.documents.lights_and_stage import ENVIRONMENTS, softbox_name
 from pipeline.shot.yaml.plain_text import listed
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
+from render.scene.light_groups import BACKGROUND
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.measure import Measure
@@ -100,7 +101,8 @@ def dimmed(source: YamlSource) -> Iterator[Problem]:
 
 def light_groups(source: YamlSource) -> Iterator[Problem]:
     """Check that the lights of light groups are there, each in one group, and that names differ."""
-    groups, names = source.get("light_groups"), _light_names(source.get("lights"))
+    groups, written = source.get("light_groups"), source.get("lights")
+    names = _light_names(written)
     if groups not in (None, "off") and (look := _drawn_look(source)):
         yield (
             ("light_groups",),
@@ -109,14 +111,22 @@ def light_groups(source: YamlSource) -> Iterator[Problem]:
         )
     if not (isinstance(groups, dict) and names):
         return
+    if names and _shows_sky(written):
+        names = (*names, BACKGROUND)
     group_of: dict[str, Any] = {}
-    for group, written in groups.items():
-        lights = list(enumerate(written)) if isinstance(written, list) else [(None, written)]
+    for group, members in groups.items():
+        lights = list(enumerate(members)) if isinstance(members, list) else [(None, members)]
         for index, light in lights:
             where = ("light_groups", group) if index is None else ("light_groups", group, index)
             if not isinstance(light, str):
                 continue  # the document reports it
-            if light not in names:
+            if light == BACKGROUND and light not in names:
+                yield (
+                    where,
+                    "background is what the camera sees of the sky, and it sees none here. Remove it, or "
+                    "write visible: true for the sky.",
+                )
+            elif light not in names:
                 yield where, f"{light} is no light here. {suggestion(light, names)}"
             elif light in group_of:
                 yield where, f"{light} is in group {group_of[light]} already. Remove one of the two."
@@ -154,6 +164,18 @@ def _light_names(lights: Any) -> tuple[str, ...]:
     others = LIGHTS[rig].names if rig else ("sky",)
     distant = ("sun",) if lights.get("sun") is not None else ()
     return tuple(dict.fromkeys([*others[:-1], *names, *distant, "sky"]))
+
+
+def _shows_sky(lights: Any) -> bool:
+    """Tell whether the camera sees the sky, the daylight or the environment map of a shot."""
+    if not isinstance(lights, dict):
+        return isinstance(lights, str) and lights in LIGHTS and LIGHTS[lights].shows_sky
+    for name, default in (("sun", True), ("sky", False)):
+        if isinstance(written := lights.get(name), dict):
+            return written.get("visible", default) is True
+    if lights.get("hdri") is not None:
+        return lights.get("visible", True) is True
+    return _shows_sky(lights.get("rig"))
 
 
 def noise_threshold(source: YamlSource) -> Iterator[Problem]:

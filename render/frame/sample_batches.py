@@ -108,7 +108,7 @@ class SampleBatches:
             self._trace_beauty(batch, beauty.path_tracer)
         else:
             picture = _with_moments(beauty.render(batch.samples, seed))
-            groups = beauty.render_groups(batch.samples, seed)
+            groups = beauty.render_groups(batch.samples, seed, picture[..., :3])
             picture = np.concatenate([picture, *groups], axis=2)
             self.accumulator.add("beauty", picture, _multijitter_count(batch.samples))
         if batch.ends_round:

@@ -39,15 +39,23 @@ class EmitterGroups:
     """
 
     def __init__(
-        self, scene: Any = None, names: Sequence[Sequence[str]] = (), sun: SunDisc | None = None
+        self,
+        scene: Any = None,
+        names: Sequence[Sequence[str]] = (),
+        sun: SunDisc | None = None,
+        background: int | None = None,
     ) -> None:
-        """Group the emitters of a Mitsuba scene. names: those of the emitters of each group"""
+        """Group the emitters of a Mitsuba scene.
+
+        names       those of the emitters of each group
+        background  index of the group of what the lens sees of the sky itself; None for the sky's group
+        """
         import drjit as dr
         import mitsuba as mi
 
         self.count, self.are_wanted = max(1, len(names)), len(names) > 0
         self._emitters = [emitter_pointers(scene, group) for group in names]
-        self._sun = sun
+        self._sun, self._background = sun, background
         if sun is not None:
             self._sky = next(index for index, group in enumerate(names) if "sky" in group)
             self._direction = dr.opaque(mi.Vector3f, list(sun.direction))
@@ -72,6 +80,17 @@ class EmitterGroups:
         if self._sun is not None:
             self._move_sun(parts, direction)
         return [total + part for total, part in zip(sums, parts, strict=True)]
+
+    def add_seen(self, sums: list[Any], light: Any, emitter: Any, direction: Any, is_sky: Any) -> list[Any]:
+        """Return the sums with the light that the lens itself sees of an emitter; `is_sky` where it is the
+        sky."""
+        import drjit as dr
+
+        if self._background is None:
+            return self.add(sums, light, emitter, direction)
+        sums = self.add(sums, dr.select(is_sky, 0.0, light), emitter, direction)
+        sums[self._background] += dr.select(is_sky, light, 0.0)
+        return sums
 
     def _parts(self, light: Any, emitter: Any) -> list[Any]:
         """Return the light by the group of its emitter."""

@@ -63,7 +63,8 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
     radiance = groups.zeros()
     if dr.hint(not tracer.hide_emitters, mode="scalar"):
         emitter = si.emitter(tracer.scene)
-        radiance = groups.add(radiance, throughput * emitter.eval(si), emitter, -si.wi)
+        light = throughput * emitter.eval(si)
+        radiance = groups.add_seen(radiance, light, emitter, -si.wi, ~si.is_valid())
     vertex, length, active = mi.UInt32(0), mi.UInt32(0), si.is_valid()
     is_exit, after_matt = mi.Bool(False), mi.Bool(False)
     while dr.hint(active, label="path", exclude=[tracer, sampler, groups]):

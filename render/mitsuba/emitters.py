@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from render.base.serialise import Triple
 from render.integrator.emitter_groups import SunDisc
 from render.scene.camera import Camera
+from render.scene.light_groups import BACKGROUND
 from render.scene.lights import LightRig, Sky, Softbox, Sun
 from render.scene.sky import Daylight, Environment
 from render.scene.working_space import REC709, converted_pixels
@@ -51,6 +52,11 @@ def emitters_by_group(lights: LightRig) -> dict[str, list[str]]:
         group.name: [name for name, light in lights_of.items() if light in group.lights]
         for group in lights.groups
     }
+
+
+def background_group(lights: LightRig) -> int | None:
+    """Return the index of the light group of what the lens sees of the sky itself, or None."""
+    return next((index for index, group in enumerate(lights.groups) if BACKGROUND in group.lights), None)
 
 
 def sun_disc(lights: LightRig) -> SunDisc | None:

@@ -39,22 +39,30 @@ class SceneRenderer:
 
     path_tracer  a `render.integrator.path_tracer.PathTracer` of the scene that replaces the integrator, or
                  None
-    groups       without a path tracer, the scenes in which one light group alone shines
+    groups       without a path tracer, the scenes in which one light group alone shines, each with an
+                 integrator; None for the group of what the lens sees of the sky, which is what others leave
     """
 
     scene: Any
     integrator: Any
     path_tracer: Any = None
-    groups: tuple[Any, ...] = ()
+    groups: tuple[tuple[Any, Any] | None, ...] = ()
 
     def render(self, samples: int, seed: int) -> NDArray[np.float64]:
         """Return means (H, W, channels) over `samples`, which multijitter rounds up, by the integrator."""
         return render(self.scene, self.integrator, samples, seed)
 
-    def render_groups(self, samples: int, seed: int) -> list[NDArray[np.float64]]:
-        """Return the radiance (H, W, 3) of each light group. The same seed gives the same paths as `render`,
-        so that groups sum to its radiance."""
-        return [render(scene, self.integrator, samples, seed)[..., :3] for scene in self.groups]
+    def render_groups(
+        self, samples: int, seed: int, radiance: NDArray[np.float64]
+    ) -> list[NDArray[np.float64]]:
+        """Return the radiance (H, W, 3) of each light group.
+
+        radiance  (H, W, 3) of all light by `render` with these samples and seed. The same seed gives the same
+                  paths, so that groups sum to it
+        """
+        lit = [each and render(*each, samples, seed)[..., :3] for each in self.groups]
+        rest = radiance - sum(each for each in lit if each is not None)
+        return [rest if each is None else each for each in lit]
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,11 +127,11 @@ def _lit(
     walk = _subsurface_walk(lit, material, placement.size)
     if tracer is not None and walk is not None:
         tracer = replace(tracer, subsurface=walk)
+    groups: list[tuple[Any, Any] | None] = []
     if tracer is None:
-        integrator = _load_part({"type": "moment", "block_size": BLOCK_SIZE, "path": path})
-    groups = () if tracer else lights.groups
-    group_scenes = [_load({**unlit, **emitters.emitters(lights.only(each), to_scene)}) for each in groups]
-    beauty = SceneRenderer(lit, integrator, tracer, tuple(group_scenes))
+        integrator = _moment_integrator(path)
+        groups = _group_renderers(unlit, path, lights, to_scene)
+    beauty = SceneRenderer(lit, integrator, tracer, tuple(groups))
     if mi.variant() != "scalar_rgb":
         attributes = tuple(name for name in aovs if name in VERTEX_AOVS and name in surface.attributes)
         return FrameScenes(beauty, _feature_tracer(scene, lit, path, attributes))
@@ -135,6 +143,24 @@ def _lit(
     # Softboxes are hidden from the lens in the beauty, but Mitsuba's AOVs would show them.
     auxiliary = _load({**unlit, **replaced}) if replaced or in_view else lit
     return FrameScenes(beauty, _mitsuba_features(auxiliary, unlit, surface, aovs))
+
+
+def _moment_integrator(path: dict[str, Any]) -> Any:
+    return _load_part({"type": "moment", "block_size": BLOCK_SIZE, "path": path})
+
+
+def _group_renderers(
+    unlit: dict[str, Any], path: dict[str, Any], lights: LightRig, to_scene: NDArray[np.float64]
+) -> list[tuple[Any, Any] | None]:
+    """Return the `groups` of a `SceneRenderer`."""
+    background = emitters.background_group(lights)
+    renderers: list[tuple[Any, Any] | None] = []
+    for index, group in enumerate(lights.groups):
+        hides = path["hide_emitters"] or (background is not None and "sky" in group.lights)
+        alone = {**unlit, **emitters.emitters(lights.only(group), to_scene)}
+        renderer = _load(alone), _moment_integrator({**path, "hide_emitters": hides})
+        renderers.append(None if index == background else renderer)
+    return renderers
 
 
 def _feature_tracer(scene: Scene, lit: Any, path: dict[str, Any], attributes: tuple[str, ...]) -> Any:
@@ -197,7 +223,7 @@ def _path_tracer(
 
     sampler = LightSampler(scene, sampled_emitters(lights, to_scene))
     names = list(emitters.emitters_by_group(lights).values())
-    groups = EmitterGroups(scene, names, emitters.sun_disc(lights))
+    groups = EmitterGroups(scene, names, emitters.sun_disc(lights), emitters.background_group(lights))
     by_name = {shape.id(): mi.ShapePtr(shape) for shape in scene.shapes()}
     shapes = [by_name[name] for name in objects]
     dr.make_opaque(shapes)  # numbers of shapes differ from frame to frame; the compiled code shall not

@@ -17,6 +17,9 @@ Pixels = NDArray[np.float32]
 PREFIX = "light_"
 """Beginning of the names of their layers: `light_key`."""
 
+BACKGROUND = "background"
+"""What the lens sees of the sky itself, beside subject and stage. It is in a light group as lights are."""
+
 _MAX_HALF = float(np.finfo(np.float16).max)
 
 
@@ -25,7 +28,7 @@ class LightGroup:
     """Lights that share one light group.
 
     name    of the group
-    lights  their names in the rig
+    lights  their names in the rig, and BACKGROUND
     """
 
     name: str

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from render.base.serialise import Colour, Triple
-from render.scene.light_groups import LightGroup
+from render.scene.light_groups import BACKGROUND, LightGroup
 from render.scene.sky import Daylight, Environment
 
 
@@ -91,14 +91,18 @@ class LightRig:
         return (self.daylight or self.environment or self.sky).visible
 
     def grouped(self, written: Mapping[str, Sequence[str]]) -> LightRig:
-        """Return the rig with light groups: those written, by name, and one for each other light."""
+        """Return the rig with light groups: those written, by name, and one for each other light.
+
+        A visible sky has two: what the lens sees of it itself, and the light that it gives.
+        """
         groups = [LightGroup(name, tuple(lights)) for name, lights in written.items()]
         taken = {light for group in groups for light in group.lights}
         if self.sky.is_black and not (self.daylight or self.environment):
-            taken.add("sky")
+            taken |= {"sky", BACKGROUND}
         boxes = [replace(b, name=b.name or f"softbox{n}") for n, b in enumerate(self.softboxes, 1)]
         named = replace(self, softboxes=tuple(boxes))
-        alone = [LightGroup(light, (light,)) for light in named.names if light not in taken]
+        others = dict.fromkeys((*named.names, BACKGROUND) if self.shows_sky else named.names)
+        alone = [LightGroup(name, (name,)) for name in others if name not in taken]
         return replace(named, groups=(*groups, *alone))
 
     def only(self, group: LightGroup) -> LightRig:

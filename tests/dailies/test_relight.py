@@ -7,13 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.dailies.relighting.light_factors import permanent
 from pipeline.production.store.paths import output_folder
 from render.movie.probe import probe_movie
 from render.post.image import read_exr
 from render.scene.aovs import RenderedFrame
 from render.scene.light_groups import groups_in
+from render.scene.lights import LIGHTS
 from tests.conftest import TINY, ProjectFolder, commanded
 
+HALF = (0.5, 0.5, 0.5)
 NAME, SIZE = "T010_tiny", ("-q", "draft", "--scale", "10%", "-f", "1-2")
 HOME = Path("renders") / NAME / "draft.scale10"
 
@@ -75,6 +78,22 @@ def test_the_shot_file_can_say_the_same(relit: ProjectFolder) -> None:
     assert "no finished frame 1-2" in words  # a setting of the shot gives other frames
     words = relight(relit, "--set", "lights.warm=1.5")[1]
     assert "write lights: {rig: studio, intensity: {key: 1.5, back: 1.5}} in shots/T010_tiny.yaml" in words
+
+
+@pytest.mark.parametrize(
+    ("factors", "words"),
+    [
+        ({"sky": HALF, "background": HALF}, "write lights: {rig: daylight, intensity: {sky: 0.5}}"),
+        ({"sky": HALF}, "in shot.yaml. Only relit frames can show a sky brighter or darker than its light."),
+        ({"background": (2.0, 1.0, 1.0)}, "Only relit frames can show"),
+        ({"sun": (2.0, 1.0, 1.0)}, "sun: intensity takes no colours; write softboxes or a sky with a"),
+    ],
+)
+def test_a_sky_is_seen_as_bright_as_it_shines(factors: dict, words: str, tmp_path: Path) -> None:
+    (tmp_path / "shot.yaml").write_text("lights: daylight\n")
+    told = permanent(tmp_path / "shot.yaml", (), LIGHTS["daylight"].grouped({}), factors)
+    assert words in told.replace(f"{tmp_path}/", "")
+    assert ("Only relit" in told) == (factors.get("sky") != factors.get("background"))
 
 
 @pytest.mark.renderer

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +19,13 @@ from render.mitsuba.engine import Engine
 from render.mitsuba.scene import build_scene
 from render.post.image import read_exr, write_exr
 from render.scene.aovs import RenderedFrame
+from render.scene.camera import Camera
 from render.scene.light_groups import groups_in, with_beauty
 from render.scene.lights import LIGHTS, LightRig, Sky, Softbox, Sun
 from render.scene.materials import LOOKS
 from render.scene.quality import Quality
 from render.scene.scene import Scene
+from render.scene.sky import Daylight
 from render.scene.stage import STAGES, StagePlacement
 from tests.render.conftest import CAMERA, ball
 
@@ -102,14 +106,46 @@ def test_a_brighter_group_is_the_light_of_a_brighter_emitter(rendered: Callable[
     assert np.abs(mixed - brighter).mean() < 0.05 * brighter.mean()
 
 
+@pytest.mark.parametrize("daylight", [False, True])
+def test_the_sky_that_the_lens_sees_is_a_group_of_its_own(
+    daylight: bool, rendered: Callable[..., RenderedFrame], tmp_path: Path
+) -> None:
+    """A low sun stands in the picture; a softbox is seen too, and stays in its group."""
+    box = Softbox((-1.5, 1.5, -2.0), 1.0, 1.0, (2.0, 1.0, 0.5), target=(0.0, 1.0, 3.0), name="key")
+    sun = Daylight(math.radians(12.0), math.pi + 0.14, width=0.02) if daylight else None
+    rig = LightRig((box,), sky=Sky(WHITE, WHITE, WHITE, True), daylight=sun).grouped({})
+    # The matte is that of the beauty's samples, and no firefly is spread.
+    quality = replace(QUALITY, auxiliary_samples=16, fireflies="keep")
+    camera = Camera((0.0, 0.5, 9.0), (0.0, 2.0, 0.0))
+    frame = rendered(lights=rig, quality=quality, stage=STAGES["none"], camera=camera)
+    groups, beside = groups_in(frame.arrays), frame["matte"] == 0.0
+    assert_sums_exactly(frame, tmp_path)
+    assert not groups["background"][frame["matte"] == 1.0].any() and not groups["sky"][beside].any()
+    assert (groups["key"][beside].max(axis=1) > 1.0).mean() < 0.1  # the box
+    seen = frame["beauty"] - groups["key"]
+    assert np.allclose(groups["background"][beside], seen[beside], rtol=1e-3)
+    assert groups["background"].max() > (1e3 if daylight else 0.9)
+    assert not daylight or not groups["sun"][beside].any()
+
+
+def test_a_visible_sky_can_be_of_the_group_of_its_light() -> None:
+    rig = LIGHTS["daylight"].grouped({"distant": ["sky", "background"]})
+    assert [group.name for group in rig.groups] == ["distant", "sun"]
+    assert "background" not in [group.name for group in LIGHTS["studio"].grouped({}).groups]
+
+
 def test_groups_of_smoke_sum_to_its_light(engine: Engine) -> None:
     """Mitsuba's integrator renders each group by itself, along the same paths."""
-    rig = LIGHTS["softbox"].grouped({})
-    scene = Scene(ball(), LOOKS["smoke"], rig, STAGES["cyclorama"], StagePlacement(), CAMERA)
+    rig = replace(LIGHTS["softbox"], sky=Sky(WHITE, WHITE, WHITE, True)).grouped({})
+    scene = Scene(ball(), LOOKS["smoke"], rig, STAGES["none"], StagePlacement(), CAMERA)
     renderer = build_scene(scene, Quality(32, 18, samples=4, depth=4)).beauty
-    groups = renderer.render_groups(4, 5)
-    assert len(groups) == len(rig.groups)
-    assert np.allclose(sum(groups), renderer.render(4, 5)[..., :3], rtol=1e-4, atol=1e-5)
+    radiance = renderer.render(4, 5)[..., :3]
+    groups = dict(
+        zip([group.name for group in rig.groups], renderer.render_groups(4, 5, radiance), strict=True)
+    )
+    assert np.allclose(sum(groups.values()), radiance, rtol=1e-4, atol=1e-5)
+    above = [groups[name][0] for name in ("background", "sky")]
+    assert (above[0] == 1.0).all() and not above[1].any() and groups["sky"].max() > 0.1
 
 
 def test_a_look_that_is_drawn_without_lights_has_no_groups(rendered: Callable[..., RenderedFrame]) -> None:

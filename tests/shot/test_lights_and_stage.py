@@ -153,6 +153,17 @@ def test_each_light_is_a_group_unless_a_group_has_it(tmp_path: Path) -> None:
     assert not shot_of(tmp_path, "light_groups: off").picture.lights.groups
 
 
+@pytest.mark.parametrize(
+    "lights", ["daylight", "{sun: {}}", "{rig: daylight, turn: 9}", "{sky: {zenith: 1, visible: true}}"]
+)
+def test_a_visible_sky_is_two_groups(lights: str, tmp_path: Path) -> None:
+    each = shot_of(tmp_path, f"lights: {lights}\nlight_groups: each").picture.lights
+    assert {"sky", "background"} <= {group.name for group in each.groups}
+    one = shot_of(tmp_path, f"lights: {lights}\nlight_groups: {{far: [sky, background]}}").picture.lights
+    assert one.groups[0].lights == ("sky", "background")
+    assert not {"sky", "background"} & {group.name for group in one.groups}
+
+
 def test_softboxes_of_a_shot_have_names(tmp_path: Path) -> None:
     said = f"lights: {{softboxes: [{{{BOX}}}, {{{BOX}, name: lamp}}], intensity: {{softbox1: 2, lamp: 3}}}}"
     lights = shot_of(tmp_path, said + "\nlight_groups: {all: [softbox1, lamp]}").picture.lights
@@ -185,6 +196,7 @@ def test_softboxes_of_a_shot_have_names(tmp_path: Path) -> None:
         ("lights: {sun: {}, sky: {zenith: 1}}", "lights has both sun and sky"),
         ("light_groups: {warm: [key, rimm]}", "a.yaml:5:28: rimm is no light here. Did you mean 'rim'?"),
         ("light_groups: {warm: sun}", "a.yaml:5:16: sun is no light here. There are: key, rim, back, sky."),
+        ("light_groups: {far: [sky, background]}", "background is what the camera sees of the sky, and it"),
         ("light_groups: {a: [key], b: [key]}", "5:30: key is in group a already. Remove one of the two."),
         ("light_groups: {rim: [key]}", "rim is a light of no group, whose own group has this name."),
         ("light_groups: [key, rim]", "a light group has a name. Write {NAME: [key, rim]}, or each."),

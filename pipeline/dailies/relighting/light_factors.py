@@ -16,7 +16,7 @@ from pipeline.shot.yaml.lookup import shown
 from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.settings import OPTION
 from render.base.serialise import Triple
-from render.scene.light_groups import LightGroup
+from render.scene.light_groups import BACKGROUND, LightGroup
 from render.scene.lights import LightRig
 
 MAX_FACTOR = 1e6
@@ -105,11 +105,13 @@ def version_name(factors: Mapping[str, Triple]) -> str:
 
 def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Mapping[str, Triple]) -> str:
     """Return how the factors are written in the shot file at `path`; `of_shot` are settings over it."""
-    members = {group.name: group.lights for group in lights.groups}
+    members = {
+        group.name: [light for light in group.lights if light != BACKGROUND] for group in lights.groups
+    }
     grey = {name: factor[0] for name, factor in factors.items() if _is_grey(factor)}
-    coloured = [name for name in factors if name not in grey]
+    coloured = [name for name in factors if name not in grey and members[name]]
     words = []
-    if grey:
+    if any(members[name] for name in grey):
         data: Any = inherited(path, None, tuple(of_shot), None).data
         written = data.get("lights")
         before = written.get("intensity", 1.0) if isinstance(written, dict) else 1.0
@@ -124,10 +126,19 @@ def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Map
             words.append(f"write lights: {in_yaml(rig)} in {shown(path)}")
     if coloured:
         words.append(
-            f"{', '.join(coloured)}: intensity takes no colours; write softboxes with a radiance of that "
-            "colour"
+            f"{', '.join(coloured)}: intensity takes no colours; write softboxes or a sky with a radiance of "
+            "that colour"
         )
-    return "To render with these lights, " + "; ".join(words) + "."
+    sentences = ["To render with these lights, " + "; ".join(words) + "."] if words else []
+    if len({_factor_on(light, lights, factors) for light in ("sky", BACKGROUND)} - {None}) > 1:
+        sentences.append("Only relit frames can show a sky brighter or darker than its light.")
+    return " ".join(sentences)
+
+
+def _factor_on(light: str, lights: LightRig, factors: Mapping[str, Triple]) -> Triple | None:
+    """Return the factor on a light, or None where it is in no group."""
+    owner = next((group.name for group in lights.groups if light in group.lights), None)
+    return None if owner is None else factors.get(owner, (1.0, 1.0, 1.0))
 
 
 def _is_grey(factor: Triple) -> bool:
