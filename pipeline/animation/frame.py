@@ -70,6 +70,7 @@ class MeshFrame:
     births      int64 (N, 3): the `identity` of each vertex born on the way into this frame, and those of its
                 two parents, in order of birth; None where identities are not kept
     identities  the number of identities given since the first frame
+    unsorted    number of vertices born since the resampler last sorted them
     lattice     layout of the control points, if the vertices are those of a control net
     """
 
@@ -79,24 +80,26 @@ class MeshFrame:
     polygons: PolygonMesh | None = None
     births: AnyArray | None = None
     identities: int = 0
+    unsorted: int = 0
     lattice: Lattice | None = None
 
     def to_arrays(self) -> dict[str, AnyArray]:
         """Return the frame as named arrays, as ``numpy.savez(file, **arrays)`` takes them.
 
         vertices float64 (V, 3), faces int32 (F, 3), creases int32 (K, 2), `attribute:<name>` (V, …), number
-        () and report (): a string of JSON. With identities also births int64 (N, 3) and identities (). With
-        polygons also offsets int32 (P + 1,) and corners int32 (C,). With a control net also net int32 (4,):
-        rows, columns, and 1 for each closed direction.
+        () and report (): a string of JSON. With identities also births int64 (N, 3), identities () and
+        unsorted (). With polygons also offsets int32 (P + 1,) and corners int32 (C,). With a control net also
+        net int32 (4,): rows, columns, and 1 for each closed direction.
         """
         attributes = {_ATTRIBUTE + name: values for name, values in self.mesh.attributes.items()}
         polygons, births = self.polygons, self.births
+        given, unsorted = np.array(self.identities), np.array(self.unsorted)
         return {
             "vertices": self.mesh.vertices,
             "faces": self.mesh.faces,
             "creases": self.mesh.creases,
             **({} if polygons is None else {"offsets": polygons.offsets, "corners": polygons.corners}),
-            **({} if births is None else {"births": births, "identities": np.array(self.identities)}),
+            **({} if births is None else {"births": births, "identities": given, "unsorted": unsorted}),
             **({} if self.lattice is None else {"net": self.lattice.as_array()}),
             **attributes,
             "number": np.array(self.number),
@@ -119,6 +122,7 @@ class MeshFrame:
             polygons=_polygons(mesh, arrays),
             births=arrays.get("births"),
             identities=int(arrays.get("identities", 0)),
+            unsorted=int(arrays.get("unsorted", 0)),
             lattice=_lattice(mesh, arrays),
         )
 

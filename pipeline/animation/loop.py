@@ -124,7 +124,10 @@ class TriangleSurface(_ResampledSurface[Resampler]):
         report, resampler = self._resample(number), self._resampler
         mesh = resampler.mesh
         frame_report = FrameReport(report, partial(_statistics, mesh))
-        return MeshFrame(number, mesh, frame_report, births=resampler.births, identities=resampler.identities)
+        given, unsorted = resampler.identities, resampler.unsorted
+        return MeshFrame(
+            number, mesh, frame_report, births=resampler.births, identities=given, unsorted=unsorted
+        )
 
 
 class ExactSurface(TriangleSurface):
@@ -272,7 +275,8 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> MovingSurface:
             state, thresholds, resampling.cutting, resampling.collapse
         )
         return PolygonSurface(motion, resampling, polyhedral)
-    state = _state(frame.mesh, faces=frame.mesh.faces, identities=np.array(frame.identities))
+    numbers = {"identities": np.array(frame.identities), "unsorted": np.array(frame.unsorted)}
+    state = _state(frame.mesh, faces=frame.mesh.faces, **numbers)
     if resampling.placement == "exact" and REST not in frame.mesh.attributes:
         raise UsageError(
             f"frame {frame.number} has no vertex attribute {REST!r}, which exact placement goes on from; "

@@ -17,8 +17,10 @@ from pipeline.mesh.kernels.halfedge import (
     match_twins,
     renumber,
     renumber_parallel,
+    reordered,
 )
 from pipeline.mesh.normals import tagged_halfedges
+from pipeline.mesh.point_order import stable_order
 from pipeline.mesh.triangle_mesh import TriangleMesh, edge_keys
 from pipeline.mesh.validation import require
 
@@ -104,6 +106,19 @@ class HalfedgeMesh:
             halfedges, vertices = int(3 * self.sizes[1]), int(self.sizes[0])
             everywhere = renumber_parallel if halfedges > WORTH_SHARING else renumber
             everywhere(self.arrays.vert, halfedges, vertices, new_numbers)
+
+    def reorder(self, vertex_order: AnyArray) -> None:
+        """Renumber the vertices in the given order (V,), and the faces by their lowest vertex."""
+        vertices, faces = (int(size) for size in self.sizes)
+        points, attributes, _, vert, twin, tagged = self.arrays
+        points[:vertices] = points[:vertices][vertex_order]
+        attributes[:vertices] = attributes[:vertices][vertex_order]
+        numbers = np.empty(vertices, np.int32)
+        numbers[vertex_order] = np.arange(vertices, dtype=np.int32)
+        a, b, c = numbers[self.faces].T
+        face_order = stable_order(np.minimum(np.minimum(a, b), c))
+        halfedges = slice(0, 3 * faces)
+        vert[halfedges], twin[halfedges], tagged[halfedges] = reordered(self.arrays, numbers, face_order)
 
     def scratch(self, name: str, room: int, kind: type = np.int32) -> AnyArray:
         """Return an array of at least that many entries, kept for the next call with this name.

@@ -48,7 +48,7 @@ class PipelineStage:
 
 SIMULATE = PipelineStage(
     "simulate",
-    version=3,
+    version=4,
     packages=("numba", "numpy", "trimesh"),
     doing="simulating",
     makes="mesh",

@@ -16,6 +16,7 @@ from pipeline.arrays import AnyArray, Points, Vectors
 from pipeline.errors import UsageError
 from pipeline.mesh.halfedge_mesh import HalfedgeMesh
 from pipeline.mesh.identity import Register
+from pipeline.mesh.point_order import morton_order
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample.placement import Chord, Curved, Placement
 from pipeline.resample.quadrisection import quadrisect
@@ -30,7 +31,9 @@ STATELESS: Mapping[str, Placement] = {"chord": _CHORD, "curved": Curved()}
 """Placements that keep nothing at the vertices, by name."""
 
 _ATTRIBUTE = "attribute."
-_GIVEN = "identities"
+_GIVEN, _UNSORTED = "identities", "unsorted"
+_CACHED = 50_000  # faces that fit into a core's own cache, where order does not matter
+_NEW_SHARE = 1 / 3  # of the vertices of a large surface: with more new ones all are sorted again
 
 
 class Resampler:
@@ -60,6 +63,7 @@ class Resampler:
         self._configure(thresholds, placement, min_roundness, splits)
         mesh = in_memory_order(placement.prepare(mesh, thresholds.hard_angles(mesh)))
         self._mesh = HalfedgeMesh(mesh, Register.of(mesh))
+        self._unsorted = len(mesh.vertices)
         reset(changes_of(self._mesh))  # allocates the memory now, so that no frame waits for it
 
     def _configure(
@@ -104,12 +108,18 @@ class Resampler:
         """The number of identities given since the first frame; the next new vertex gets this number."""
         return 0 if self._mesh.register is None else self._mesh.register.given
 
+    @property
+    def unsorted(self) -> int:
+        """The number of vertices born since the vertices were last sorted; at first that of all vertices."""
+        return self._unsorted
+
     def state(self) -> dict[str, AnyArray]:
         """Return copies of all that later frames depend on; keep them by ``numpy.savez(file, **state)``."""
         mesh = self.mesh
         named = {_ATTRIBUTE + name: values for name, values in mesh.attributes.items()}
         given = {} if self._mesh.register is None else {_GIVEN: np.array(self.identities)}
-        return {"vertices": mesh.vertices, "faces": mesh.faces, "creases": mesh.creases, **named, **given}
+        surface = {"vertices": mesh.vertices, "faces": mesh.faces, "creases": mesh.creases}
+        return {**surface, **named, **given, _UNSORTED: np.array(self._unsorted)}
 
     @classmethod
     def from_state(
@@ -131,6 +141,7 @@ class Resampler:
         resumed._configure(thresholds, placement, min_roundness, splits)
         mesh = TriangleMesh(state["vertices"], state["faces"], attributes, state.get("creases"))
         resumed._mesh = HalfedgeMesh(mesh, Register.of(mesh, int(state.get(_GIVEN, 0))))
+        resumed._unsorted = int(state.get(_UNSORTED, 0))
         return resumed
 
     def resample(self) -> Report:
@@ -139,6 +150,14 @@ class Resampler:
         Raises FrameError where a vertex is not finite or the vertices would exceed the budget; the surface is
         then still sound. Ctrl-C ends it at once and leaves the surface unusable.
         """
+        report = self._resample()
+        self._unsorted += report.splits
+        if report.faces > _CACHED and self._unsorted > _NEW_SHARE * report.vertices:
+            self._mesh.reorder(morton_order(self.vertices))
+            self._unsorted = 0
+        return report
+
+    def _resample(self) -> Report:
         if self._mesh.register is not None:
             self._mesh.register.begin()
         this_pass = self._pass(self.thresholds)
@@ -171,14 +190,11 @@ def resample(
     return resampler.mesh, report
 
 
-_CACHED = 50_000  # faces that fit into a core's own cache, where order does not matter
-
-
 def in_memory_order(mesh: TriangleMesh) -> TriangleMesh:
     """Return the same surface; faces of a large one are sorted by their lowest vertex.
 
-    Vertices keep their numbers, since the caller moves them by number. A pass over a million faces in random
-    order takes several times as long as one in memory order.
+    Vertices keep their numbers until they are resampled, since the caller may know them by number. A pass
+    over a million faces in random order takes several times as long as one in memory order.
     """
     if len(mesh.faces) <= _CACHED:
         return mesh

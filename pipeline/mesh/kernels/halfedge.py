@@ -221,3 +221,26 @@ def compact(
             attributes[target, k] = attributes[v, k]
     sizes[0], sizes[1] = vertices, faces
     return hole > 0
+
+
+@kernel(numba.types.Tuple([INTS, INTS, BYTES])(MESH_ARRAYS, INTS, numba.int64[::1]))
+def reordered(mesh: MeshArrays, numbers: Indices, face_order: Indices) -> tuple[Indices, Indices, AnyArray]:
+    """Return `vert`, `twin` and `tagged` with other numbers of vertices and faces.
+
+    numbers     (V,) the new number of each vertex
+    face_order  (F,) the old numbers of the faces, in their new order
+    """
+    faces = len(face_order)
+    new_faces = np.empty(faces, np.int32)
+    for f in range(faces):
+        new_faces[face_order[f]] = f
+    vert, twin = np.empty(3 * faces, np.int32), np.empty(3 * faces, np.int32)
+    tagged = np.empty(3 * faces, np.uint8)
+    for f in range(faces):
+        for i in range(3):
+            old = 3 * face_order[f] + i
+            back = mesh.twin[old]
+            vert[3 * f + i] = numbers[mesh.vert[old]]
+            twin[3 * f + i] = -1 if back < 0 else 3 * new_faces[back // 3] + back % 3
+            tagged[3 * f + i] = mesh.tagged[old]
+    return vert, twin, tagged
