@@ -48,7 +48,7 @@ class PipelineStage:
 
 SIMULATE = PipelineStage(
     "simulate",
-    version=4,
+    version=5,
     packages=("numba", "numpy", "trimesh"),
     doing="simulating",
     makes="mesh",

@@ -81,10 +81,8 @@ class Slicer:
             parts = self._parts(high - low, limit)
             if _widest_slice(low, high, parts) > limit and self._cutting == "slice":
                 parts += 1
-            mine = [f]
-            for level in _levels(low, high, parts)[1:-1]:
-                plane = _Plane(axis, level, _MAX_SNAP * limit)
-                mine = [part for whole in mine for part in self._cut(whole, plane)]
+            planes = [_Plane(axis, at, _MAX_SNAP * limit) for at in _levels(low, high, parts)[1:-1]]
+            mine = self._slice(f, planes)
             if mine == [f]:
                 raise _too_far_out(surface.points[corners[0]])
             pieces += mine
@@ -96,6 +94,25 @@ class Slicer:
             return 2
         self._editor.keep_to_budget(size / limit - 1)
         return max(2, math.ceil(size / limit))
+
+    def _slice(self, f: int, planes: list[_Plane]) -> list[int]:
+        """Cut a face by parallel planes in ascending order; return it and its new parts.
+
+        The middle plane cuts first, and then those on either side cut the parts that they cross: a cut walks
+        around its whole face, so that cutting slice after slice off a long face would take quadratic time.
+        """
+        surface, pieces, waiting = self._editor.surface, [], [(f, planes)]
+        while waiting:
+            part, rest = waiting.pop()
+            along = [point[planes[0].axis] for point in surface.corners(part)]
+            low, high = min(along), max(along)
+            rest = [plane for plane in rest if low < plane.level <= high]
+            if not rest:
+                pieces.append(part)
+                continue
+            middle = rest.pop(len(rest) // 2)
+            waiting += [(piece, rest) for piece in reversed(self._cut(part, middle))]
+        return pieces
 
     def _cut(self, f: int, plane: _Plane) -> list[int]:
         """Cut a face by a plane; return it and its new parts.

@@ -75,6 +75,27 @@ def test_p18_figure_c_the_bread_slicer_makes_all_cuts_at_once() -> None:
     assert len(sliced(bread, 1.0, "recurse")[1]) == 2, "the other way cuts in two, and comes back"
 
 
+def test_p18_the_work_of_slicing_grows_little_faster_than_the_slices(monkeypatch: pytest.MonkeyPatch) -> None:
+    walked, loop = 0, Polyhedron.loop
+
+    def counted(surface: Polyhedron, h: int) -> list[int]:
+        nonlocal walked
+        sides = loop(surface, h)
+        walked += len(sides)
+        return sides
+
+    monkeypatch.setattr(Polyhedron, "loop", counted)
+    work = []
+    for length in (100, 400):
+        walked = 0
+        wavy = [(x, 0.2 * math.sin(x)) for x in range(length + 1)]
+        face = leaf(*wavy, *((x, y + 0.9) for x, y in reversed(wavy)))
+        report = PolyhedralResampler(face, Thresholds(1.5)).resample()
+        assert report.faces > 0.6 * length
+        work.append(walked)
+    assert work[1] < 6 * work[0], "four times the slices and some, not sixteen"
+
+
 def test_p18_both_ways_of_cutting_end_within_limits(menagerie: dict[str, PolygonMesh]) -> None:
     counts = {}
     for cutting in ("slice", "recurse"):
