@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 
@@ -68,6 +70,36 @@ def test_relighting_goes_on_where_it_ended_and_names_its_folder(relit: ProjectFo
     code, words = relight(relit, "--set", "lights.sky=3", "--name", "dusk")
     assert code == 0 and "2 frames, 1 relit" in words and (HOME / "relight" / "dusk").is_dir()
     assert "2 frames, 0 relit" in relight(relit, "--set", "lights.sky=3", "--name", "dusk")[1]
+
+
+@pytest.mark.renderer
+def test_frames_finished_with_layers_and_relit_ones_are_delivered_and_reviewed(relit: ProjectFolder) -> None:
+    dark = [word for light in ("warm", "rim", "sky") for word in ("--set", f"lights.{light}=0")]
+    assert relight(relit, *dark, "--name", "dark", "-f", "1", *SIZE[:4])[0] == 0
+    code, words = commanded(relit.path, "deliver", NAME, *SIZE, "--relit", "dark", "--dry-run")
+    assert code == 0 and words.startswith("Nothing to be done.")  # the frames have the layers they have
+    code, words = commanded(relit.path, "deliver", NAME, *SIZE, "--relit", "dark", "--as", "ffv1")
+    movie = HOME / "deliver" / f"{NAME}.dark.1-2.ffv1.mkv"
+    assert code == 0 and words.startswith(f"{movie}: 2 frames")
+    with av.open(str(relit.path / movie)) as file:  # frame 2 is relit for it
+        assert all(not picture.to_ndarray(format="rgb24").any() for picture in file.decode(video=0))
+    code, words = commanded(relit.path, "deliver", NAME, *SIZE, "--relit", "dusky")
+    assert code == 3 and "there are no relit frames dusky at draft.scale10. There are: dark" in words
+
+    code, words = commanded(relit.path, "review", NAME, "--json")
+    faults = json.loads(words[words.index("{") :])["not_as_asked_for"]
+    assert code == 0 and not {1, 2} & set(faults[f"{NAME} draft.scale10"])
+    data = (relit.path / "renders" / "review" / NAME / "data.js").read_text()
+    assert '"label":"draft.scale10 relit dark"' in data.replace(": ", ":")
+
+
+@pytest.mark.renderer
+def test_relit_frames_of_different_factors_are_no_version(relit: ProjectFolder) -> None:
+    for frame_number, factor in (("1", "2"), ("2", "3")):
+        words = ("--set", f"lights.rim={factor}", "--name", "two", "-f", frame_number, *SIZE[:4])
+        assert relight(relit, *words)[0] == 0
+    code, words = commanded(relit.path, "deliver", NAME, *SIZE, "--relit", "two")
+    assert code == 1 and "relight/two: its frames were relit with different factors." in words
 
 
 @pytest.mark.renderer

@@ -20,7 +20,15 @@ from pipeline.cli.options import (
     require_one_of,
     words_of,
 )
-from pipeline.cli.output import duration, exit_with, out, print_result, print_warning, progress_bars
+from pipeline.cli.output import (
+    duration,
+    exit_with,
+    out,
+    print_error,
+    print_result,
+    print_warning,
+    progress_bars,
+)
 from pipeline.dailies.delivery.deliver import (
     SLATES,
     DeliveredFile,
@@ -30,7 +38,8 @@ from pipeline.dailies.delivery.deliver import (
     lost_frames,
 )
 from pipeline.dailies.delivery.source import film_source, shot_source
-from pipeline.errors import UsageError
+from pipeline.dailies.relighting.relit_frames import RelitFrames, relit_version
+from pipeline.errors import FrameError, UsageError
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import edit_names, find_edit
@@ -68,6 +77,12 @@ def deliver(
     sound: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Add this sound. An edit may name its own.")
     ] = None,
+    relit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VERSION", help="Encode the frames that `relight` made, by the name of their folder."
+        ),
+    ] = None,
     output: Annotated[
         Path | None, output_option("Default: the folder deliver beside the frames.", metavar="DIR")
     ] = None,
@@ -77,6 +92,8 @@ def deliver(
     `flowsculpt deliver A010_cube --as review,prores4444 -q final --burn-in all` writes two files to
     renders/A010_cube/final/deliver; `flowsculpt deliver film --as h265 --slate head` the film with a slate.
     Files that are up to date are kept. Failed frames are shown as cards that state the reason.
+    `flowsculpt deliver A010_cube -q final --relit key1.4` encodes what `relight` made, and relights frames
+    that it did not.
 
     review: H.264 of intra frames, to step through · h264, h265: 10 bits · prores4444: with the subject's
     alpha · av1: for the web · ffv1: lossless, for the archive · webp: for pages.
@@ -91,7 +108,8 @@ def deliver(
         audio=None if sound is None else audio_track(sound),
         folder=output,
     )
-    wanted = _Wanted(options.project(common), tuple(names), options.quality(quality), frames)
+    wanted = _Wanted(options.project(common), tuple(names), options.quality(quality), frames, relit)
+    wanted.relit_frames()  # refuses names that are none before anything is rendered
     if common.dry_run:
         report_plan(common, wanted.plan())
         if not common.json:
@@ -104,6 +122,10 @@ def deliver(
         for f in outcome.failures
         if f.get("frame") is not None
     }
+    with progress_bars(common.progress) as bar:
+        faults = [fault for each in wanted.relit_frames() for fault in each.mix(common.cores, bar)[1]]
+    for fault in faults:
+        print_error(fault)
     deliveries = wanted.deliveries(order, failed)
     with progress_bars(common.progress) as bar:
         done = [file for delivery in deliveries for file in delivery.make(bar)]
@@ -111,39 +133,50 @@ def deliver(
     if lost:
         print_warning(f"{'; '.join(lost)}: shown as cards that state the reason")
     _report(common, done, lost, time.monotonic() - started)
-    exit_with(outcome.exit_code)
+    exit_with(outcome.exit_code or (FrameError.exit_code if faults else 0))
 
 
 @dataclass(frozen=True)
 class _Wanted:
-    """Names of shots and edits, and the frames to encode."""
+    """Names of shots and edits, the frames to encode, and the name of a relit version of them."""
 
     project: Project
     names: tuple[str, ...]
     quality: str
     frames: str | None
+    relit: str | None
 
     def plan(self) -> Plan:
         """Return the plan that renders what is missing."""
-        requests = [request for name in self.names for request in self._takes(name)]
-        return self.project.frames(requests)
+        return self.project.frames([request for name in self.names for request in self._requests(name)])
+
+    def relit_frames(self) -> list[RelitFrames]:
+        """Return the relit versions, none unless they are asked for. Raises what `relit_version` does."""
+        if self.relit is None:
+            return []
+        requests = [request for name in self.names for request in self._requests(name)]
+        return [relit_version(request, self.project.store, self.relit) for request in requests]
 
     def deliveries(self, order: DeliveryOptions, failed: Mapping[tuple[str, int], str]) -> list[Delivery]:
         store, made = self.project.store, []
         for name in self.names:
             if _is_of_edit(name):
-                source = film_source(*self.project.edit(self.quality, find_edit(name)), store, failed)
+                edit = self.project.edit(self.quality, find_edit(name))[0]
+                source = film_source(edit, self._requests(name), store, failed, self.relit)
             else:
-                source = shot_source(self._takes(name)[0], store, failed)
+                source = shot_source(self._requests(name)[0], store, failed, self.relit)
             made.append(Delivery(source, order, store))
         return made
 
-    def _takes(self, name: str) -> list[RenderRequest]:
+    def _requests(self, name: str) -> list[RenderRequest]:
+        """Return the request of a shot or those of an edit's clips, with the layers of finished frames."""
         if not _is_of_edit(name):
-            return [self.project.asked(name, self.quality, self.frames)]
+            return [self.project.as_finished(self.project.asked(name, self.quality, self.frames))]
         if self.frames is not None:
             raise UsageError(f"-f {self.frames} chooses frames of shots; {name} is an edit and names its own")
-        return self.project.edit(self.quality, find_edit(name))[1]
+        return [
+            self.project.as_finished(each) for each in self.project.edit(self.quality, find_edit(name))[1]
+        ]
 
 
 def _is_of_edit(name: str) -> bool:

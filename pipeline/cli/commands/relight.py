@@ -29,7 +29,7 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import writing
 from pipeline.shot.yaml.lookup import NAME, shown
 from render.base.plural import plural
-from render.scene.quality import CONVENTIONS, DEFAULT_QUALITY
+from render.scene.quality import DEFAULT_QUALITY
 
 
 def relight(
@@ -74,10 +74,7 @@ def relight(
         )
     factors = given.by_group(request.name, lights.groups)
     version = _version(name) or version_name(factors)
-    # Frames may have been finished with `--layers`, which their keys know.
-    others = (project.with_layers(each).asked(shot, quality_name, frames) for each in CONVENTIONS)
-    choices = [RelitFrames(each, project.store, factors, version) for each in (request, *others)]
-    relit = min(choices, key=lambda each: len(each.missing() or ()))
+    relit = RelitFrames(project.as_finished(request), project.store, factors, version)
     if missing := relit.missing():
         raise MissingInputError(
             f"{request.name}: there is no finished frame {missing} at {request.quality_name} to relight. "

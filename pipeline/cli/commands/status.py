@@ -36,7 +36,7 @@ def status(
     errors: list[FlowsculptError] = []
     for shot in shots or shot_names():
         try:
-            requests = [project.request(find_shot(shot), quality) for quality in QUALITIES]
+            requests = [project.as_finished(project.request(find_shot(shot), each)) for each in QUALITIES]
             rows += states(requests, project.store, history)
         except FlowsculptError as error:
             errors.append(error)

@@ -32,7 +32,7 @@ def why(
     it explains the first that is not up to date.
     """
     project, path = project_of(common, settings), find_shot(shot)
-    request = project.request(path, quality, None if frame is None else str(frame))
+    request = project.as_finished(project.request(path, quality, None if frame is None else str(frame)))
     number = first_undone(request, project.store) if frame is None else frame
     if number is None:
         words = f"All frames of {request.name} at {quality} are what the shot file asks for."

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.dailies.relighting.relit_frames import relit_version
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.production.request.edit import Edit
@@ -53,18 +54,23 @@ class FrameFormat:
 
 
 class FrameReader:
-    """Reader of the finished frames of a request."""
+    """Reader of the finished frames of a request, or of a relit version of them by its name."""
 
-    def __init__(self, request: RenderRequest, store: Store, failures: Failures) -> None:
+    def __init__(
+        self, request: RenderRequest, store: Store, failures: Failures, relit: str | None = None
+    ) -> None:
         self.request, self._store = request, store
+        self._relit = None if relit is None else relit_version(request, store, relit)
         self.keys: PictureKeys | None = request.picture_keys(store)
-        self.version = _version(request, store, self.keys)
+        self.version = f"relit {relit}" if relit else _version(request, store, self.keys)
         history = History.of(store.root).failed(request.folders.name, STAGES, request.quality_name)
         latest = {n: message for (shot, n), message in failures.items() if shot == request.subject}
         self._reasons = {**history, **latest}
 
     def is_finished(self, number: int) -> bool:
-        """Tell whether the finished frame is in the store."""
+        """Tell whether the frame is in the store."""
+        if self._relit is not None:
+            return self._relit.is_mixed(number)
         return self.keys is not None and self._store.holds("frame", self.keys[number].frame)
 
     def has_coverage(self, number: int) -> bool:
@@ -100,20 +106,24 @@ class FrameReader:
 
     def _picture(self, number: int, form: FrameFormat) -> Frame:
         picture = self.request.shot.picture
-        light = self._layer("frame", number, self._key(number), "beauty")
+        place = self._relit.place(number) if self._relit else self.request.place("frame", number)
+        light = self._layer("frame", place, self._key(number), "beauty")
         values = to_display(light, picture.lights.exposure, form.display, picture.view)
         frame: Frame = quantise(values, bits=16)
         if not form.has_coverage:
             return frame
         assert self.keys is not None, "a finished frame has a key"
-        coverage = self._layer("raw", number, self.keys[number].raw, "matte").reshape(*frame.shape[:2], 1)
+        place = self.request.place("raw", number)
+        coverage = self._layer("raw", place, self.keys[number].raw, "matte").reshape(*frame.shape[:2], 1)
         return np.concatenate([frame, np.rint(coverage.clip(0.0, 1.0) * 65535).astype(np.uint16)], axis=2)
 
-    def _layer(self, kind: str, number: int, key: str, layer: str) -> NDArray[np.float32]:
+    def _layer(self, kind: str, place: Path, key: str, layer: str) -> NDArray[np.float32]:
         read = readers.picture(key, self.request.quality.rendered_size)
-        return self._store.read(kind, key, self.request.place(kind, number), read)[0][layer]
+        return self._store.read(kind, key, place, read)[0][layer]
 
     def _key(self, number: int) -> str:
+        if self._relit is not None:
+            return self._relit.key(number)
         return self.keys[number].frame if self.keys is not None else ""
 
     def _labels(self, number: int, key: str) -> Mapping[str, str | int]:
@@ -177,16 +187,21 @@ class DeliverySource:
     poster: Callable[[FrameFormat], LabelledFrame]
 
 
-def shot_source(request: RenderRequest, store: Store, failures: Failures) -> DeliverySource:
-    """Return the frames of a request, in ascending order. Raises FrameError where all failed."""
-    reader, numbers = FrameReader(request, store, failures), sorted(request.requested)
+def shot_source(
+    request: RenderRequest, store: Store, failures: Failures, relit: str | None = None
+) -> DeliverySource:
+    """Return the frames of a request, in ascending order. Raises FrameError where all failed.
+
+    relit  the name of a relit version, in place of the finished frames
+    """
+    reader, numbers = FrameReader(request, store, failures, relit), sorted(request.requested)
     lost = _lost([(reader, n) for n in numbers])
     finished = [n for n in numbers if reader.is_finished(n)]
     frames = FrameRange.of(numbers)
     rate = FrameRate.of(request.source.summary.rate)
     key = str(reader.keys[numbers[0]].frame)[:10] if reader.keys else ""
     return DeliverySource(
-        name=f"{request.folders.name}.{frames}",
+        name=".".join(filter(None, (request.folders.name, relit, str(frames)))),
         title=request.name,
         subtitle=request.shot.title,
         folder=request.folders.home / request.quality_name / "deliver",
@@ -205,10 +220,17 @@ def shot_source(request: RenderRequest, store: Store, failures: Failures) -> Del
 
 
 def film_source(
-    edit: Edit, requests: Sequence[RenderRequest], store: Store, failures: Failures
+    edit: Edit,
+    requests: Sequence[RenderRequest],
+    store: Store,
+    failures: Failures,
+    relit: str | None = None,
 ) -> DeliverySource:
-    """Return the film of an edit. Raises FrameError where all frames of its shots failed."""
-    readers = [FrameReader(request, store, failures) for request in requests]
+    """Return the film of an edit. Raises FrameError where all frames of its shots failed.
+
+    relit  the name of a relit version of every shot, in place of the finished frames
+    """
+    readers = [FrameReader(request, store, failures, relit) for request in requests]
     numbered = [(reader, n) for reader in readers for n in reader.request.requested]
     lost = _lost(numbered)
     finished = [(reader, n) for reader, n in numbered if reader.is_finished(n)]
@@ -228,7 +250,7 @@ def film_source(
     poster, number = finished[len(finished) // 2]
     shots = dict.fromkeys(f"{reader.request.name} {reader.version}" for reader in readers)
     return DeliverySource(
-        name=edit.name,
+        name=".".join(filter(None, (edit.name, relit))),
         title=opening.title or edit.name,
         subtitle=opening.subtitle,
         folder=paths.film(quality_name, edit.name).parent / "deliver",

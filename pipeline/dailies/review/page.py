@@ -137,7 +137,9 @@ class ReviewPage:
         }
 
     def _seconds(self, sequence: PictureSequence, proxies: Proxies) -> dict[str, dict[int, float]]:
-        """Return seconds by stage and frame."""
+        """Return seconds by stage and frame; none for relit frames, which take none of these stages."""
+        if sequence.kind == "relit":
+            return {}
         seconds = self._latest.by_stage(sequence.subject, sequence.shot, sequence.quality, TIMED_STAGES)
         if sequence.kind == "version":
             seconds.pop("finish", None)  # the logs hold those of the shot's present frames

@@ -1,4 +1,4 @@
-"""The sequences of a shot on a page: rendered frames, published versions, and cells of wedges."""
+"""The sequences of a shot on a page: rendered and relit frames, published versions, and cells of wedges."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from pipeline.dailies.relighting.relit_frames import relit_files, relit_names
 from pipeline.errors import FlowsculptError, MissingInputError
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import PICTURE_STAGES, picture_states
@@ -48,6 +49,9 @@ PLAIN = PictureDisplay(0.0, ACES, {"exposure": 0.0, "view": ACES.recipe})
 STALE = "the shot has changed since it was rendered; flowsculpt why says how"
 
 
+OUTDATED = "its finished frame has changed since; flowsculpt relight mixes it again"
+
+
 @dataclass(frozen=True)
 class PictureFile:
     """A readable picture: its file, its key, and its header."""
@@ -61,7 +65,7 @@ class PictureFile:
 class PictureSequence:
     """A sequence of pictures of one shot, by frame.
 
-    kind      render, version or wedge
+    kind      render, relit, version or wedge
     label     distinguishes it from other sequences of the shot
     subject   its name in event logs
     numbers   all frames of the sequence
@@ -163,7 +167,31 @@ class Search:
         home = self.project.root / Folders.of_shot(path.stem).home
         for quality in sorted(place.parent.name for place in home.glob("*/frames")):
             if is_quality(quality) and self._includes(quality):
-                yield self._sequence(self.project.request(path, quality), "render", quality)
+                request = self.project.as_finished(self.project.request(path, quality))
+                yield self._sequence(request, "render", quality)
+                for name in relit_names(request, self.project.root):
+                    yield self._relit(request, name)
+
+    def _relit(self, request: RenderRequest, name: str) -> PictureSequence:
+        """Return the frames of a relit version. Those whose finished frame was rendered anew are stale."""
+        files = relit_files(request, self.project.root, name)
+        keys, stale = request.picture_keys(self.project.store, rendered=()), {}
+        for number, path in files.items():
+            with suppress(RenderError):
+                if keys is None or read_header(path).get("finished_key") != keys[number].frame:
+                    stale[number] = "stale", OUTDATED
+        return PictureSequence(
+            shot=request.name,
+            kind="relit",
+            label=f"{request.quality_name} relit {name}",
+            quality=request.quality_name,
+            subject=request.subject,
+            numbers=tuple(files),
+            files=files,
+            display=_display(request),
+            faults=stale,
+            seconds={},
+        )
 
     def _sequence(self, request: RenderRequest, kind: str, label: str) -> PictureSequence:
         """Return the frames of a request that are rendered, and the faults of the others."""

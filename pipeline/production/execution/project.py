@@ -217,6 +217,34 @@ class Project:
         chosen = variant or variant_for(self.root, source.name, self.variant, self.notes.append)
         return RenderRequest(source, quality, chosen, tuple(dict.fromkeys(requested)))
 
+    def as_finished(self, request: RenderRequest) -> RenderRequest:
+        """Return the request with the layers for compositing that most of its frames in renders/ have.
+
+        `--layers` finishes frames in the same folder as without it, and the shot file does not tell. Where
+        there are as many of both, or a setting names the layers, the request stays as it is.
+        """
+        store = self.store
+        is_set = any(setting.startswith("layers=") for setting in self.settings)
+        places = request.places("frame", request.requested)
+        if is_set or not any((self.root / place).exists() for place in places):
+            return request
+
+        def finished(asked: RenderRequest) -> tuple[int, int]:
+            keys = asked.picture_keys(store, rendered=())
+            if keys is None:
+                return 0, 0
+            frames = [keys[number].frame for number in asked.requested]
+            seen = sum(store.shows("frame", *shown) for shown in zip(frames, map(Path, places), strict=True))
+            return seen, sum(store.holds("frame", frame) for frame in frames)
+
+        if finished(request)[0] == len(places):
+            return request
+        path, quality = request.source.path, request.quality_name
+        others = [
+            self.with_layers(each).request(path, quality, variant=request.variant) for each in CONVENTIONS
+        ]
+        return max(request, *(replace(o, requested=request.requested) for o in others), key=finished)
+
     def shot_around(self, mesh: Path, up: str) -> Path:
         """Return the path of a shot that shows a mesh file; no such file is written. `up` is y or z."""
         path = mesh.absolute().with_name(re.sub(r"[^\w.-]", "_", mesh.stem) + ".yaml")

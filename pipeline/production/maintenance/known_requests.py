@@ -32,7 +32,7 @@ def begun_requests(project: Project, warn: Callable[[str], object]) -> Iterator[
     for name in shot_names():
         names = [*QUALITIES, *_crops_and_scales(project.root / RENDERS / name)]
         try:
-            requests = [project.request(find_shot(name), quality) for quality in names]
+            requests = [project.as_finished(project.request(find_shot(name), each)) for each in names]
         except FlowsculptError as error:
             warn(str(error))
             continue

@@ -157,7 +157,7 @@ class Controls {
 
 /** The sequences in groups: by shot where there are several, and by what they are. */
 function grouped(review) {
-  const words = { render: "Renders", version: "Versions", wedge: "Wedges" }, groups = new Map();
+  const words = { render: "Renders", relit: "Relit", version: "Versions", wedge: "Wedges" }, groups = new Map();
   for (const each of review.sequences) {
     const title = review.isAlone ? words[each.kind] : `${each.shot}: ${words[each.kind].toLowerCase()}`;
     groups.set(title, [...(groups.get(title) ?? []), each]);
