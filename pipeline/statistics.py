@@ -9,8 +9,12 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices, Vectors
 from pipeline.mesh import ShadedMesh, TriangleMesh, face_normals, vertex_normals
+from pipeline.mesh.kernels.face_measures import cosines_at_edges, lengths_and_areas
 from pipeline.mesh.kernels.halfedge import match_twins
-from pipeline.mesh.kernels.intersections import count_crossings, fill_grid
+from pipeline.mesh.kernels.intersections import boxes_and_normals, count_crossings, fill_grid
+
+COUNTED_FRAMES = 8
+"""Crossings are counted in the first frame of a shot and in every such frame after it."""
 
 
 @dataclass(frozen=True)
@@ -21,41 +25,38 @@ class MeshStatistics:
     diameter         diagonal of the bounding box, scene units
     median_dihedral  median inner angle between neighbouring faces, radians: π is flat
     area             scene units squared
-    crossings        pairs of faces that intersect, which no continuous flow makes
+    crossings        pairs of faces that intersect, which no continuous flow makes; None: not counted
     """
 
     mean_edge: float
     diameter: float
     median_dihedral: float
     area: float
-    crossings: int
+    crossings: int | None
 
 
-def mesh_statistics(mesh: TriangleMesh) -> MeshStatistics:
-    """Return the statistics of a sound mesh."""
-    corners = mesh.vertices[mesh.faces]
-    sides = corners[:, (1, 2, 0)] - corners
-    squares = np.einsum("fij,fij->fi", sides, sides)
-    a, b, c = squares.T  # Heron's formula, from squared lengths
-    sixteenfold = 4 * a * b - (a + b - c) ** 2
+def mesh_statistics(mesh: TriangleMesh, count_crossings: bool = True) -> MeshStatistics:
+    """Return the statistics of a sound mesh. Counting crossings takes much longer than all others."""
+    lengths, area = lengths_and_areas(mesh.vertices, mesh.faces)
     low, high = mesh.bounds
     return MeshStatistics(
-        mean_edge=float(np.sqrt(squares).mean()),
+        mean_edge=lengths / (3 * len(mesh.faces)),
         diameter=float(np.linalg.norm(high - low)),
-        median_dihedral=_median_dihedral(mesh, face_normals(mesh)),
-        area=float(np.sqrt(np.maximum(sixteenfold, 0.0)).sum() / 4),
-        crossings=self_intersections(mesh),
+        median_dihedral=_median_dihedral(mesh),
+        area=area,
+        crossings=self_intersections(mesh) if count_crossings else None,
     )
 
 
-def _median_dihedral(mesh: TriangleMesh, normals: Vectors) -> float:
+def _median_dihedral(mesh: TriangleMesh) -> float:
     """Return the median inner angle, by the median cosine; π where no faces meet."""
     twin = np.empty(3 * len(mesh.faces), np.int32)
     match_twins(mesh.faces.reshape(-1), len(mesh.vertices), twin)
-    first = np.flatnonzero(twin > np.arange(len(twin)))
-    if not len(first):
+    cosines = np.empty(len(twin) // 2)
+    edges = cosines_at_edges(face_normals(mesh), twin, cosines)
+    if not edges:
         return math.pi
-    cosine = float(np.median(np.einsum("ei,ei->e", normals[first // 3], normals[twin[first] // 3])))
+    cosine = float(np.median(cosines[:edges], overwrite_input=True))
     return math.pi - math.acos(min(max(cosine, -1.0), 1.0))
 
 
@@ -120,13 +121,15 @@ def self_intersections(mesh: TriangleMesh) -> int:
     if not len(mesh.faces):
         return 0
     points, faces = np.array(mesh.vertices), np.array(mesh.faces)
-    extents = np.ptp(points[faces], axis=1).max(axis=1)
+    boxes, normals = np.empty((len(faces), 6)), np.empty((len(faces), 3))
+    boxes_and_normals(points, faces, boxes, normals)
+    extents = (boxes[:, 3:] - boxes[:, :3]).max(axis=1)
     cell = max(_CELL * float(np.median(extents)), float(extents.max()) / 32, 1e-300)
     start = np.zeros((1 << int(2 * len(faces) - 1).bit_length()) + 1, np.int64)
-    fill_grid(points, faces, cell, start, np.empty(0, np.int32))
+    fill_grid(boxes, cell, start, np.empty(0, np.int32))
     start = np.cumsum(start)
     listed, begins = np.empty(start[-1], np.int32), start.copy()
-    fill_grid(points, faces, cell, begins, listed)
+    fill_grid(boxes, cell, begins, listed)
     crossings = np.empty(len(faces), np.int32)
-    count_crossings(points, faces, cell, start, listed, crossings)
+    count_crossings(points, faces, boxes, normals, cell, start, listed, crossings)
     return int(crossings.sum())

@@ -15,10 +15,10 @@ from pipeline.flow.catalogue.cellular import Enright
 from pipeline.flow.flow_map import FrameStep
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh import TriangleMesh, box, icosphere, split_at_creases, torus
-from pipeline.mesh.normals import carried_normals, tangents
+from pipeline.mesh.normals import carried_normals, dihedral_angles, tangents
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling, Solid
-from pipeline.statistics import self_intersections, sizzle, surviving
+from pipeline.statistics import mesh_statistics, self_intersections, sizzle, surviving
 
 
 @pytest.fixture(scope="module")
@@ -122,6 +122,19 @@ def joined(one: TriangleMesh, other: TriangleMesh) -> TriangleMesh:
 def test_solids_do_not_cross_themselves() -> None:
     for mesh in (box(edge_length=0.5), icosphere(8), torus(1.0, 0.4, 0.2)):
         assert self_intersections(mesh) == 0
+
+
+def test_statistics_are_those_of_numpy_and_name_what_was_not_counted() -> None:
+    rng = np.random.default_rng(3)
+    mesh = torus(1.0, 0.4, 0.2)
+    mesh = mesh.with_vertices(mesh.vertices + rng.normal(0, 0.02, mesh.vertices.shape))
+    found = mesh_statistics(mesh, count_crossings=False)
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
+    lengths = [np.linalg.norm(one - other, axis=1) for one, other in ((a, b), (b, c), (c, a))]
+    assert found.mean_edge == pytest.approx(np.mean(lengths))
+    assert found.area == pytest.approx(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+    assert found.median_dihedral == pytest.approx(math.pi - np.median(dihedral_angles(mesh)))
+    assert found.crossings is None and mesh_statistics(mesh).crossings == self_intersections(mesh)
 
 
 def test_a_surface_without_faces_crosses_nothing() -> None:

@@ -24,7 +24,7 @@ from pipeline.resample.creases import edges_in_region
 from pipeline.resample.resampler import STATELESS
 from pipeline.resample.rest_surface import REST, REST_NORMAL
 from pipeline.shot import Motion, Resampling, Shot
-from pipeline.statistics import MeshStatistics, mesh_statistics
+from pipeline.statistics import COUNTED_FRAMES, MeshStatistics, mesh_statistics
 
 
 def step_into(motion: Motion, flow: Flow, frame: int) -> FrameStep:
@@ -65,8 +65,8 @@ def thresholds_at(motion: Motion, resampling: Resampling, frame: int) -> Thresho
 class MovingSurface:
     """A surface, point cloud or control net whose vertices only move."""
 
-    def __init__(self, mesh: TriangleMesh, lattice: Lattice | None = None) -> None:
-        self._mesh, self._register, self._lattice = mesh, Register.of(mesh), lattice
+    def __init__(self, motion: Motion, mesh: TriangleMesh, lattice: Lattice | None = None) -> None:
+        self._motion, self._mesh, self._register, self._lattice = motion, mesh, Register.of(mesh), lattice
 
     def move(self, step: FrameStep) -> None:
         """Move the vertices by one step of the flow."""
@@ -74,7 +74,7 @@ class MovingSurface:
 
     def frame(self, number: int) -> MeshFrame:
         """Return the surface as frame `number`."""
-        report = FrameReport(None, partial(_statistics, self._mesh))
+        report = _report(self._motion, number, self._mesh, None)
         frame = MeshFrame(number, self._mesh, report, lattice=self._lattice)
         if self._register is None:
             return frame
@@ -114,7 +114,7 @@ class PolygonSurface(_ResampledSurface[PolyhedralResampler]):
     def frame(self, number: int) -> MeshFrame:
         report, polygons = self._resample(number), self._resampler.mesh
         mesh = polygons.triangulated()
-        return MeshFrame(number, mesh, FrameReport(report, partial(_statistics, mesh)), polygons)
+        return MeshFrame(number, mesh, _report(self._motion, number, mesh, report), polygons)
 
 
 class TriangleSurface(_ResampledSurface[Resampler]):
@@ -123,7 +123,7 @@ class TriangleSurface(_ResampledSurface[Resampler]):
     def frame(self, number: int) -> MeshFrame:
         report, resampler = self._resample(number), self._resampler
         mesh = resampler.mesh
-        frame_report = FrameReport(report, partial(_statistics, mesh))
+        frame_report = _report(self._motion, number, mesh, report)
         given, unsorted = resampler.identities, resampler.unsorted
         return MeshFrame(
             number, mesh, frame_report, births=resampler.births, identities=given, unsorted=unsorted
@@ -163,8 +163,14 @@ class ExactSurface(TriangleSurface):
         return replace(frame, mesh=self._resampler.mesh)
 
 
-def _statistics(mesh: TriangleMesh) -> MeshStatistics | None:
-    return mesh_statistics(mesh) if len(mesh.faces) else None
+def _report(motion: Motion, number: int, mesh: TriangleMesh, resampling: Report | None) -> FrameReport:
+    """Return the report of a frame: its number alone decides whether crossings are counted."""
+    is_counted = (number - motion.frames.first) % COUNTED_FRAMES == 0
+    return FrameReport(resampling, partial(_statistics, mesh, is_counted))
+
+
+def _statistics(mesh: TriangleMesh, count_crossings: bool) -> MeshStatistics | None:
+    return mesh_statistics(mesh, count_crossings) if len(mesh.faces) else None
 
 
 def animate(
@@ -200,7 +206,8 @@ def at_rest(motion: Motion, flow: Flow) -> MovingSurface:
     """
     resampling, first = motion.resampling, motion.frames.first
     if resampling is None:
-        return MovingSurface(with_material(with_identities(motion.mesh_at_rest())), motion.subject.lattice)
+        mesh = with_material(with_identities(motion.mesh_at_rest()))
+        return MovingSurface(motion, mesh, motion.subject.lattice)
     if not motion.subject.is_surface:
         raise UsageError("points and control nets are not resampled; take resampling out of the motion")
     thresholds = thresholds_at(motion, resampling, first)
@@ -261,7 +268,7 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> MovingSurface:
     """
     resampling = motion.resampling
     if resampling is None:
-        return MovingSurface(frame.mesh, frame.lattice)
+        return MovingSurface(motion, frame.mesh, frame.lattice)
     thresholds = thresholds_at(motion, resampling, frame.number)
     if resampling.method == "polyhedra":
         polygons = frame.polygons

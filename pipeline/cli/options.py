@@ -103,6 +103,14 @@ Force = Annotated[
     ),
 ]
 Plot = Annotated[Path | None, output_option("Write this SVG, PNG or PDF. Default: an SVG in renders/SHOT.")]
+Crossings = Annotated[
+    bool,
+    typer.Option(
+        "--crossings",
+        help="Count pairs of faces that pass through each other in every frame. Default: in the first frame, "
+        "every eighth after it and the last.",
+    ),
+]
 Settings = Annotated[
     list[str] | None,
     typer.Option(

@@ -19,6 +19,7 @@ from pipeline.production.stages import MEASURE
 from pipeline.production.store import readers
 from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.store import Key, Store, key_of
+from pipeline.statistics import self_intersections
 
 BINS = 48
 """Bins of a histogram."""
@@ -30,13 +31,15 @@ TIMED_STAGES = ("simulate", "smooth_normals", "finish")
 """The stages whose seconds are drawn, beside those of rendering."""
 
 
-def measures_of(frame: MeshFrame, maximum: float | None) -> dict[str, Any]:
-    """Return the measures of a mesh frame by name; those that do not apply are None.
+def measures_of(frame: MeshFrame, maximum: float | None, count_crossings: bool = False) -> dict[str, Any]:
+    """Return the measures of a mesh frame by name; those that do not apply, or were not counted, are None.
 
-    maximum  its maximum edge length, if one number holds for all edges
+    maximum          its maximum edge length, if one number holds for all edges
+    count_crossings  count the crossings where the frame's report has no count
 
     vertices, faces   how many
-    splits, collapses, flips, too_short, crossings   counts, as the frame's report has them
+    splits, collapses, flips, too_short   counts, as the frame's report has them
+    crossings         pairs of faces that intersect
     area, volume      scene units squared and cubed; a surface with a rim has no volume
     mean_edge         scene units
     edges             (BINS,) shares of the edges, by length from 0 to `edge_top` scene units
@@ -46,12 +49,15 @@ def measures_of(frame: MeshFrame, maximum: float | None) -> dict[str, Any]:
     """
     mesh, done, statistics = frame.mesh, frame.report.resampling, frame.report.statistics
     lengths, roundness = edge_lengths(mesh), roundness_of(mesh)
+    crossings = statistics.crossings if statistics else None
+    if statistics and crossings is None and count_crossings:
+        crossings = self_intersections(mesh)
     top = LONGEST * maximum if maximum else float(lengths.max(initial=0.0)) or None
     return {
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
         **{name: getattr(done, name, None) for name in ("splits", "collapses", "flips", "too_short")},
-        "crossings": statistics.crossings if statistics else None,
+        "crossings": crossings,
         "area": statistics.area if statistics else None,
         "volume": volume_of(mesh),
         "mean_edge": statistics.mean_edge if statistics else None,
@@ -103,11 +109,17 @@ def measured(
     numbers: Iterable[int],
     threads: int,
     tell: Callable[[], None] = lambda: None,
+    count_crossings: bool = False,
 ) -> dict[int, dict[str, Any]]:
-    """Return the measures of all simulated meshes, by frame, as plain data; call `tell` after each frame."""
+    """Return the measures of all simulated meshes, by frame, as plain data; call `tell` after each frame.
+
+    Crossings are those that the simulation counted, and those of the last frame; with `count_crossings` of
+    every frame.
+    """
+    last = request.shot.frames.last
 
     def one(number: int) -> tuple[int, dict[str, Any] | None]:
-        data = _of_frame(request, store, number)
+        data = _of_frame(request, store, number, count_crossings or number == last)
         tell()
         return number, data
 
@@ -115,14 +127,16 @@ def measured(
         return {number: data for number, data in pool.map(one, numbers) if data is not None}
 
 
-def _of_frame(request: RenderRequest, store: Store, number: int) -> dict[str, Any] | None:
+def _of_frame(
+    request: RenderRequest, store: Store, number: int, count_crossings: bool
+) -> dict[str, Any] | None:
     place = simulated(request, store, number, "mesh")
     if place is None:
         return None
     path, mesh = place
     resampling = request.shot.motion.resampling_at(number)
     maximum = None if resampling is None else _as_number(resampling.thresholds.max_edge_length)
-    key = key_of(MEASURE.recipe, mesh, maximum)
+    key = key_of(MEASURE.recipe, mesh, maximum, count_crossings)
     known = store.path("measures", key)
     try:
         store.digests.check(known)
@@ -131,7 +145,7 @@ def _of_frame(request: RenderRequest, store: Store, number: int) -> dict[str, An
         store.discard("measures", key)
     try:
         store.digests.check(path)
-        found = measures_of(readers.mesh_frame(mesh)(path), maximum)
+        found = measures_of(readers.mesh_frame(mesh)(path), maximum, count_crossings)
     except (CorruptFileError, OSError):
         return None
     store.put("measures", key, lambda draft: draft.write_text(json.dumps(found)))

@@ -107,6 +107,13 @@ def _mesh_panels(
         yield Curves("area", "scene units²", frames, area, none)
     if _has(volume := values("volume")):
         yield Curves("volume", "scene units³", frames, volume, none)
+    crossings = values("crossings")
+    if np.nansum(crossings) > 0:
+        counted = np.isfinite(crossings[:, 0])
+        unit = "pairs of faces" if counted.all() else "pairs of faces, counted in the frames with a dot"
+        dots = np.column_stack([frames, crossings])[counted]
+        keys = none if counted.all() else dots
+        yield Curves("crossings", unit, dots[:, 0], dots[:, 1:], keys)
 
 
 def _seconds_panel(

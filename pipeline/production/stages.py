@@ -48,7 +48,7 @@ class PipelineStage:
 
 SIMULATE = PipelineStage(
     "simulate",
-    version=5,
+    version=6,
     packages=("numba", "numpy", "trimesh"),
     doing="simulating",
     makes="mesh",
@@ -139,7 +139,7 @@ RELIGHT = PipelineStage("relight", version=1, packages=("OpenImageIO",), doing="
 TURNTABLE_SHEET = PipelineStage(
     "turntable_sheet", version=1, packages=("av", "OpenImageIO"), doing="laying out sheets", makes="png"
 )
-MEASURE = PipelineStage("measure", version=1, doing="measuring", makes="measures", per_quality=False)
+MEASURE = PipelineStage("measure", version=2, doing="measuring", makes="measures", per_quality=False)
 
 
 def forced_with(stages: Iterable[str]) -> frozenset[str]:

@@ -391,6 +391,14 @@ def test_the_report_says_how_mesh_like_the_surface_is(motion: Motion) -> None:
     assert statistics.median_dihedral == pytest.approx(math.pi)
 
 
+def test_crossings_are_counted_in_every_eighth_frame_also_after_resuming(motion: Motion) -> None:
+    frames = list(animate(motion))
+    counted = [frame.number for frame in frames if frame.report.statistics.crossings is not None]
+    assert counted == [5, 13, 21]
+    resumed = [frame.number for frame in animate(motion, frames[2]) if frame.report.statistics.crossings == 0]
+    assert resumed == [13, 21]
+
+
 def test_lorenz_stays_a_closed_surface(motion: Motion) -> None:
     """P33."""
     flow = Streamlines(Lorenz(scale=16.0, time_scale=0.4))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.cli.options import Common, Plot, Quality, Settings, Shot, ShotOptions
+from pipeline.cli.options import Common, Crossings, Plot, Quality, Settings, Shot, ShotOptions
 from pipeline.cli.output import make_folder_of, print_result
 from pipeline.dailies.measures import TIMED_STAGES, limits_of, measured
 from pipeline.dailies.sheets import panels
@@ -18,18 +18,23 @@ from render.scene.quality import DEFAULT_QUALITY
 
 
 def figures(
-    common: Common, shot: Shot, options: ShotOptions, quality: Quality = DEFAULT_QUALITY, output: Plot = None
+    common: Common,
+    shot: Shot,
+    options: ShotOptions,
+    quality: Quality = DEFAULT_QUALITY,
+    output: Plot = None,
+    crossings: Crossings = False,
 ) -> None:
     """Plot the measures of a shot's meshes, and the seconds of its frames, over its frames.
 
     `flowsculpt figures A010_cube` writes renders/A010_cube/A010_cube.figures.svg: vertices, splits and
-    collapses, edge lengths, roundness of triangles, area and volume of all mesh frames simulated so far. The
-    seconds of rendering are those of `--quality`.
+    collapses, edge lengths, roundness of triangles, area and volume of all mesh frames simulated so far, and
+    crossings where there are any. The seconds of rendering are those of `--quality`.
     """
     project = options.project(common)
     request = project.request(find_shot(shot), quality, variant="none")
     numbers = sorted(request.angles)
-    measures = measured(request, project.store, numbers, common.cores)
+    measures = measured(request, project.store, numbers, common.cores, count_crossings=crossings)
     if not measures:
         raise MissingInputError(
             f"{request.name} has no meshes yet, and figures are drawn from such; flowsculpt simulate {shot} "

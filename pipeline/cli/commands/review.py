@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.options import Common, ShotOptions, Shots, quality_option, require_one_of
+from pipeline.cli.options import Common, Crossings, ShotOptions, Shots, quality_option, require_one_of
 from pipeline.cli.output import print_result, print_warning, progress_bars
 from pipeline.dailies.review.page import ReviewPage
 from pipeline.dailies.review.sequences import Search
@@ -40,6 +40,7 @@ def review(
     models: Annotated[
         int, typer.Option(min=0, metavar="N", help="Mesh frames of each shot for the 3-D view.")
     ] = 24,
+    crossings: Crossings = False,
 ) -> None:
     """Write a page to look at shots: frame by frame, versions side by side, measures and meshes.
 
@@ -54,7 +55,7 @@ def review(
     search = Search(project, tuple(qualities or ()), History.of(common.root))
     material = [search.shot(shot) for shot in dict.fromkeys(shots)]
     title = _title(name, [shot.request.name for shot in material])
-    page = ReviewPage(title, project.store, material, form, models, common.cores)
+    page = ReviewPage(title, project.store, material, form, models, common.cores, crossings)
     if common.dry_run:
         counts = {"sequences": len(page.sequences), "pictures": sum(len(s.pictures) for s in page.sequences)}
     else:

@@ -34,8 +34,9 @@ Tell = Callable[[], None]
 class ReviewPage:
     """A page of shots in a folder under the root.
 
-    models  most mesh frames of each shot
-    form    file format of pictures: jpeg, or png, which is lossless
+    models     most mesh frames of each shot
+    form       file format of pictures: jpeg, or png, which is lossless
+    crossings  count those of every frame
     """
 
     name: str
@@ -44,6 +45,7 @@ class ReviewPage:
     form: str
     models: int
     threads: int
+    crossings: bool = False
 
     @property
     def folder(self) -> Path:
@@ -104,7 +106,7 @@ class ReviewPage:
         """Return data of a shot that all its sequences share."""
         request = material.request
         numbers = sorted(request.angles)
-        measures = measured(request, self.store, numbers, self.threads, tell)
+        measures = measured(request, self.store, numbers, self.threads, tell, self.crossings)
         meshes = view_3d.PageMeshes(request, self.store, self.folder / "models")
         models = [(number, meshes.write(number)) for number in meshes.chosen(self.models)]
         return {

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 from numba import prange
 
-from pipeline.arrays import AnyArray, Faces, Indices, Points
+from pipeline.arrays import AnyArray, Faces, Indices, Points, Vectors
 from pipeline.kernels import kernel
 from pipeline.mesh.kernels.halfedge import INTS, LEAN, MATRIX
 
@@ -15,11 +15,27 @@ _SPAN = numba.types.UniTuple(numba.int64, 2)
 _AXES = (0, 1, 2)
 
 
-@kernel(_SPAN(MATRIX, _FACES, numba.int64, numba.int64, numba.float64), **LEAN)
-def _span(points: Points, faces: Faces, f: int, axis: int, cell: float) -> tuple[int, int]:
+@kernel((MATRIX, _FACES, MATRIX, MATRIX), parallel=True)
+def boxes_and_normals(points: Points, faces: Faces, boxes: AnyArray, normals: Vectors) -> None:
+    """Fill `boxes` (F, 6), the least x, y and z of each face, then the largest, and `normals` (F, 3).
+
+    A normal is as long as twice the face's area.
+    """
+    for f in prange(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        for x in _AXES:
+            y, z = (x + 1) % 3, (x + 2) % 3
+            one = (points[b, y] - points[a, y]) * (points[c, z] - points[a, z])
+            two = (points[b, z] - points[a, z]) * (points[c, y] - points[a, y])
+            normals[f, x] = one - two
+            boxes[f, x] = min(points[a, x], points[b, x], points[c, x])
+            boxes[f, 3 + x] = max(points[a, x], points[b, x], points[c, x])
+
+
+@kernel(_SPAN(MATRIX, numba.int64, numba.int64, numba.float64), **LEAN)
+def _span(boxes: AnyArray, f: int, axis: int, cell: float) -> tuple[int, int]:
     """Return the first and the last cell that a face reaches along an axis."""
-    a, b, c = points[faces[f, 0], axis], points[faces[f, 1], axis], points[faces[f, 2], axis]
-    return int(np.floor(min(a, b, c) / cell)), int(np.floor(max(a, b, c) / cell))
+    return int(np.floor(boxes[f, axis] / cell)), int(np.floor(boxes[f, 3 + axis] / cell))
 
 
 @kernel(numba.int64(numba.int64, numba.int64, numba.int64, numba.int64), **LEAN)
@@ -28,18 +44,18 @@ def _bucket(i: int, j: int, k: int, mask: int) -> int:
     return ((i * 73856093) ^ (j * 19349663) ^ (k * 83492791)) & mask
 
 
-@kernel((MATRIX, _FACES, numba.float64, numba.int64[::1], INTS))
-def fill_grid(points: Points, faces: Faces, cell: float, start: AnyArray, listed: Indices) -> None:
+@kernel((MATRIX, numba.float64, numba.int64[::1], INTS))
+def fill_grid(boxes: AnyArray, cell: float, start: AnyArray, listed: Indices) -> None:
     """List every face in each cell that its bounding box touches, by a counting sort over the hashed cells.
 
     With an empty `listed` it only counts the lengths of the buckets into `start[1:]`. On the second call
     `start` holds where each bucket begins, and afterwards where it ends.
     """
     mask = len(start) - 2
-    for f in range(len(faces)):
-        i0, i1 = _span(points, faces, f, 0, cell)
-        j0, j1 = _span(points, faces, f, 1, cell)
-        k0, k1 = _span(points, faces, f, 2, cell)
+    for f in range(len(boxes)):
+        i0, i1 = _span(boxes, f, 0, cell)
+        j0, j1 = _span(boxes, f, 1, cell)
+        k0, k1 = _span(boxes, f, 2, cell)
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
                 for k in range(k0, k1 + 1):
@@ -64,13 +80,13 @@ def _side(points: Points, a: int, b: int, c: int, p: int) -> float:
 
 
 @kernel(numba.boolean(MATRIX, _FACES, numba.int64, numba.int64, numba.int64), **LEAN)
-def _pierces(points: Points, faces: Faces, p: int, q: int, f: int) -> bool:
-    """Tell whether the segment from p to q passes through the inside of face f; neither end is its corner."""
+def _passes_inside(points: Points, faces: Faces, p: int, q: int, f: int) -> bool:
+    """Tell whether the line from p to q passes through the inside of face f; neither end is its corner."""
     a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-    if _side(points, a, b, c, p) * _side(points, a, b, c, q) >= 0.0:
-        return False
-    one, two, three = _side(points, p, q, a, b), _side(points, p, q, b, c), _side(points, p, q, c, a)
-    return bool((one > 0.0 and two > 0.0 and three > 0.0) or (one < 0.0 and two < 0.0 and three < 0.0))
+    one, two = _side(points, p, q, a, b), _side(points, p, q, b, c)
+    if one > 0.0 and two > 0.0:
+        return _side(points, p, q, c, a) > 0.0
+    return one < 0.0 and two < 0.0 and _side(points, p, q, c, a) < 0.0
 
 
 @kernel(numba.int64(_FACES, numba.int64, numba.int64), **LEAN)
@@ -83,33 +99,58 @@ def _shared(faces: Faces, f: int, g: int) -> int:
     return count
 
 
-@kernel(numba.boolean(MATRIX, _FACES, numba.int64, numba.int64), **LEAN)
-def _one_pierces(points: Points, faces: Faces, f: int, g: int) -> bool:
-    """Tell whether an edge of f passes through g; edges with an end in g are left out."""
-    for i in _AXES:
-        p, q = faces[f, i], faces[f, (i + 1) % 3]
-        touches = False
-        for j in _AXES:
-            touches = touches or faces[g, j] == p or faces[g, j] == q
-        if not touches and _pierces(points, faces, p, q, g):
-            return True
-    return False
-
-
-@kernel(numba.boolean(MATRIX, _FACES, numba.int64, numba.int64), **LEAN)
-def _apart(points: Points, faces: Faces, f: int, g: int) -> bool:
-    """Tell whether the bounding boxes of two faces are disjoint."""
+@kernel(numba.float64(MATRIX, _FACES, MATRIX, numba.int64, numba.int64), **LEAN)
+def _height(points: Points, faces: Faces, normals: Vectors, f: int, p: int) -> float:
+    """Return the height of point p over the plane of face f, times the length of the face's normal."""
+    total = 0.0
     for x in _AXES:
-        a, b, c = points[faces[f, 0], x], points[faces[f, 1], x], points[faces[f, 2], x]
-        u, v, w = points[faces[g, 0], x], points[faces[g, 1], x], points[faces[g, 2], x]
-        if min(a, b, c) > max(u, v, w) or min(u, v, w) > max(a, b, c):
+        total += normals[f, x] * (points[p, x] - points[faces[f, 0], x])
+    return total
+
+
+@kernel(numba.boolean(_FACES, numba.int64, numba.int64, numba.int64), **LEAN)
+def _touches(faces: Faces, f: int, p: int, q: int) -> bool:
+    """Tell whether p or q is a corner of face f."""
+    touches = False
+    for i in _AXES:
+        touches = touches or faces[f, i] == p or faces[f, i] == q
+    return touches
+
+
+@kernel(numba.boolean(MATRIX, _FACES, MATRIX, numba.int64, numba.int64), **LEAN)
+def _one_pierces(points: Points, faces: Faces, normals: Vectors, f: int, g: int) -> bool:
+    """Tell whether an edge of f passes through g; edges with an end in g are left out."""
+    p = faces[f, 2]
+    height = _height(points, faces, normals, g, p)
+    for i in _AXES:
+        q = faces[f, i]
+        next_height = _height(points, faces, normals, g, q)
+        is_between = height * next_height < 0.0 and not _touches(faces, g, p, q)
+        if is_between and _passes_inside(points, faces, p, q, g):
             return True
+        p, height = q, next_height
     return False
 
 
-@kernel((MATRIX, _FACES, numba.float64, numba.int64[::1], INTS, INTS), parallel=True)
+@kernel(numba.boolean(MATRIX, numba.int64, numba.int64), **LEAN)
+def _apart(boxes: AnyArray, f: int, g: int) -> bool:
+    """Tell whether the bounding boxes of two faces are disjoint."""
+    apart = False
+    for x in _AXES:
+        apart = apart or boxes[f, x] > boxes[g, 3 + x] or boxes[g, x] > boxes[f, 3 + x]
+    return apart
+
+
+@kernel((MATRIX, _FACES, MATRIX, MATRIX, numba.float64, numba.int64[::1], INTS, INTS), parallel=True)
 def count_crossings(
-    points: Points, faces: Faces, cell: float, start: AnyArray, listed: Indices, crossings: Indices
+    points: Points,
+    faces: Faces,
+    boxes: AnyArray,
+    normals: Vectors,
+    cell: float,
+    start: AnyArray,
+    listed: Indices,
+    crossings: Indices,
 ) -> None:
     """Count the faces with a higher number that each face crosses, each pair in one common cell only.
 
@@ -117,27 +158,30 @@ def count_crossings(
     """
     mask = len(start) - 2
     for f in prange(len(faces)):
-        i0, i1 = _span(points, faces, f, 0, cell)
-        j0, j1 = _span(points, faces, f, 1, cell)
-        k0, k1 = _span(points, faces, f, 2, cell)
+        i0, i1 = _span(boxes, f, 0, cell)
+        j0, j1 = _span(boxes, f, 1, cell)
+        k0, k1 = _span(boxes, f, 2, cell)
         count = 0
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
                 for k in range(k0, k1 + 1):
                     bucket = _bucket(i, j, k, mask)
-                    for at in range(start[bucket], start[bucket + 1]):
+                    for at in range(start[bucket + 1] - 1, start[bucket] - 1, -1):
                         g = listed[at]
+                        if g <= f:  # faces are listed in ascending order
+                            break
                         # a face is listed twice where two of its cells share the bucket
                         twice = at > start[bucket] and listed[at - 1] == g
-                        if g <= f or twice or _apart(points, faces, f, g):
+                        if twice or _apart(boxes, f, g) or _shared(faces, f, g) > 1:
                             continue
                         first = (
-                            max(i0, _span(points, faces, g, 0, cell)[0]) == i
-                            and max(j0, _span(points, faces, g, 1, cell)[0]) == j
-                            and max(k0, _span(points, faces, g, 2, cell)[0]) == k
+                            max(i0, _span(boxes, g, 0, cell)[0]) == i
+                            and max(j0, _span(boxes, g, 1, cell)[0]) == j
+                            and max(k0, _span(boxes, g, 2, cell)[0]) == k
                         )
-                        if not first or _shared(faces, f, g) > 1:
-                            continue
-                        if _one_pierces(points, faces, f, g) or _one_pierces(points, faces, g, f):
+                        if first and (
+                            _one_pierces(points, faces, normals, f, g)
+                            or _one_pierces(points, faces, normals, g, f)
+                        ):
                             count += 1
         crossings[f] = count

@@ -15,9 +15,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.dailies.measures import BINS, edge_lengths, roundness_of, volume_of
+from pipeline.dailies.measures import BINS, edge_lengths, measured, roundness_of, volume_of
 from pipeline.dailies.review.page import tabled
 from pipeline.dailies.review.view_3d import as_script
+from pipeline.dailies.sheets import panels
 from pipeline.mesh import TriangleMesh, box, icosphere
 from render.post.image import read_png
 from tests.dailies.review.studio import FAILED, FAULT, LAST, MISSING, NAME, TITLE, Desk, number_in
@@ -182,6 +183,23 @@ def test_figures_are_drawn_and_the_same_every_time(copy: Desk) -> None:
         drawn.append(page.read_bytes())
     assert drawn[0] == drawn[1]
     assert {"vertices", "edge lengths", "volume"} <= set(json.loads(words)["figures"])
+
+
+def test_crossings_are_those_of_every_eighth_frame_and_the_last_or_on_request_of_all(copy: Desk) -> None:
+    request, store = copy.request("draft"), copy.project().store
+    numbers = range(1, LAST + 1)
+    for asked, expected in ((False, [1, 9, 17, 24]), (True, list(numbers))):
+        rows = measured(request, store, numbers, 1, count_crossings=asked)
+        assert [n for n, row in rows.items() if row["crossings"] is not None] == expected
+
+
+def test_a_figure_of_crossings_says_in_which_frames_they_are_counted() -> None:
+    numbers = list(range(1, 10))
+    rows = {n: {"crossings": {1: 0, 9: 4}.get(n)} for n in numbers}
+    (panel,) = panels(numbers, rows, (None, None), {})
+    assert panel.unit == "pairs of faces, counted in the frames with a dot"
+    assert panel.frames.tolist() == [1.0, 9.0] and panel.values.ravel().tolist() == [0.0, 4.0]
+    assert panels(numbers, {n: {"crossings": 0} for n in numbers}, (None, None), {}) == []
 
 
 def test_a_sheet_shows_frames_of_a_shot_in_rows(copy: Desk) -> None:

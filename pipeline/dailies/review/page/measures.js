@@ -48,7 +48,7 @@ class MeasuresPanel {
     if (rows.some((row) => row?.quality)) this.charts.push(add(...quality(rows)));
     if (has("area")) this.charts.push(add(...kept(of("area"), of("volume"))));
     if (rows.some((row) => row?.crossings)) {
-      this.charts.push(add(...plain("Crossings", "pairs of faces that pass through each other", of("crossings"))));
+      this.charts.push(add(...crossed(of("crossings"))));
     }
     const stages = Object.keys(STAGE_INKS).filter((stage) => sequence.seconds[stage]);
     if (stages.length) this.charts.push(add(...seconds(numbers, stages, sequence.seconds)));
@@ -76,18 +76,31 @@ function counted(vertices, faces) {
   ];
 }
 
-function plain(title, hint, values) {
-  const range = extent(values);
+/** Crossings, which are counted in some frames only: a line from one of these to the next. */
+function crossed(values) {
+  const counted = values.filter(Number.isFinite), range = extent(values);
   return [
-    { title, hint, height: 48 },
+    { title: "Crossings", hint: "pairs of faces that pass through each other; counted in some frames", height: 48 },
     {
       paint(context, chart) {
-        paintLine(context, chart, values, range, CHART_INKS.line);
-        labelAxis(context, chart, short(Math.max(...values)), short(Math.min(...values)));
+        paintLine(context, chart, bridged(values), range, CHART_INKS.line);
+        labelAxis(context, chart, short(Math.max(...counted)), short(Math.min(...counted)));
       },
-      value: (place) => count(values[place]),
+      value: (place) => (Number.isFinite(values[place]) ? count(values[place]) : "not counted"),
     },
   ];
+}
+
+/** The values with gaps between two of them filled along a straight line. */
+function bridged(values) {
+  const filled = [...values];
+  let last = -1;
+  values.forEach((value, i) => {
+    if (!Number.isFinite(value)) return;
+    for (let k = last + 1; last >= 0 && k < i; k++) filled[k] = values[last] + ((value - values[last]) * (k - last)) / (i - last);
+    last = i;
+  });
+  return filled;
 }
 
 function changed(splits, collapses) {
