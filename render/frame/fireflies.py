@@ -36,8 +36,8 @@ REACH = 2
 
 BRIGHTENING = 0.02
 """Fraction by which the light of one firefly may brighten its surroundings: the brighter the firefly, the
-farther its light is spread. Where all the picture is too small for it, the rest is removed: one sample alone
-would make a film flicker."""
+farther its light is spread. Where all the picture is too small for it, the rest stays in its pixel. Spread,
+one sample would make a film flicker; removed, the image of the sun in glass would never have its light."""
 
 RADII = (2, 6, 20, 60, 180)
 """Radii in pixels of the kernels that spread light, up to an eighth of the picture."""
@@ -54,11 +54,12 @@ class FireflyFilter:
     """The light to take from fireflies, and where to put it.
 
     kept        fraction (H, W) of its light that each pixel keeps
-    brightness  luminance (H, W) of the kept light. What is spread brightens pixels in reach by the same
+    brightness  luminance (H, W) without fireflies. What is spread brightens pixels in reach by the same
                 ratio, so that it shows least
     on_subject  True (H, W) where the subject covers most of a pixel. Its light stays on the subject, and the
                 stage's on the stage
-    spread      fraction (H, W) of its light that each pixel gives to others; the rest is removed
+    spread      fraction (H, W) of its light that each pixel gives to others. What is neither kept nor spread
+                is removed
     reached     brightness (H, W) that the kernel of a pixel's radius reaches
     radius      (H, W) of the kernel; 0 where no light is spread, EVERYWHERE where all pixels share it
     """
@@ -83,11 +84,15 @@ class FireflyFilter:
         return filtered
 
     def facts(self, luminance: Picture) -> dict[str, float]:
-        """Return the fractions of the light, of luminance (H, W), that are spread and removed."""
+        """Return the fractions of the light, of luminance (H, W), that fireflies give to other pixels, that
+        stay in them, being too bright to spread, and that are removed."""
         total = max(float(luminance.sum()), 1e-12)
-        spread = float((self.spread * luminance).sum()) / total
-        removed = float(((1.0 - self.kept - self.spread) * luminance).sum()) / total
-        return {"light_spread": _rounded(spread), "light_removed": _rounded(removed)}
+        parts = {
+            "light_spread": self.spread * luminance,
+            "light_left": self.kept * luminance - self.brightness,
+            "light_removed": (1.0 - self.kept - self.spread) * luminance,
+        }
+        return {name: _rounded(float(part.sum()) / total) for name, part in parts.items()}
 
 
 def find_fireflies(
@@ -159,7 +164,8 @@ def _supporting_samples(
 def _with_spread(removed: FireflyFilter, luminance: Picture) -> FireflyFilter:
     """Return a filter that spreads the light which `removed` removes.
 
-    Each pixel's light goes as far as it must to brighten its surroundings by no more than BRIGHTENING.
+    Each pixel's light goes as far as it must to brighten its surroundings by no more than BRIGHTENING. What
+    is too bright for the whole picture stays.
     """
     excess = (1.0 - removed.kept) * luminance
     waiting, subject = excess > 0.0, removed.on_subject
@@ -176,7 +182,7 @@ def _with_spread(removed: FireflyFilter, luminance: Picture) -> FireflyFilter:
         spread[chosen] = ((1.0 - removed.kept) * part)[chosen]
         reached[chosen], radius_of[chosen] = light[chosen], radius
         waiting = waiting & ~chosen
-    return replace(removed, spread=spread, reached=reached, radius=radius_of)
+    return replace(removed, kept=1.0 - spread, spread=spread, reached=reached, radius=radius_of)
 
 
 def _blurred(picture: Picture, radius: int) -> Picture:

@@ -95,6 +95,20 @@ def test_a_picture_ended_after_any_pass_goes_on_to_the_same_bits(
         kept(tmp_path).remove()
 
 
+def test_light_of_fireflies_is_spread_alike_with_one_thread_and_after_an_interruption(
+    rendered: Rendered, engine: Engine, tmp_path: Path
+) -> None:
+    picture: dict[str, Any] = {"look": render.LOOKS["glass"], "quality": replace(FINE, depth=10)}
+    whole = rendered(**picture)
+    assert whole.facts["light_spread"] > 0.001
+    with pytest.raises(EndedError):
+        rendered(checkpoint=kept(tmp_path), on_batch=ended_after(2), **picture)
+    assert same(whole, rendered(checkpoint=kept(tmp_path), **picture))
+    alone = rendered(engine=replace(engine, threads=1), **picture)
+    engine.start()
+    assert same(whole, alone)
+
+
 def test_a_quiet_picture_that_was_ended_is_not_rendered_on(rendered: Rendered, tmp_path: Path) -> None:
     quality = replace(FINE, noise_threshold=0.5)
     whole = rendered(quality=quality, checkpoint=kept(tmp_path))

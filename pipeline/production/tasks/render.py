@@ -252,6 +252,7 @@ def _write_statistics(
         "motion_samples": layers.facts.get("motion_samples", 1),
         "samples": layers.facts["samples"],
         "light_spread": layers.facts["light_spread"],
+        "light_left": layers.facts["light_left"],
         "light_removed": layers.facts["light_removed"],
         **({"noise": layers.facts["noise"]} if "noise" in layers.facts else {}),
         **({"resumed_batches": resumed} if resumed else {}),
