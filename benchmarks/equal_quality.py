@@ -24,7 +24,8 @@ from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import AnyArray
 from render.frame.render_frame import render_frame
 from render.mitsuba.engine import Engine, choose
-from render.mitsuba.scene import SceneRenderer, build_scene, sensor
+from render.mitsuba.scene import SceneRenderer, build_scene
+from render.mitsuba.sensor import sensor
 from render.post.denoise import denoise
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS

@@ -31,7 +31,8 @@ from pipeline.resample import Report, ThresholdFormula, Thresholds
 from pipeline.shot import Motion, Resampling, Solid
 from render.mitsuba import emitters, materials
 from render.mitsuba.engine import choose
-from render.mitsuba.scene import SceneRenderer, build_scene, sensor
+from render.mitsuba.scene import SceneRenderer, build_scene
+from render.mitsuba.sensor import sensor
 from render.mitsuba.shapes import stage_shapes
 from render.mitsuba.texture_coordinates import TextureCoordinates
 from render.scene.camera import Camera

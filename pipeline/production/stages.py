@@ -137,7 +137,7 @@ DELIVER = PipelineStage(
 )
 RELIGHT = PipelineStage("relight", version=1, packages=("OpenImageIO",), doing="relighting", makes="frame")
 TURNTABLE_SHEET = PipelineStage(
-    "turntable_sheet", version=1, packages=("av", "OpenImageIO"), doing="laying out sheets", makes="png"
+    "turntable_sheet", version=2, packages=("av", "OpenImageIO"), doing="laying out sheets", makes="png"
 )
 MEASURE = PipelineStage("measure", version=2, doing="measuring", makes="measures", per_quality=False)
 

@@ -24,7 +24,8 @@ from render.frame.batch_schedule import (
 from render.frame.checkpoint import Checkpoint
 from render.frame.sample_batches import SampleBatches, ShutterInterval
 from render.mitsuba.engine import Engine
-from render.mitsuba.scene import build_scene, has_path_tracer
+from render.mitsuba.scene import build_scene
+from render.mitsuba.tracers import has_path_tracer
 from render.scene.aovs import Pixels, RenderedFrame, stage_motion, vertex_attributes
 from render.scene.quality import Quality
 from render.scene.scene import MotionSample, Scene
@@ -69,6 +70,7 @@ def render_frame(
         rounds = multijitter_rounds(quality, motion)
     groups = [group.name for group in scene.lights.groups]
     schedule = batch_schedule(quality, rounds)
+    motion_samples = _motion_sample_count(rounds)
     batches = SampleBatches(quality, schedule, aovs, seed, on_batch, checkpoint, groups)
     stopwatch.lap("preparing")
     surface: Surface | None = None
@@ -81,7 +83,7 @@ def render_frame(
     for moment, its_batches in groupby(batches.remaining(), attrgetter("time")):
         sample, surface = sample_at(moment)
         moved = MotionSample(surface, sample.placement, sample.camera)
-        scenes = build_scene(scene.at(moved), quality, aovs)
+        scenes = build_scene(scene.at(moved), quality, aovs, motion_samples)
         stopwatch.lap("building")
         for batch in its_batches:
             batches.render(batch, scenes)
@@ -122,8 +124,12 @@ class Stopwatch:
         self._last = now
 
 
+def _motion_sample_count(rounds: Sequence[Round]) -> int:
+    return len({time for each in rounds for time in each.times})
+
+
 def _shutter_facts(shutter: ShutterInterval, motion: float, rounds: Sequence[Round]) -> dict[str, Any]:
-    count = len({time for each in rounds for time in each.times})
+    count = _motion_sample_count(rounds)
     return {
         "shutter": [shutter.opens, shutter.closes],
         "motion_samples": count,

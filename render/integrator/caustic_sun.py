@@ -60,3 +60,9 @@ class CausticSun:
         in_disc = active & (dr.norm(offset) < _RIM * self.factor * self.radius)
         on_disc = dr.normalize(self.direction + offset / self.factor)
         return dr.select(in_disc, on_disc, direction), dr.select(in_disc, dr.rcp(dr.square(self.factor)), 1.0)
+
+    def spread(self, direction: Any) -> Any:
+        """Return directions in the wider disc, for unit vectors to the disc; others stay."""
+        offset = direction - self.direction
+        in_disc = dr.norm(offset) < _RIM * self.radius
+        return dr.select(in_disc, dr.normalize(self.direction + offset * self.factor), direction)

@@ -4,7 +4,7 @@ Mitsuba chooses all emitters equally often. Here an emitter is chosen with proba
 unoccluded irradiance at the shading point (compare pbrt's `LightSampler`), mixed with a small uniform part:
 a glossy surface may reflect a faint emitter strongly. A gradient sky is left out: paths that the BSDF samples
 find it best. Daylight and environment maps are sampled in two ways, as bright part and rest
-(`render.integrator.sky_sampler`); the rest is sampled at the first vertex alone.
+(`render.integrator.sky_sampler`); the rest is sampled up to the first matt surface alone.
 """
 
 from __future__ import annotations
@@ -172,21 +172,23 @@ class LightSampler:
             emitter = dr.select(number == index, source.emitter, emitter)
         return _near_sample(emitter, si, position, 1.0, active)
 
-    def sample_distant(self, index: int, vertex: Any, si: Any, position: Any, active: Any) -> LightSample:
+    def sample_distant(self, index: int, matt: Any, si: Any, position: Any, active: Any) -> LightSample:
         """Sample the light source of an index from `near_count` on, as one of those that are all sampled."""
-        return self._sample(index, si, position, self.expected_samples(vertex, active), active)
+        return self._sample(index, si, position, self.expected_samples(matt, active), active)
 
     def expected_samples(
-        self, vertex: Any, are_all_sampled: Any, probabilities: Sequence[Any] | None = None
+        self, matt: Any, are_all_sampled: Any, probabilities: Sequence[Any] | None = None
     ) -> list[Any]:
         """Return the expected number of samples of each light source at a vertex of a path.
 
-        Where all are sampled it is 1, but 0 for the rest of a sky beyond the first vertex. Elsewhere it is
-        the probability, or 0 without them.
+        matt  matt surfaces that the path has left before
+
+        Where all are sampled it is 1, but 0 for the rest of a sky beyond the first matt surface. Elsewhere it
+        is the probability, or 0 without them.
         """
         import drjit as dr
 
-        counts = [dr.select(vertex == 0, 1.0, 0.0) if source.is_rest else 1.0 for source in self.sources]
+        counts = [dr.select(matt == 0, 1.0, 0.0) if source.is_rest else 1.0 for source in self.sources]
         others = probabilities or [0.0] * len(self)
         return [dr.select(are_all_sampled, one, other) for one, other in zip(counts, others, strict=True)]
 

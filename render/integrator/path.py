@@ -1,7 +1,8 @@
 """Paths of light, in code that Dr.Jit compiles: from the lens, by way of surfaces, to emitters.
 
-Path tracing with next event estimation and multiple importance sampling (Veach 1997). At the first vertices
-of a path all emitters are sampled, at later ones one. Faint paths end by Russian roulette.
+Path tracing with next event estimation and multiple importance sampling (Veach 1997). Until a path has left
+two matt surfaces all emitters are sampled, later one at each vertex. Some paths that leave a matt surface are
+guided to caustics (`render.integrator.caustic_guide`). Faint paths end by Russian roulette.
 
 Importing this imports Mitsuba, so an engine of a compiled variant must have been started.
 """
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import drjit as dr
 import mitsuba as mi
 
+from render.integrator.caustic_guide import GuidedBsdf
 from render.integrator.light_sampler import LightSample
 from render.integrator.sampler import (
     DIRECTION,
@@ -29,11 +31,14 @@ if TYPE_CHECKING:
     from render.integrator.path_tracer import PathTracer
 
 MAX_SAMPLED_TOGETHER, ALL_SAMPLED_VERTICES = 6, 2
-"""Most emitters that are all sampled at the first vertices of a path, and the number of these vertices. With
-more emitters, one is chosen there too."""
+"""Most emitters that are all sampled at the first vertices of a path, and the number of matt surfaces among
+these vertices. With more emitters, one is chosen there too."""
 
 SURVIVAL_FACTOR = 4.0
-"""Probability that a path goes on after those vertices, over its throughput (Russian roulette)."""
+"""Probability that a path goes on after its first vertices, over its throughput (Russian roulette)."""
+
+SURE_VERTICES = 2
+"""First vertices from which every path goes on."""
 
 
 def camera_vertex(tracer: Any, sampler: OwenSampler, corner: Any, size: Any) -> tuple[Any, Any]:
@@ -65,14 +70,19 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
         emitter = si.emitter(tracer.scene)
         light = throughput * emitter.eval(si)
         radiance = groups.add_seen(radiance, light, emitter, -si.wi, ~si.is_valid())
-    vertex, length, active = mi.UInt32(0), mi.UInt32(0), si.is_valid()
+    vertex, matt, length, active = mi.UInt32(0), mi.UInt32(0), mi.UInt32(0), si.is_valid()
+    kept = mi.Color3f(throughput)
     is_exit, after_matt = mi.Bool(False), mi.Bool(False)
     while dr.hint(active, label="path", exclude=[tracer, sampler, groups]):
-        bsdf = si.bsdf() if tracer.subsurface is None else tracer.subsurface.bsdf(si, is_exit)
-        radiance, counts = _sampled_light(tracer, sampler, vertex, si, bsdf, throughput, radiance, active)
-        bsdf_sample, throughput, next_si, is_exit = _next_vertex(
-            tracer, sampler, vertex, si, bsdf, throughput, active
+        bsdf = _bsdf(tracer, si, is_exit, active)
+        radiance, counts = _sampled_light(
+            tracer, sampler, vertex, matt, si, bsdf, throughput, radiance, active
         )
+        bsdf_sample, weight, kept_weight, next_si, is_exit = _next_vertex(
+            tracer, sampler, vertex, si, bsdf, active
+        )
+        throughput *= weight
+        kept *= kept_weight
         active &= dr.any(throughput != 0.0)
         is_delta = mi.has_flag(bsdf_sample.sampled_type, mi.BSDFFlags.Delta)
         light, emitter, direction = _light_of_hit(
@@ -81,37 +91,48 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
         radiance = groups.add(radiance, dr.select(active, throughput * light, 0.0), emitter, direction)
         after_matt |= ~is_delta | is_exit
         vertex += 1
+        matt += dr.select(mi.has_flag(bsdf.flags(), mi.BSDFFlags.Diffuse), 1, 0)
         length += dr.select(is_exit, 0, 1)
-        survival = _survival(vertex, throughput)
+        survival = _survival(vertex, kept)
         active &= sampler.vertex_1d(vertex, EMITTER_CHOICE, 1) < survival
         throughput /= survival
+        kept /= survival
         active &= next_si.is_valid() & (length + 1 < tracer.max_depth)
         si = next_si
     return radiance
 
 
+def _bsdf(tracer: PathTracer, si: Any, is_exit: Any, active: Any) -> Any:
+    """Return the BSDF at a vertex, with the guide to caustics."""
+    if tracer.subsurface is not None:
+        return tracer.subsurface.bsdf(si, is_exit)
+    return si.bsdf() if tracer.guide is None else GuidedBsdf(tracer.guide, si, si.bsdf(), active)
+
+
 def _next_vertex(
-    tracer: PathTracer, sampler: OwenSampler, vertex: Any, si: Any, bsdf: Any, throughput: Any, active: Any
-) -> tuple[Any, Any, Any, Any]:
+    tracer: PathTracer, sampler: OwenSampler, vertex: Any, si: Any, bsdf: Any, active: Any
+) -> tuple[Any, Any, Any, Any, Any]:
     """Continue paths by their BSDF.
 
-    Returns the sample of the BSDF, the throughput, the next surface interaction, and whether a random walk
-    below the surface ends there.
+    Returns the sample of the BSDF, its weight, the weight for Russian roulette, the next surface interaction,
+    and whether a random walk below the surface ends there. The weight for Russian roulette leaves out the
+    guide, and the change of radiance in glass that light undoes as it leaves: paths with little of either are
+    not faint.
     """
     lobe, direction = sampler.vertex_1d(vertex, LOBE), sampler.vertex_2d(vertex, DIRECTION)
-    bsdf_sample, weight = bsdf.sample(mi.BSDFContext(), si, lobe, direction, active)
-    throughput = throughput * weight
-    active = active & dr.any(throughput != 0.0)
+    bsdf_sample, weight, *alone = bsdf.sample(mi.BSDFContext(), si, lobe, direction, active)
+    kept = (alone[0] if alone else weight) * dr.square(bsdf_sample.eta)
+    active = active & dr.any(weight != 0.0)
     way = si.to_world(bsdf_sample.wo)
     if tracer.subsurface is None:
         next_si = tracer.scene.ray_intersect(si.spawn_ray(way), active)
-        return bsdf_sample, throughput, next_si, mi.Bool(False)
+        return bsdf_sample, weight, kept, next_si, mi.Bool(False)
     is_exit = tracer.subsurface.enters(si, bsdf_sample, active)
     next_si = tracer.scene.ray_intersect(si.spawn_ray(way), active & ~is_exit)
     seed = random_bits(lobe, direction)
     exit_si, factor = tracer.subsurface.walk(tracer.scene, si, way, seed, is_exit)
-    throughput = throughput * dr.select(is_exit, factor, 1.0)
-    return bsdf_sample, throughput, dr.select(is_exit, exit_si, next_si), is_exit
+    factor = dr.select(is_exit, factor, 1.0)
+    return bsdf_sample, weight * factor, kept * factor, dr.select(is_exit, exit_si, next_si), is_exit
 
 
 def _light_of_hit(
@@ -144,16 +165,17 @@ def _light_of_hit(
     return weight * hit.emitter.eval(next_si, active), hit.emitter, direction
 
 
-def _survival(vertex: Any, throughput: Any) -> Any:
-    """Return the probability with which paths go on from a vertex."""
-    by_throughput = dr.minimum(1.0, SURVIVAL_FACTOR * dr.max(throughput))
-    return dr.select(vertex < ALL_SAMPLED_VERTICES, 1.0, by_throughput)
+def _survival(vertex: Any, kept: Any) -> Any:
+    """Return the probability with which paths go on from a vertex. kept: throughput for Russian roulette"""
+    by_throughput = dr.minimum(1.0, SURVIVAL_FACTOR * dr.max(kept))
+    return dr.select(vertex < SURE_VERTICES, 1.0, by_throughput)
 
 
 def _sampled_light(
     tracer: PathTracer,
     sampler: OwenSampler,
     vertex: Any,
+    matt: Any,
     si: Any,
     bsdf: Any,
     throughput: Any,
@@ -162,18 +184,20 @@ def _sampled_light(
 ) -> tuple[Any, list[Any]]:
     """Add the reflected light of sampled emitters to the radiance by light group: of all at the first
     vertices, of one at later ones. Return it, and the expected samples of each light source.
+
+    matt  matt surfaces that paths have left before
     """
     light_sampler = tracer.light_sampler
     probabilities = light_sampler.probabilities(si)
     if len(light_sampler) == 0:
         return radiance, probabilities
     is_all_possible = len(light_sampler) <= MAX_SAMPLED_TOGETHER
-    are_all_sampled = is_all_possible & (vertex < ALL_SAMPLED_VERTICES)
+    are_all_sampled = is_all_possible & (matt < ALL_SAMPLED_VERTICES)
     counts = probabilities
     if is_all_possible:
-        counts = light_sampler.expected_samples(vertex, are_all_sampled, probabilities)
+        counts = light_sampler.expected_samples(matt, are_all_sampled, probabilities)
         first = active & are_all_sampled
-        radiance = _all_direct_light(tracer, sampler, vertex, si, bsdf, throughput, radiance, first)
+        radiance = _all_direct_light(tracer, sampler, vertex, matt, si, bsdf, throughput, radiance, first)
     later = active & ~are_all_sampled
     choice, position = sampler.vertex_1d(vertex, EMITTER_CHOICE), sampler.vertex_2d(vertex, EMITTER_POSITION)
     sample = light_sampler.sample_one(si, probabilities, choice, position, later)
@@ -186,6 +210,7 @@ def _all_direct_light(
     tracer: PathTracer,
     sampler: OwenSampler,
     vertex: Any,
+    matt: Any,
     si: Any,
     bsdf: Any,
     throughput: Any,
@@ -208,8 +233,8 @@ def _all_direct_light(
             number += 1
     for index in range(count, len(light_sampler)):
         position = sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + index)
-        wanted = active & (light_sampler.expected_samples(vertex, active)[index] > 0.0)
-        sample = light_sampler.sample_distant(index, vertex, si, position, wanted)
+        wanted = active & (light_sampler.expected_samples(matt, active)[index] > 0.0)
+        sample = light_sampler.sample_distant(index, matt, si, position, wanted)
         light = throughput * _direct_light(tracer, si, bsdf, sample, wanted)
         radiance = tracer.groups.add(radiance, light, sample.emitter, sample.direction)
     return radiance

@@ -51,6 +51,7 @@ class PathTracer:
     catcher        a shape that is not seen, but the shadows on it; or None
     subsurface     random walks below the subject's surface, or None
     caustic_sun    a `caustic_sun.CausticSun`, or None
+    guide          directions of caustics at matt surfaces: a `caustic_guide.CausticGuide`, or None
     """
 
     scene: Any
@@ -63,6 +64,7 @@ class PathTracer:
     catcher: ShadowCatcher | None = None
     subsurface: SubsurfaceWalk | None = None
     caustic_sun: Any = None
+    guide: Any = None
 
     @property
     def coverage_channels(self) -> int:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pipeline.mesh import icosphere
 from render.base.errors import BadInputError
 from render.mitsuba.emitters import any_in_view
-from render.mitsuba.scene import sensor
+from render.mitsuba.sensor import sensor
 from render.post.denoise import denoiser_features
 from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera

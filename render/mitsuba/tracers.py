@@ -1,0 +1,129 @@
+"""Path tracers for Mitsuba scenes: lights, light groups, shadow catcher, subsurface walks and guides.
+
+Needs a started engine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.base.errors import BadInputError
+from render.integrator.emitter_groups import EmitterGroups
+from render.integrator.light_sampler import LightSampler, sampled_emitters
+from render.mitsuba import emitters, materials
+from render.mitsuba.loading import load_scene
+from render.mitsuba.sensor import sensor
+from render.mitsuba.shapes import stage_shapes
+from render.scene.lights import LightRig
+from render.scene.materials import Material
+from render.scene.quality import Quality
+from render.scene.scene import Scene
+
+
+def has_path_tracer(material: Material, quality: Quality) -> bool:
+    """Tell whether our path tracer renders a material. Needs a started engine."""
+    return material.is_lit and is_traceable(materials.path_integrator(material, quality.depth))
+
+
+def is_traceable(path: dict[str, Any]) -> bool:
+    """Tell whether our path tracer can replace an integrator: compiled, without scattering media."""
+    import mitsuba as mi
+
+    return mi.variant() != "scalar_rgb" and path["type"] == "path"
+
+
+def path_tracer(
+    lit: Any, integrator: Any, path: dict[str, Any], scene: Scene, size: tuple[int, int], samples: int
+) -> Any:
+    """Return our path tracer for a scene, or None where it cannot trace it.
+
+    lit         Mitsuba's scene
+    integrator  Mitsuba's, and `path` its description
+    size        width and height of the picture in pixels
+    samples     of all pixels together, by which photons are counted
+
+    Raises BadInputError for a shadow catcher without a path tracer.
+    """
+    if not is_traceable(path):
+        if scene.stage.shadow_catcher:
+            raise BadInputError(
+                "a shadow catcher needs a compiled variant of Mitsuba and a look other than smoke. Remove "
+                "shadow_catcher from the stage, or read what flowsculpt doctor says of libLLVM"
+            )
+        return None
+    tracer = _path_tracer(lit, integrator, path, scene.lights, scene.placement.matrix(), scene.objects)
+    walk = _subsurface_walk(lit, scene.material, scene.placement.size)
+    if scene.stage.shadow_catcher:
+        tracer = _with_catcher(tracer, scene, size, path)
+    elif walk is None:
+        tracer = replace(tracer, guide=_guide(tracer, samples))
+    return replace(tracer, subsurface=walk)
+
+
+def _path_tracer(
+    scene: Any,
+    integrator: Any,
+    path: dict[str, Any],
+    lights: LightRig,
+    to_scene: NDArray[np.float64],
+    objects: Sequence[str],
+) -> Any:
+    import drjit as dr
+    import mitsuba as mi
+
+    from render.integrator.caustic_sun import CausticSun  # needs Mitsuba's variant
+    from render.integrator.path_tracer import PathTracer  # needs Mitsuba's variant
+
+    sampler = LightSampler(scene, sampled_emitters(lights, to_scene))
+    names = list(emitters.emitters_by_group(lights).values())
+    groups = EmitterGroups(scene, names, emitters.sun_disc(lights), emitters.background_group(lights))
+    by_name = {shape.id(): mi.ShapePtr(shape) for shape in scene.shapes()}
+    shapes = [by_name[name] for name in objects]
+    dr.make_opaque(shapes)  # numbers of shapes differ from frame to frame; the compiled code shall not
+    daylight = lights.daylight
+    sun = CausticSun.of(daylight.direction, daylight.width) if daylight else None
+    depth, hide = path["max_depth"], path["hide_emitters"]
+    return PathTracer(scene, integrator, sampler, depth, hide, groups, shapes, caustic_sun=sun)
+
+
+def _guide(tracer: Any, samples: int) -> Any:
+    """Return the guide of a path tracer to caustics, or None where there are none."""
+    from render.integrator.caustic_guide import guide_of  # needs Mitsuba's variant
+    from render.integrator.photons import photon_count, trace_photons  # needs Mitsuba's variant
+
+    count, depth = photon_count(samples), tracer.max_depth
+    photons = trace_photons(tracer.scene, tracer.light_sampler, tracer.caustic_sun, depth, count)
+    return photons and guide_of(photons)
+
+
+def _with_catcher(tracer: Any, scene: Scene, size: tuple[int, int], path: dict[str, Any]) -> Any:
+    """Return the path tracer with the stage as its shadow catcher."""
+    from render.integrator.path_tracer import ShadowCatcher
+
+    placement, lights = scene.placement, emitters.emitters(scene.lights, scene.placement.matrix())
+    floor = stage_shapes(scene.stage, placement, scene.camera, size, scene.working_space)["stage"]
+    alone = load_scene({"type": "scene", "sensor": sensor(scene.camera, size), "stage": floor, **lights})
+    hidden = {**path, "hide_emitters": True}
+    empty = _path_tracer(alone, tracer.integrator, hidden, scene.lights, placement.matrix(), ())
+    return replace(tracer, catcher=ShadowCatcher(tracer.objects[scene.objects.index("stage")], empty))
+
+
+def _subsurface_walk(scene: Any, material: Material, size: float) -> Any:
+    """Return the random walks below the subject's surface, or None. size: half the subject's, scene units"""
+    import mitsuba as mi
+
+    subsurface = getattr(material, "subsurface", None)
+    if subsurface is None or mi.variant() == "scalar_rgb":
+        return None
+    import drjit as dr
+
+    from render.integrator.subsurface import SubsurfaceWalk  # needs Mitsuba's variant
+
+    shape = next(mi.ShapePtr(shape) for shape in scene.shapes() if shape.id() == "subject")
+    dr.make_opaque(shape)
+    return SubsurfaceWalk(shape, [1.0 / (part * size) for part in subsurface.radius], material.is_clear)
