@@ -40,9 +40,9 @@ def main() -> list[Target]:
     return targets(rows)
 
 
-def density(longest: float) -> Thresholds:
-    """Return edge lengths by curvature, the longest as in the other runs."""
-    lengths = Curvature(0.004 * longest, 0.25 * longest, longest, hard_angle=math.pi)
+def density(longest: float, finest: float = 0.25) -> Thresholds:
+    """Return edge lengths by curvature, the longest as in the other runs, the finest a share of it."""
+    lengths = Curvature(0.004 * longest, finest * longest, longest, hard_angle=math.pi)
     return Thresholds(lengths, gradation=1.0)
 
 

@@ -51,6 +51,18 @@ def enright(x: float, y: float, z: float, t: float) -> tuple[float, float, float
     )
 
 
+@compiled
+def abc(x: float, y: float, z: float, t: float) -> tuple[float, float, float]:
+    """The ABC flow with period 4 along each axis, and speeds as in `pipeline.flow.catalogue.cellular`."""
+    k, a, b, c = math.pi / 2, 1.0, math.sqrt(2.0 / 3.0), math.sqrt(1.0 / 3.0)
+    x, y, z = k * x, k * y, k * z
+    return (
+        a * math.sin(z) + c * math.cos(y),
+        b * math.sin(x) + a * math.cos(z),
+        c * math.sin(y) + b * math.cos(x),
+    )
+
+
 def following(velocity: Velocity, seconds: float) -> Follow:
     """Return the flow of a velocity over frames of so many seconds."""
 

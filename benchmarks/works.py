@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -107,6 +107,26 @@ def enright() -> Film:
     ball, at = _Ball(0.15, (0.35, 0.35, 0.35)), streams.following(streams.enright, 3 / 150)
     subject = icosphere(16, ball.radius, ball.centre)
     return Film("enright", subject, at, 150, 0.02, 0.0, ball.height, ball.project)
+
+
+def abc() -> Film:
+    """A ball of 5762 vertices in three crossed waves that fold it; free of divergence."""
+    ball, follow = _Ball(1.0, (0.0, 0.0, 0.0)), streams.following(streams.abc, 2.5 / 120)
+    subject = icosphere(24)
+    longest = float(lengths_of(subject.vertices, edges_of(subject.faces)).mean()) / math.sqrt(RATIO)
+    return Film("abc", subject, follow, 120, longest, 0.0, ball.height, ball.project)
+
+
+def turned(film: Film, seed: int) -> Film:
+    """Return the film with its subject turned about its centre: by nothing for seed 0, else at random."""
+    if seed == 0:
+        return film
+    turn, upper = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    turn = turn * np.sign(np.diag(upper))
+    turn[:, 0] *= np.linalg.det(turn)
+    points = film.subject.vertices
+    centre = points.mean(axis=0)
+    return replace(film, subject=film.subject.with_vertices((points - centre) @ turn.T + centre))
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ class PipelineStage:
 
 SIMULATE = PipelineStage(
     "simulate",
-    version=6,
+    version=7,
     packages=("numba", "numpy", "trimesh"),
     doing="simulating",
     makes="mesh",

@@ -15,7 +15,7 @@ from pipeline.mesh.normals import carried_normals, unit, vertex_normals
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample.creases import edges_by_angle
 from pipeline.resample.kernels.curved_patches import copy_rest_positions, curved_midpoints, list_marked
-from pipeline.resample.kernels.limits import Changes, Limits
+from pipeline.resample.kernels.limits import ONLY_TAGGED, Changes, Limits
 from pipeline.resample.kernels.move_vertices import place_vertices, relax_goals, relax_vertices
 from pipeline.resample.kernels.ring import new_ring
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE
@@ -38,6 +38,8 @@ class Placement:
     leaves_chord        True if new vertices may lie off the middle of their edge
     merges_at_midpoint  True if two soft ends merge halfway (P27), False if at one of them
     can_relax           True if `relax` can move vertices
+    hard_by_angle       True if edges beyond the hard angle are hard in each frame (P29), False if only tagged
+                        ones and boundaries are
 
     The base keeps nothing at the vertices and places new ones in the middle of their edges.
     """
@@ -45,6 +47,7 @@ class Placement:
     leaves_chord: ClassVar[bool] = False
     merges_at_midpoint: ClassVar[bool] = False
     can_relax: ClassVar[bool] = False
+    hard_by_angle: ClassVar[bool] = True
 
     def prepare(self, mesh: TriangleMesh, hard_angle: float | Floats) -> TriangleMesh:
         """Return the mesh with all that this placement keeps at its vertices and edges.
@@ -119,7 +122,6 @@ def move_without_folds(
 
 
 _TANGENT = 1e-5  # distance of tangent points from their vertex, in edge lengths at rest
-_ONLY_TAGGED = -1.0  # the cosine that makes no edge hard by its angle
 
 
 @dataclass(frozen=True)
@@ -130,7 +132,10 @@ class Exact(Placement):
                   points together, and again for the few that would fold and for normals
     project       `rest_points (N, 3) -> (N, 3)`, the nearest points of the analytic surface at rest, if it is
                   known; without it new rest points lie on curved patches over the mesh at rest
-    tags_creases  True: edges that are hard at rest, by their angle, stay creases whatever becomes of them
+    tags_creases  True: edges that are hard at rest, by their angle, are tagged as creases
+
+    Tagged edges and boundaries are hard whatever becomes of them, and no others: the rim of a sheet that the
+    flow has made thin is as sharp as a crease, and must not be kept as one.
 
     The mesh given to a `Resampler` is the surface at rest. Collapses keep one end, since midpoints would
     leave the surface. If the mesh has a `normal` at each vertex, a new vertex gets its exact normal from two
@@ -142,6 +147,7 @@ class Exact(Placement):
     tags_creases: bool = True
     leaves_chord: ClassVar[bool] = True
     can_relax: ClassVar[bool] = True
+    hard_by_angle: ClassVar[bool] = False
 
     def prepare(self, mesh: TriangleMesh, hard_angle: float | Floats) -> TriangleMesh:
         rest = mesh.attributes.get(REST, mesh.vertices)
@@ -293,7 +299,7 @@ def _on_patches_at_rest(mesh: HalfedgeMesh, births: Indices) -> tuple[Points, Ve
     room = 3 * len(mesh.arrays.points)
     rest = mesh.scratch("rest", room, np.float64)[:room].reshape(-1, 3)
     copy_rest_positions(mesh.arrays, births, column_of(mesh, REST), new_ring(), rest)
-    return on_patches(mesh.arrays._replace(points=rest), births, _ONLY_TAGGED)
+    return on_patches(mesh.arrays._replace(points=rest), births, ONLY_TAGGED)
 
 
 def _lengths(points: Points, one: Indices, other: Indices) -> Floats:

@@ -30,6 +30,7 @@ from pipeline.resample.kernels.limits import QUEUED, REFUSED, Changes, Limits, i
 from pipeline.resample.kernels.move_vertices import MAX_SPOKES_OF_NEW, classify_around, list_poor_vertices
 from pipeline.resample.kernels.ring import MAX_SPOKES, new_ring
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE, BIRTH_SIZE, longest_edges_first, split_edges
+from pipeline.resample.kernels.untangle import untangle
 from pipeline.resample.placement import Placement
 from pipeline.resample.thresholds import Thresholds, TriangleShape
 from pipeline.resample.vertex_budget import require_room, require_room_for_area
@@ -125,7 +126,7 @@ class ResamplePass:
         """
         try:
             self.split_long_edges()
-            for step in (self.collapse_short_edges, self.relax_vertices, self.make_room):
+            for step in (self.collapse_short_edges, self.untangle, self.relax_vertices, self.make_room):
                 self._call(step)
         except FlowsculptError:
             self._close_gaps()
@@ -188,6 +189,15 @@ class ResamplePass:
         )
         self.collapses += collapses
         self.flips += flips
+
+    def untangle(self) -> None:
+        """Flip edges of faces that look inwards at rest, where fewer then do."""
+        if self.limits.rest_column < 0:
+            return
+        flips = untangle(self.mesh.arrays, int(self.mesh.sizes[1]), self.limits, self.changes)
+        self.flips += flips
+        if flips:
+            self._collapse_and_flip()
 
     def relax_vertices(self) -> None:
         """Move the vertices of badly shaped triangles within the surface (P36), if the placement can."""
@@ -317,4 +327,5 @@ def _limits(mesh: HalfedgeMesh, thresholds: Thresholds, placement: Placement, sh
         shape.longest_share,
         rest_column=rest_column,
         rest_normal_column=rest_normal_column,
+        hard_by_angle=placement.hard_by_angle,
     )

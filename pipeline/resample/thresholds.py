@@ -52,7 +52,8 @@ class Thresholds:
     max_edge_length   scene units; after a pass no edge is longer (P8)
     min_edge_length   scene units; shorter edges collapse where they may (P9); by default 40% of the maximum,
                       and None while the maximum is a function
-    hard_angle        radians between the normals of two faces; an edge that turns more is hard (P29); 40°
+    hard_angle        radians between the normals of two faces; an edge that turns more is hard (P29): in each
+                      frame, or with `Exact` placement at rest; 40°
     max_vertices      a frame that would need more stops with an error instead of filling the memory
     gradation         for lengths that are functions: their largest difference between two ends of an edge, as
                       a share of its length

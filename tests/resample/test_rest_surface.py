@@ -8,7 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.arrays import AnyArray, Indices, Points
-from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
+from pipeline.mesh import (
+    HalfedgeMesh,
+    TriangleMesh,
+    box,
+    dihedral_angles,
+    icosphere,
+    require,
+    sheet,
+    torus,
+)
 from pipeline.mesh.analytic_surfaces import SphereSurface
 from pipeline.mesh.normals import vertex_normals
 from pipeline.resample import Curved, Exact, Resampler, Thresholds
@@ -16,6 +25,8 @@ from pipeline.resample.kernels.curved_patches import MAX_OPPOSITE, opposite_corn
 from pipeline.resample.kernels.flip import should_flip
 from pipeline.resample.kernels.limits import Limits
 from pipeline.resample.kernels.ring import collect_ring, move_at_rest, new_ring, rest_orientation, would_flip
+from pipeline.resample.kernels.untangle import untangle
+from pipeline.resample.resample_pass import changes_of, reset
 from pipeline.resample.rest_surface import ASTRAY, REST, closest_points
 
 BALL, RING, CLOTH, CUBE = icosphere(4), torus(1.0, 0.4, 0.3), sheet((2, 2), 0.25), box(edge_length=0.5)
@@ -88,6 +99,43 @@ def test_an_edge_is_not_turned_where_its_faces_at_rest_would_overlap() -> None:
         rest[2:, 0] = tip
         live, limits = at_rest(kite, rest)
         assert should_flip(live.arrays, 0, limits) == worth
+
+
+def test_an_edge_is_flipped_where_a_face_looks_inwards_at_rest_and_then_none_does() -> None:
+    """Now a flat kite; at rest an arrow head too, which only the diagonal from its notch cuts well."""
+    now = np.array([(0, 0, 0), (4, 0, 0), (2, 0, -1.5), (2, 0, 1.5)], float)
+    kite = TriangleMesh(now, [(0, 1, 2), (1, 0, 3)])
+    for notch, flips in ((-1.5, 0), (0.5, 1)):
+        rest = now.copy()
+        rest[2, 2] = notch
+        live, limits = at_rest(kite, rest)
+        changes = changes_of(live)
+        reset(changes)
+        assert untangle(live.arrays, 2, limits, changes) == flips
+        upright = [slow_upright(rest, vertex_normals(kite), face) > 0 for face in live.snapshot().faces]
+        assert all(upright)
+        assert changes.fresh[0] == 2 * flips
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.sampled_from([BALL, RING, CLOTH]), st.integers(0, 2**32 - 1))
+def test_untangling_leaves_fewer_faces_that_look_inwards_at_rest_and_a_sound_surface(
+    mesh: TriangleMesh, seed: int
+) -> None:
+    rest = mesh.vertices + 0.1 * np.random.default_rng(seed).normal(size=mesh.vertices.shape)
+    (live, limits), normals = at_rest(mesh, rest), vertex_normals(mesh)
+    changes = changes_of(live)
+    reset(changes)
+
+    def inwards() -> int:
+        return sum(slow_upright(rest, normals, face) <= 0 for face in live.snapshot().faces)
+
+    before = inwards()
+    turned = untangle(live.arrays, len(mesh.faces), limits, changes)
+    after = live.snapshot()
+    assert inwards() <= before - turned
+    assert require(after).euler == require(mesh).euler
+    assert (dihedral_angles(after) > math.radians(170)).sum() == 0, "nothing folds now"
 
 
 def test_around_a_vertex_lie_its_faces_and_on_a_crease_only_the_edges_along_it() -> None:

@@ -8,7 +8,14 @@ import numpy as np
 from pipeline.arrays import Floats, Points
 from pipeline.kernels import kernel
 from pipeline.mesh.kernels.halfedge import LEAN, MATRIX, MESH_ARRAYS, VECTOR, MeshArrays, following, preceding
-from pipeline.resample.kernels.limits import LIMITS, Limits, hard_cosine, length_limits, squared_length
+from pipeline.resample.kernels.limits import (
+    LIMITS,
+    Limits,
+    corner_cosine,
+    hard_cosine,
+    length_limits,
+    squared_length,
+)
 from pipeline.resample.kernels.ring import (
     FOLDED,
     MAX_TURN_COSINE,
@@ -135,31 +142,42 @@ def _link_fault(mesh: MeshArrays, h: int, near: Ring, far: Ring) -> int:
     return NONE
 
 
-@kernel(numba.float64(MESH_ARRAYS, numba.int64, numba.int64, RING), **LEAN)
-def _turn_cosine(mesh: MeshArrays, centre: int, other: int, ring: Ring) -> float:
-    """Return the cosine of the turn that a crease makes at `centre`, from `other` to its other hard spoke."""
-    points = mesh.points
+@kernel(numba.float64(MATRIX, numba.int64, numba.int64, numba.int64, RING), **LEAN)
+def _turn_cosine(rows: Points, column: int, centre: int, other: int, ring: Ring) -> float:
+    """Return the cosine of the turn that a crease makes at `centre`, from `other` to its other hard spoke.
+
+    Positions are `rows` from `column` on.
+    """
     for i in range(ring.size[1]):
         v = ring.vertex[i]
         if ring.hard[i] and v != other:
-            dot = 0.0
-            for k in range(3):
-                dot += (points[centre, k] - points[v, k]) * (points[other, k] - points[centre, k])
-            lengths = np.sqrt(squared_length(points, centre, v) * squared_length(points, other, centre))
-            return dot / lengths if lengths > 0 else 1.0
+            dot, before, after = 0.0, 0.0, 0.0
+            for k in range(column, column + 3):
+                one, two = rows[centre, k] - rows[v, k], rows[other, k] - rows[centre, k]
+                dot += one * two
+                before += one * one
+                after += two * two
+            return dot / np.sqrt(before * after) if before * after > 0 else 1.0
     return -1.0
 
 
-@kernel(numba.int64(MESH_ARRAYS, numba.int64, RING, numba.float64), **LEAN)
-def _rank(mesh: MeshArrays, centre: int, ring: Ring, cosine: float) -> int:
-    """Return the number of hard edges at a vertex, and 3 where a crease turns by more than the hard angle."""
+@kernel(numba.int64(MESH_ARRAYS, numba.int64, RING, LIMITS), **LEAN)
+def _rank(mesh: MeshArrays, centre: int, ring: Ring, limits: Limits) -> int:
+    """Return the number of hard edges at a vertex, and 3 where a crease has a corner.
+
+    There it turns by more than the hard angle: now, or at rest if edges are hard by what they are at rest.
+    """
     if ring.size[2] != 2:
         return int(ring.size[2])
     other = -1
     for i in range(ring.size[1]):
         if ring.hard[i]:
             other = ring.vertex[i]
-    return 3 if _turn_cosine(mesh, centre, other, ring) < cosine else 2
+    if limits.hard_by_angle:
+        turn = _turn_cosine(mesh.points, 0, centre, other, ring)
+    else:
+        turn = _turn_cosine(mesh.attributes, limits.rest_column, centre, other, ring)
+    return 3 if turn < corner_cosine(mesh, limits, centre) else 2
 
 
 @kernel(numba.types.UniTuple(numba.int64, 3)(MESH_ARRAYS, numba.int64, RING, RING, LIMITS), **LEAN)
@@ -175,8 +193,7 @@ def _collapse_positions(
     """
     a, b = mesh.vert[h], mesh.vert[following(h)]
     midpoints = limits.merges_at_midpoint
-    mine = _rank(mesh, a, near, hard_cosine(mesh, limits, a))
-    theirs = _rank(mesh, b, far, hard_cosine(mesh, limits, b))
+    mine, theirs = _rank(mesh, a, near, limits), _rank(mesh, b, far, limits)
     if mine >= 2 and theirs >= 2:
         hard = False
         for i in range(near.size[1]):
@@ -192,7 +209,7 @@ def _collapse_positions(
     if mine < 2:
         at_start, at_end = swept_volume(mesh.points, b, a, far), swept_volume(mesh.points, a, b, near)
         return (AT_START, AT_END, NONE) if at_start <= at_end else (AT_END, AT_START, NONE)
-    one, two = _turn_cosine(mesh, a, b, near), _turn_cosine(mesh, b, a, far)
+    one, two = _turn_cosine(mesh.points, 0, a, b, near), _turn_cosine(mesh.points, 0, b, a, far)
     if one > _STRAIGHT and two > _STRAIGHT:
         return (AT_MIDDLE, AT_START, AT_END) if midpoints else (AT_START, AT_END, NONE)
     if one <= two:

@@ -52,7 +52,7 @@ def _corner_dot(points: Points, apex: int, a: int, b: int) -> float:
 
 
 @kernel(numba.boolean(MESH_ARRAYS, numba.uint64, numba.int64), **LEAN)
-def _are_adjacent(mesh: MeshArrays, h: np.uint64, other: int) -> bool:
+def are_adjacent(mesh: MeshArrays, h: np.uint64, other: int) -> bool:
     """Tell whether an edge joins the start c of h, a side of a triangle, with vertex `other` outside it.
 
     The corners before and after c are known, so the walk around c begins beyond one and ends at the other.
@@ -77,9 +77,17 @@ def _are_adjacent(mesh: MeshArrays, h: np.uint64, other: int) -> bool:
 
 
 @kernel(numba.boolean(numba.float64, numba.float64, numba.float64, numba.float64), **LEAN)
-def _turns_beyond(dot: float, cosine: float, m: float, n: float) -> bool:
+def turns_beyond(dot: float, cosine: float, m: float, n: float) -> bool:
     """Tell whether vectors with squared lengths m and n enclose more than the acute angle of that cosine."""
     return bool(dot < 0 or dot * dot < cosine * cosine * m * n)
+
+
+@kernel(numba.int64(MATRIX, LIMITS, numba.int64, numba.int64, numba.int64, numba.int64), **LEAN)
+def inverted_by_flip(attributes: Points, limits: Limits, a: int, b: int, c: int, d: int) -> int:
+    """Return how many more faces look inwards at rest once the edge ab, between c and d, is flipped."""
+    now = is_inverted(attributes, limits, a, b, c) + is_inverted(attributes, limits, b, a, d)
+    then = is_inverted(attributes, limits, a, d, c) + is_inverted(attributes, limits, b, c, d)
+    return int(then) - int(now)
 
 
 @kernel(numba.boolean(MESH_ARRAYS, numba.int64, LIMITS), **LEAN)
@@ -98,7 +106,7 @@ def should_flip(mesh: MeshArrays, h: int, limits: Limits) -> bool:
     root_m, root_n = np.sqrt(m), np.sqrt(n)
     if m == 0 or n == 0 or at_c * root_n + at_d * root_m > -_GAIN * root_m * root_n:
         return False
-    if _turns_beyond(mx * nx + my * ny + mz * nz, max(_FLAT, hard_cosine(mesh, limits, a)), m, n):
+    if turns_beyond(mx * nx + my * ny + mz * nz, max(_FLAT, hard_cosine(mesh, limits, a)), m, n):
         return False
     crossing, (max_squared, min_squared) = squared_length(points, c, d), length_limits(mesh, limits, c, d)
     if crossing > max_squared or crossing < min_squared:
@@ -108,15 +116,11 @@ def should_flip(mesh: MeshArrays, h: int, limits: Limits) -> bool:
     sx, sy, sz = mx + nx, my + ny, mz + nz
     p, q, s = px * px + py * py + pz * pz, qx * qx + qy * qy + qz * qz, sx * sx + sy * sy + sz * sz
     ps, qs = px * sx + py * sy + pz * sz, qx * sx + qy * sy + qz * sz
-    if _turns_beyond(ps, _FLAT, p, s) or _turns_beyond(qs, _FLAT, q, s):
+    if turns_beyond(ps, _FLAT, p, s) or turns_beyond(qs, _FLAT, q, s):
         return False
-    if limits.rest_column >= 0:  # no face may turn over at rest
-        attributes = mesh.attributes
-        now = is_inverted(attributes, limits, a, b, c) + is_inverted(attributes, limits, b, a, d)
-        then = is_inverted(attributes, limits, a, d, c) + is_inverted(attributes, limits, b, c, d)
-        if then > now:
-            return False
-    return not _are_adjacent(mesh, before(i), d)
+    if limits.rest_column >= 0 and inverted_by_flip(mesh.attributes, limits, a, b, c, d) > 0:
+        return False
+    return not are_adjacent(mesh, before(i), d)
 
 
 @kernel((MESH_ARRAYS, numba.int64), **LEAN)
@@ -151,7 +155,7 @@ def _facing_obtuse(mesh: MeshArrays, f: int) -> int:
 
 
 @kernel((MESH_ARRAYS, numba.int64, CHANGES), **LEAN)
-def _flip_and_touch(mesh: MeshArrays, h: int, changes: Changes) -> None:
+def flip_and_touch(mesh: MeshArrays, h: int, changes: Changes) -> None:
     """Flip the edge of h, touch its faces, and keep listed edges listed under their new half-edges."""
     k = mesh.twin[h]
     beside, beyond = following(k), following(h)
@@ -178,7 +182,7 @@ def _flip_from(mesh: MeshArrays, h: int, limits: Limits, changes: Changes, stack
         k = twin[np.uint64(h)]
         at += 1
         if k >= 0 and should_flip(mesh, h, limits):
-            _flip_and_touch(mesh, h, changes)
+            flip_and_touch(mesh, h, changes)
             flips += 1
             push(stack, h)
             push(stack, preceding(h))

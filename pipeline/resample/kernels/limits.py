@@ -32,10 +32,11 @@ class Limits(NamedTuple):
     squared_slack: float = 1.0  # factor on the squared maximum for edges that a collapse makes
     rest_column: int = -1  # in `MeshArrays.attributes`: position at rest; -1 if there is none
     rest_normal_column: int = -1  # in `MeshArrays.attributes`: normal at rest; -1 if there is none
+    hard_by_angle: bool = True  # edges beyond hard_angle are hard in this frame; else tagged ones alone
 
 
 _F, _I = numba.float64, numba.int64
-LIMITS = numba.types.NamedTuple([_F, _F, _F, numba.boolean, _I, _F, _F, _I, _I], Limits)
+LIMITS = numba.types.NamedTuple([_F, _F, _F, numba.boolean, _I, _F, _F, _I, _I, numba.boolean], Limits)
 _PAIR = numba.types.UniTuple(numba.float64, 2)
 _TRIPLE = numba.types.UniTuple(numba.float64, 3)
 
@@ -56,11 +57,21 @@ def length_limits(mesh: MeshArrays, limits: Limits, a: int, b: int) -> tuple[flo
     return longest * longest, shortest * shortest
 
 
+ONLY_TAGGED = -2.0
+"""The cosine that makes no edge hard by its angle, and none by a rounding error."""
+
+
+@kernel(numba.float64(MESH_ARRAYS, LIMITS, numba.int64), **LEAN)
+def corner_cosine(mesh: MeshArrays, limits: Limits, v: int) -> float:
+    """Return the cosine of the turn above which a crease has a corner at vertex v."""
+    column = limits.field_column
+    return float(limits.hard_cosine if column < 0 else mesh.attributes[v, column + 2])
+
+
 @kernel(numba.float64(MESH_ARRAYS, LIMITS, numba.int64), **LEAN)
 def hard_cosine(mesh: MeshArrays, limits: Limits, v: int) -> float:
     """Return the cosine of the angle above which an edge at vertex v is hard."""
-    column = limits.field_column
-    return float(limits.hard_cosine if column < 0 else mesh.attributes[v, column + 2])
+    return corner_cosine(mesh, limits, v) if limits.hard_by_angle else ONLY_TAGGED
 
 
 @kernel(numba.float64(MATRIX, numba.int64, numba.int64), **LEAN)

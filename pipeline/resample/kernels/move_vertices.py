@@ -247,7 +247,7 @@ def relax_vertices(
         h = spokes[i + 1]
         v = mesh.vert[h]
         collect_ring(mesh, h, ring)
-        measure_ring(mesh, v, ring, limits.hard_cosine)
+        measure_faces(mesh, v, ring)
         for k in range(3):
             ring.place[k] = mesh.points[v, k]
         before = _worst_roundness(mesh, v, ring, ring.place, limits)
