@@ -48,7 +48,7 @@ class PipelineStage:
 
 SIMULATE = PipelineStage(
     "simulate",
-    version=7,
+    version=8,
     packages=("numba", "numpy", "trimesh"),
     doing="simulating",
     makes="mesh",

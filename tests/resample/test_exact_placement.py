@@ -13,6 +13,7 @@ from pipeline.mesh import TriangleMesh, box, dihedral_angles, icosphere, require
 from pipeline.mesh.analytic_surfaces import AnalyticSurface, SphereSurface, TorusSurface
 from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds, resample
 from pipeline.resample.rest_surface import ASTRAY, NORMAL, REST
+from tests.resample.battery import bipyramid
 
 Motion = Callable[[Points], Points]
 
@@ -20,6 +21,11 @@ Motion = Callable[[Points], Points]
 def edge_lengths(mesh: TriangleMesh) -> Floats:
     ends = mesh.vertices[mesh.faces]
     return np.linalg.norm(np.roll(ends, -1, axis=1) - ends, axis=2).reshape(-1)
+
+
+def volume(mesh: TriangleMesh) -> float:
+    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
 
 def random_motion(seed: int) -> Motion:
@@ -294,3 +300,13 @@ def test_p36_a_demand_for_rounder_triangles_is_met() -> None:
     as_it_comes, usual, demanding = (squeezed(shape) for shape in (0.0, 0.6, 0.85))
     assert as_it_comes < usual < demanding
     assert demanding > 0.65
+
+
+@pytest.mark.parametrize("placement", [Curved(), Exact(lambda rest: rest)])
+@pytest.mark.parametrize("height", [0.2, 0.5, 1.0])
+def test_cones_stay_cones(placement: Placement, height: float) -> None:
+    """Two cones base to base, of 60 long faces each: their slopes are straight, whatever their angle."""
+    cones = bipyramid(60, height)
+    mesh, report = resample(cones, Thresholds(0.15), placement)
+    assert report.splits > 200
+    assert volume(mesh) == pytest.approx(volume(cones), rel=0.03)

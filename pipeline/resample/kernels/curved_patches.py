@@ -29,7 +29,9 @@ from pipeline.resample.kernels.split import BIRTH_HALFEDGE
 MAX_OPPOSITE = 8
 _TABLE, _CORNER_PAIRS = numba.int32[:, ::1], numba.int32[:, :, ::1]
 _LEAST_COSINE = 0.5  # a crease that turns by more than 60 degrees has a corner there
-_MOST_RISE = 0.75  # of an edge's length, along the normal at an end: more of it, and the end is a tip
+_MOST_RISE = 0.342  # of an edge, along the normal at an end: sine of 20 degrees; with more the end is a tip
+_LEAST_RISE = 0.1  # with less an end is no tip
+_MOST_UNEVEN = 3.0  # an end that rises so many times as much as the other, on a crease, is a tip
 
 
 @kernel(numba.boolean(MESH_ARRAYS, numba.int64, numba.float64), **LEAN)
@@ -67,11 +69,11 @@ def _add_face_normal(mesh: MeshArrays, h: int, total: Floats, at: int) -> None:
     total[at + 2] += weight * z
 
 
-@kernel((MESH_ARRAYS, numba.int64, numba.float64, VECTOR, numba.int64), **LEAN)
-def side_normal(mesh: MeshArrays, h: int, cosine: float, out: Floats, at: int) -> None:
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64, numba.float64, VECTOR, numba.int64), **LEAN)
+def side_normal(mesh: MeshArrays, h: int, cosine: float, out: Floats, at: int) -> bool:
     """Write the unit normal of the smooth surface at the start of h, up to the next creases, into `out[at:]`.
 
-    The edge of h must be soft.
+    The edge of h must be soft. Returns whether all edges around are.
     """
     twin = mesh.twin
     out[at] = out[at + 1] = out[at + 2] = 0.0
@@ -92,6 +94,7 @@ def side_normal(mesh: MeshArrays, h: int, cosine: float, out: Floats, at: int) -
     if length > 0.0:
         for i in range(3):
             out[at + i] /= length
+    return whole
 
 
 @kernel(numba.int64(MESH_ARRAYS, numba.int64, numba.int64, numba.float64), **LEAN)
@@ -180,29 +183,33 @@ def _bend_patch(
     """Move `places[i]` from the midpoint of a soft edge onto the cubic normal to the surface at both ends.
 
     A tip, such as that of a cone, has no tangent plane: the curve leaves it along the edge. Otherwise long
-    faces around a tip would bulge.
+    faces around it would bulge, and a flat cone would gain a quarter of its volume. An end is a tip if its
+    normal leans far along the edge, or much more than the normal at the other end, if that lies on a crease.
 
     Source: Vlachos, Peters, Boyd & Mitchell, *Curved PN Triangles* (2001), the border curve at one half.
     """
     points, vert = mesh.points, mesh.vert
     a, b = vert[h], vert[following(new)]
-    side_normal(mesh, h, cosine, scratch, 0)
-    side_normal(mesh, mesh.twin[new], cosine, scratch, 3)
-    rise, fall, length = 0.0, 0.0, 0.0
+    a_is_smooth = side_normal(mesh, h, cosine, scratch, 0)
+    b_is_smooth = side_normal(mesh, mesh.twin[new], cosine, scratch, 3)
+    rise, fall, norm = 0.0, 0.0, 0.0
     for k in range(3):
         rise += (points[b, k] - points[a, k]) * scratch[k]
         fall += (points[a, k] - points[b, k]) * scratch[3 + k]
-    most = _MOST_RISE * math.sqrt(squared_length(points, a, b))
+    length, up, down = math.sqrt(squared_length(points, a, b)), abs(rise), abs(fall)
+    least, most = _LEAST_RISE * length, _MOST_RISE * length
+    a_is_tip = up > most or (not b_is_smooth and up > max(least, _MOST_UNEVEN * down))
+    b_is_tip = down > most or (not a_is_smooth and down > max(least, _MOST_UNEVEN * up))
     for k in range(3):
-        if abs(rise) > most:
+        if a_is_tip:
             scratch[k] = 0.0
-        if abs(fall) > most:
+        if b_is_tip:
             scratch[3 + k] = 0.0
         normals[i, k] = scratch[k] + scratch[3 + k]
-        length += normals[i, k] ** 2
+        norm += normals[i, k] ** 2
     for k in range(3):
         places[i, k] -= 0.125 * (rise * scratch[k] + fall * scratch[3 + k])
-        normals[i, k] /= math.sqrt(length) if length > 0.0 else 1.0
+        normals[i, k] /= math.sqrt(norm) if norm > 0.0 else 1.0
 
 
 @kernel(numba.int64(MESH_ARRAYS, numba.int64, numba.int64), **LEAN)
