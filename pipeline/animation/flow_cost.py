@@ -39,10 +39,11 @@ class FlowCost:
     gradient    sub-steps of every vertex, since velocities differ from place to place
     length      sub-steps of a vertex on average, since one may move it by `max_step` only
     distance    units that a vertex moves in the frame, on average
-    max_step    units; infinite without resampling
+    max_step    units; infinite where the velocities are linear in the position
+    is_given    tells whether the shot sets `max_step`
     is_fixed    tells whether the shot sets `substeps`
     settings    the parameters that the number of sub-steps follows from
-    coarser     the setting `max_step` with which ENOUGH sub-steps remain, in edges
+    coarser     the setting `max_step` with which ENOUGH sub-steps remain, in edges; None without edges
     fit         how to fit the model, where that lowers the sub-steps; else empty
     """
 
@@ -54,9 +55,10 @@ class FlowCost:
     length: float
     distance: float
     max_step: float
+    is_given: bool
     is_fixed: bool
     settings: Sensitivity
-    coarser: float
+    coarser: float | None
     fit: tuple[str, ...]
 
     @property
@@ -76,9 +78,10 @@ class FlowCost:
         if self.substeps <= FEW:
             return "there are many vertices"
         if self.length > self.gradient:
+            reason = "max_step × max_edge_length" if self.is_given else "half the size of its smallest detail"
             return (
                 f"it moves a vertex by {self.distance:.3g} units a frame, and by {self.max_step:.3g} at most "
-                "in one sub-step (max_step × max_edge_length)"
+                f"in one sub-step ({reason})"
             )
         if self.is_fixed:
             return "the shot sets substeps"
@@ -95,8 +98,11 @@ class FlowCost:
         if self.substeps <= FEW:
             return ["raise resample.max_edge_length"]
         if self.length > COMPARABLE * self.gradient:  # else the gradient keeps the number
-            coarser = f"write max_step: {self.coarser:.2g}, which is less exact"
-            return [*self.fit, *parameters, "raise resample.max_edge_length", coarser]
+            edges = ["raise resample.max_edge_length"] if self.is_given else []
+            less = (
+                [] if self.coarser is None else [f"write max_step: {self.coarser:.2g}, which is less exact"]
+            )
+            return [*self.fit, *parameters, *edges, *less]
         if self.gradient > COMPARABLE * self.length:
             substeps = max(FEW, math.ceil(self.gradient / 20))
             return [*parameters, *fewer, f"write substeps: {substeps}, which is less exact"]
@@ -121,7 +127,8 @@ def costliest_flow(motion: Motion, frame: int, points: Points) -> FlowCost | Non
 
 def flow_costs(motion: Motion, frame: int, points: Points) -> list[FlowCost]:
     """Return the costs of all flows along velocities; arguments and errors are those of `costliest_flow`."""
-    return [_cost(motion, points, *step) for step in along_velocities(motion, frame)]
+    edge = motion.longest_edge(frame)
+    return [_cost(motion, points, edge, *step) for step in along_velocities(motion, frame)]
 
 
 def along_velocities(motion: Motion, frame: int) -> Iterator[tuple[str, Streamlines, float, float]]:
@@ -134,25 +141,31 @@ def along_velocities(motion: Motion, frame: int) -> Iterator[tuple[str, Streamli
                 yield f"flows.{k}", step.flow, step.time, step.dt
 
 
-def _cost(motion: Motion, points: Points, place: str, flow: Streamlines, time: float, dt: float) -> FlowCost:
+def _cost(
+    motion: Motion, points: Points, edge: float | None, place: str, flow: Streamlines, time: float, dt: float
+) -> FlowCost:
     sample = points[:: max(1, len(points) // SAMPLE)]
     extent = float(np.ptp(points, axis=0).max())
-    max_step = math.inf if flow.max_step is None else flow.max_step
+    max_step = flow.longest_step(time, dt)
     distance = _distance(flow, sample, time, dt)
     length = distance / max_step
     fit: tuple[str, ...] = ()
-    if isinstance(motion.subject, Model) and extent > 10.0 * TYPICAL_EXTENT:
+    if isinstance(motion.subject, Model) and extent > 10.0 * TYPICAL_EXTENT and edge is not None:
         factor = TYPICAL_EXTENT / extent
-        fitted = _distance(flow, factor * (sample - sample.mean(axis=0)), time, dt) / (factor * max_step)
+        longest = max_step if flow.max_step is None else factor * max_step
+        fitted = _distance(flow, factor * (sample - sample.mean(axis=0)), time, dt) / longest
         if COMPARABLE * fitted < length:
-            edge = factor * max_step / motion.max_step
-            fit = (f"write subject.fit: {TYPICAL_EXTENT:g} and resample.max_edge_length: {edge:.2g}",)
+            fit = (
+                f"write subject.fit: {TYPICAL_EXTENT:g} and resample.max_edge_length: {factor * edge:.2g}",
+            )
     gradient = flow.gradient_substeps(time, dt)
 
     def substeps_of(field: VelocityField) -> float:
         """Return what decides the sub-steps if the flow had only this field."""
         alone = replace(flow, field=field, substeps=None)
-        return _distance(alone, sample, time, dt) if length > gradient else field.gradient_bound(time)
+        if length > gradient:
+            return _distance(alone, sample, time, dt) / alone.longest_step(time, dt)
+        return field.gradient_bound(time)
 
     leaves = [leaf for leaf, _ in flow.field.leaves(sample[0], time)]
     settings = sensitivity(max(leaves, key=substeps_of), substeps_of, time)
@@ -165,9 +178,10 @@ def _cost(motion: Motion, points: Points, place: str, flow: Streamlines, time: f
         length=length,
         distance=distance,
         max_step=max_step,
+        is_given=flow.max_step is not None,
         is_fixed=flow.substeps is not None,
         settings=settings,
-        coarser=motion.max_step * length / ENOUGH,
+        coarser=None if edge is None else distance / ENOUGH / edge,
         fit=fit,
     )
 

@@ -25,6 +25,9 @@ from pipeline.flow.velocity import Program, VelocityField, grouped, scaled, tran
 GRID = 9
 """Samples of the speed of a field in a region, along each side of the region's box."""
 
+JUMP = 0.05
+"""The length scale where a region has no falloff, of half the shortest side of its box."""
+
 CLOSE = 1e-14
 """The distance of an inverse's image from its point, relative to their distance from the origin."""
 
@@ -43,6 +46,9 @@ class Sum(VelocityField):
     def gradient_bound(self, time: float) -> float:
         return sum(field.gradient_bound(time) for field in self.fields)
 
+    def length_scale(self, time: float) -> float:
+        return min((f.length_scale(time) for f in self.fields if f.gradient_bound(time) > 0), default=np.inf)
+
     def leaves(self, point: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
         for field in self.fields:
             yield from field.leaves(point, time)
@@ -60,6 +66,9 @@ class _Modified(VelocityField):
 
     def gradient_bound(self, time: float) -> float:
         return self.field.gradient_bound(time)
+
+    def length_scale(self, time: float) -> float:
+        return self.field.length_scale(time)
 
     def leaves(self, point: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
         return self.field.leaves(point, time)
@@ -115,6 +124,12 @@ class RegionField(_Modified):
         between = inside * float(np.linalg.norm(half)) / (GRID - 1)
         return inside + MAX_SLOPE[self.region.falloff_type] / falloff * (fastest + between)
 
+    def length_scale(self, time: float) -> float:
+        """Return the field's, or the falloff. Where the velocity jumps, return a small part of the region."""
+        falloff = self.region.falloff_at(time)
+        _, half = self.region.bounds(time)
+        return min(self.field.length_scale(time), falloff if falloff > 0 else JUMP * min(half))
+
     @property
     def name(self) -> str:
         return f"{self.field.name} within a {self.region.name}"
@@ -129,6 +144,10 @@ class TransformedField(_Modified):
     def program(self, time: float) -> Program:
         origin, axes = self.transform.at(time)
         return transformed(self.field.program(time), tuple(origin.tolist()), axes)
+
+    def length_scale(self, time: float) -> float:
+        shortest = float(np.linalg.norm(self.transform.at(time)[1], ord=-2))
+        return shortest * self.field.length_scale(time)
 
     def leaves(self, point: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
         origin, axes = self.transform.at(time)

@@ -6,6 +6,7 @@ A flow may be a user's code: its results are checked before a surface uses them.
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.errors import FlowsculptError, FrameError
+from pipeline.flow.catalogue.deformations import Deformation
 from pipeline.flow.catalogue.user_fields import FormulaField
 from pipeline.flow.flow import Flow, FlowStep
 from pipeline.flow.streamlines import StepPlan, Streamlines
@@ -161,6 +163,13 @@ class PlannedSteps:
         return PlannedSteps(StepPlan.joined([self.plan, more.plan]), self.steps + more.steps)
 
 
+@dataclass(frozen=True)
+class PreparedStep:
+    """A step of a deformation, with its numbers computed once."""
+
+    apply: Callable[[Points], Points]
+
+
 class FlowMap:
     """The steps of a shot since its rest frame, which move rest points through all of them at once.
 
@@ -172,7 +181,7 @@ class FlowMap:
 
     def __init__(self) -> None:
         self._steps: list[FrameStep] = []
-        self._parts: list[PlannedSteps | FrameStep] = []
+        self._parts: list[PlannedSteps | PreparedStep | FrameStep] = []
 
     def __len__(self) -> int:
         """The number of frames."""
@@ -211,11 +220,13 @@ class FlowMap:
         return points
 
 
-def _planned(step: FrameStep) -> PlannedSteps | FrameStep:
-    """Return a step along streamlines as planned sub-steps, and any other unchanged."""
-    if not isinstance(step.flow, Streamlines):
+def _planned(step: FrameStep) -> PlannedSteps | PreparedStep | FrameStep:
+    """Return a step along streamlines as planned sub-steps, a deformation prepared, any other unchanged."""
+    if not isinstance(step.flow, Streamlines | Deformation):
         return step
     try:
+        if isinstance(step.flow, Deformation):
+            return PreparedStep(step.flow.prepared(step.time, step.dt))
         return PlannedSteps(step.flow.step_plan(step.time, step.dt), (step,))
     except (FlowsculptError, ArithmeticError) as error:
         raise flow_error(error, step.flow, step.frame) from error

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby
+from itertools import groupby, pairwise
 from time import perf_counter
 from typing import Any, ClassVar, NamedTuple
 
@@ -18,7 +18,7 @@ from pipeline.flow.flow import Flow
 from pipeline.flow.kernels import adaptive
 from pipeline.flow.kernels import streamlines as kernels
 from pipeline.flow.kernels.instructions import BLOCK, COLUMNS, EXTERNAL
-from pipeline.flow.parameters import kernel_points
+from pipeline.flow.parameters import kernel_points, vector_at
 from pipeline.flow.velocity import Program, VelocityField, opcodes_of, sensitivity, table_of
 from pipeline.mesh.point_order import morton_order
 from pipeline.progress import report_progress
@@ -29,6 +29,9 @@ STEP_LIMIT = 0.1
 The classical Runge-Kutta step leaves out the terms of the exponential from (h L)^5 / 120 on, so that at a
 tenth the error of a sub-step is about 1e-7 of the distance over which the field varies.
 """
+
+LENGTH_SHARE = 0.5
+"""The longest move of a point in a sub-step, in length scales of the field."""
 
 ADAPTIVE_LIMIT = 0.5
 """The largest sub-step × gradient bound where the error is estimated: within it the estimate is reliable."""
@@ -120,6 +123,10 @@ class StepPlan(NamedTuple):
         under the name of the `activity`, and that Ctrl-C ends a long frame.
         """
         points = kernel_points(points)
+        if not self.halved and len(points) <= BLOCK and len(points) * len(self.spans) <= PARALLEL_FROM:
+            out = np.empty_like(points)  # as below, without what takes longer than so few points
+            kernels.advect(points, *self[:4], self.halved, out)
+            return out
         # Neighbours halve sub-steps alike, and share what turbulence computes once for a place.
         gains_from_order = len(points) > BLOCK and (self.halved or EXTERNAL in self.opcodes)
         order = morton_order(points) if gains_from_order else None
@@ -160,10 +167,12 @@ class Streamlines(Flow):
     substeps   the number of sub-steps of a frame; None chooses the fewest whose length × gradient bound is
                below STEP_LIMIT, or with a tolerance ADAPTIVE_LIMIT
     tolerance  the largest error of a sub-step, scene units, by the estimate of an embedded method of order 3
-    max_step   the longest displacement of a point in a sub-step, scene units
+    max_step   the longest displacement of a point in a sub-step, scene units; None is LENGTH_SHARE of the
+               field's length scale, or any where `substeps` is given
 
-    With a tolerance or a maximum step each point halves its sub-steps until they meet it, up to MAX_SUBSTEPS
-    a frame: see `kernels.adaptive`.
+    Each point halves its sub-steps until they meet the tolerance and the maximum step, up to MAX_SUBSTEPS a
+    frame: see `kernels.adaptive`. The gradient bound alone would not do: where one field carries a point fast
+    and evenly, the point could pass by a narrow vortex of another.
     """
 
     field: VelocityField
@@ -176,7 +185,7 @@ class Streamlines(Flow):
     def displace(self, points: Points, time: float, dt: float) -> Points:
         """Advect points. Raises FrameError where a point would need more than MAX_SUBSTEPS."""
         moved = self.step_plan(time, dt).follow(points, self.name)
-        if self.is_adaptive:
+        if self.is_halved(time, dt):
             finite = np.isfinite(moved)
             if not finite.all():
                 lost = ~finite.all(axis=1)
@@ -186,10 +195,18 @@ class Streamlines(Flow):
     def with_max_step(self, max_step: float) -> Streamlines:
         return replace(self, max_step=max_step)
 
-    @property
-    def is_adaptive(self) -> bool:
-        """Tell whether points halve their sub-steps."""
-        return self.tolerance is not None or self.max_step is not None
+    def is_halved(self, time: float, dt: float) -> bool:
+        """Tell whether points may halve their sub-steps."""
+        return self.tolerance is not None or self.longest_step(time, dt) < math.inf
+
+    def longest_step(self, time: float, dt: float) -> float:
+        """Return the longest displacement of a point in a sub-step, scene units; infinite where none is."""
+        if self.max_step is not None:
+            return self.max_step
+        if self.substeps:
+            return math.inf
+        shortest = min(self.field.length_scale(t) for t in (time, time + dt / 2, time + dt))
+        return LENGTH_SHARE * shortest
 
     def step_plan(self, time: float, dt: float, finest: bool = False) -> StepPlan:
         """Return the sub-steps of a step; `finest`: as fine as a point may need them.
@@ -210,7 +227,7 @@ class Streamlines(Flow):
         steps = np.zeros((count, 6), np.int64)
         steps[:, 1], steps[:, 3:] = len(opcodes), halving
         steps[:, 2] = halving.tables * len(opcodes) * COLUMNS * np.arange(count)
-        limits = [math.inf if limit is None else limit for limit in (self.tolerance, self.max_step)]
+        limits = [math.inf if self.tolerance is None else self.tolerance, self.longest_step(time, dt)]
         spans = np.tile([dt / count, *limits], (count, 1))
         owners = tuple(row.owner for row in programs[0] if row.owner is not None)
         return StepPlan(opcodes, tables.ravel(), steps, spans, owners, finest or self.tolerance is not None)
@@ -220,14 +237,16 @@ class Streamlines(Flow):
         wanted = self.gradient_substeps(time, dt)
         feasible = wanted <= MAX_SUBSTEPS
         count = int(wanted) if feasible else 1
-        halving = self._halving(count, finest=self.is_adaptive)
+        is_halved = self.is_halved(time, dt)
+        halving = self._halving(count, finest=is_halved)
         programs = [
             [row.as_data() for row in program] for program in self._programs(time, dt, count * halving.tables)
         ]
         step = dt / count if feasible else None
-        if not self.is_adaptive:
+        if not is_halved:
             return {"streamlines": programs, "step": step}
-        limits = {"tolerance": self.tolerance, "max_step": self.max_step}
+        longest = self.longest_step(time, dt)
+        limits = {"tolerance": self.tolerance, "max_step": longest if longest < math.inf else None}
         runs = [[len(list(group)), program] for program, group in groupby(programs)]
         return {"streamlines": runs, "step": step, **limits}
 
@@ -238,13 +257,31 @@ class Streamlines(Flow):
     def gradient_substeps(self, time: float, dt: float) -> float:
         """Return the sub-steps of a step before any is halved: as given, or by the gradient bound.
 
-        The bound is the largest of start, middle and end; infinite where it is not finite.
+        The bound is the largest of start, middle and end; infinite where it is not finite. A field that moves
+        itself, as a vortex with a keyed centre does, passes no point between two stages either.
         """
         if self.substeps:
             return self.substeps
         bound = max(self.field.gradient_bound(t) for t in (time, time + dt / 2, time + dt))
         wanted = bound * abs(dt) / (STEP_LIMIT if self.tolerance is None else ADAPTIVE_LIMIT)
+        if self.max_step is None:
+            wanted = max(wanted, self._drift(time, dt) / LENGTH_SHARE)
         return max(1, math.ceil(wanted)) if math.isfinite(wanted) else math.inf
+
+    def _drift(self, time: float, dt: float) -> float:
+        """Return how far the fields move themselves in a step, at most, in their length scales."""
+        times = (time, time + dt / 2, time + dt)
+        drift = 0.0
+        for seen in zip(*(self.field.leaves(np.zeros(3), t) for t in times), strict=True):
+            leaf = seen[1][0]
+            places = [
+                point - vector_at(leaf.centre, t) if hasattr(leaf, "centre") else point
+                for (leaf, point), t in zip(seen, times, strict=True)
+            ]
+            moved = sum(math.dist(one, other) for one, other in pairwise(places))
+            if moved and leaf.gradient_bound(times[1]) > 0:
+                drift = max(drift, moved / leaf.length_scale(times[1]))
+        return drift
 
     def _remedy(self, time: float) -> str:
         """Return what lowers the number of sub-steps, as a sentence."""
@@ -279,8 +316,8 @@ class Streamlines(Flow):
         where = ", ".join(f"{x:.4g}" for x in points[failed[0]])
         bounds = [
             f"{what} {limit:.3g} units"
-            for what, limit in (("an error of", self.tolerance), ("a step of", self.max_step))
-            if limit is not None
+            for what, limit in (("an error of", self.tolerance), ("a step of", self.longest_step(time, dt)))
+            if limit is not None and limit < math.inf
         ]
         raise FrameError(
             f"flow {self.name} at {time:g} s needs more than {MAX_SUBSTEPS} sub-steps a frame to move the "

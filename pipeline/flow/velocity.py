@@ -85,6 +85,13 @@ class VelocityField(ABC):
     def gradient_bound(self, time: float) -> float:
         """Return a bound of the velocity gradient's norm, in 1/s: it decides the number of sub-steps."""
 
+    @abstractmethod
+    def length_scale(self, time: float) -> float:
+        """Return the shortest length over which the velocity varies, scene units; infinite if it is linear.
+
+        A sub-step crosses a part of it only, so that no point passes by a narrow vortex between two stages.
+        """
+
     def leaves(self, point: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
         """Yield the fields it is composed of, each with a point (3,) in that field's coordinates."""
         yield self, point

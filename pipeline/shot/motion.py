@@ -94,17 +94,14 @@ def thresholds_data(thresholds: Thresholds) -> dict[str, Any]:
     return data
 
 
-DEFAULT_MAX_STEP = 0.5
-"""Edge lengths: a sub-step does not skip detail between the ends of an edge."""
-
-
 @dataclass(frozen=True)
 class Motion:
     """Everything that decides the mesh of every frame.
 
     resampling  None is off: vertices only move
     speed       rate of the flow's time over the time of the frames
-    max_step    longest move of a vertex in a sub-step along velocities, in edges of the maximum length
+    max_step    longest move of a vertex in a sub-step along velocities, in edges of the maximum length; None
+                is as far as the length scale of the flow allows, whatever the edges
     """
 
     frames: FrameRange
@@ -113,7 +110,7 @@ class Motion:
     flow: Flow
     resampling: Resampling | None
     speed: Number = 1.0
-    max_step: float = DEFAULT_MAX_STEP
+    max_step: float | None = None
 
     @cached_property
     def clock(self) -> Clock:
@@ -148,16 +145,13 @@ class Motion:
         return latest
 
     def limit_steps(self, flow: Flow, frame: int) -> Flow:
-        """Return a flow whose sub-steps into that frame are no longer than `max_step`.
+        """Return a flow whose sub-steps into that frame are no longer than `max_step`, if there is one.
 
         The maximum length is that of the frame; the coarsest where it depends on curvature or the camera. A
         formula bounds nothing, and so does a motion without resampling.
         """
-        resampling = self.resampling_at(frame)
-        longest = None if resampling is None else resampling.thresholds.max_edge_length
-        if isinstance(longest, Curvature | DistanceToCamera):
-            longest = longest.coarsest
-        if not isinstance(longest, float):
+        longest = self.longest_edge(frame)
+        if self.max_step is None or longest is None:
             return flow
         bounded: Flow
         unbounded, length, bounded = self._latest.get("bounded", (None, None, flow))
@@ -165,6 +159,14 @@ class Motion:
             bounded = flow.with_max_step(self.max_step * longest)
             self._latest["bounded"] = flow, longest, bounded
         return bounded
+
+    def longest_edge(self, frame: int) -> float | None:
+        """Return the maximum edge length of a frame, the coarsest of several; None where there is none."""
+        resampling = self.resampling_at(frame)
+        longest = None if resampling is None else resampling.thresholds.max_edge_length
+        if isinstance(longest, Curvature | DistanceToCamera):
+            longest = longest.coarsest
+        return longest if isinstance(longest, float) else None
 
     def mesh_at_rest(self) -> TriangleMesh:
         """Return the subject's mesh, as fine as the first frame needs it.

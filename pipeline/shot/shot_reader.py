@@ -24,7 +24,7 @@ from pipeline.shot.documents.lights_and_stage import StageDocument
 from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.shot import ShotDocument
 from pipeline.shot.model_subject import Model
-from pipeline.shot.motion import DEFAULT_MAX_STEP, Motion
+from pipeline.shot.motion import Motion
 from pipeline.shot.point_subjects import CloudOfFile, ControlNet, NetOfFile
 from pipeline.shot.shot import AovSelection, Picture, Shot
 from pipeline.shot.subject import Subject
@@ -158,7 +158,7 @@ def _motion(document: ShotDocument, clock: Clock, folder: Path) -> Motion:
         flow=Sequence(flows),
         resampling=resample.build(clock) if isinstance(resample, ResampleDocument) else None,
         speed=number(document.speed, clock),
-        max_step=DEFAULT_MAX_STEP if document.max_step is None else float(document.max_step),
+        max_step=None if document.max_step is None else float(document.max_step),
     )
 
 

@@ -36,9 +36,9 @@ SPINNING = "rotation: {speed: 90000}"
 """Many sub-steps, and no edge that grows longer."""
 
 
-def shot_of(folder: Path, flow: str) -> Shot:
+def shot_of(folder: Path, flow: str, more: str = "") -> Shot:
     path = folder / "turbulence.yaml"
-    path.write_text(TURBULENT.format(flow=flow))
+    path.write_text(TURBULENT.format(flow=flow) + more)
     return read_shot(path)
 
 
@@ -113,10 +113,22 @@ def test_the_settings_that_are_named_as_remedies_lower_the_sub_steps(tmp_path: P
 
 
 def test_steps_that_edges_limit_are_blamed_on_edges(tmp_path: Path) -> None:
-    motion = shot_of(tmp_path, "translation: {rate: [9000, 0, 0]}").motion
+    motion = shot_of(tmp_path, "translation: {rate: [9000, 0, 0]}", "max_step: 0.5").motion
     cost = costliest_flow(motion, 2, next(iter(animate(motion))).mesh.vertices)
     assert cost is not None and cost.length > cost.gradient
     assert "max_step × max_edge_length" in str(cost) and "raise resample.max_edge_length" in str(cost).lower()
+
+
+def test_steps_that_a_narrow_vortex_limits_are_blamed_on_it(tmp_path: Path) -> None:
+    swept = "sum: [{translation: {rate: [900, 0, 0]}}, {vortex: {radius: 0.1, strength: 0.01}}]"
+    motion = shot_of(tmp_path, swept).motion
+    points = next(iter(animate(motion))).mesh.vertices
+    cost = costliest_flow(motion, 2, points)
+    assert cost is not None and cost.length > cost.gradient and cost.max_step == pytest.approx(0.05)
+    assert "half the size of its smallest detail" in str(cost) and "Raise radius" in str(cost)
+    coarser = shot_of(tmp_path, swept, f"max_step: {cost.coarser}").motion
+    eased = costliest_flow(coarser, 2, points)
+    assert eased is not None and eased.substeps == pytest.approx(50, rel=0.1)
 
 
 def test_maps_have_no_sub_steps(tmp_path: Path) -> None:

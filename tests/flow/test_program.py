@@ -43,6 +43,9 @@ class Programmed(VelocityField):
     def gradient_bound(self, time: float) -> float:
         return 5.0
 
+    def length_scale(self, time: float) -> float:
+        return math.inf
+
 
 def velocity(rows: Program, points: Points = POINTS) -> Points:
     return Programmed(rows).velocity(points, 0.0)

@@ -172,8 +172,8 @@ def test_a_shot_says_how_its_velocities_are_followed(tmp_path: Path) -> None:
         assert isinstance(first, Sequence) and isinstance(first.flows[0], Streamlines)
         return first.flows[0].substeps, first.flows[0].tolerance, first.flows[0].max_step
 
-    assert settings_of(motion("")) == settings_of(motion("integrator: rk4")) == (None, None, 0.125)
-    assert settings_of(motion("integrator: adaptive")) == (None, 1e-5, 0.125)
+    assert settings_of(motion("")) == settings_of(motion("integrator: rk4")) == (None, None, None)
+    assert settings_of(motion("integrator: adaptive")) == (None, 1e-5, None)
     assert settings_of(motion("integrator: adaptive\ntolerance: 0.001\nmax_step: 2")) == (None, 1e-3, 0.5)
     assert settings_of(motion("substeps: 3\nmax_step: 0.1")) == (3, None, 0.025)
     plain, adaptive = motion(""), motion("integrator: adaptive")
@@ -189,10 +189,11 @@ def test_a_shot_says_how_its_velocities_are_followed(tmp_path: Path) -> None:
         ("{formula: 0.2 + 0.1*abs(y)}", None),
     ],
 )
-def test_strides_are_shares_of_the_longest_edge_of_their_frame(
+def test_maximum_steps_are_shares_of_the_longest_edge_of_their_frame(
     tmp_path: Path, lengths: str, max_step: float | None
 ) -> None:
-    motion = read_shot(written(tmp_path, GOOD.replace("0.25}", f"{lengths}}}"))).motion
+    text = GOOD.replace("0.25}", f"{lengths}}}").replace("\ncamera:", "\nmax_step: 0.5\ncamera:")
+    motion = read_shot(written(tmp_path, text)).motion
     flow = motion.limit_steps(motion.flow, 13)
     assert isinstance(flow, Sequence) and isinstance(flow.flows[0], Streamlines)
     assert flow.flows[0].max_step == pytest.approx(max_step)

@@ -130,6 +130,9 @@ class Attraction(ExternalField):
         """Return the bound for convex targets; see above for others."""
         return abs(number_at(self.rate, time))
 
+    def length_scale(self, time: float) -> float:
+        return number_at(self.radius, time)
+
 
 @dataclass(frozen=True)
 class Wind(ExternalField):
@@ -175,3 +178,7 @@ class Wind(ExternalField):
         return abs(number_at(self.speed, time)) * (
             FALLOFF_SLOPE / number_at(self.radius, time) + self._curve[3]
         )
+
+    def length_scale(self, time: float) -> float:
+        """Return the radius, or that of the sharpest bend."""
+        return min(number_at(self.radius, time), 1.0 / max(self._curve[3], 1e-12))

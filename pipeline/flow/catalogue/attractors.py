@@ -64,6 +64,10 @@ class Attractor(BasicField):
     def gradient_bound(self, time: float) -> float:
         return abs(number_at(self.time_scale, time)) * self._gradient(self._parameters(time))
 
+    def length_scale(self, time: float) -> float:
+        """Return half the `reach`: over it the gradient, linear in the position or about so, changes."""
+        return 0.5 * self.reach / number_at(self.scale, time)
+
 
 @dataclass(frozen=True)
 class Lorenz(Attractor):
@@ -185,6 +189,9 @@ class Thomas(Attractor):
     def _gradient(self, parameters: tuple[float, ...]) -> float:
         (b,) = parameters
         return 1.0 + abs(b)
+
+    def length_scale(self, time: float) -> float:
+        return 1.0 / number_at(self.scale, time)
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,15 @@ from pipeline.flow.parameters import (
 from pipeline.flow.velocity import BasicField
 
 
+class _LinearField(BasicField):
+    """The base of velocities that are linear in the position."""
+
+    def length_scale(self, time: float) -> float:
+        return math.inf
+
+
 @dataclass(frozen=True)
-class Translation(BasicField):
+class Translation(_LinearField):
     """Uniform motion: the same velocity everywhere; keeps volume."""
 
     opcode: ClassVar[int] = kernels.TRANSLATION
@@ -41,7 +48,7 @@ class Translation(BasicField):
 
 
 @dataclass(frozen=True)
-class Rotation(BasicField):
+class Rotation(_LinearField):
     """Turns everything about a line: velocity = speed · axis × r; keeps volume."""
 
     opcode: ClassVar[int] = kernels.ROTATION
@@ -60,7 +67,7 @@ class Rotation(BasicField):
 
 
 @dataclass(frozen=True)
-class Scaling(BasicField):
+class Scaling(_LinearField):
     """Grows everything from a centre, uniformly or along each axis: velocity = rate · r.
 
     Lengths along an axis grow as exp(rate × seconds); the divergence is the sum of the three rates.
@@ -81,7 +88,7 @@ class Scaling(BasicField):
 
 
 @dataclass(frozen=True)
-class Strain(BasicField):
+class Strain(_LinearField):
     """Lengthens along an axis and narrows across it; keeps volume.
 
     Velocity = rate · height along the axis and −rate/2 · r across it. Length grows as exp(rate × seconds);
@@ -129,6 +136,9 @@ class Source(BasicField):
         """Return the gradient at the centre, where it is largest."""
         return abs(number_at(self.flux, time)) / (4 * math.pi * number_at(self.radius, time) ** 3)
 
+    def length_scale(self, time: float) -> float:
+        return number_at(self.radius, time)
+
 
 @dataclass(frozen=True)
 class Sink(Source):
@@ -167,6 +177,9 @@ class Expansion(BasicField):
     def gradient_bound(self, time: float) -> float:
         return abs(number_at(self.rate, time))
 
+    def length_scale(self, time: float) -> float:
+        return number_at(self.radius, time)
+
 
 @dataclass(frozen=True)
 class Squeeze(BasicField):
@@ -201,6 +214,9 @@ class Squeeze(BasicField):
         """Bound the gradient: the rate at the centre, and shear that grows as the grip departs from round."""
         slender = number_at(self.radius, time) / number_at(self.length, time)
         return abs(number_at(self.rate, time)) * (1.0 + 0.75 * slender + 0.75 / slender)
+
+    def length_scale(self, time: float) -> float:
+        return min(number_at(self.radius, time), number_at(self.length, time))
 
 
 LINEAR: tuple[type, ...] = (Translation, Rotation, Scaling, Strain)

@@ -46,6 +46,9 @@ class ABC(BasicField):
     def gradient_bound(self, time: float) -> float:
         return self._wave(time) * math.hypot(*self._speeds(time))
 
+    def length_scale(self, time: float) -> float:
+        return 1.0 / self._wave(time)
+
     def _wave(self, time: float) -> float:
         return 2 * math.pi / number_at(self.scale, time)
 
@@ -76,6 +79,9 @@ class TaylorGreen(BasicField):
 
     def gradient_bound(self, time: float) -> float:
         return math.sqrt(2.0) * self._wave(time) * abs(number_at(self.speed, time))
+
+    def length_scale(self, time: float) -> float:
+        return 1.0 / self._wave(time)
 
     def _wave(self, time: float) -> float:
         return math.pi / number_at(self.scale, time)
@@ -115,6 +121,10 @@ class DoubleGyre(BasicField):
         swing = abs(self._swing(time))
         return rate * (math.pi * (1.0 + 2.0 * swing) ** 2 + 2.0 * swing)
 
+    def length_scale(self, time: float) -> float:
+        """Return that of the waves, which are the narrower the larger the slope of f."""
+        return number_at(self.scale, time) / (math.pi * (1.0 + 2.0 * abs(self._swing(time))))
+
     def _swing(self, time: float) -> float:
         return number_at(self.swing, time) * math.sin(2 * math.pi * time / self.period)
 
@@ -149,6 +159,9 @@ class Enright(BasicField):
     def gradient_bound(self, time: float) -> float:
         """Return 4π times the factor, reached on an axis of the cube, half way from its centre to a face."""
         return 4 * math.pi * abs(self._factor(time))
+
+    def length_scale(self, time: float) -> float:
+        return number_at(self.scale, time) / (2 * math.pi)
 
     def _factor(self, time: float) -> float:
         return math.cos(math.pi * time / self.period)
@@ -187,6 +200,9 @@ class Kneading(BasicField):
     def gradient_bound(self, time: float) -> float:
         """Return the bound at the peak of a stroke, so that none is missed between two times."""
         return self._wave(time) * abs(number_at(self.amount, time)) * 8.0 / self.period
+
+    def length_scale(self, time: float) -> float:
+        return 1.0 / self._wave(time)
 
     def _wave(self, time: float) -> float:
         return 2 * math.pi / number_at(self.scale, time)

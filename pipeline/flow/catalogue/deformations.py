@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -37,6 +38,8 @@ from pipeline.flow.parameters import (
     unit,
 )
 
+Deform = Callable[[Points, Points], None]
+
 
 @dataclass(frozen=True)
 class Deformation(Flow):
@@ -47,21 +50,30 @@ class Deformation(Flow):
     amount: Annotated[Number, ParameterDoc("how much", required=True)] = 0.0
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
-        points = kernel_points(points)
+        return self.prepared(time, dt)(points)
+
+    def prepared(self, time: float, dt: float) -> Callable[[Points], Points]:
+        """Return `displace` of one step, with everything computed that does not depend on points."""
         before, after = self._amounts(time, dt)
         if before == after:
-            return points
-        out = np.empty_like(points)
-        self._deform(points, before, after, out)
-        return out
+            return kernel_points
+        deform = self._deformation(before, after)
+
+        def move(points: Points) -> Points:
+            points = kernel_points(points)
+            out = np.empty_like(points)
+            deform(points, out)
+            return out
+
+        return move
 
     def cache_data(self, time: float, dt: float) -> Any:
         before, after = self._amounts(time, dt)
         return {self.name: [*self.centre, *unit(self.axis)], "before": before, "after": after}
 
     @abstractmethod
-    def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
-        """Write D(after) D(before)⁻¹ of points (N, 3) into `out`."""
+    def _deformation(self, before: float, after: float) -> Deform:
+        """Return the map D(after) D(before)⁻¹, which takes points (N, 3) and the array for their images."""
 
     def _amounts(self, time: float, dt: float) -> tuple[float, float]:
         return float(number_at(self.amount, time)), float(number_at(self.amount, time + dt))
@@ -76,8 +88,9 @@ class Twist(Deformation):
 
     amount: Annotated[Number, ParameterDoc("turning by height", "degrees/unit", required=True)] = 0.0
 
-    def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
-        kernels.twist(points, *self._line(), after - before, out)
+    def _deformation(self, before: float, after: float) -> Deform:
+        centre, axis = self._line()
+        return lambda points, out: kernels.twist(points, centre, axis, after - before, out)
 
 
 @dataclass(frozen=True)
@@ -86,8 +99,9 @@ class Taper(Deformation):
 
     amount: Annotated[Number, ParameterDoc("negative narrows upwards", "1/unit", required=True)] = 0.0
 
-    def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
-        kernels.taper(points, *self._line(), after - before, out)
+    def _deformation(self, before: float, after: float) -> Deform:
+        centre, axis = self._line()
+        return lambda points, out: kernels.taper(points, centre, axis, after - before, out)
 
 
 @dataclass(frozen=True)
@@ -97,16 +111,16 @@ class Stretch(Deformation):
     amount: Annotated[Positive, ParameterDoc("factor of length: 1 is unchanged", required=True)] = 1.0
     keep_volume: Annotated[bool, ParameterDoc("false keeps the width instead")] = True
 
-    def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
+    def _deformation(self, before: float, after: float) -> Deform:
         if not (before > 0 and after > 0):
             raise FrameError(
                 f"stretch amount {min(before, after):g} is not above 0; it is a factor of length. "
                 "Write 1 for unchanged, 2 for twice as long."
             )
         lengthen = after / before
-        kernels.stretch(
-            points, *self._line(), lengthen, 1 / math.sqrt(lengthen) if self.keep_volume else 1.0, out
-        )
+        widen = 1 / math.sqrt(lengthen) if self.keep_volume else 1.0
+        centre, axis = self._line()
+        return lambda points, out: kernels.stretch(points, centre, axis, lengthen, widen, out)
 
     def cache_data(self, time: float, dt: float) -> Any:
         return {**super().cache_data(time, dt), "keep_volume": self.keep_volume}
@@ -131,9 +145,9 @@ class Shear(_Directed):
     amount: Annotated[Number, ParameterDoc("slide by height", required=True)] = 0.0
     direction: Annotated[Direction, ParameterDoc("of sliding; its part across the axis counts")] = X
 
-    def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
-        centre, axis = self._line()
-        kernels.shear(points, centre, axis, self._across(), after - before, out)
+    def _deformation(self, before: float, after: float) -> Deform:
+        (centre, axis), across_axis = self._line(), self._across()
+        return lambda points, out: kernels.shear(points, centre, axis, across_axis, after - before, out)
 
 
 @dataclass(frozen=True)
@@ -152,15 +166,15 @@ class Bend(_Directed):
     ] = X
     length: Annotated[PositiveConstant, ParameterDoc("of the bent part, about the centre", "units")] = 2.0
 
-    def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
+    def _deformation(self, before: float, after: float) -> Deform:
         most = max(abs(before), abs(after))
         if most * self.length > 2 * math.pi * (1 + 1e-12):
             raise FrameError(
                 f"bend amount {math.degrees(most):g} degrees per unit turns a length of {self.length:g} by "
                 f"{math.degrees(most * self.length):g} degrees; 360 are the most. Lower amount or length."
             )
-        centre, axis = self._line()
-        kernels.bend(points, centre, axis, self._across(), 0.5 * self.length, before, after, out)
+        (centre, axis), across_axis, half = self._line(), self._across(), 0.5 * self.length
+        return lambda points, out: kernels.bend(points, centre, axis, across_axis, half, before, after, out)
 
     def cache_data(self, time: float, dt: float) -> Any:
         return {**super().cache_data(time, dt), "length": self.length}

@@ -112,6 +112,10 @@ class FormulaField(ExternalField):
     def gradient_bound(self, time: float) -> float:
         return _sampled_gradient(self, self.numbers(time), time if self.depends_on_time else 0.0)
 
+    def length_scale(self, time: float) -> float:
+        """Return half the distance of the samples: what is narrower may lie between them."""
+        return self.extent / SAMPLES
+
     def diagnose(self, point: Points, time: float) -> str | None:
         """Return which part of a formula is not finite at a point (3,), and its column; None if all are."""
         x, y, z = point.tolist()
@@ -211,6 +215,16 @@ class Sampled(ExternalField):
         slopes = (1.0 - share) * self._slopes[before] + share * self._slopes[after]
         overshoot = CUBIC_OVERSHOOT if self.between == "cubic" else 1.0
         return float(overshoot * np.linalg.norm(slopes)) * abs(number_at(self.strength, time))
+
+    def length_scale(self, time: float) -> float:
+        """Return the shortest distance of two samples."""
+        return number_at(self.scale, time) * self._narrowest
+
+    @cached_property
+    def _narrowest(self) -> float:
+        return min(
+            (float(np.diff(axis).min()) for axis in self.samples.axes if len(axis) > 1), default=np.inf
+        )
 
     @cached_property
     def _slopes(self) -> Floats:

@@ -73,6 +73,10 @@ class Vortex(BasicField):
         """Return 1.3 times the angular speed on the axis, which the gradient nowhere exceeds."""
         return 1.3 * abs(number_at(self.strength, time)) / (2 * math.pi * number_at(self.radius, time) ** 2)
 
+    def length_scale(self, time: float) -> float:
+        """Return the core's radius; a tenth of it for the profile with a kink, which few steps cross then."""
+        return (0.1 if self.profile == "rankine" else 1.0) * number_at(self.radius, time)
+
 
 class _Composite(VelocityField):
     """A sum of basic fields with common parameters."""
@@ -86,6 +90,9 @@ class _Composite(VelocityField):
 
     def gradient_bound(self, time: float) -> float:
         return sum(part.gradient_bound(time) for part in self.parts(time))
+
+    def length_scale(self, time: float) -> float:
+        return min(part.length_scale(time) for part in self.parts(time))
 
 
 @dataclass(frozen=True)
@@ -149,6 +156,9 @@ class VortexRing(BasicField):
         radius, core = number_at(self.radius, time), number_at(self.core, time)
         straight = abs(number_at(self.strength, time)) / (2 * math.pi * core * core)
         return straight * min(1.0 + core / radius, math.pi * radius / core)
+
+    def length_scale(self, time: float) -> float:
+        return min(number_at(self.radius, time), number_at(self.core, time))
 
 
 @dataclass(frozen=True)
@@ -234,6 +244,10 @@ class CurlNoise(ExternalField):
         octaves = float(sum(factors**k for k in range(self.octaves)) ** 0.5)
         first = abs(number_at(self.strength, time)) * self._share / number_at(self.size, time)
         return GRADIENT * first * octaves
+
+    def length_scale(self, time: float) -> float:
+        """Return a quarter of the smallest cell: what turns from one cell to the next varies over as much."""
+        return 0.25 * number_at(self.size, time) / self.lacunarity ** (self.octaves - 1)
 
 
 FLOWS: tuple[type, ...] = (Vortex, VortexPair, VortexRing, SpiralVortex)

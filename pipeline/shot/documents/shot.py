@@ -230,7 +230,9 @@ class ShotDocument(Document):
         "rk4", description="of velocity fields: rk4, or adaptive for fields that are steep somewhere"
     )
     tolerance: Positive | None = optional("error of a sub-step of the adaptive integrator, at most (units)")
-    max_step: Positive | None = optional("longest move of a vertex in a sub-step (maximum edges)")
+    max_step: Positive | None = optional(
+        "longest move of a vertex in a sub-step (maximum edges); by default what the flow allows"
+    )
     speed: NumberField = Field(
         1.0, description="rate of the flow's time: 0 stands still, below 0 runs backwards"
     )
