@@ -58,7 +58,7 @@ def measure(scene: Scene, samples: int, width: int, engine: Engine) -> Row:
         for frame in (soft, render_frame(scene, replace(quality, fireflies="keep"), 1, engine))
     )
     moved = {f"{name} {samples}, %": 100.0 * soft.facts[f"light_{name}"] for name in ("spread", "left")}
-    return {f"lost {samples}, %": 100.0 * (mean - light) / mean, **moved}
+    return {f"lost {samples}, %": round(100.0 * abs(mean - light) / mean, 5), **moved}
 
 
 def main(width: int = 160) -> list[Target]:
