@@ -40,6 +40,10 @@ FIRST_ROUND, STILL_ROUND, MOVING_ROUND = 4, 8, 32
 """Samples per pixel of each of the first two rounds, which adaptive sampling compares first; most of a round;
 and most with motion, where each round builds scenes."""
 
+FIRST_AUXILIARY = 16
+"""Auxiliary samples of each pixel in the first round of adaptive sampling. Only tiles with the subject take
+more: features of the stage hardly have noise."""
+
 _SAMPLE_SECONDS, _SCENE_SECONDS, _VERTEX_SECONDS = 0.8e-6, 0.06, 3e-6
 """CPU seconds of a path of clay, and of a motion sample: for itself, and for each vertex of the subject. They
 are constants, and not measured, so that a frame is the same on every machine."""
@@ -65,6 +69,7 @@ class SampleBatch:
     first            samples per pixel of this kind before
     choice           (i, n): the pixels that choose the i-th of the n motion samples of a stratum. n is 1 for
                      all pixels
+    on_subject       True if tiles far from the subject are left out
     ends_round       True if the samples of the beauty since the last batch that ended a round are spread over
                      the whole time
     """
@@ -74,6 +79,7 @@ class SampleBatch:
     samples: int
     first: int = 0
     choice: tuple[int, int] = (0, 1)
+    on_subject: bool = False
     ends_round: bool = False
 
 
@@ -152,12 +158,14 @@ def traced_rounds(quality: Quality, motion: float, affordable: int, seed: int) -
     seed        of the frame, for the times of motion samples that are further apart than MAX_STEP
 
     Each round of adaptive sampling is spread over the whole time. Their times interleave, so a round alone
-    may have longer steps.
+    may have longer steps. Without motion there are rounds for edges, which take up to twice the samples.
     """
     if quality.noise_threshold is None:
         count = motion_sample_count(motion, quality.samples, affordable)
         return [Round(quality.samples, _times(count, motion, seed), is_chosen=True)]
     sizes = round_sizes(quality.samples, MOVING_ROUND if motion > MAX_STEP else STILL_ROUND)
+    if motion <= MAX_STEP and quality.is_adaptive:
+        sizes += [min(STILL_ROUND, quality.samples - n) for n in range(0, quality.samples, STILL_ROUND)]
     needed = max(motion / 4.0, min(motion / 2.0, 8.0))
     rounds = []
     for index, size in enumerate(sizes):
@@ -183,19 +191,35 @@ def multijitter_rounds(quality: Quality, motion: float) -> list[Round]:
 def batch_schedule(quality: Quality, rounds: Sequence[Round]) -> list[SampleBatch]:
     """Return the batches of a frame in order: round by round, in each by time.
 
-    Auxiliary samples are taken in the first round.
+    Auxiliary samples are taken in the first round. With adaptive sampling by tiles, those beyond
+    FIRST_AUXILIARY are taken in the second, on the subject.
     """
     batches: list[SampleBatch] = []
     first = 0
+    auxiliary = _auxiliary_batches(quality, rounds)
     for index, part in enumerate(rounds):
         beauty = _spread("beauty", part, part.samples, first)
-        auxiliary = _spread("auxiliary", part, quality.auxiliary_samples) if index == 0 else []
-        ordered = sorted([*auxiliary, *beauty], key=attrgetter("time", "kind"))
+        ordered = sorted(
+            [*beauty, *(auxiliary[index] if index < len(auxiliary) else [])], key=attrgetter("time", "kind")
+        )
         if quality.noise_threshold is not None:
             ordered[-1] = replace(ordered[-1], ends_round=True)
         batches += ordered
         first += part.samples
     return batches
+
+
+def _auxiliary_batches(quality: Quality, rounds: Sequence[Round]) -> list[list[SampleBatch]]:
+    """Return the batches of auxiliary samples of the first round, and of the second if it has any."""
+    whole = quality.auxiliary_samples
+    if quality.noise_threshold is None or len(rounds) < 2 or not rounds[0].is_chosen:
+        return [_spread("auxiliary", rounds[0], whole)]
+    batches = _spread("auxiliary", rounds[0], min(whole, FIRST_AUXILIARY))
+    taken = max(batch.first + batch.samples for batch in batches)
+    if taken >= whole:
+        return [batches]
+    rest = _spread("auxiliary", rounds[1], whole - taken, taken)
+    return [batches, [replace(batch, on_subject=True) for batch in rest]]
 
 
 def _middles(count: int) -> list[float]:

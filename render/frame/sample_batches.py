@@ -127,7 +127,8 @@ class SampleBatches:
 
     def _render_features(self, batch: SampleBatch, tracer: Any, seed: int) -> None:
         """Render with the rays of the path tracer, or with Mitsuba's integrator."""
-        pixels = chosen_pixels(self._quality, batch, self._seed)
+        candidates = self.accumulator.subject_pixels if batch.on_subject else None
+        pixels = chosen_pixels(self._quality, batch, self._seed, candidates)
         if pixels is not None and not len(pixels):
             return
         if tracer.continues_sequence:

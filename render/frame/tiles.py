@@ -83,13 +83,23 @@ def with_neighbours(chosen: TileMask) -> TileMask:
     return np.logical_or.reduce(shifted)
 
 
-def noise_of_tiles(tiles: Tiles, luminance: Picture, variance: Picture) -> Picture:
+def mean_with_neighbours(values: Picture) -> Picture:
+    """Return means (rows, columns) of values and their eight neighbours; values repeat beyond the edges."""
+    rows, columns = values.shape
+    padded = np.pad(values, 1, mode="edge")
+    shifted = [padded[y : y + rows, x : x + columns] for y in range(3) for x in range(3)]
+    return np.asarray(sum(shifted) / 9.0)
+
+
+def noise_of_tiles(tiles: Tiles, luminance: Picture, variance: Picture, smooth: bool = False) -> Picture:
     """Return the noise (rows, columns) of tiles: about twice the standard deviation on a display of range 1.
 
     luminance  (pixels,): the mean Y of the samples
     variance   (pixels,): of that mean
+    smooth     True takes the mean variance of a tile and its eight neighbours, which is measured better
 
     The noise is √(mean variance) over √(mean Y), and where Y is above 1, which displays compress, over Y.
     """
-    light = np.maximum(tiles.means(luminance), MIN_LUMINANCE)
-    return np.asarray(np.sqrt(tiles.means(variance)) / np.maximum(np.sqrt(light), light))
+    light, spread = np.maximum(tiles.means(luminance), MIN_LUMINANCE), tiles.means(variance)
+    spread = mean_with_neighbours(spread) if smooth else spread
+    return np.asarray(np.sqrt(spread) / np.maximum(np.sqrt(light), light))

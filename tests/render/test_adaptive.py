@@ -73,6 +73,42 @@ def test_a_tile_stops_unless_a_neighbour_is_noisy_and_never_resumes() -> None:
     assert active_columns() == [0, 1, 2] and not sums.has_converged
 
 
+def test_edges_and_the_stage_go_on_where_smooth_parts_of_the_subject_stop() -> None:
+    random = np.random.default_rng(7)
+    quality = Quality(9 * TILE, TILE, samples=64, depth=3, noise_threshold=0.1, fireflies="keep")
+    sums = Accumulator(quality, ())
+    normal, matte = np.zeros((TILE, 9 * TILE, 3)), np.ones((TILE, 9 * TILE, 1))
+    normal[..., 1] = 1.0
+    normal[:, 10, 1] = 0.9  # an edge in the second tile
+    matte[:, 6 * TILE :] = 0.0
+    sums.add("normal", normal, 16)
+    sums.add("matte", matte, 16)
+    noise = 0.12 * random.uniform(-1.0, 1.0, (TILE, 9 * TILE))
+    for sign in (1.0, -1.0):
+        rows = np.full((TILE, 9 * TILE, 5), 0.5)
+        rows[..., 3] += sign * noise
+        sums.add("beauty", rows, 4)
+        sums.end_round(by_tile=True)
+    assert sorted({int(n) for n in sums.active_pixels % quality.width // TILE}) == [1, 6, 7, 8]
+
+
+@pytest.mark.parametrize("edges", [1, 2])
+def test_few_edges_take_more_than_the_samples_of_the_quality(edges: int) -> None:
+    random = np.random.default_rng(7)
+    quality = Quality(10 * TILE, TILE, samples=9, depth=3, noise_threshold=1e-6, fireflies="keep")
+    sums = Accumulator(quality, ())
+    normal = np.zeros((TILE, 10 * TILE, 3))
+    normal[..., 1] = 1.0
+    normal[:, : edges * TILE : TILE, 1] = 0.9
+    sums.add("normal", normal, 16)
+    sums.add("matte", np.ones((TILE, 10 * TILE, 1)), 16)
+    for samples in (4, 5):
+        rows = random.uniform(0.0, 1.0, (TILE, 10 * TILE, 5))
+        sums.add("beauty", rows, samples)
+        sums.end_round(by_tile=True)
+    assert len(sums.active_pixels) == (TILE * TILE if edges == 1 else 0)
+
+
 @pytest.mark.parametrize("error", [0.001, 0.3])
 def test_frames_of_mitsubas_integrators_stop_as_a_whole(error: float) -> None:
     random = np.random.default_rng(7)
@@ -104,6 +140,25 @@ def test_each_tile_is_the_picture_of_as_many_samples(rendered: Rendered, engine:
         uniform = rendered(quality=replace(MOST, samples=count), aovs=("samples", "noise"))
         taken = frame["samples"] == count
         assert all(np.array_equal(frame[name][taken], uniform[name][taken]) for name in ("beauty", "noise"))
+
+
+def test_the_subject_takes_all_feature_samples_and_the_stage_sixteen(
+    rendered: Rendered, engine: Engine
+) -> None:
+    if engine.variant == "scalar_rgb":
+        pytest.skip("there all pixels take all of them")
+    frame, whole, least = (
+        rendered(quality=replace(SOME, auxiliary_samples=count, noise_threshold=threshold))["position"]
+        for count, threshold in ((48, SOME.noise_threshold), (48, None), (16, None))
+    )
+    tiles = Tiles.of(SOME)
+    matte = rendered(quality=SOME)["matte"]
+    near = with_neighbours(tiles.means(matte.ravel().astype(np.float64)) > 0.0)
+    on_subject = near.ravel()[tiles.numbers].reshape(matte.shape)
+    assert 0.1 < on_subject.mean() < 0.9
+    assert np.array_equal(frame[on_subject], whole[on_subject])
+    assert np.array_equal(frame[~on_subject], least[~on_subject])
+    assert not np.array_equal(least, whole)
 
 
 def test_the_measure_foretells_the_error(rendered: Rendered) -> None:

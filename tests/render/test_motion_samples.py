@@ -153,7 +153,7 @@ def test_multijitter_shares_all_samples_evenly(way: float, samples: int) -> None
     is_adaptive=st.booleans(),
     crop=st.sampled_from([None, (3, 2, 16, 8)]),
 )
-def test_every_pixel_gets_all_samples_once(
+def test_every_pixel_may_get_all_samples_once(
     way: float,
     samples: int,
     auxiliary: int,
@@ -175,7 +175,8 @@ def test_every_pixel_gets_all_samples_once(
         pixels = chosen_pixels(quality, batch, 7)
         for pixel in range(width * height) if pixels is None else pixels:
             taken[batch.kind][pixel] += range(batch.first, batch.first + batch.samples)
-    assert all(numbers == list(range(samples)) for numbers in taken["beauty"])
+    most = 2 * samples if quality.is_adaptive and way <= MAX_STEP else samples  # for edges
+    assert all(numbers == list(range(most)) for numbers in taken["beauty"])
     assert all(
         len(numbers) >= auxiliary and len(set(numbers)) == len(numbers) for numbers in taken["auxiliary"]
     )
