@@ -242,7 +242,9 @@ class Accumulator:
         return np.select([edges, is_stage], [EDGE_WEIGHT, STAGE_WEIGHT], 1.0)
 
     def _noise(self, smooth: bool = False) -> Picture:
-        """Return the noise (rows, columns) of the tiles, with fireflies dimmed.
+        """Return the noise (rows, columns) of the tiles.
+
+        Fireflies are left out: the denoiser removes them, and more samples would find others.
 
         smooth  as of `noise_of_tiles`
 
@@ -252,7 +254,7 @@ class Accumulator:
         mean, samples = moments[0].ravel(), moments[2].ravel()
         variance = np.maximum(rounds.sums[:, 0] / samples - mean * mean, 0.0) / (rounds.counts - 1)
         kept = kept_fractions(*moments, self.quality.fireflies).ravel()
-        return noise_of_tiles(self._tiles, mean * kept, variance * kept * kept, smooth)
+        return noise_of_tiles(self._tiles, mean * kept, variance * (kept == 1.0), smooth)
 
     def _pictures(self, name: str) -> Picture:
         """Return the means (H, W, channels) of a plane."""
