@@ -2,13 +2,12 @@
 
 One frame of gallery shots of clay, glaze, glass and marble, WIDTH pixels wide (480), at final: with its noise
 threshold, and with 64 samples everywhere. Of pictures wider than 960 pixels it is the lower right quarter, of
-which the subject covers as much as of the whole within a quarter of that: `1920` takes 15 minutes of two free
-cores. Seconds are CPU seconds of tracing light and features, building the
-scene and denoising. The error is the root mean square of denoised display values, in steps of 255, against
-two independent pictures of REFERENCE samples (128): the mean product of both differences has no noise of the
-references in it. Target: at most half of the seconds, and 1.05 times the error, on the first two frames; no
-more seconds on others. Writes `benchmarks/out/adaptive.json`, and of each frame a PNG: uniform, adaptive, and
-its samples (white is the most).
+which the subject covers as much as of the whole, within a third. Seconds are CPU seconds of tracing light and
+features, building the scene and denoising. The error is the root mean square of denoised display values, in
+steps of 255, against two independent pictures of REFERENCE samples (128): the mean product of both
+differences has no noise of the references in it. Target: at most half of the seconds, and 1.05 times the
+error, on the first two frames; no more seconds on others. Writes `benchmarks/out/adaptive.json`, and of each
+frame a PNG: uniform, adaptive, and its samples (white is the most).
 """
 
 from __future__ import annotations
@@ -86,7 +85,7 @@ def measure(shot: str, scene: Scene, width: int, reference: int) -> Row:
     uniform, even_seconds = _clocked(lambda: denoise(render_frame(scene, even, 1, engine)))
     frame, seconds = _clocked(lambda: render_frame(scene, final, 1, engine, aovs=("samples",)))
     adaptive, more = _clocked(lambda: denoise(frame))
-    map_of_samples = np.repeat(frame["samples"][..., None] / final.samples, 3, axis=2)
+    map_of_samples = np.repeat(frame["samples"][..., None] / frame["samples"].max(), 3, axis=2)
     put(f"adaptive_{shot}", {"uniform": uniform, "adaptive": adaptive, "samples": map_of_samples})
     row: Row = {
         "frame": f"{shot} {FRAMES[shot]}",
