@@ -121,7 +121,7 @@ QUALITIES = {
         depth=10,
         auxiliary_samples=64,
         temporal_denoise=2,
-        noise_threshold=0.04,
+        noise_threshold=0.05,
     ),
 }
 
