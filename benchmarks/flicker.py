@@ -30,7 +30,6 @@ from render.mitsuba.engine import Engine, choose
 from render.post.colour import to_display
 from render.post.denoise import denoise
 from render.post.film_denoiser import FilmDenoiser, RawFrame
-from render.post.temporal_denoise import DenoisedFrame, removed_noise
 from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
@@ -79,14 +78,6 @@ def rendered(
     aovs = ("before", "after") if samples == QUALITY.samples else ()
     parts = (LOOKS[look], LIGHTS["studio"], STAGES["cyclorama"], StagePlacement(), CAMERA)
     return render_frame(Scene(surface, *parts), quality, seed, engine, aovs=aovs)
-
-
-def moment_of(layers: RenderedFrame) -> DenoisedFrame:
-    light = denoise(layers)
-    known = {name: layers[name] for name in ("position", "normal", "matte", "before", "after")}
-    return DenoisedFrame(
-        light, removed_noise(layers["beauty"], light), **known, camera=CAMERA, placement=StagePlacement()
-    )
 
 
 def measure(
