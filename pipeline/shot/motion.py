@@ -54,8 +54,8 @@ class Resampling:
 
     def settings(self) -> dict[str, Any]:
         """Return the settings in effect by their names in the shot file, as JSON-able data."""
-        settings = self._without(as_data(self), self._idle)
-        every = {**settings.pop("thresholds"), **settings}
+        settings = as_data(self)
+        every = self._without({**settings.pop("thresholds"), **settings}, self._idle)
         del every["is"]
         return every
 
@@ -64,8 +64,20 @@ class Resampling:
 
         The rest interval stands in the data of the frames that begin one: see `Motion.step_data`.
         """
-        settings = {**as_data(self), "thresholds": thresholds_data(self.thresholds)}
+        settings = {**as_data(self), "thresholds": self.thresholds_data()}
         return self._without(settings, (*self._idle, "rest_interval"))
+
+    def thresholds_data(self) -> dict[str, Any]:
+        """Return the thresholds that change meshes as JSON-able data.
+
+        The budget of vertices moves none of them: a raised one resumes at the last frame that fitted.
+        Gradation acts on lengths that are functions only.
+        """
+        thresholds = self.thresholds
+        data = self._without(as_data(thresholds), (*self._idle, "max_vertices"))
+        if isinstance(thresholds.max_edge_length, float) and isinstance(thresholds.min_edge_length, float):
+            del data["gradation"]
+        return data
 
     @property
     def _idle(self) -> tuple[str, ...]:
@@ -73,25 +85,12 @@ class Resampling:
         if self.method == "polyhedra":
             return ("placement", "splits", "min_roundness", "normals", "rest_interval")
         if self.placement == "exact":
-            return ("cutting", "collapse")
+            return ("cutting", "collapse", *(() if self.creases == "rest" else ("hard_angle",)))
         return ("cutting", "collapse", "normals", "rest_interval")
 
     @staticmethod
     def _without(settings: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
         return {name: value for name, value in settings.items() if name not in names}
-
-
-def thresholds_data(thresholds: Thresholds) -> dict[str, Any]:
-    """Return the thresholds that change meshes as JSON-able data.
-
-    The budget of vertices moves none of them: a raised one resumes at the last frame that fitted. Gradation
-    acts on lengths that are functions only.
-    """
-    data: dict[str, Any] = as_data(thresholds)
-    del data["max_vertices"]
-    if isinstance(thresholds.max_edge_length, float) and isinstance(thresholds.min_edge_length, float):
-        del data["gradation"]
-    return data
 
 
 @dataclass(frozen=True)
@@ -223,7 +222,7 @@ class Motion:
         now = self.resampling_at(frame)
         changes: dict[str, Any] = {}
         if now is not None and now is not self.resampling:
-            changes["thresholds"] = thresholds_data(now.thresholds)
+            changes["thresholds"] = now.thresholds_data()
         if self.begins_rest_interval(frame):
             changes["renewed"] = True
         return {"flow": data, **changes} if changes else data

@@ -79,7 +79,7 @@ ACTING = [
     ("max_edge_length: 0.4", "max_edge_length: 0.4, min_edge_length: {formula: 0.05 + 0.05 * abs(x)}"),
     ("max_edge_length: 0.4, min_edge_length: {keys: {1: 0.1, 5: 0.15}}", "max_edge_length: 0.4"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, hard_angle: 100"),
-    ("max_edge_length: 0.4, creases: none", "max_edge_length: 0.4, creases: none, hard_angle: 15"),
+    (f"{CHORD}, creases: none", f"{CHORD}, creases: none, hard_angle: 15"),
     (f"{CHORD}, creases: none", f"{CHORD}, creases: none, hard_angle: {{keys: {{1: 100, 5: 40}}}}"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, hard_angle: {formula: 95 + 50 * x}"),
     (f"max_edge_length: {LENGTHS}", f"max_edge_length: {LENGTHS}, gradation: 0.05"),
@@ -122,6 +122,7 @@ IDLE = [
     ("max_edge_length: 0.4", "max_edge_length: 0.4, max_vertices: 5000"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, gradation: 0.05"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, rest_interval: 5"),
+    ("max_edge_length: 0.4, creases: none", "max_edge_length: 0.4, creases: none, hard_angle: 15"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, cutting: recurse, collapse: areas"),
     (CHORD, f"{CHORD}, normals: geometric, rest_interval: 2, cutting: recurse, collapse: areas"),
     (
