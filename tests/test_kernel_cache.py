@@ -45,9 +45,9 @@ kernels.compile_module({module!r})
 
 CALL = """
 import numpy as np
-from {module} import twist
-twist(np.zeros((1, 3)), np.zeros(3), np.array([0.0, 1.0, 0.0]), 1.0, np.zeros((1, 3)))
-print(dict(twist.stats.cache_misses), len(twist.stats.cache_hits))
+from {module} import TWIST, deform
+deform(TWIST, np.zeros(12), 0, 1, np.zeros(768), 0)
+print(dict(deform.stats.cache_misses), len(deform.stats.cache_hits))
 """
 
 

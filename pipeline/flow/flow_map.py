@@ -6,7 +6,6 @@ A flow may be a user's code: its results are checked before a surface uses them.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -134,7 +133,10 @@ class FrameStep:
 
 @dataclass(frozen=True)
 class PlannedSteps:
-    """Steps along streamlines, followed by one compiled call; points that need finer ones go step by step."""
+    """Steps along streamlines and of deformations, done by one compiled call.
+
+    Points that need finer steps go step by step.
+    """
 
     plan: StepPlan
     steps: tuple[FrameStep, ...]
@@ -163,25 +165,18 @@ class PlannedSteps:
         return PlannedSteps(StepPlan.joined([self.plan, more.plan]), self.steps + more.steps)
 
 
-@dataclass(frozen=True)
-class PreparedStep:
-    """A step of a deformation, with its numbers computed once."""
-
-    apply: Callable[[Points], Points]
-
-
 class FlowMap:
     """The steps of a shot since its rest frame, which move rest points through all of them at once.
 
     A rest point arrives at exactly the bits of a vertex that started there and moved frame by frame: the same
-    sub-steps are taken in the same order. One compiled call follows streamlines for as many frames as
-    LARGEST_STEP_PLAN allows, and their tables are computed once; other flows act frame by frame. The flow
-    must move each point independently of the others, as a mapping of points into points does (P1).
+    sub-steps are taken in the same order. One compiled call follows streamlines and deformations for as many
+    frames as LARGEST_STEP_PLAN allows, and their tables are computed once; other flows act frame by frame.
+    The flow must move each point independently of the others, as a mapping of points into points does (P1).
     """
 
     def __init__(self) -> None:
         self._steps: list[FrameStep] = []
-        self._parts: list[PlannedSteps | PreparedStep | FrameStep] = []
+        self._parts: list[PlannedSteps | FrameStep] = []
 
     def __len__(self) -> int:
         """The number of frames."""
@@ -220,13 +215,11 @@ class FlowMap:
         return points
 
 
-def _planned(step: FrameStep) -> PlannedSteps | PreparedStep | FrameStep:
-    """Return a step along streamlines as planned sub-steps, a deformation prepared, any other unchanged."""
+def _planned(step: FrameStep) -> PlannedSteps | FrameStep:
+    """Return a step along streamlines, or of a deformation, as planned; and any other unchanged."""
     if not isinstance(step.flow, Streamlines | Deformation):
         return step
     try:
-        if isinstance(step.flow, Deformation):
-            return PreparedStep(step.flow.prepared(step.time, step.dt))
         return PlannedSteps(step.flow.step_plan(step.time, step.dt), (step,))
     except (FlowsculptError, ArithmeticError) as error:
         raise flow_error(error, step.flow, step.frame) from error

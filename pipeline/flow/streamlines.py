@@ -82,7 +82,7 @@ class Halving(NamedTuple):
 
 
 class StepPlan(NamedTuple):
-    """Sub-steps along velocity fields, one after another, as a kernel takes them.
+    """Sub-steps along velocity fields, and deformations, one after another, as a kernel takes them.
 
     opcodes  int32 (K,), the opcodes of all programs
     tables   float64, their tables, flat
@@ -116,6 +116,18 @@ class StepPlan(NamedTuple):
             plans[0].halved,
         )
 
+    @classmethod
+    def of_deformation(
+        cls, seconds: float, opcode: int | None = None, numbers: tuple[float, ...] = ()
+    ) -> StepPlan:
+        """Return one row that moves points itself, or without an opcode a plan that moves none."""
+        rows = 0 if opcode is None else 1
+        tables, steps = np.zeros(rows * COLUMNS), np.zeros((rows, 6), np.int64)
+        tables[: len(numbers)] = numbers
+        steps[:, 1] = rows
+        spans = np.tile([seconds, math.inf, math.inf], (rows, 1))
+        return cls(np.array([] if opcode is None else [opcode], np.int32), tables, steps, spans)
+
     def follow(self, points: Points, activity: str = "flow") -> Points:
         """Return the positions of points (N, 3) at its end; not finite where it is too coarse for a point.
 
@@ -147,7 +159,7 @@ class StepPlan(NamedTuple):
         Calls hold whole blocks, at least one for each thread, and move points as a single call would.
         """
         first, fewest = 0, numba.get_num_threads()
-        blocks = fewest if self.halved else max(fewest, FIRST_CALL // (BLOCK * len(self.spans)))
+        blocks = fewest if self.halved else max(fewest, FIRST_CALL // (BLOCK * max(1, len(self.spans))))
         while first < count:
             last = min(count, first + blocks * BLOCK)
             started = perf_counter()

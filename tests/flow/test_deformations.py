@@ -14,7 +14,7 @@ from pipeline.errors import FrameError
 from pipeline.flow import Flow, Keyframes, Sequence, Streamlines, keyed
 from pipeline.flow.catalogue.basic import Rotation
 from pipeline.flow.catalogue.deformations import Bend, Shear, Stretch, Taper, Twist
-from pipeline.flow.kernels import deformations as kernels
+from pipeline.flow.kernels import streamlines as kernels
 
 POINTS = np.random.default_rng(2).uniform(-1, 1, size=(300, 3))
 SECONDS = 100 / 24
@@ -157,5 +157,4 @@ def test_no_amount_and_no_kind_of_array_compiles_anything() -> None:
     ):
         for array in (POINTS, frozen, np.asfortranarray(POINTS)):
             flow.displace(array, 0, 1)
-    used = (kernels.twist, kernels.taper, kernels.stretch, kernels.shear, kernels.bend)
-    assert [len(kernel.signatures) for kernel in used] == [1, 1, 1, 1, 1]
+    assert len(kernels.advect.signatures) == 1

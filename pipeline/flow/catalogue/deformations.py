@@ -12,13 +12,10 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-import numpy as np
-
-from pipeline.arrays import Floats, Points
+from pipeline.arrays import Points
 from pipeline.errors import FrameError
 from pipeline.flow.flow import Flow
 from pipeline.flow.kernels import deformations as kernels
@@ -33,12 +30,10 @@ from pipeline.flow.parameters import (
     X,
     Y,
     across,
-    kernel_points,
     number_at,
     unit,
 )
-
-Deform = Callable[[Points, Points], None]
+from pipeline.flow.streamlines import StepPlan
 
 
 @dataclass(frozen=True)
@@ -50,36 +45,26 @@ class Deformation(Flow):
     amount: Annotated[Number, ParameterDoc("how much", required=True)] = 0.0
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
-        return self.prepared(time, dt)(points)
+        return self.step_plan(time, dt).follow(points, self.name)
 
-    def prepared(self, time: float, dt: float) -> Callable[[Points], Points]:
-        """Return `displace` of one step, with everything computed that does not depend on points."""
+    def step_plan(self, time: float, dt: float) -> StepPlan:
+        """Return the step as one row of a plan; as none where the amount stays."""
         before, after = self._amounts(time, dt)
         if before == after:
-            return kernel_points
-        deform = self._deformation(before, after)
-
-        def move(points: Points) -> Points:
-            points = kernel_points(points)
-            out = np.empty_like(points)
-            deform(points, out)
-            return out
-
-        return move
+            return StepPlan.of_deformation(dt)
+        opcode, numbers = self._row(before, after)
+        return StepPlan.of_deformation(dt, opcode, (*self.centre, *unit(self.axis), *numbers))
 
     def cache_data(self, time: float, dt: float) -> Any:
         before, after = self._amounts(time, dt)
         return {self.name: [*self.centre, *unit(self.axis)], "before": before, "after": after}
 
     @abstractmethod
-    def _deformation(self, before: float, after: float) -> Deform:
-        """Return the map D(after) D(before)⁻¹, which takes points (N, 3) and the array for their images."""
+    def _row(self, before: float, after: float) -> tuple[int, tuple[float, ...]]:
+        """Return the opcode of D(after) D(before)⁻¹, and its numbers after those of the axis."""
 
     def _amounts(self, time: float, dt: float) -> tuple[float, float]:
         return float(number_at(self.amount, time)), float(number_at(self.amount, time + dt))
-
-    def _line(self) -> tuple[Floats, Floats]:
-        return np.array(self.centre, dtype=np.float64), np.array(unit(self.axis))
 
 
 @dataclass(frozen=True)
@@ -88,9 +73,8 @@ class Twist(Deformation):
 
     amount: Annotated[Number, ParameterDoc("turning by height", "degrees/unit", required=True)] = 0.0
 
-    def _deformation(self, before: float, after: float) -> Deform:
-        centre, axis = self._line()
-        return lambda points, out: kernels.twist(points, centre, axis, after - before, out)
+    def _row(self, before: float, after: float) -> tuple[int, tuple[float, ...]]:
+        return kernels.TWIST, (after - before,)
 
 
 @dataclass(frozen=True)
@@ -99,9 +83,8 @@ class Taper(Deformation):
 
     amount: Annotated[Number, ParameterDoc("negative narrows upwards", "1/unit", required=True)] = 0.0
 
-    def _deformation(self, before: float, after: float) -> Deform:
-        centre, axis = self._line()
-        return lambda points, out: kernels.taper(points, centre, axis, after - before, out)
+    def _row(self, before: float, after: float) -> tuple[int, tuple[float, ...]]:
+        return kernels.TAPER, (after - before,)
 
 
 @dataclass(frozen=True)
@@ -111,7 +94,7 @@ class Stretch(Deformation):
     amount: Annotated[Positive, ParameterDoc("factor of length: 1 is unchanged", required=True)] = 1.0
     keep_volume: Annotated[bool, ParameterDoc("false keeps the width instead")] = True
 
-    def _deformation(self, before: float, after: float) -> Deform:
+    def _row(self, before: float, after: float) -> tuple[int, tuple[float, ...]]:
         if not (before > 0 and after > 0):
             raise FrameError(
                 f"stretch amount {min(before, after):g} is not above 0; it is a factor of length. "
@@ -119,8 +102,7 @@ class Stretch(Deformation):
             )
         lengthen = after / before
         widen = 1 / math.sqrt(lengthen) if self.keep_volume else 1.0
-        centre, axis = self._line()
-        return lambda points, out: kernels.stretch(points, centre, axis, lengthen, widen, out)
+        return kernels.STRETCH, (lengthen, widen)
 
     def cache_data(self, time: float, dt: float) -> Any:
         return {**super().cache_data(time, dt), "keep_volume": self.keep_volume}
@@ -132,10 +114,10 @@ class _Directed(Deformation):
     direction: Vector
 
     def cache_data(self, time: float, dt: float) -> Any:
-        return {**super().cache_data(time, dt), "direction": self._across().tolist()}
+        return {**super().cache_data(time, dt), "direction": list(self._across())}
 
-    def _across(self) -> Floats:
-        return np.array(across(self.axis, self.direction))
+    def _across(self) -> Vector:
+        return across(self.axis, self.direction)
 
 
 @dataclass(frozen=True)
@@ -145,9 +127,8 @@ class Shear(_Directed):
     amount: Annotated[Number, ParameterDoc("slide by height", required=True)] = 0.0
     direction: Annotated[Direction, ParameterDoc("of sliding; its part across the axis counts")] = X
 
-    def _deformation(self, before: float, after: float) -> Deform:
-        (centre, axis), across_axis = self._line(), self._across()
-        return lambda points, out: kernels.shear(points, centre, axis, across_axis, after - before, out)
+    def _row(self, before: float, after: float) -> tuple[int, tuple[float, ...]]:
+        return kernels.SHEAR, (*self._across(), after - before)
 
 
 @dataclass(frozen=True)
@@ -166,15 +147,14 @@ class Bend(_Directed):
     ] = X
     length: Annotated[PositiveConstant, ParameterDoc("of the bent part, about the centre", "units")] = 2.0
 
-    def _deformation(self, before: float, after: float) -> Deform:
+    def _row(self, before: float, after: float) -> tuple[int, tuple[float, ...]]:
         most = max(abs(before), abs(after))
         if most * self.length > 2 * math.pi * (1 + 1e-12):
             raise FrameError(
                 f"bend amount {math.degrees(most):g} degrees per unit turns a length of {self.length:g} by "
                 f"{math.degrees(most * self.length):g} degrees; 360 are the most. Lower amount or length."
             )
-        (centre, axis), across_axis, half = self._line(), self._across(), 0.5 * self.length
-        return lambda points, out: kernels.bend(points, centre, axis, across_axis, half, before, after, out)
+        return kernels.BEND, (*self._across(), 0.5 * self.length, before, after)
 
     def cache_data(self, time: float, dt: float) -> Any:
         return {**super().cache_data(time, dt), "length": self.length}

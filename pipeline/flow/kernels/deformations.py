@@ -1,84 +1,79 @@
-"""Barr's deformations from one amount to another, for all points in parallel."""
+"""Barr's deformations from one amount to another: rows of a step plan that move points themselves.
+
+Such a row is a step of its own. Its numbers begin with a point on the axis 0:3 and the unit axis 3:6.
+"""
 
 from __future__ import annotations
 
 import math
 
-from numba import prange
-
-from pipeline.arrays import Floats, Points
+from pipeline.arrays import Floats
+from pipeline.flow.kernels.instructions import DEFORMATIONS, X, Y, Z
 from pipeline.kernels import kernel
 
+TWIST = DEFORMATIONS  # radians per unit along the axis 6
+STRETCH = DEFORMATIONS + 1  # factor along the axis 6, and across it 7
+SHEAR = DEFORMATIONS + 2  # unit direction of sliding 6:9, slide by height 9
+TAPER = DEFORMATIONS + 3  # it widens by exp(6 × height)
+BEND = (
+    DEFORMATIONS + 4
+)  # unit direction of the bend 6:9, half the bent length 9, its curvature before 10, after 11
 
-@kernel("void(f8[:, ::1], f8[::1], f8[::1], f8, f8[:, ::1])", parallel=True)
-def twist(points: Points, centre: Floats, axis: Floats, by: float, out: Points) -> None:
-    """Turn about the axis by `by` radians per unit along it."""
-    for i in prange(len(points)):
-        rx, ry, rz = points[i, 0] - centre[0], points[i, 1] - centre[1], points[i, 2] - centre[2]
-        along = axis[0] * rx + axis[1] * ry + axis[2] * rz
-        c, s = math.cos(by * along), math.sin(by * along)
-        qx, qy, qz = rx - along * axis[0], ry - along * axis[1], rz - along * axis[2]
-        out[i, 0] = points[i, 0] + (c - 1.0) * qx + s * (axis[1] * qz - axis[2] * qy)
-        out[i, 1] = points[i, 1] + (c - 1.0) * qy + s * (axis[2] * qx - axis[0] * qz)
-        out[i, 2] = points[i, 2] + (c - 1.0) * qz + s * (axis[0] * qy - axis[1] * qx)
+_MAP = "UniTuple(f8, 3)(f8[::1], f8, f8, f8)"
 
 
-@kernel("void(f8[:, ::1], f8[::1], f8[::1], f8, f8, f8[:, ::1])", parallel=True)
-def stretch(points: Points, centre: Floats, axis: Floats, lengthen: float, widen: float, out: Points) -> None:
-    """Scale along the axis and across it."""
-    for i in prange(len(points)):
-        rx, ry, rz = points[i, 0] - centre[0], points[i, 1] - centre[1], points[i, 2] - centre[2]
-        along = (lengthen - widen) * (axis[0] * rx + axis[1] * ry + axis[2] * rz)
-        out[i, 0] = centre[0] + widen * rx + along * axis[0]
-        out[i, 1] = centre[1] + widen * ry + along * axis[1]
-        out[i, 2] = centre[2] + widen * rz + along * axis[2]
+@kernel(_MAP, forceinline=True)
+def twist(p: Floats, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Turn a point about the axis by so many radians per unit along it."""
+    rx, ry, rz = x - p[0], y - p[1], z - p[2]
+    along = p[3] * rx + p[4] * ry + p[5] * rz
+    c, s = math.cos(p[6] * along), math.sin(p[6] * along)
+    qx, qy, qz = rx - along * p[3], ry - along * p[4], rz - along * p[5]
+    return (
+        x + (c - 1.0) * qx + s * (p[4] * qz - p[5] * qy),
+        y + (c - 1.0) * qy + s * (p[5] * qx - p[3] * qz),
+        z + (c - 1.0) * qz + s * (p[3] * qy - p[4] * qx),
+    )
 
 
-@kernel("void(f8[:, ::1], f8[::1], f8[::1], f8[::1], f8, f8[:, ::1])", parallel=True)
-def shear(points: Points, centre: Floats, axis: Floats, direction: Floats, by: float, out: Points) -> None:
-    """Slide along `direction` in proportion to the height along the axis."""
-    for i in prange(len(points)):
-        rx, ry, rz = points[i, 0] - centre[0], points[i, 1] - centre[1], points[i, 2] - centre[2]
-        slide = by * (axis[0] * rx + axis[1] * ry + axis[2] * rz)
-        out[i, 0] = points[i, 0] + slide * direction[0]
-        out[i, 1] = points[i, 1] + slide * direction[1]
-        out[i, 2] = points[i, 2] + slide * direction[2]
+@kernel(_MAP, forceinline=True)
+def stretch(p: Floats, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Scale a point along the axis and across it."""
+    rx, ry, rz = x - p[0], y - p[1], z - p[2]
+    along = (p[6] - p[7]) * (p[3] * rx + p[4] * ry + p[5] * rz)
+    return p[0] + p[7] * rx + along * p[3], p[1] + p[7] * ry + along * p[4], p[2] + p[7] * rz + along * p[5]
 
 
-@kernel("void(f8[:, ::1], f8[::1], f8[::1], f8, f8[:, ::1])", parallel=True)
-def taper(points: Points, centre: Floats, axis: Floats, by: float, out: Points) -> None:
-    """Widen across the axis by exp(by × height along it)."""
-    for i in prange(len(points)):
-        rx, ry, rz = points[i, 0] - centre[0], points[i, 1] - centre[1], points[i, 2] - centre[2]
-        along = axis[0] * rx + axis[1] * ry + axis[2] * rz
-        more = math.expm1(by * along)
-        out[i, 0] = points[i, 0] + more * (rx - along * axis[0])
-        out[i, 1] = points[i, 1] + more * (ry - along * axis[1])
-        out[i, 2] = points[i, 2] + more * (rz - along * axis[2])
+@kernel(_MAP, forceinline=True)
+def shear(p: Floats, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Slide a point in proportion to its height along the axis."""
+    slide = p[9] * (p[3] * (x - p[0]) + p[4] * (y - p[1]) + p[5] * (z - p[2]))
+    return x + slide * p[6], y + slide * p[7], z + slide * p[8]
 
 
-@kernel("void(f8[:, ::1], f8[::1], f8[::1], f8[::1], f8, f8, f8, f8[:, ::1])", parallel=True)
-def bend(
-    points: Points,
-    centre: Floats,
-    axis: Floats,
-    towards: Floats,
-    half: float,
-    before: float,
-    after: float,
-    out: Points,
-) -> None:
-    """Unbend from the curvature `before`, bend to the curvature `after`: radians per unit."""
-    for i in prange(len(points)):
-        rx, ry, rz = points[i, 0] - centre[0], points[i, 1] - centre[1], points[i, 2] - centre[2]
-        height = axis[0] * rx + axis[1] * ry + axis[2] * rz
-        offset = towards[0] * rx + towards[1] * ry + towards[2] * rz
-        h, q = _unbent(height, offset, half, before)
-        h, q = _bent(h, q, half, after)
-        dh, dq = h - height, q - offset
-        out[i, 0] = points[i, 0] + dh * axis[0] + dq * towards[0]
-        out[i, 1] = points[i, 1] + dh * axis[1] + dq * towards[1]
-        out[i, 2] = points[i, 2] + dh * axis[2] + dq * towards[2]
+@kernel(_MAP, forceinline=True)
+def taper(p: Floats, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Widen across the axis by an exponential of the height along it."""
+    rx, ry, rz = x - p[0], y - p[1], z - p[2]
+    along = p[3] * rx + p[4] * ry + p[5] * rz
+    more = math.expm1(p[6] * along)
+    return (
+        x + more * (rx - along * p[3]),
+        y + more * (ry - along * p[4]),
+        z + more * (rz - along * p[5]),
+    )
+
+
+@kernel(_MAP, forceinline=True)
+def bend(p: Floats, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Unbend a point from one curvature, and bend it to the other: radians per unit."""
+    rx, ry, rz = x - p[0], y - p[1], z - p[2]
+    height = p[3] * rx + p[4] * ry + p[5] * rz
+    offset = p[6] * rx + p[7] * ry + p[8] * rz
+    h, q = _unbent(height, offset, p[9], p[10])
+    h, q = _bent(h, q, p[9], p[11])
+    dh, dq = h - height, q - offset
+    return x + dh * p[3] + dq * p[6], y + dh * p[4] + dq * p[7], z + dh * p[5] + dq * p[8]
 
 
 @kernel("UniTuple(f8, 2)(f8, f8, f8, f8)", forceinline=True)
@@ -109,3 +104,22 @@ def _unbent(h: float, q: float, half: float, k: float) -> tuple[float, float]:
     sine, cosine, small = math.sin(k * end), math.cos(k * end), math.sin(0.5 * k * end)
     dh, dq = h - sine / k, q - 2.0 * small * small / k
     return end + dh * cosine + dq * sine, dq * cosine - dh * sine
+
+
+@kernel("void(i8, f8[::1], i8, i8, f8[::1], i8)")
+def deform(opcode: int, p: Floats, o: int, n: int, s: Floats, at: int) -> None:
+    """Move n points, in three runs at s[at], by the deformation of a row that begins at p[o]."""
+    row, runs = p[o:], s[at:]
+    for i in range(n):
+        x, y, z = runs[X + i], runs[Y + i], runs[Z + i]
+        if opcode == TWIST:
+            x, y, z = twist(row, x, y, z)
+        elif opcode == STRETCH:
+            x, y, z = stretch(row, x, y, z)
+        elif opcode == SHEAR:
+            x, y, z = shear(row, x, y, z)
+        elif opcode == TAPER:
+            x, y, z = taper(row, x, y, z)
+        else:
+            x, y, z = bend(row, x, y, z)
+        runs[X + i], runs[Y + i], runs[Z + i] = x, y, z

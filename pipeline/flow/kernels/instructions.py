@@ -60,6 +60,9 @@ EXTERNAL = 12  # address of a compiled function 0, time 1, its own numbers 2:12 
 LINEAR, VORTICES, EXPANSION, ATTRACTORS, CELLULAR = 16, 32, 48, 64, 80
 """The first opcode of each family, whose kernels number its fields from there."""
 
+DEFORMATIONS = 96
+"""The first opcode of the deformations, which move points and have no velocity: see `deformations`."""
+
 
 BLOCK = 256
 X, Y, Z, U, V, W = (BLOCK * run for run in range(6))

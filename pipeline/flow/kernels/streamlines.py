@@ -14,10 +14,12 @@ from numba import prange
 from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.flow.kernels import adaptive
 from pipeline.flow.kernels.adaptive import POSITION
+from pipeline.flow.kernels.deformations import deform
 from pipeline.flow.kernels.fields import TRANSLATION
 from pipeline.flow.kernels.instructions import (
     BLOCK,
     COLUMNS,
+    DEFORMATIONS,
     LEVEL,
     U,
     X,
@@ -125,7 +127,11 @@ def _advect_block(
             adaptive.advance_span(opcodes, tables, steps[step], spans[step], n, s, marks)
     else:
         for step in range(len(spans)):
-            _step(opcodes, steps, tables, step, spans, n, s)
+            kind = opcodes[steps[step, 0]] if steps[step, 0] < steps[step, 1] else 0
+            if kind >= DEFORMATIONS:
+                deform(kind, tables, steps[step, 2], n, s, POSITION)
+            else:
+                _step(opcodes, steps, tables, step, spans, n, s)
     store(s, POSITION, first, n, out)
 
 
@@ -161,7 +167,7 @@ def advect(
     steps   (S, 6): the program of each span is opcodes[steps[s, 0] : steps[s, 1]]; its tables begin at
             tables[steps[s, 2]]: those of its start, middle and end, or where it is halved, at most
             steps[s, 3] times, those for the sub-steps of steps[s, 4] halvings, steps[s, 5] each and one more;
-            finer sub-steps take the nearest
+            finer sub-steps take the nearest. Of a deformation, which no span of a halved plan is, the row
     spans   (S, 3): seconds of each span; the largest error, of halved spans, and the maximum step, in scene
             units
     halved  tells whether each point halves the spans for itself; else each span is one fixed sub-step
