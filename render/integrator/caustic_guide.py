@@ -127,7 +127,7 @@ class CausticGuide:
         """Return a direction of a cell, by two numbers from 0 to 1."""
         first = cell * _BINS
         cumulative = self.cumulative
-        number: Any = dr.binary_search(  # type: ignore[no-untyped-call]
+        number: Any = dr.binary_search(  # type: ignore[no-untyped-call]  # Dr.Jit has no type for it
             0,
             _BINS - 1,
             lambda index: dr.gather(mi.Float, cumulative, first + index, active) <= numbers.x,

@@ -120,8 +120,12 @@ def _next_vertex(
     not faint.
     """
     lobe, direction = sampler.vertex_1d(vertex, LOBE), sampler.vertex_2d(vertex, DIRECTION)
-    bsdf_sample, weight, *alone = bsdf.sample(mi.BSDFContext(), si, lobe, direction, active)
-    kept = (alone[0] if alone else weight) * dr.square(bsdf_sample.eta)
+    if isinstance(bsdf, GuidedBsdf):
+        bsdf_sample, weight, unguided = bsdf.sample(mi.BSDFContext(), si, lobe, direction, active)
+    else:
+        bsdf_sample, weight = bsdf.sample(mi.BSDFContext(), si, lobe, direction, active)
+        unguided = weight
+    kept = unguided * dr.square(bsdf_sample.eta)
     active = active & dr.any(weight != 0.0)
     way = si.to_world(bsdf_sample.wo)
     if tracer.subsurface is None:

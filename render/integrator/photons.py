@@ -17,7 +17,7 @@ from render.integrator.caustic_sun import CausticSun
 from render.integrator.light_sampler import LightSampler, LightSource
 
 SEED = 1990
-"""Of the photons' random numbers: the same for all frames."""
+"""Seed of the photons' random numbers, the same for all frames."""
 
 SAMPLES_PER_PHOTON, LEAST_PHOTONS, MOST_PHOTONS = 8, 1 << 12, 1 << 19
 """Camera paths for each photon, which costs half as much as one; and least and most photons of a scene. A
@@ -88,7 +88,7 @@ def trace_photons(
     parts: list[Any] = []
     light = 0.0
     for number, source in enumerate(sources):
-        random = mi.PCG32(each, SEED + number)  # type: ignore[operator]
+        random = mi.PCG32(each, SEED + number)  # type: ignore[operator]  # Mitsuba's stubs say object
         ray, weight = _emitted(source, sun, *sphere, random)
         dr.eval(ray, weight)
         light += float(np.array(weight).sum(dtype=np.float64)) / each

@@ -22,7 +22,7 @@ from render.scene.surface import Surface
 
 SIZE = (48, 27)
 SAMPLES = 512
-"""Of the quality, by which photons are counted: 65,536 of them."""
+"""Samples of the quality, by which photons are counted: 65,536 of them."""
 
 LUMA = np.array([0.2126, 0.7152, 0.0722])
 SOFTBOX = LightRig((Softbox((3.0, 5.0, 2.0), 1.0, 1.0, (60.0, 60.0, 60.0)),))

@@ -90,6 +90,20 @@ def inverted_by_flip(attributes: Points, limits: Limits, a: int, b: int, c: int,
     return int(then) - int(now)
 
 
+@kernel(numba.boolean(MATRIX, numba.int64, numba.int64, numba.int64, numba.int64, numba.float64), **LEAN)
+def folds_by_flip(points: Points, a: int, b: int, c: int, d: int, cosine: float) -> bool:
+    """Tell whether a face turns beyond an angle, given by its cosine, from the mean of the faces before once
+    the edge ab, between c and d, is flipped."""
+    mx, my, mz = area_vector(points, a, b, c)
+    nx, ny, nz = area_vector(points, b, a, d)
+    px, py, pz = area_vector(points, a, d, c)
+    qx, qy, qz = area_vector(points, b, c, d)
+    sx, sy, sz = mx + nx, my + ny, mz + nz
+    p, q, s = px * px + py * py + pz * pz, qx * qx + qy * qy + qz * qz, sx * sx + sy * sy + sz * sz
+    ps, qs = px * sx + py * sy + pz * sz, qx * sx + qy * sy + qz * sz
+    return turns_beyond(ps, cosine, p, s) or turns_beyond(qs, cosine, q, s)
+
+
 @kernel(numba.boolean(MESH_ARRAYS, numba.int64, LIMITS), **LEAN)
 def should_flip(mesh: MeshArrays, h: int, limits: Limits) -> bool:
     """Tell whether the edge of h is soft, not Delaunay, and its other diagonal legal on the same surface."""
@@ -111,12 +125,7 @@ def should_flip(mesh: MeshArrays, h: int, limits: Limits) -> bool:
     crossing, (max_squared, min_squared) = squared_length(points, c, d), length_limits(mesh, limits, c, d)
     if crossing > max_squared or crossing < min_squared:
         return False
-    px, py, pz = area_vector(points, a, d, c)
-    qx, qy, qz = area_vector(points, b, c, d)
-    sx, sy, sz = mx + nx, my + ny, mz + nz
-    p, q, s = px * px + py * py + pz * pz, qx * qx + qy * qy + qz * qz, sx * sx + sy * sy + sz * sz
-    ps, qs = px * sx + py * sy + pz * sz, qx * sx + qy * sy + qz * sz
-    if turns_beyond(ps, _FLAT, p, s) or turns_beyond(qs, _FLAT, q, s):
+    if folds_by_flip(points, a, b, c, d, _FLAT):
         return False
     if limits.rest_column >= 0 and inverted_by_flip(mesh.attributes, limits, a, b, c, d) > 0:
         return False

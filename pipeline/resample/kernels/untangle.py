@@ -7,13 +7,12 @@ import numpy as np
 
 from pipeline.kernels import kernel
 from pipeline.mesh.kernels.halfedge import LEAN, MESH_ARRAYS, MeshArrays, after, before
-from pipeline.resample.kernels.flip import are_adjacent, flip_and_touch, inverted_by_flip, turns_beyond
+from pipeline.resample.kernels.flip import are_adjacent, flip_and_touch, folds_by_flip, inverted_by_flip
 from pipeline.resample.kernels.limits import (
     CHANGES,
     LIMITS,
     Changes,
     Limits,
-    area_vector,
     length_limits,
     squared_length,
 )
@@ -37,14 +36,7 @@ def can_untangle(mesh: MeshArrays, h: int, limits: Limits) -> bool:
     crossing, (max_squared, min_squared) = squared_length(points, c, d), length_limits(mesh, limits, c, d)
     if crossing > max_squared or crossing < min_squared:
         return False
-    mx, my, mz = area_vector(points, a, b, c)
-    nx, ny, nz = area_vector(points, b, a, d)
-    px, py, pz = area_vector(points, a, d, c)
-    qx, qy, qz = area_vector(points, b, c, d)
-    sx, sy, sz = mx + nx, my + ny, mz + nz
-    p, q, s = px * px + py * py + pz * pz, qx * qx + qy * qy + qz * qz, sx * sx + sy * sy + sz * sz
-    ps, qs = px * sx + py * sy + pz * sz, qx * sx + qy * sy + qz * sz
-    if turns_beyond(ps, MAX_TURN_COSINE, p, s) or turns_beyond(qs, MAX_TURN_COSINE, q, s):
+    if folds_by_flip(points, a, b, c, d, MAX_TURN_COSINE):
         return False
     return not are_adjacent(mesh, before(i), d)
 
