@@ -236,16 +236,15 @@ class Exact(Placement):
     def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Limits, changes: Changes) -> int:
         """Move vertices where the surface at rest is known around them: by `project`, or as it is flat."""
         ring, places, normals = new_ring(), np.empty((spokes[0], 3)), np.empty((spokes[0], 3))
-        many = relax_goals(mesh.arrays, spokes, limits, ring, self.project is not None, places, normals)
+        sizes = np.empty(spokes[0])
+        anywhere = self.project is not None
+        many = relax_goals(mesh.arrays, spokes, limits, ring, anywhere, places, normals, sizes)
         if not many:
             return 0
-        leaving, rest = spokes[1 : many + 1], rest_of(mesh)
-        following = np.where(leaving % 3 == 2, leaving - 2, leaving + 1)
-        start, to = mesh.arrays.vert[leaving], mesh.arrays.vert[following]
-        goals, sizes = self._project(places[:many]), _lengths(rest, start, to)
+        vertices, goals = mesh.arrays.vert[spokes[1 : many + 1]], self._project(places[:many])
         places_now, moved = self._carry(goals), np.zeros(many, np.uint8)
         done = int(relax_vertices(mesh.arrays, spokes, places_now, goals, limits, ring, changes, moved))
-        self._set_normals(mesh, start, goals, places_now, normals[:many], sizes, moved > 0)
+        self._set_normals(mesh, vertices, goals, places_now, normals[:many], sizes[:many], moved > 0)
         return done
 
     def _project(self, points: Points) -> Points:
