@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from ruamel.yaml import YAML
 
+from pipeline.cli.execution import execute, report_plan
 from pipeline.cli.options import Common, Frames, PictureOptions, Quality, output_option, require_one_of
-from pipeline.cli.output import print_result
+from pipeline.cli.output import exit_with, print_error, print_result, progress_bars
 from pipeline.dailies.delivery.timeline import MEDIA, Timeline
-from pipeline.errors import UsageError
+from pipeline.dailies.interchange.usd_clips import require_usd
+from pipeline.dailies.interchange.usd_export import UsdExport
+from pipeline.errors import FrameError, UsageError
 from pipeline.production.execution import openjd as job_description
 from pipeline.production.execution.project import Project
+from pipeline.production.planning.frame_states import mesh_states
 from pipeline.production.request.lookup import FILM, find_edit
+from pipeline.production.store.locks import writing
 from render.base.atomic_write import atomic_write, disk_errors
 from render.base.plural import plural
 from render.scene.quality import DEFAULT_QUALITY
 
-FORMATS = ("openjd", "otio")
+FORMATS = ("openjd", "otio", "usd")
 
 
 def export(
@@ -28,18 +34,20 @@ def export(
         str,
         typer.Argument(
             metavar="FORMAT",
-            help="openjd: Open Job Description, for render managers; otio: OpenTimelineIO, for editors.",
+            help="usd: the sculpture with its motion, camera and lights; openjd: Open Job Description, for "
+            "render managers; otio: OpenTimelineIO, for editors.",
         ),
     ],
     options: PictureOptions,
     name: Annotated[
         str | None,
         typer.Argument(
-            metavar="SHOT|EDIT", help="openjd: a shot, by name or path. otio: an edit. Default: the film."
+            metavar="SHOT|EDIT",
+            help="A shot, by name or path. otio: an edit. Default: the film. It may stand before the format.",
         ),
     ] = None,
     output: Annotated[
-        Path | None, output_option("Default: template.yaml, or the edit's name and .otio.")
+        Path | None, output_option("usd: a folder, by default renders/SHOT/usd. Else a file.", "PATH")
     ] = None,
     media: Annotated[
         str, typer.Option(metavar="NAME", help=f"Media that otio clips refer to: {', '.join(MEDIA)}.")
@@ -47,7 +55,12 @@ def export(
     frames: Frames = None,
     quality: Quality = DEFAULT_QUALITY,
 ) -> None:
-    """Write a render manager's job, or an editing program's timeline.
+    """Write a shot for other 3-D programs, a render manager's job, or an editing program's timeline.
+
+    `flowsculpt export usd A010_cube` writes renders/A010_cube/usd/A010_cube.usda, which Houdini, Blender and
+    usdview open, and beside it a clip for each frame: the mesh with velocities, normals and rest positions.
+    What is missing is simulated first. The second time only clips that changed are written. It needs the
+    package usd-core; see docs/interchange.md.
 
     `flowsculpt export openjd A010_cube` writes a job template that renders the shot and assembles its movie,
     and beside it the plan that its tasks read, template.yaml.plan.json: the shot as it is now. `openjd run
@@ -58,12 +71,56 @@ def export(
     shots/showreel.yaml. Clips refer to frames, relative to the file, or to files that `flowsculpt deliver`
     wrote: `--media prores4444`.
     """
+    if form not in FORMATS and name in FORMATS:
+        form, name = name, form
     require_one_of(form, FORMATS, f"{form!r} is not a format to export.")
     project, quality = options.project(common), options.quality(quality)
-    if form == "otio":
+    if form == "usd":
+        _usd(common, project, quality, name, output, frames)
+    elif form == "otio":
         _timeline(common, project, quality, name or FILM.stem, output, media, frames)
     else:
         _job(common, project, quality, name, output or Path("template.yaml"), frames)
+
+
+def _usd(
+    common: Common, project: Project, quality: str, name: str | None, output: Path | None, frames: str | None
+) -> None:
+    shot = _require_shot(name, "usd")
+    require_usd()
+    request = project.asked(shot, quality, frames, mesh_states, variant="none")
+    folder = common.root / request.folders.home / "usd" if output is None else output.absolute()
+    usd = UsdExport(request, project.store, folder)
+    if common.dry_run:
+        report_plan(common, project.geometry(request))
+        if not common.json:
+            print_result(f"Then: writing {plural(len(usd.stale()), 'clip')} to {folder}.", {}, False)
+        return
+    started = time.monotonic()
+    outcome = execute(common, lambda: project.geometry(request))
+    with writing(common.root, common.wait), progress_bars(common.progress) as bar:
+        faults = usd.write(bar("exporting", len(usd.stale())))
+    for fault in faults:
+        print_error(fault)
+    seconds, written = time.monotonic() - started, usd.files.written
+    shown = usd.shown()
+    words = f"{usd.root_path}: {plural(len(shown), 'frame')}, {plural(len(written), 'file')} written"
+    facts = {
+        "stage": str(usd.root_path),
+        "frames": shown,
+        "written": list(written),
+        "failed": faults,
+        "seconds": round(seconds, 2),
+    }
+    print_result(f"{words} in {seconds:.0f} s.", facts, common.json)
+    exit_with(outcome.exit_code or (FrameError.exit_code if faults else 0))
+
+
+def _require_shot(name: str | None, form: str) -> str:
+    """Return the name of a shot. Raises UsageError where none is given."""
+    if name is None:
+        raise UsageError(f"export {form} needs the name of a shot; flowsculpt status lists shots")
+    return name
 
 
 def _timeline(
@@ -92,8 +149,7 @@ def _timeline(
 def _job(
     common: Common, project: Project, quality: str, shot: str | None, output: Path, frames: str | None
 ) -> None:
-    if shot is None:
-        raise UsageError("export openjd needs the name of a shot; flowsculpt status lists shots")
+    shot = _require_shot(shot, "openjd")
     if output.suffix not in (".yaml", ".yml", ".json"):
         raise UsageError(
             f"{output}: a template's name ends in .yaml, .yml or .json; call it {output.stem}.yaml"

@@ -141,6 +141,12 @@ class Project:
             planner.stills(self.asked(shot, quality, frames), form)
         return planner.plan()
 
+    def geometry(self, request: RenderRequest) -> Plan:
+        """Return the plan of the mesh frames of a request, and of its cameras."""
+        planner = self.planner()
+        planner.geometry(request)
+        return planner.plan()
+
     def film(self, quality: str, path: Path = FILM) -> Plan:
         """Return the plan of an edit's film: its shots' frames, their movies, and the film."""
         planner = self.planner()

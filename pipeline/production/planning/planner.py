@@ -76,6 +76,13 @@ class Planner:
         self._surfaces(entry, request.requested)
         self._targets += [request.folders.cameras().as_posix(), *request.places("normals", request.requested)]
 
+    def geometry(self, request: RenderRequest) -> None:
+        """Ask for what other programs get of a request: its mesh frames, and its cameras."""
+        entry = self._enter(request, "simulate", "frame_camera")
+        self._meshes(entry, request.requested)
+        self._surfaces(entry, ())
+        self._targets += [request.folders.cameras().as_posix(), *request.places("mesh", request.requested)]
+
     def pictures(self, request: RenderRequest) -> None:
         """Ask for the finished frames of a request."""
         entry = self._enter(request, "finish")

@@ -193,7 +193,17 @@ class SurfaceMotion:
 
 def flow_motion(motion: Motion, shading: Shading) -> SurfaceMotion:
     """Return the movement of a shot's frame: its mesh, moved by the flow."""
-    first, last, frame = motion.frames.first, motion.frames.last, shading.frame
+    return _moved_by_flow(motion, shading.frame, shading.at)
+
+
+def vertex_motion(motion: Motion, frame: MeshFrame) -> SurfaceMotion:
+    """Return the movement of the vertices of a shot's mesh frame, without normals."""
+    return _moved_by_flow(motion, frame, lambda points: (points, None))
+
+
+def _moved_by_flow(motion: Motion, frame: MeshFrame, shown: Callable[[Points], Shown]) -> SurfaceMotion:
+    """Return the movement of what `shown` makes of the vertices of a mesh frame."""
+    first, last = motion.frames.first, motion.frames.last
 
     def points(offset: float) -> Points:
         inside = min(max(frame.number + offset, first), last)
@@ -202,7 +212,7 @@ def flow_motion(motion: Motion, shading: Shading) -> SurfaceMotion:
         return frame.mesh.vertices if offset == 0.0 else mesh_at_subframe(motion, frame, inside).vertices
 
     fps = float(motion.rate.fps)
-    return SurfaceMotion(lambda o: shading.at(points(o)), fps, frame.number == first, frame.number == last)
+    return SurfaceMotion(lambda o: shown(points(o)), fps, frame.number == first, frame.number == last)
 
 
 def speeds(motion: Motion, shading: Shading) -> AnyArray:

@@ -1,0 +1,1 @@
+"""Interchange: sculptures as files of other programs, USD stages and mesh files."""

@@ -1,0 +1,169 @@
+"""One mesh frame as other programs get it: points, faces, normals, velocities, rest positions and colours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.animation import MeshFrame, material_of
+from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
+from pipeline.mesh.identity import IDENTITY
+from pipeline.mesh.normals import ShadedMesh
+from pipeline.production.render_inputs.shading import (
+    Shading,
+    flow_motion,
+    is_cloud,
+    radii,
+    vertex_motion,
+)
+from pipeline.production.request.keys import thresholds_at
+from pipeline.shot import Shot
+from render.scene.materials import Material, PatternedMaterial
+from render.scene.measure import SPEED
+from render.scene.surface import Surface
+from render.scene.vertex_colours import vertex_colours
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedFrame:
+    """A frame of a sculpture, V points and F triangles. A point cloud has no triangles.
+
+    points          (V, 3), scene units
+    faces           (F, 3), counter-clockwise seen from outside; no vertex is split
+    normals         (N, 3), unit
+    corner_normals  (F, 3): the normal of each corner of a face; corners at a crease have different ones
+    velocities      (V, 3), scene units per second
+    rest            (V, 3): the positions in the undeformed subject
+    creases         (K, 2): the edges that are tagged as creases, of two vertices each
+    colours         linear Rec.709 reflectances (V, 3); None where the look has one colour
+    texture         texture coordinates (F, 3, 2) of the corners of faces; None where the look has no textures
+    radii           (V,) of a point cloud's spheres, scene units; None of a surface
+    numbers         (V,): what tells the points of a cloud apart; None of a surface
+    """
+
+    points: Points
+    faces: Faces
+    normals: Vectors
+    corner_normals: Faces
+    velocities: Vectors
+    rest: Points
+    creases: Indices
+    colours: Floats | None = None
+    texture: Floats | None = None
+    radii: Floats | None = None
+    numbers: AnyArray | None = None
+
+    @property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """The least and the greatest coordinates (3,) of the points, and of the spheres around them."""
+        around = 0.0 if self.radii is None else self.radii[:, None]
+        return (self.points - around).min(axis=0), (self.points + around).max(axis=0)
+
+
+def exported_frame(shot: Shot, frame: MeshFrame) -> ExportedFrame:
+    """Return a mesh frame of a shot for other programs.
+
+    A mesh is exported as it was simulated, without the curved patches that hide its facets. A control net is
+    exported as its smooth surface.
+
+    Raises FrameError where the flow fails, BadInputError where a picture of the look cannot be read.
+    """
+    if is_cloud(frame):
+        return _exported_cloud(shot, frame)
+    shading = Shading.of(frame, thresholds_at(shot.motion, frame.number), shot.picture.tessellate)
+    return (
+        _exported_net(shot, shading) if shading.split is None else _exported_mesh(shot, frame, shading.split)
+    )
+
+
+def _exported_mesh(shot: Shot, frame: MeshFrame, split: ShadedMesh) -> ExportedFrame:
+    mesh, rest = frame.mesh, material_of(frame.mesh)
+    velocities, source = vertex_motion(shot.motion, frame).velocity(), split.source_vertex
+    surface = _surface(split.vertices, split.normals, split.faces, rest[source], velocities[source])
+    colours = vertex_colours(surface, shot.picture.look)
+    return ExportedFrame(
+        points=mesh.vertices,
+        faces=mesh.faces,
+        normals=split.normals,
+        corner_normals=split.faces,
+        velocities=velocities,
+        rest=rest,
+        creases=mesh.creases,
+        colours=None if colours is None else colours[: len(rest)],  # the mesh's own vertices come first
+        texture=texture_coordinates(shot.picture.look, rest, mesh.faces),
+    )
+
+
+def _exported_net(shot: Shot, shading: Shading) -> ExportedFrame:
+    motion, arrays = flow_motion(shot.motion, shading), shading.arrays()
+    (points, normals), velocities = motion.at(0.0), motion.velocity()
+    assert normals is not None, "a net has a surface"
+    faces, rest = arrays["faces"], arrays["material"].astype(np.float64)
+    surface = _surface(points, normals, faces, rest, velocities)
+    return ExportedFrame(
+        points=points,
+        faces=faces,
+        normals=normals,
+        corner_normals=faces,
+        velocities=velocities,
+        rest=rest,
+        creases=np.empty((0, 2), np.int32),
+        colours=vertex_colours(surface, shot.picture.look),
+        texture=texture_coordinates(shot.picture.look, rest, faces),
+    )
+
+
+def _exported_cloud(shot: Shot, frame: MeshFrame) -> ExportedFrame:
+    points, rest = frame.mesh.vertices, material_of(frame.mesh)
+    velocities, nothing = vertex_motion(shot.motion, frame).velocity(), np.empty((0, 3))
+    faces, numbers = nothing.astype(np.int32), frame.mesh.attributes.get(IDENTITY)
+    surface = _surface(points, np.zeros_like(points), faces, rest, velocities)
+    return ExportedFrame(
+        points=points,
+        faces=faces,
+        normals=nothing,
+        corner_normals=faces,
+        velocities=velocities,
+        rest=rest,
+        creases=np.empty((0, 2), np.int32),
+        colours=vertex_colours(surface, shot.picture.look),
+        radii=radii(frame),
+        numbers=np.arange(len(points)) if numbers is None else numbers,
+    )
+
+
+def _surface(points: Points, normals: Vectors, faces: Faces, rest: Points, velocities: Vectors) -> Surface:
+    """Return the surface as it is rendered, float32, with the speed of its vertices."""
+    vertices, shading, material = (values.astype(np.float32) for values in (points, normals, rest))
+    speeds = np.linalg.norm(velocities, axis=1, keepdims=True).astype(np.float32)
+    return Surface(vertices, shading, faces, {SPEED: speeds}, material)
+
+
+def has_colours(look: Material) -> bool:
+    """Tell whether the colour of a look varies over the surface, so that vertices have colours."""
+    return look.pattern is not None or (
+        isinstance(look, PatternedMaterial) and look.colour_texture is not None
+    )
+
+
+def texture_coordinates(look: Material, rest: Points, faces: Faces) -> Floats | None:
+    """Return texture coordinates (F, 3, 2) of the corners of faces, 0 to 1 to the right and upwards.
+
+    They repeat beyond. None where the look has no textures.
+    """
+    projection = look.texture_projection
+    if projection is None:
+        return None
+    coordinates, _ = projection.coordinates(rest, faces)
+    right, up = projection.offset
+    return np.asarray(coordinates * (1.0, _width_to_height(look)) + (0.5 - right, 0.5 - up))
+
+
+def _width_to_height(look: Material) -> float:
+    """Return the aspect of the picture that a look lays on the surface; 1 where it takes the place given."""
+    projection = look.texture_projection
+    if not isinstance(look, PatternedMaterial) or look.colour_texture is None:
+        return 1.0
+    height, width = look.colour_texture.pixels().shape[:2]
+    return width / height if projection is not None and projection.keeps_shape else 1.0

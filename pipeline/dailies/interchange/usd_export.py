@@ -1,0 +1,217 @@
+"""Export a shot as a USD stage: a root, a manifest of attributes, and a clip for each frame.
+
+renders/<shot>/usd/<shot>.usda            what other programs open
+renders/<shot>/usd/<shot>.manifest.usda   the attributes that clips hold
+renders/<shot>/usd/<shot>.0001.usdc       the clip of a frame
+renders/<shot>/usd/<shot>.sky.exr         what surrounds the scene, where it is not of one colour
+renders/<shot>/usd/<shot>.keys.json       what each file was made from
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.dailies.interchange.exported_frame import exported_frame, has_colours
+from pipeline.dailies.interchange.keyed_files import KeyedFiles
+from pipeline.dailies.interchange.usd_clips import (
+    SCULPTURE,
+    SampledAttribute,
+    sampled_attributes,
+    write_clip,
+    write_manifest,
+)
+from pipeline.dailies.interchange.usd_lights import sky_map, write_sky
+from pipeline.dailies.interchange.usd_stage import StageContent, root_prim, write_root
+from pipeline.errors import FrameError, MissingInputError
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.stages import EXPORT
+from pipeline.production.store import readers
+from pipeline.production.store.store import Key, Store, key_of
+from render.base.serialise import to_plain
+
+if TYPE_CHECKING:
+    from pipeline.animation import MeshFrame
+    from pipeline.production.render_inputs.framing import Framing
+
+
+def frame_key(request: RenderRequest, number: int) -> Key:
+    """Return the key of an exported frame: its mesh, the flow around it, and what colours its vertices."""
+    from pipeline.production.render_inputs.shading import STEP, flow_cache_data
+
+    motion, look = request.shot.motion, request.shot.picture.look
+    return key_of(
+        EXPORT.recipe,
+        request.normals_key(number),
+        flow_cache_data(motion, number, (-STEP, STEP)),
+        str(motion.rate),
+        to_plain(look) if has_colours(look) or look.texture_projection else None,
+    )
+
+
+def stored_mesh_frame(request: RenderRequest, store: Store, number: int) -> MeshFrame:
+    """Return a mesh frame from the store. Raises FrameError where it is missing or damaged."""
+    key = request.mesh_key(number)
+    return store.read("mesh", key, request.place("mesh", number), readers.mesh_frame(key))
+
+
+@dataclass(frozen=True, eq=False)
+class UsdExport:
+    """A shot's frames as a USD stage. Clips that are current are kept.
+
+    folder  of the stage, absolute
+    """
+
+    request: RenderRequest
+    store: Store
+    folder: Path
+
+    @cached_property
+    def files(self) -> KeyedFiles:
+        """The files of the folder."""
+        return KeyedFiles(self.folder, f"{self.request.name}.keys.json", self.store)
+
+    @property
+    def root_path(self) -> Path:
+        """The path of the stage that other programs open."""
+        return self.folder / self._root
+
+    def stale(self) -> list[int]:
+        """Return the frames of the request whose clips are missing, damaged, or of an earlier shot."""
+        return [
+            n
+            for n in sorted(self.request.requested)
+            if not self.files.is_current(self._clip(n), self._key(n))
+        ]
+
+    def write(self, passed: Callable[[], None]) -> list[str]:
+        """Write the clips that are not current, and what refers to them; return messages of failed frames.
+
+        passed  is called after each clip
+
+        The stage shows all frames whose clips are current, those of earlier exports too. Raises MachineError
+        where the disk refuses, MissingInputError where no frame could be exported.
+        """
+        faults = []
+        with self.files.noting():
+            for number in self.stale():
+                try:
+                    self._write_clip(number)
+                except FrameError as error:
+                    faults.append(f"{self.request.name} {error.of(number)}")
+                passed()
+            if not self.shown():
+                raise MissingInputError(f"{self.request.name}: no frame could be exported; {faults[0]}")
+            self._write_others()
+        return faults
+
+    def shown(self) -> list[int]:
+        """Return the frames whose clips are current, in ascending order."""
+        pattern = re.compile(re.escape(self.request.name) + r"\.(\d{4,})\.usdc")
+        keys = self.files.keys()
+        there = {int(match[1]): key for name, key in keys.items() if (match := pattern.fullmatch(name))}
+        known = set(self.request.angles)
+        return sorted(n for n, key in there.items() if n in known and key == self._key(n))
+
+    def _write_clip(self, number: int) -> None:
+        frame = exported_frame(self.request.shot, stored_mesh_frame(self.request, self.store, number))
+        self.files.write(
+            self._clip(number),
+            self._key(number),
+            lambda draft: write_clip(draft, self._sculpture, number, frame, self._attributes),
+        )
+
+    def _write_others(self) -> None:
+        """Write the manifest, the map of the sky and the root, each if it has changed."""
+        names = [attribute.name for attribute in self._attributes]
+        self._write_if_changed(
+            self._manifest,
+            key_of(EXPORT.recipe, self._sculpture, names),
+            lambda draft: write_manifest(draft, self._sculpture, self._attributes),
+        )
+        lights = self.request.shot.picture.lights
+        pixels = sky_map(lights) if self.request.shot.picture.look.is_lit else None
+        if pixels is not None:
+            self._write_if_changed(
+                self._sky, key_of(EXPORT.recipe, to_plain(lights)), lambda draft: write_sky(draft, pixels)
+            )
+        content = self._content()
+        self._write_if_changed(self._root, self._root_key(content), lambda draft: write_root(draft, content))
+
+    def _write_if_changed(self, name: str, key: Key, write: Callable[[Path], object]) -> None:
+        if not self.files.is_current(name, key):
+            self.files.write(name, key, write)
+
+    def _content(self) -> StageContent:
+        request, shown = self.request, self.shown()
+        framings: Mapping[int, Framing] | None = request.framings(self.store)
+        if framings is None:
+            raise MissingInputError(f"{request.name} has no cameras; run again to frame the shot again")
+        return StageContent(
+            shot=request.shot,
+            framings={number: framings[number] for number in shown},
+            shutters={number: request.open_at(number) for number in shown},
+            clips={number: self._clip(number) for number in shown},
+            manifest=self._manifest,
+            sky=self._sky,
+            aspect=request.aspect,
+            is_cloud=self._is_cloud,
+            attributes=self._attributes,
+        )
+
+    def _root_key(self, content: StageContent) -> Key:
+        picture = self.request.shot.picture
+        described = (picture.look, picture.lights, picture.stage)
+        camera = (picture.camera.sensor_width, picture.camera.unit, content.aspect)
+        return key_of(
+            EXPORT.recipe,
+            self.request.shot.heading,
+            str(self.request.shot.rate),
+            [to_plain(part) for part in described],
+            camera,
+            {str(number): to_plain(framing) for number, framing in content.framings.items()},
+            {str(number): shutter for number, shutter in content.shutters.items()},
+        )
+
+    def _key(self, number: int) -> Key:
+        if number not in self._keys:
+            self._keys[number] = frame_key(self.request, number)
+        return self._keys[number]
+
+    @cached_property
+    def _keys(self) -> dict[int, Key]:
+        return {}
+
+    @cached_property
+    def _attributes(self) -> tuple[SampledAttribute, ...]:
+        look = self.request.shot.picture.look
+        return sampled_attributes(self._is_cloud, has_colours(look), look.texture_projection is not None)
+
+    @cached_property
+    def _is_cloud(self) -> bool:
+        from pipeline.shot.point_subjects import Cloud
+
+        return isinstance(self.request.shot.motion.subject, Cloud)
+
+    @cached_property
+    def _sculpture(self) -> str:
+        return f"{root_prim(self.request.shot)}/{SCULPTURE}"
+
+    def _clip(self, number: int) -> str:
+        return f"{self.request.name}.{number:04d}.usdc"
+
+    @property
+    def _root(self) -> str:
+        return f"{self.request.name}.usda"
+
+    @property
+    def _manifest(self) -> str:
+        return f"{self.request.name}.manifest.usda"
+
+    @property
+    def _sky(self) -> str:
+        return f"{self.request.name}.sky.exr"
