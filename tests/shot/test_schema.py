@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from functools import cache
 from pathlib import Path
@@ -235,6 +236,12 @@ def test_a_film_has_a_schema_of_its_own() -> None:
     assert accepts(film, "film")
     for bad in ("shots: []\ntitle: x\n", film + "title_seconds: 90\n", film + "subtitel: x\n"):
         assert not accepts(bad, "film")
+
+
+@pytest.mark.parametrize("schema", [shot_schema(), film_schema(), defaults_schema()])
+def test_editors_understand_every_bound(schema: Any) -> None:
+    """Bounds stand under the keywords of JSON Schema, none under a name of pydantic's."""
+    assert re.findall(r'"(?:ge|gt|le|lt)": [\d.-]+', json.dumps(schema)) == []
 
 
 def test_every_name_is_explained() -> None:

@@ -38,7 +38,7 @@ def shot_schema(defaults: Collection[str] = ()) -> Schema:
 
     Names without a default are required unless the shot extends another, which may set them.
     """
-    schema = _schema_of(ShotDocument, "A shot of flowsculpt")
+    schema = schema_of(ShotDocument, "A shot of flowsculpt")
     needs = {name: _extracted_needs(value, schema["$defs"]) for name, value in schema["properties"].items()}
     alone = {
         "required": [name for name in schema.pop("required") if name not in defaults],
@@ -59,7 +59,7 @@ def defaults_schema() -> Schema:
 
 def film_schema() -> Schema:
     """Return the schema of film files."""
-    return _schema_of(FilmDocument, "A film of flowsculpt")
+    return schema_of(FilmDocument, "A film of flowsculpt")
 
 
 class _Generator(GenerateJsonSchema):
@@ -88,13 +88,33 @@ class _Generator(GenerateJsonSchema):
         return result
 
 
-def _schema_of(document: type[BaseModel], title: str) -> Schema:
+def schema_of(document: type[BaseModel], title: str) -> Schema:
+    """Return the schema of a document, with what it needs where it stands, whatever a shot may inherit."""
     schema = document.model_json_schema(schema_generator=_Generator)
     definitions = schema.get("$defs", {})
     for entry in (FlowDocument, VelocityDocument):
         if entry.__name__ in definitions:
             _describe_flows(definitions[entry.__name__]["properties"], definitions)
+    for inner in _mappings(definitions):
+        _use_standard_bounds(inner)
     return _with_short_names({"$schema": DIALECT, "title": title, **schema})
+
+
+_BOUNDS = {
+    "ge": ("minimum", max),
+    "gt": ("exclusiveMinimum", max),
+    "le": ("maximum", min),
+    "lt": ("exclusiveMaximum", min),
+}
+
+
+def _use_standard_bounds(schema: Schema) -> None:
+    """Rename bounds that pydantic leaves under its own names where a number has several; keep the tighter."""
+    for word, (standard, tighter) in _BOUNDS.items():
+        bound = schema.get(word)
+        if isinstance(bound, int | float):
+            del schema[word]
+            schema[standard] = tighter(bound, schema.get(standard, bound))
 
 
 def _describe_flows(properties: Schema, definitions: Schema) -> None:
