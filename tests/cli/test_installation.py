@@ -1,0 +1,108 @@
+"""The wheel in an environment of its own, outside of any checkout, and beside packages of the same names."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import venv
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from pipeline.mesh import icosphere, write_mesh
+
+ROOT = Path(__file__).parents[2]
+
+
+@dataclass(frozen=True)
+class Environment:
+    """A virtual environment with the wheel installed."""
+
+    folder: Path
+
+    @property
+    def packages(self) -> Path:
+        return next((self.folder / "lib").glob("python*/site-packages"))
+
+    def run(self, *words: str | Path, cwd: Path, code: int = 0, path: str = "") -> str:
+        command = [self.folder / "bin" / "flowsculpt", *words]
+        done = subprocess.run(command, cwd=cwd, env=env(path), capture_output=True, text=True, timeout=600)
+        assert done.returncode == code and "Traceback" not in done.stderr, (words, done.stdout, done.stderr)
+        return done.stdout + done.stderr
+
+
+def env(path: str = "") -> dict[str, str]:
+    """The variables of this process with another search path of Python."""
+    return {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | {"PYTHONPATH": path}
+
+
+def pip(*words: str | Path) -> None:
+    subprocess.run([sys.executable, "-m", "pip", "--quiet", *words], env=env(), check=True, timeout=600)
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    pip("wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", folder, ROOT)
+    return next(folder.glob("flowsculpt-*.whl"))
+
+
+@pytest.fixture(scope="module")
+def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Environment:
+    """An environment whose other packages are those of this one; its checkout cannot be imported there."""
+    made = Environment(tmp_path_factory.mktemp("environment"))
+    venv.create(made.folder, with_pip=False)
+    (made.packages / "others.pth").write_text(sysconfig.get_path("purelib"))
+    pip("--python", made.folder, "install", "--no-deps", wheel)
+    return made
+
+
+def test_the_wheel_begins_and_checks_a_show_outside_of_any_checkout(environment, tmp_path):
+    environment.run("new", "--show", "show", cwd=tmp_path)
+    assert "A010_first" in environment.run("validate", "A010_first", cwd=tmp_path / "show")
+
+
+@pytest.mark.parametrize("package", ["pipeline", "render"])
+def test_a_package_that_another_distribution_has_overwritten_is_named(environment, tmp_path, package):
+    ours = environment.packages / package / "__init__.py"
+    text = ours.read_text()
+    ours.unlink()  # a file of its own, whatever the installer linked
+    ours.write_text("raise ImportError('of somebody else')\n")
+    other = environment.packages / f"{package}_tools-1.0.dist-info"
+    other.mkdir()
+    (other / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}-tools\nVersion: 1.0\n")
+    (other / "RECORD").write_text(f"{package}/__init__.py,,\n")
+    told = environment.run("--version", cwd=tmp_path, code=4)
+    shutil.rmtree(other)
+    ours.write_text(text)
+    assert told.count("\n") == 1
+    assert f"{package}/__init__.py: this is not flowsculpt's package {package}" in told
+    assert f"{package}-tools" in told and "pipx" in told
+
+
+def test_a_package_that_comes_first_in_the_search_path_is_named(environment, tmp_path):
+    (tmp_path / "mine" / "render").mkdir(parents=True)
+    (tmp_path / "mine" / "render" / "__init__.py").touch()
+    told = environment.run("--version", cwd=tmp_path, code=4, path=str(tmp_path / "mine"))
+    assert "mine/render/__init__.py" in told
+
+
+@pytest.mark.soak
+def test_the_wheel_and_its_locked_packages_render_in_an_empty_environment(wheel, tmp_path):
+    made = Environment(tmp_path / "environment")
+    venv.create(made.folder, with_pip=True)
+    pip("--python", made.folder, "install", "--require-hashes", "-r", ROOT / "requirements.lock")
+    pip("--python", made.folder, "install", "--no-deps", wheel)
+    write_mesh(icosphere(6), tmp_path / "ball.obj")
+    made.run("new", "--show", "show", cwd=tmp_path)
+    show = tmp_path / "show"
+    made.run("render", "A010_first", "-f", "1-3", cwd=show)
+    made.run("turntable", "../ball.obj", "--frames", "4", cwd=show)
+    made.run("review", "A010_first", cwd=show)
+    assert (show / "renders/A010_first/draft/A010_first.mp4").is_file()
+    assert [*(show / "renders/turntable").rglob("*.mp4")]
+    assert [*(show / "renders/review").rglob("index.html")]
