@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 
-.PHONY: film test quick soak bench blender check figures pictures setup lock clean
+.PHONY: film test quick soak bench blender check docs reference figures pictures setup lock clean
 .DELETE_ON_ERROR:
 
 film: .venv/ready
@@ -33,6 +33,15 @@ check: .venv/ready-dev
 
 bench: .venv/ready-bench
 	$(BIN)/python -m benchmarks
+
+# The documentation as a site: docs/site/index.html.
+docs: .venv/ready-dev
+	$(BIN)/python -m sphinx -W --keep-going -q docs docs/site
+
+# The pages of the docs that come from the code: settings of shot files, commands and their options.
+reference: .venv/ready-dev
+	$(BIN)/python docs/settings.py
+	$(BIN)/python docs/commands.py
 
 # The figures of the docs, by the scripts in examples/.
 figures: .venv/ready-dev

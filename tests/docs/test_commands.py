@@ -17,7 +17,7 @@ from tests.conftest import commanded
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
-YOUR_SHOW = ROOT / "docs" / "your-show.md"
+YOUR_SHOW, TUTORIAL = ROOT / "docs" / "your-show.md", ROOT / "docs" / "tutorial.md"
 ALL = [name for commands in COMMANDS.values() for name in commands]
 
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -25,7 +25,7 @@ SPAN = re.compile(r"`(?:\.venv/bin/)?(flowsculpt\s[^`]*)`")
 PLACEHOLDERS = {"COMMAND": "status", "FRAME": "1"}
 
 OUTSIDE = {"git", "make", "source"}
-"""Programs beside flowsculpt that docs/your-show.md calls: to install and to upgrade."""
+"""Programs beside flowsculpt that the pages call: to install and to upgrade."""
 
 AS_WRITTEN = {"new", "validate", "flows", "status", "versions", "doctor"}
 """Commands that take a second or two."""
@@ -83,11 +83,11 @@ def test_a_wrong_command_in_a_page_would_be_noticed():
 class Reader:
     """Does what a page says, line by line, in an empty folder.
 
-    quick  True to plan what would take longer than seconds
+    quick  True to plan what would take longer than seconds; of stills the first is drawn
     """
 
     def __init__(self, folder: Path, quick: bool) -> None:
-        self.folder, self.quick = folder, quick
+        self.folder, self.quick, self.drawn = folder, quick, False
 
     def follow(self, page: str) -> None:
         for language, block in BLOCK.findall(page):
@@ -108,7 +108,9 @@ class Reader:
     def _command(self, words: list[str]) -> None:
         if "--live" in words or (self.quick and (words[0] in OF_RESULTS or "--from" in words[1:2])):
             return
-        if self.quick and words[0] not in AS_WRITTEN and not (words[0] == "preview" and "--at" in words):
+        draws = words[0] == "preview" and "--at" in words and not self.drawn
+        self.drawn |= draws
+        if self.quick and words[0] not in AS_WRITTEN and not draws:
             words = [*words, "--dry-run"]
         elif not self.quick:  # the pictures of a day's work, in minutes
             words = ["draft" if word in ("daily", "final") else word for word in words]
@@ -132,6 +134,19 @@ def beside(tmp_path: Path) -> Path:
 def test_a_show_can_be_begun_as_its_page_says(beside):
     Reader(beside, quick=True).follow(YOUR_SHOW.read_text())
     assert sorted(path.name for path in (beside / "my_show/renders/A010_first/preview").iterdir())
+
+
+def test_the_tutorial_can_be_begun_as_its_page_says(tmp_path):
+    Reader(tmp_path, quick=True).follow(TUTORIAL.read_text())
+    assert "wrung" in (tmp_path / "first_film/shots/A010_first.yaml").read_text()
+
+
+@pytest.mark.soak
+def test_the_tutorial_ends_with_its_film_and_nothing_left_to_do(tmp_path):
+    Reader(tmp_path, quick=False).follow(TUTORIAL.read_text())
+    assert (tmp_path / "first_film/renders/film/draft/film.mp4").is_file()
+    with contextlib.chdir(tmp_path / "first_film"):
+        assert "Nothing to be done" in commanded(Path(), "film", "--dry-run")[1]
 
 
 @pytest.mark.soak

@@ -1,0 +1,81 @@
+"""The documentation as a site: it builds without a warning, and every link in it leads somewhere."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+import pytest
+from ruamel.yaml import YAML
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+ATTRIBUTE = re.compile(r'\b(?:href|src)="([^"]*)"')
+ANCHOR = re.compile(r'\bid="([^"]+)"')
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site, built as `make docs` does; a warning is an error."""
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", DOCS, folder]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_every_page_of_the_docs_is_in_the_site_and_its_contents(site: Path) -> None:
+    contents = (site / "index.html").read_text()
+    for page in DOCS.glob("*.md"):
+        assert (site / f"{page.stem}.html").is_file()
+        assert (
+            page.stem == "index" or f'<a class="reference internal" href="{page.stem}.html">' in contents
+        ), page
+
+
+def test_every_link_and_picture_of_the_site_is_there(site: Path) -> None:
+    pages = {page: page.read_text() for page in site.glob("*.html")}
+    anchors = {page: set(ANCHOR.findall(text)) for page, text in pages.items()}
+    for page, text in pages.items():
+        for target in ATTRIBUTE.findall(text):
+            link = urlsplit(target)
+            if link.scheme or link.netloc:
+                assert link.scheme in ("https", "data"), f"{page.name}: {target}"
+                continue
+            file = (page.parent / unquote(link.path)).resolve() if link.path else page
+            assert file.exists(), f"{page.name}: {target}"
+            if link.fragment and file in anchors:
+                assert unquote(link.fragment) in anchors[file], f"{page.name}: {target}"
+
+
+@pytest.mark.parametrize("name", ["settings", "commands"])
+def test_pages_from_the_code_say_what_the_code_says(name: str) -> None:
+    spec: Any = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    assert script.page() == (DOCS / f"{name}.md").read_text(), "`make reference` writes the page anew"
+
+
+def test_every_message_that_troubleshooting_quotes_is_told_by_the_code() -> None:
+    code = "\n".join(
+        file.read_text() for folder in ("pipeline", "render") for file in (ROOT / folder).rglob("*.py")
+    )
+    code += (ROOT / "Makefile").read_text()
+    rows = re.findall(r"^\| (`.+?) \|", (DOCS / "troubleshooting.md").read_text(), re.MULTILINE)
+    quoted = [words for row in rows for words in re.findall(r"`([^`]+ [^`]+)`", row)]
+    assert len(quoted) >= 3
+    assert [words for words in quoted if words not in code] == []
+
+
+def test_the_citation_and_the_changes_name_the_version_of_the_package() -> None:
+    version = re.search(r'^version = "(.+)"', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
+    assert version is not None
+    citation = YAML(typ="safe").load((ROOT / "CITATION.cff").read_text())
+    assert str(citation["version"]) == version[1]
+    assert {"cff-version", "message", "title", "authors", "license", "references"} <= set(citation)
+    assert f"\n## {version[1]}\n" in (ROOT / "CHANGELOG.md").read_text()
