@@ -172,19 +172,15 @@ class _Columns:
     """Layout of named attributes of any shape and type in one float64 matrix."""
 
     def __init__(self, layout: Mapping[str, tuple[tuple[int, ...], np.dtype[Any]]]) -> None:
-        self._layout = dict(layout)
+        self._layout, self._starts, self.width = dict(layout), dict[str, int](), 0
+        for name, (shape, _) in self._layout.items():
+            self._starts[name] = self.width
+            self.width += _width(shape)
         mixes = [np.full(_width(shape), float(kind.kind == "f")) for shape, kind in self._layout.values()]
         self.blends: Floats = np.concatenate([*mixes, np.empty(0)])
 
-    @property
-    def width(self) -> int:
-        return sum(_width(shape) for shape, _ in self._layout.values())
-
     def start(self, name: str) -> int | None:
-        if name not in self._layout:
-            return None
-        names = list(self._layout)
-        return sum(_width(self._layout[n][0]) for n in names[: names.index(name)])
+        return self._starts.get(name)
 
     @classmethod
     def of(cls, attributes: Mapping[str, AnyArray]) -> _Columns:

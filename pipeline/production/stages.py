@@ -48,7 +48,7 @@ class PipelineStage:
 
 SIMULATE = PipelineStage(
     "simulate",
-    version=8,
+    version=9,
     packages=("numba", "numpy", "trimesh"),
     doing="simulating",
     makes="mesh",

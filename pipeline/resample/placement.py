@@ -14,7 +14,8 @@ from pipeline.mesh.kernels.halfedge import MeshArrays
 from pipeline.mesh.normals import carried_normals, unit, vertex_normals
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample.creases import edges_by_angle
-from pipeline.resample.kernels.curved_patches import copy_rest_positions, curved_midpoints, list_marked
+from pipeline.resample.kernels.closest_points import list_marked
+from pipeline.resample.kernels.curved_patches import copy_rest_positions, curved_midpoints
 from pipeline.resample.kernels.limits import ONLY_TAGGED, Changes, Limits
 from pipeline.resample.kernels.move_vertices import place_vertices, relax_goals, relax_vertices
 from pipeline.resample.kernels.ring import new_ring
@@ -207,16 +208,16 @@ class Exact(Placement):
         rings = RestRings.of(mesh, spokes)
         goals = mesh.vertices[mesh.arrays.vert[spokes]]
         nearest_rest, places = closest_points(self._carry, self._project, rings.centre, rings.corners, goals)
-        moved = self._move(mesh, spokes, nearest_rest, places, rings.normals, rings.sizes(), limits)
+        moved = self._move(mesh, spokes, nearest_rest, places, rings.normals, rings.sizes, limits)
         if not moved.all():
             moved[~moved] = self._move_to_middle(mesh, rings.only(~moved), limits)
         return moved
 
     def _move_to_middle(self, mesh: HalfedgeMesh, rings: RestRings, limits: Limits) -> AnyArray:
         """Move vertices to the middle of their rings at rest; return flags of those that moved."""
-        goals = self._project(rings.middle())
+        goals = self._project(rings.middle)
         places = self._carry(goals)
-        return self._move(mesh, rings.spokes, goals, places, rings.normals, rings.sizes(), limits)
+        return self._move(mesh, rings.spokes, goals, places, rings.normals, rings.sizes, limits)
 
     def _move(
         self,
@@ -236,20 +237,19 @@ class Exact(Placement):
     def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Limits, changes: Changes) -> int:
         """Move vertices where the surface at rest is known around them: by `project`, or as it is flat."""
         ring, places, normals = new_ring(), np.empty((spokes[0], 3)), np.empty((spokes[0], 3))
-        many = relax_goals(mesh.arrays, spokes, limits, ring, self.project is not None, places, normals)
+        sizes = np.empty(spokes[0])
+        anywhere = self.project is not None
+        many = relax_goals(mesh.arrays, spokes, limits, ring, anywhere, places, normals, sizes)
         if not many:
             return 0
-        leaving, rest = spokes[1 : many + 1], rest_of(mesh)
-        following = np.where(leaving % 3 == 2, leaving - 2, leaving + 1)
-        start, to = mesh.arrays.vert[leaving], mesh.arrays.vert[following]
-        goals, sizes = self._project(places[:many]), _lengths(rest, start, to)
+        vertices, goals = mesh.arrays.vert[spokes[1 : many + 1]], self._project(places[:many])
         places_now, moved = self._carry(goals), np.zeros(many, np.uint8)
         done = int(relax_vertices(mesh.arrays, spokes, places_now, goals, limits, ring, changes, moved))
-        self._set_normals(mesh, start, goals, places_now, normals[:many], sizes, moved > 0)
+        self._set_normals(mesh, vertices, goals, places_now, normals[:many], sizes[:many], moved > 0)
         return done
 
     def _project(self, points: Points) -> Points:
-        return points if self.project is None else self.project(points)
+        return points if self.project is None else np.array(self.project(points), np.float64, order="C")
 
     def _set_normals(
         self,
@@ -279,7 +279,7 @@ class Exact(Placement):
         _write(mesh, NORMAL, vertices[selected], carried)
 
     def _carry(self, rest_points: Points) -> Points:
-        moved = np.array(self.carry(np.ascontiguousarray(rest_points)), dtype=np.float64)
+        moved = np.array(self.carry(np.ascontiguousarray(rest_points)), dtype=np.float64, order="C")
         if moved.shape != rest_points.shape or not np.isfinite(moved).all():
             raise FrameError(
                 f"carry returned an array of shape {moved.shape} for {len(rest_points)} points at rest, or "

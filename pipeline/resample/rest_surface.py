@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError
 from pipeline.mesh.halfedge_mesh import HalfedgeMesh
-from pipeline.mesh.normals import unit
-from pipeline.resample.kernels.curved_patches import MAX_OPPOSITE, opposite_corners
+from pipeline.resample.kernels.closest_points import (
+    LATTICE,
+    MAX_OPPOSITE,
+    choose_nearest,
+    keep_nearer,
+    measure_at_rest,
+    opposite_corners,
+    place_lattice,
+    step_aside,
+    step_to_goals,
+    tangent_frames,
+)
 from pipeline.resample.kernels.ring import new_ring
 
 REST, REST_NORMAL, NORMAL, ASTRAY = "rest", "rest_normal", "normal", "astray"
@@ -43,45 +53,38 @@ class RestRings:
     corners  (N, K, 2, 3) the other corners of the surrounding faces, nan where there are fewer than K; on a
              crease its two edges, each as twice the same corner
     normals  (N, 3) unit, zero on creases
+    middle   (N, 3) the mean of the corners
+    sizes    (N,) the length of one spoke, scene units
     """
 
     spokes: Indices
     centre: Points
     corners: Points
     normals: Vectors
+    middle: Points
+    sizes: Floats
 
     @classmethod
     def of(cls, mesh: HalfedgeMesh, spokes: Indices) -> RestRings:
-        nearest_rest = np.empty((len(spokes), MAX_OPPOSITE, 2), np.int32)
-        opposite_corners(mesh.arrays, spokes, new_ring(), nearest_rest)
-        vertices, rest, column = mesh.arrays.vert[spokes], rest_of(mesh), column_of(mesh, REST_NORMAL)
-        normals = mesh.arrays.attributes[vertices, column : column + 3]
-        normals[nearest_rest[:, 0, 0] == nearest_rest[:, 0, 1]] = 0.0
-        corners = np.where((nearest_rest < 0)[..., None], np.nan, rest[nearest_rest])
-        return cls(spokes, rest[vertices], corners, unit(normals))
+        many, vertices = len(spokes), mesh.arrays.vert[spokes]
+        opposite = np.empty((many, MAX_OPPOSITE, 2), np.int32)
+        opposite_corners(mesh.arrays, spokes, new_ring(), opposite)
+        centre, normals, middle = np.empty((3, many, 3))
+        corners, sizes = np.empty((many, MAX_OPPOSITE, 2, 3)), np.empty(many)
+        columns = column_of(mesh, REST), column_of(mesh, REST_NORMAL)
+        attributes = mesh.arrays.attributes
+        measure_at_rest(attributes, vertices, *columns, opposite, centre, corners, normals, middle, sizes)
+        return cls(spokes, centre, corners, normals, middle, sizes)
 
     def only(self, selected: AnyArray) -> RestRings:
         """Return the rings of the vertices with a flag in `selected` (N,)."""
-        return RestRings(
-            self.spokes[selected], self.centre[selected], self.corners[selected], self.normals[selected]
-        )
-
-    def sizes(self) -> Floats:
-        """Return the length of one edge of each ring, (N,)."""
-        return np.asarray(np.linalg.norm(self.corners[:, 0, 0] - self.centre, axis=1))
-
-    def middle(self) -> Points:
-        """Return the means (N, 3) of the corners."""
-        return np.nanmean(self.corners.reshape(len(self.spokes), -1, 3), axis=1)
+        return RestRings(*(getattr(self, field.name)[selected] for field in fields(self)))
 
 
 PointMap = Callable[[Points], Points]
 
-_CUTS = 3  # parts of each triangle side in the lattice of first guesses
-_LATTICE = np.array([(_CUTS - i - j, i, j) for i in range(_CUTS) for j in range(_CUTS - i)][1:]) / _CUTS
 _ROUNDS = 2
 _STEP = 1e-4  # finite difference, in sides of the triangle
-_MAX_STEP = 0.5 / _CUTS  # of one round, in sides of the triangle
 
 
 def closest_points(
@@ -98,67 +101,17 @@ def closest_points(
 
     Takes the best point of a lattice within the triangles, then Gauss-Newton steps while they improve.
     """
-    lattice = np.einsum("wc,nkcx->nkwx", _LATTICE[:, 1:], corners)
-    lattice += _LATTICE[:, :1] * centre[:, None, None]
-    lattice = lattice.reshape(len(centre), -1, 3)
-    valid = np.flatnonzero(np.isfinite(lattice[..., 0]).ravel())
-    candidates = project(lattice.reshape(-1, 3)[valid])
-    places = carry(candidates)
-    distance = np.full(lattice.shape[:2], np.inf)
-    distance.ravel()[valid] = np.linalg.norm(places - goals[valid // lattice.shape[1]], axis=1)
-    best = distance.argmin(axis=1) + lattice.shape[1] * np.arange(len(centre))
-    chosen = np.searchsorted(valid, best)
-    nearest_rest, place = candidates[chosen], places[chosen]
-    sides, normals = _tangent_frame(centre, corners)
+    many = len(centre)
+    lattice, starts = np.empty((LATTICE * many, 3)), np.empty(many + 1, np.int64)
+    candidates = project(lattice[: place_lattice(centre, corners, lattice, starts)])
+    nearest_rest, places = np.empty((2, many, 3))
+    choose_nearest(starts, candidates, carry(candidates), goals, nearest_rest, places)
+    frames, beside, new_rest = np.empty((many, 2, 3)), np.empty((2 * many, 3)), np.empty((many, 3))
+    tangent_frames(centre, corners, frames)
     for _ in range(_ROUNDS):
-        _refine(carry, project, nearest_rest, place, sides, normals, goals)
-    return nearest_rest, place
-
-
-def _tangent_frame(centre: Points, corners: Points) -> tuple[Vectors, Vectors]:
-    """Return a side (N, 3) of the first triangle of each, and the unit normal of all, zero for lines."""
-    spokes = corners - centre[:, None, None]
-    return spokes[:, 0, 0], unit(np.nansum(np.cross(spokes[:, :, 0], spokes[:, :, 1]), axis=1))
-
-
-def _refine(
-    carry: PointMap,
-    project: PointMap,
-    nearest_rest: Points,
-    place: Points,
-    sides: Vectors,
-    normals: Vectors,
-    goals: Points,
-) -> None:
-    """Take one step within the surface towards the goals, for the points that it brings closer."""
-    across = np.cross(normals, sides)
-    along = np.cross(across, normals)
-    beside = np.concatenate([nearest_rest + _STEP * along, nearest_rest + _STEP * across])
-    ahead, left = np.split(carry(project(beside)), 2)
-    one, two, gap = (ahead - place) / _STEP, (left - place) / _STEP, goals - place
-    u, v = _least_squares(one, two, gap)
-    new_rest = project(nearest_rest + u * along + v * across)
-    new_place = carry(new_rest)
-    nearer = np.linalg.norm(new_place - goals, axis=1) < np.linalg.norm(gap, axis=1)
-    nearest_rest[nearer], place[nearer] = new_rest[nearer], new_place[nearer]
-
-
-def _least_squares(one: Vectors, two: Vectors, gap: Vectors) -> tuple[Floats, Floats]:
-    """Return the factors (N, 1) of two vectors that fit a third best, as a step of at most _MAX_STEP.
-
-    Both are zero where the vectors are parallel.
-    """
-    aa, ab, bb = _dot(one, one), _dot(one, two), _dot(two, two)
-    ag, bg = _dot(one, gap), _dot(two, gap)
-    det = aa * bb - ab * ab
-    solvable = det > 1e-12 * aa * bb
-    det = np.where(solvable, det, 1.0)
-    u, v = solvable * (bb * ag - ab * bg) / det, solvable * (aa * bg - ab * ag) / det
-    size = np.hypot(u, v)
-    scale = np.minimum(1.0, _MAX_STEP / np.where(size > 0, size, 1.0))
-    return u * scale, v * scale
-
-
-def _dot(a: Vectors, b: Vectors) -> AnyArray:
-    products: AnyArray = np.einsum("nx,nx->n", a, b)
-    return products[:, None]
+        step_aside(nearest_rest, frames, _STEP, beside)
+        moved = carry(project(beside))
+        step_to_goals(nearest_rest, places, moved, goals, _STEP, frames, new_rest)
+        projected = project(new_rest)
+        keep_nearer(projected, carry(projected), goals, nearest_rest, places)
+    return nearest_rest, places

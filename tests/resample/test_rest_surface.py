@@ -21,7 +21,7 @@ from pipeline.mesh import (
 from pipeline.mesh.analytic_surfaces import SphereSurface
 from pipeline.mesh.normals import vertex_normals
 from pipeline.resample import Curved, Exact, Resampler, Thresholds
-from pipeline.resample.kernels.curved_patches import MAX_OPPOSITE, opposite_corners
+from pipeline.resample.kernels.closest_points import MAX_OPPOSITE, opposite_corners
 from pipeline.resample.kernels.flip import should_flip
 from pipeline.resample.kernels.limits import Limits
 from pipeline.resample.kernels.ring import collect_ring, move_at_rest, new_ring, rest_orientation, would_flip

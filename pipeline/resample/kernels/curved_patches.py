@@ -1,6 +1,6 @@
 """Curved patches over split edges (P37): midpoints on a surface that is smooth between creases.
 
-For patches over the surface at rest, also the positions and corners around vertices there.
+For patches over the surface at rest, also the positions there.
 """
 
 from __future__ import annotations
@@ -8,12 +8,10 @@ from __future__ import annotations
 import math
 
 import numba
-import numpy as np
 
 from pipeline.arrays import Floats, Indices, Points, Vectors
 from pipeline.kernels import kernel
 from pipeline.mesh.kernels.halfedge import (
-    INTS,
     LEAN,
     MATRIX,
     MESH_ARRAYS,
@@ -26,8 +24,7 @@ from pipeline.resample.kernels.limits import area_vector, squared_length
 from pipeline.resample.kernels.ring import RING, Ring, collect_ring
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE
 
-MAX_OPPOSITE = 8
-_TABLE, _CORNER_PAIRS = numba.int32[:, ::1], numba.int32[:, :, ::1]
+_TABLE = numba.int32[:, ::1]
 _LEAST_COSINE = 0.5  # a crease that turns by more than 60 degrees has a corner there
 _MOST_RISE = 0.342  # of an edge, along the normal at an end: sine of 20 degrees; with more the end is a tip
 _LEAST_RISE = 0.1  # with less an end is no tip
@@ -263,41 +260,3 @@ def copy_rest_positions(mesh: MeshArrays, births: Indices, column: int, ring: Ri
                 v = ring.vertex[j]
                 for k in range(3):
                     rest[v, k] = attributes[v, column + k]
-
-
-@kernel(numba.int64(MESH_ARRAYS, numba.int64, numba.int64, INTS))
-def list_marked(mesh: MeshArrays, halfedges: int, column: int, spokes: Indices) -> int:
-    """List a half-edge from each vertex whose attribute in `column` is not zero; return their number."""
-    vert, attributes, count = mesh.vert, mesh.attributes, 0
-    for h in range(halfedges):
-        v = np.uint64(vert[h])
-        if attributes[v, column] == 1.0:
-            spokes[count] = h
-            count += 1
-            attributes[v, column] = 2.0  # seen
-    for i in range(count):
-        attributes[vert[spokes[i]], column] = 1.0
-    return count
-
-
-@kernel((MESH_ARRAYS, INTS, RING, _CORNER_PAIRS))
-def opposite_corners(mesh: MeshArrays, spokes: Indices, ring: Ring, corners: Indices) -> None:
-    """Fill `corners` (N, MAX_OPPOSITE, 2): the other two corners of the faces around the start of each spoke.
-
-    A vertex on a crease or a boundary must stay there: it gets the edges along it, each as twice the same
-    corner. Unused rows hold -1; faces beyond the eighth are left out.
-    """
-    for i in range(len(spokes)):
-        corners[i] = -1
-        if not collect_ring(mesh, spokes[i], ring):  # too many spokes: take the given one
-            corners[i, 0] = mesh.vert[following(spokes[i])]
-            continue
-        faces, rim, many = ring.size[0], ring.size[1], 0
-        for k in range(rim):
-            edge = rim > faces and (k == 0 or k == faces)
-            if many < MAX_OPPOSITE and (edge or (k < faces and mesh.tagged[ring.leaving[k]] > 0)):
-                corners[i, many] = ring.vertex[k]
-                many += 1
-        for k in range(min(MAX_OPPOSITE, faces) if many == 0 else 0):
-            corners[i, k, 0] = ring.vertex[k]
-            corners[i, k, 1] = ring.vertex[k + 1]

@@ -16,6 +16,7 @@ from pipeline.mesh.kernels.halfedge import (
     MESH_ARRAYS,
     VECTOR,
     MeshArrays,
+    following,
     preceding,
 )
 from pipeline.resample.kernels.curved_patches import incoming
@@ -110,6 +111,7 @@ def classify_around(
             classify_edge(mesh, h, limits, long_edges, changes)
 
 
+_LEAST_GAIN = 1e-3  # of roundness
 _FLAT = 1e-9  # largest distance of a flat ring from its plane, relative to its spokes
 
 
@@ -172,42 +174,6 @@ def _rest_plane(attributes: Points, column: int, centre: int, ring: Ring, normal
     return flat
 
 
-@kernel(numba.int64(MESH_ARRAYS, INTS, LIMITS, RING, numba.boolean, MATRIX, MATRIX))
-def relax_goals(
-    mesh: MeshArrays,
-    spokes: Indices,
-    limits: Limits,
-    ring: Ring,
-    anywhere: bool,
-    places: Points,
-    normals: Vectors,
-) -> int:
-    """Compute rest positions in the middle of the neighbours of `spokes`' starts; return how many are kept.
-
-    Drops from the list vertices on hard edges and, unless `anywhere`, those whose ring is not flat at rest,
-    because the middle then lies off the surface.
-    """
-    attributes, column, kept = mesh.attributes, limits.rest_column, 0
-    for i in range(1, spokes[0] + 1):
-        h = spokes[i]
-        v = mesh.vert[h]
-        if not collect_ring(mesh, h, ring) or ring.size[0] < ring.size[1]:
-            continue
-        measure_ring(mesh, v, ring, hard_cosine(mesh, limits, v))
-        flat = _rest_plane(attributes, column, v, ring, ring.place)
-        if ring.size[2] > 0 or not (flat or anywhere):
-            continue
-        for k in range(3):
-            normals[kept, k] = ring.place[k]
-            places[kept, k] = 0.0
-            for j in range(ring.size[1]):
-                places[kept, k] += attributes[ring.vertex[j], column + k] / ring.size[1]
-        kept += 1
-        spokes[kept] = h
-    spokes[0] = kept
-    return kept
-
-
 @kernel(numba.float64(MESH_ARRAYS, numba.int64, RING, VECTOR, LIMITS), **LEAN)
 def _worst_roundness(mesh: MeshArrays, centre: int, ring: Ring, place: Floats, limits: Limits) -> float:
     """Return the worst roundness around a vertex placed at `place`; -1 if an edge would leave its limits."""
@@ -224,6 +190,87 @@ def _worst_roundness(mesh: MeshArrays, centre: int, ring: Ring, place: Floats, l
             return -1.0
         worst = min(worst, roundness(near, squared_length(points, b, c), far))
     return worst
+
+
+@kernel((MESH_ARRAYS, numba.int64, numba.int64, RING, VECTOR, MATRIX, numba.int64), **LEAN)
+def _predict_place(
+    mesh: MeshArrays, column: int, centre: int, ring: Ring, normal: Floats, goals: Points, i: int
+) -> None:
+    """Write to `ring.place` where `goals[i]` at rest is about now: in the plane of the face that it lies in.
+
+    normal  (3,) of the ring at rest; areas of triangles are taken along it
+    """
+    attributes, points = mesh.attributes, mesh.points
+    inmost = -math.inf
+    for j in range(ring.size[0]):
+        b, c = ring.vertex[j], ring.vertex[j + 1]
+        whole, at_b, at_c = 0.0, 0.0, 0.0
+        for k in range(3):
+            u, v = (k + 1) % 3, (k + 2) % 3
+            b1, b2 = attributes[b, column + u], attributes[b, column + v]
+            c1, c2 = attributes[c, column + u], attributes[c, column + v]
+            o1, o2 = attributes[centre, column + u], attributes[centre, column + v]
+            b1, b2, c1, c2 = b1 - o1, b2 - o2, c1 - o1, c2 - o2
+            g1, g2 = goals[i, u] - o1, goals[i, v] - o2
+            whole += normal[k] * (b1 * c2 - b2 * c1)
+            at_b += normal[k] * (g1 * c2 - g2 * c1)
+            at_c += normal[k] * (b1 * g2 - b2 * g1)
+        if whole <= 0.0 or min(at_b, at_c) <= inmost * whole:
+            continue
+        inmost = min(at_b, at_c) / whole
+        for k in range(3):
+            along_b, along_c = points[b, k] - points[centre, k], points[c, k] - points[centre, k]
+            ring.place[k] = points[centre, k] + (at_b * along_b + at_c * along_c) / whole
+
+
+@kernel(numba.int64(MESH_ARRAYS, INTS, LIMITS, RING, numba.boolean, MATRIX, MATRIX, VECTOR))
+def relax_goals(
+    mesh: MeshArrays,
+    spokes: Indices,
+    limits: Limits,
+    ring: Ring,
+    anywhere: bool,
+    places: Points,
+    normals: Vectors,
+    sizes: Floats,
+) -> int:
+    """Compute rest positions in the middle of the neighbours of `spokes`' starts; return how many are kept.
+
+    Drops from the list vertices on hard edges and, unless `anywhere`, those whose ring is not flat at rest,
+    because the middle then lies off the surface. Drops also those that would gain less than _LEAST_GAIN where
+    `_predict_place` puts them: to carry a point takes far longer than to judge it.
+
+    places, normals  (N, 3) and sizes (N,) receive for each its place, the unit normal of its ring, and the
+                     length of its spoke, all at rest
+    """
+    attributes, column, kept = mesh.attributes, limits.rest_column, 0
+    place = ring.place
+    for i in range(1, spokes[0] + 1):
+        h = spokes[i]
+        v = mesh.vert[h]
+        if not collect_ring(mesh, h, ring) or ring.size[0] < ring.size[1]:
+            continue
+        measure_ring(mesh, v, ring, hard_cosine(mesh, limits, v))
+        flat = _rest_plane(attributes, column, v, ring, normals[kept])
+        if ring.size[2] > 0 or not (flat or anywhere):
+            continue
+        other, sizes[kept] = mesh.vert[following(h)], 0.0
+        for k in range(3):
+            sizes[kept] += (attributes[other, column + k] - attributes[v, column + k]) ** 2
+            places[kept, k], place[k] = 0.0, mesh.points[v, k]
+            for j in range(ring.size[1]):
+                places[kept, k] += attributes[ring.vertex[j], column + k] / ring.size[1]
+        sizes[kept] = math.sqrt(sizes[kept])
+        wanted = _worst_roundness(mesh, v, ring, place, limits) + _LEAST_GAIN
+        _predict_place(mesh, column, v, ring, normals[kept], places, kept)
+        if _worst_roundness(mesh, v, ring, place, limits) < max(wanted, 0.0):
+            continue
+        if folds(mesh.points, ring, -1, place, MAX_TURN_COSINE):
+            continue
+        kept += 1
+        spokes[kept] = h
+    spokes[0] = kept
+    return kept
 
 
 @kernel(numba.int64(MESH_ARRAYS, INTS, MATRIX, MATRIX, LIMITS, RING, CHANGES, BYTES))
