@@ -30,7 +30,7 @@ from pipeline.resample.kernels.limits import QUEUED, REFUSED, Changes, Limits, i
 from pipeline.resample.kernels.move_vertices import MAX_SPOKES_OF_NEW, classify_around, list_poor_vertices
 from pipeline.resample.kernels.ring import MAX_SPOKES, new_ring
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE, BIRTH_SIZE, longest_edges_first, split_edges
-from pipeline.resample.kernels.untangle import untangle
+from pipeline.resample.kernels.untangle import count_tangled, untangle, untangle_listed
 from pipeline.resample.placement import Placement
 from pipeline.resample.thresholds import Thresholds, TriangleShape
 from pipeline.resample.vertex_budget import require_room, require_room_for_area
@@ -101,6 +101,8 @@ class ResamplePass:
         reset(self.changes)
         self.faces = int(mesh.sizes[1])  # before this pass
         self._dead = work_list(0), work_list(0)  # removed faces and vertices, still in the arrays
+        # 1 if no face looked inwards at rest after the last pass: then only changed ones can
+        self._all_upright, self._tangled = mesh.scratch("all upright", 1), 0
 
     def find_edges(self) -> None:
         """Find the edges outside their limits, and those opposite clearly obtuse corners."""
@@ -194,7 +196,13 @@ class ResamplePass:
         """Flip edges of faces that look inwards at rest, where fewer then do."""
         if self.limits.rest_column < 0:
             return
-        flips = untangle(self.mesh.arrays, int(self.mesh.sizes[1]), self.limits, self.changes)
+        mesh, limits, changes = self.mesh, self.limits, self.changes
+        if self._all_upright[0]:
+            faces = np.sort(items_of(changes.changed))
+            flips, self._tangled = untangle_listed(mesh.arrays, faces, limits, changes)
+        else:
+            flips, self._tangled = untangle(mesh.arrays, int(mesh.sizes[1]), limits, changes)
+        self._all_upright[0] = 0
         self.flips += flips
         if flips:
             self._collapse_and_flip()
@@ -233,6 +241,8 @@ class ResamplePass:
         """Measure the edges and close the gaps that removed faces and vertices left in the arrays."""
         low, high = length_range(self.mesh.arrays, self.faces, self.changes, self.block_ranges)
         self.shortest, self.longest = math.sqrt(low), math.sqrt(high)
+        if self.limits.rest_column >= 0 and not self._tangled:
+            self._all_upright[0] = not count_tangled(self.mesh.arrays, self.limits, self.changes)
         self._close_gaps()
 
     def _close_gaps(self) -> None:

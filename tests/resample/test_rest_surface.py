@@ -111,7 +111,7 @@ def test_an_edge_is_flipped_where_a_face_looks_inwards_at_rest_and_then_none_doe
         live, limits = at_rest(kite, rest)
         changes = changes_of(live)
         reset(changes)
-        assert untangle(live.arrays, 2, limits, changes) == flips
+        assert untangle(live.arrays, 2, limits, changes) == (flips, 0)
         upright = [slow_upright(rest, vertex_normals(kite), face) > 0 for face in live.snapshot().faces]
         assert all(upright)
         assert changes.fresh[0] == 2 * flips
@@ -131,9 +131,9 @@ def test_untangling_leaves_fewer_faces_that_look_inwards_at_rest_and_a_sound_sur
         return sum(slow_upright(rest, normals, face) <= 0 for face in live.snapshot().faces)
 
     before = inwards()
-    turned = untangle(live.arrays, len(mesh.faces), limits, changes)
+    turned, left = untangle(live.arrays, len(mesh.faces), limits, changes)
     after = live.snapshot()
-    assert inwards() <= before - turned
+    assert inwards() <= min(before - turned, left)
     assert require(after).euler == require(mesh).euler
     assert (dihedral_angles(after) > math.radians(170)).sum() == 0, "nothing folds now"
 

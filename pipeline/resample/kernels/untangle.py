@@ -5,8 +5,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from pipeline.arrays import Indices
 from pipeline.kernels import kernel
-from pipeline.mesh.kernels.halfedge import LEAN, MESH_ARRAYS, MeshArrays, after, before
+from pipeline.mesh.kernels.halfedge import INTS, LEAN, MESH_ARRAYS, MeshArrays, after, before
 from pipeline.resample.kernels.flip import are_adjacent, flip_and_touch, folds_by_flip, inverted_by_flip
 from pipeline.resample.kernels.limits import (
     CHANGES,
@@ -17,6 +18,8 @@ from pipeline.resample.kernels.limits import (
     squared_length,
 )
 from pipeline.resample.kernels.ring import MAX_TURN_COSINE, is_inverted
+
+_PAIR = numba.types.UniTuple(numba.int64, 2)
 
 
 @kernel(numba.boolean(MESH_ARRAYS, numba.int64, LIMITS), **LEAN)
@@ -41,22 +44,58 @@ def can_untangle(mesh: MeshArrays, h: int, limits: Limits) -> bool:
     return not are_adjacent(mesh, before(i), d)
 
 
-@kernel(numba.int64(MESH_ARRAYS, numba.int64, LIMITS, CHANGES))
-def untangle(mesh: MeshArrays, faces: int, limits: Limits, changes: Changes) -> int:
-    """Flip an edge of each face that looks inwards at rest, where fewer then do; return the flips done.
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64, LIMITS), **LEAN)
+def _looks_inwards(mesh: MeshArrays, f: int, limits: Limits) -> bool:
+    """Tell whether a face exists and does not face outwards at rest."""
+    vert, i = mesh.vert, np.uint64(3 * f)
+    a = vert[i]
+    return a >= 0 and is_inverted(mesh.attributes, limits, a, vert[i + np.uint64(1)], vert[i + np.uint64(2)])
 
-    Looks at all faces, since a face that has not changed may by now be able to.
+
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64, LIMITS, CHANGES), **LEAN)
+def _untangle_face(mesh: MeshArrays, f: int, limits: Limits, changes: Changes) -> bool:
+    """Flip the first edge of a face with which fewer faces then look inwards; return whether there is one."""
+    for h in range(3 * f, 3 * f + 3):
+        if can_untangle(mesh, h, limits):
+            flip_and_touch(mesh, h, changes)
+            return True
+    return False
+
+
+@kernel(_PAIR(MESH_ARRAYS, numba.int64, LIMITS, CHANGES))
+def untangle(mesh: MeshArrays, faces: int, limits: Limits, changes: Changes) -> tuple[int, int]:
+    """Flip an edge of each face that looks inwards at rest, where fewer then do.
+
+    Looks at all faces, since a face that has not changed may by now be able to. Returns how many edges were
+    flipped, and for how many faces none was.
     """
-    vert, attributes, flips = mesh.vert, mesh.attributes, 0
+    flips, left = 0, 0
     for f in range(faces):
-        h = 3 * f
-        i = np.uint64(h)
-        a = vert[i]
-        if a < 0 or not is_inverted(attributes, limits, a, vert[i + np.uint64(1)], vert[i + np.uint64(2)]):
-            continue
-        for k in range(h, h + 3):
-            if can_untangle(mesh, k, limits):
-                flip_and_touch(mesh, k, changes)
+        if _looks_inwards(mesh, f, limits):
+            if _untangle_face(mesh, f, limits, changes):
                 flips += 1
-                break
-    return flips
+            else:
+                left += 1
+    return flips, left
+
+
+@kernel(_PAIR(MESH_ARRAYS, INTS, LIMITS, CHANGES))
+def untangle_listed(mesh: MeshArrays, faces: Indices, limits: Limits, changes: Changes) -> tuple[int, int]:
+    """Do what `untangle` does, for the faces of a list in ascending order."""
+    flips, left = 0, 0
+    for f in faces:
+        if _looks_inwards(mesh, f, limits):
+            if _untangle_face(mesh, f, limits, changes):
+                flips += 1
+            else:
+                left += 1
+    return flips, left
+
+
+@kernel(numba.int64(MESH_ARRAYS, LIMITS, CHANGES))
+def count_tangled(mesh: MeshArrays, limits: Limits, changes: Changes) -> int:
+    """Return how many of the faces that have changed look inwards at rest."""
+    count = 0
+    for i in range(1, changes.changed[0] + 1):
+        count += _looks_inwards(mesh, changes.changed[i], limits)
+    return count
