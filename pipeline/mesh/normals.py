@@ -205,24 +205,37 @@ def carried_normals(
 
     A vertex whose ring the flow has collapsed to a line gets zero: it has no normal any more.
     """
-    known, carried = readable(normals), np.zeros((len(normals), 3))
-    if not count_known(known):
-        return carried
+    if not count_known(readable(normals)):
+        return np.zeros((len(normals), 3))
     if apart is None:
         apart = np.full(len(points), STEP * longest_side(readable(points)))
-    beside = move(_beside(points, known, apart))
-    cross_beside(known, readable(moved), readable(beside), carried)
+    return normals_from_tangents(normals, moved, move(tangent_points(points, normals, apart)))
+
+
+def normals_from_tangents(normals: Vectors, moved: Points, beside: Points) -> Vectors:
+    """Return unit normals (V, 3), given where a flow has moved vertices and their tangent points.
+
+    normals  (V, 3) unit normals before, as `tangent_points` took them; where zero, the result is zero
+    moved    (V, 3) the vertices now
+    beside   (2K, 3) the points of `tangent_points` now
+    """
+    carried = np.zeros((len(normals), 3))
+    cross_beside(readable(normals), readable(moved), readable(beside), carried)
     return carried
 
 
 def tangents(normals: Vectors) -> tuple[Vectors, Vectors]:
     """Return two unit vectors (N, 3) each, with t₁ × t₂ = n, for unit normals (N, 3)."""
-    beside = _beside(np.zeros((len(normals), 3)), normals, np.ones(len(normals)))
+    beside = tangent_points(np.zeros((len(normals), 3)), normals, np.ones(len(normals)))
     return beside[: len(beside) // 2], beside[len(beside) // 2 :]
 
 
-def _beside(points: Points, normals: Vectors, apart: Floats) -> Points:
-    """Return tangent points (2K, 3) of the K vertices with a normal: first all along one tangent."""
+def tangent_points(points: Points, normals: Vectors, apart: Floats) -> Points:
+    """Return tangent points (2K, 3) of the K vertices with a normal: first all along one tangent.
+
+    normals  (V, 3) unit, or zero where there is none
+    apart    (V,) their distance from their vertex
+    """
     known = readable(normals)
     beside = np.empty((2 * count_known(known), 3))
     place_beside(readable(points), known, readable(apart), beside)

@@ -10,13 +10,18 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError
 from pipeline.mesh.halfedge_mesh import HalfedgeMesh
-from pipeline.mesh.kernels.halfedge import MeshArrays
-from pipeline.mesh.normals import carried_normals, unit, vertex_normals
+from pipeline.mesh.normals import (
+    carried_normals,
+    normals_from_tangents,
+    tangent_points,
+    unit,
+    vertex_normals,
+)
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample.creases import edges_by_angle
 from pipeline.resample.kernels.closest_points import list_marked
-from pipeline.resample.kernels.curved_patches import copy_rest_positions, curved_midpoints
-from pipeline.resample.kernels.limits import ONLY_TAGGED, Changes, Limits
+from pipeline.resample.kernels.curved_patches import curved_midpoints, rest_midpoints
+from pipeline.resample.kernels.limits import Changes, Limits
 from pipeline.resample.kernels.move_vertices import place_vertices, relax_goals, relax_vertices
 from pipeline.resample.kernels.ring import new_ring
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE
@@ -97,16 +102,10 @@ class Curved(Placement):
     leaves_chord: ClassVar[bool] = True
 
     def place(self, mesh: HalfedgeMesh, births: Indices, limits: Limits) -> int:
-        places, _ = on_patches(mesh.arrays, births, limits.hard_cosine)
+        places, normals = np.empty((2, len(births), 3))
+        curved_midpoints(mesh.arrays, births, limits.hard_cosine, _SCRATCH, places, normals)
         moved = move_without_folds(mesh, births[:, BIRTH_HALFEDGE], places, places, limits)
         return len(births) - int(moved.sum())
-
-
-def on_patches(arrays: MeshArrays, births: Indices, cosine: float) -> tuple[Points, Vectors]:
-    """Return places (N, 3) of new vertices on curved patches, and unit normals there, zero on creases."""
-    places, normals = np.empty((len(births), 3)), np.empty((len(births), 3))
-    curved_midpoints(arrays, births, cosine, np.empty(7), places, normals)
-    return places, normals
 
 
 def move_without_folds(
@@ -118,10 +117,11 @@ def move_without_folds(
     goals   (N, 3) their places at rest, if they have any
     """
     moved = np.zeros(len(spokes), np.uint8)
-    place_vertices(mesh.arrays, np.ascontiguousarray(spokes), new_ring(), places, goals, limits, moved)
+    place_vertices(mesh.arrays, np.ascontiguousarray(spokes), _RING, places, goals, limits, moved)
     return moved > 0
 
 
+_RING, _SCRATCH = new_ring(), np.empty(7)
 _TANGENT = 1e-5  # distance of tangent points from their vertex, in edge lengths at rest
 
 
@@ -163,23 +163,36 @@ class Exact(Placement):
 
     def place(self, mesh: HalfedgeMesh, births: Indices, limits: Limits) -> int:
         last, spokes = int(mesh.sizes[0]), np.ascontiguousarray(births[:, BIRTH_HALFEDGE])
-        rest, born = rest_of(mesh), np.arange(last - len(births), last, dtype=np.int32)
-        middles, normals = rest[born], np.zeros((len(births), 3))
-        if self.project is None or mesh.column(NORMAL) is not None or mesh.arrays.tagged.any():
-            middles, normals = _on_patches_at_rest(mesh, births)
-            # A split leaves the mean of the normals of both ends, which leans where one of them is a crease.
-            smooth = normals.any(axis=1)
-            _write(mesh, REST_NORMAL, born[smooth], normals[smooth])
-        goals, sizes = self._project(middles), _lengths(rest, births[:, 0], births[:, 1])
-        moved = self._move(mesh, spokes, goals, self._carry(goals), normals, sizes, limits)
+        born = mesh.arrays.attributes[last - len(births) : last]
+        middles, normals, sizes = self._midpoints_at_rest(mesh, births)
+        goals = self._project(middles)
+        places, carried = self._carry_with_normals(mesh, goals, normals, sizes)
+        moved = move_without_folds(mesh, spokes, places, goals, limits)
+        column = mesh.column(NORMAL)
+        if column is not None:
+            born[moved, column : column + 3] = carried[moved]
         if not moved.all():
             moved[~moved] = self._place_nearby(mesh, spokes[~moved], limits)
-        _write(mesh, ASTRAY, born, ~moved[:, None])
-        column = mesh.column(NORMAL)
+        born[:, column_of(mesh, ASTRAY)] = ~moved
         if column is not None:  # vertices left on the chord keep the mean of their parents' normals
-            astray = mesh.arrays.attributes[born[~moved], column : column + 3]
-            _write(mesh, NORMAL, born[~moved], unit(astray))
+            born[~moved, column : column + 3] = unit(born[~moved, column : column + 3])
         return len(births) - int(moved.sum())
+
+    def _midpoints_at_rest(self, mesh: HalfedgeMesh, births: Indices) -> tuple[Points, Vectors, Floats]:
+        """Return where new vertices (N, 3) are at rest, beside the surface if that is known.
+
+        And unit normals (N, 3) there, zero on creases, and the lengths (N,) of the edges that were split;
+        where a known surface has neither creases nor normals to be carried, zeros.
+        """
+        column, normals, sizes = column_of(mesh, REST), np.zeros((len(births), 3)), np.zeros(len(births))
+        if self.project is not None and mesh.column(NORMAL) is None and not mesh.arrays.tagged.any():
+            last = int(mesh.sizes[0])
+            return rest_of(mesh)[last - len(births) :].copy(), normals, sizes
+        room, middles = 3 * len(mesh.arrays.points), np.empty((len(births), 3))
+        rest = mesh.scratch("rest", room, np.float64)[:room].reshape(-1, 3)
+        columns = column, column_of(mesh, REST_NORMAL)
+        rest_midpoints(mesh.arrays, births, *columns, _RING, rest, _SCRATCH, middles, normals, sizes)
+        return middles, normals, sizes
 
     def restore(self, mesh: HalfedgeMesh, limits: Limits) -> None:
         """Carry vertices that had to stay off the surface back onto it, where no face then folds.
@@ -236,16 +249,17 @@ class Exact(Placement):
 
     def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Limits, changes: Changes) -> int:
         """Move vertices where the surface at rest is known around them: by `project`, or as it is flat."""
-        ring, places, normals = new_ring(), np.empty((spokes[0], 3)), np.empty((spokes[0], 3))
-        sizes = np.empty(spokes[0])
-        anywhere = self.project is not None
-        many = relax_goals(mesh.arrays, spokes, limits, ring, anywhere, places, normals, sizes)
+        places, normals = np.empty((2, spokes[0], 3))
+        sizes, anywhere = np.empty(spokes[0]), self.project is not None
+        many = relax_goals(mesh.arrays, spokes, limits, _RING, anywhere, places, normals, sizes)
         if not many:
             return 0
-        vertices, goals = mesh.arrays.vert[spokes[1 : many + 1]], self._project(places[:many])
-        places_now, moved = self._carry(goals), np.zeros(many, np.uint8)
-        done = int(relax_vertices(mesh.arrays, spokes, places_now, goals, limits, ring, changes, moved))
-        self._set_normals(mesh, vertices, goals, places_now, normals[:many], sizes[:many], moved > 0)
+        goals, moved = self._project(places[:many]), np.zeros(many, np.uint8)
+        places_now, carried = self._carry_with_normals(mesh, goals, normals[:many], sizes[:many])
+        done = int(relax_vertices(mesh.arrays, spokes, places_now, goals, limits, _RING, changes, moved))
+        if mesh.column(NORMAL) is not None:
+            went = moved > 0
+            _write(mesh, NORMAL, mesh.arrays.vert[spokes[1 : many + 1][went]], carried[went])
         return done
 
     def _project(self, points: Points) -> Points:
@@ -278,6 +292,22 @@ class Exact(Placement):
         )
         _write(mesh, NORMAL, vertices[selected], carried)
 
+    def _carry_with_normals(
+        self, mesh: HalfedgeMesh, goals: Points, normals: Vectors, sizes: Floats
+    ) -> tuple[Points, Vectors]:
+        """Return the present places (N, 3) of points at rest and, if the mesh has normals, those there.
+
+        normals, sizes  as in `_set_normals`
+
+        All is carried by one call: the flow starts along its streamlines once.
+        """
+        if mesh.column(NORMAL) is None:
+            return self._carry(goals), normals
+        beside = self._project(tangent_points(goals, normals, _TANGENT * sizes))
+        carried = self._carry(np.concatenate([goals, beside]))
+        places = carried[: len(goals)]
+        return places, normals_from_tangents(normals, places, carried[len(goals) :])
+
     def _carry(self, rest_points: Points) -> Points:
         moved = np.array(self.carry(np.ascontiguousarray(rest_points)), dtype=np.float64, order="C")
         if moved.shape != rest_points.shape or not np.isfinite(moved).all():
@@ -292,15 +322,3 @@ def _write(mesh: HalfedgeMesh, name: str, vertices: AnyArray, values: AnyArray) 
     """Write rows (N, k) of an attribute that the mesh has."""
     column = column_of(mesh, name)
     mesh.arrays.attributes[vertices, column : column + values.shape[1]] = values
-
-
-def _on_patches_at_rest(mesh: HalfedgeMesh, births: Indices) -> tuple[Points, Vectors]:
-    """Return midpoints (N, 3) of edges at rest on curved patches, and unit normals there, zero on creases."""
-    room = 3 * len(mesh.arrays.points)
-    rest = mesh.scratch("rest", room, np.float64)[:room].reshape(-1, 3)
-    copy_rest_positions(mesh.arrays, births, column_of(mesh, REST), new_ring(), rest)
-    return on_patches(mesh.arrays._replace(points=rest), births, ONLY_TAGGED)
-
-
-def _lengths(points: Points, one: Indices, other: Indices) -> Floats:
-    return np.asarray(np.linalg.norm(points[other] - points[one], axis=1))

@@ -30,6 +30,9 @@ flag for vertices that had to be left off the surface.
 """
 
 
+_RING = new_ring()
+
+
 def column_of(mesh: HalfedgeMesh, name: str) -> int:
     """Return the first column of an attribute. Raises FrameError where the mesh does not have it."""
     column = mesh.column(name)
@@ -68,7 +71,7 @@ class RestRings:
     def of(cls, mesh: HalfedgeMesh, spokes: Indices) -> RestRings:
         many, vertices = len(spokes), mesh.arrays.vert[spokes]
         opposite = np.empty((many, MAX_OPPOSITE, 2), np.int32)
-        opposite_corners(mesh.arrays, spokes, new_ring(), opposite)
+        opposite_corners(mesh.arrays, spokes, _RING, opposite)
         centre, normals, middle = np.empty((3, many, 3))
         corners, sizes = np.empty((many, MAX_OPPOSITE, 2, 3)), np.empty(many)
         columns = column_of(mesh, REST), column_of(mesh, REST_NORMAL)

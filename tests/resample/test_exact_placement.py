@@ -118,19 +118,38 @@ def test_vertices_left_off_the_surface_return_to_it_when_they_can() -> None:
     assert np.allclose(np.linalg.norm(resampler.vertices[~left], axis=1), 1.0)
 
 
-def test_carry_is_asked_at_most_twice_a_pass_for_all_points_together() -> None:
+@pytest.mark.parametrize("has_normals", [False, True])
+def test_carry_is_asked_once_a_pass_for_all_points_and_normals_together(has_normals: bool) -> None:
+    """And again for the few points that would fold."""
     calls: list[int] = []
 
     def carry(points: Points) -> Points:
         calls.append(len(points))
         return points * (3.0, 0.5, 1.0)
 
-    resampler = Resampler(icosphere(8), Thresholds(0.25), Exact(carry, SphereSurface(1.0)), min_roundness=0)
+    ball = icosphere(8)
+    subject = ball.with_attributes(normal=ball.vertices) if has_normals else ball
+    resampler = Resampler(subject, Thresholds(0.25), Exact(carry, SphereSurface(1.0)), min_roundness=0)
     resampler.vertices[:] *= (3.0, 0.5, 1.0)
     report = resampler.resample()
     assert report.splits > 500
     assert len(calls) <= 2 * report.passes
-    assert sum(calls) >= report.splits
+    asked = (3 if has_normals else 1) * report.splits  # a normal takes two points more
+    assert asked <= sum(calls) <= 1.02 * asked
+
+
+def test_vertices_that_would_not_improve_their_triangles_are_not_carried() -> None:
+    asked = [0]
+
+    def carry(points: Points) -> Points:
+        asked[0] += len(points)
+        return points * (2.0, 1.0, 0.7)
+
+    resampler = Resampler(icosphere(12), Thresholds(0.25), Exact(carry, SphereSurface(1.0)))
+    resampler.vertices[:] *= (2.0, 1.0, 0.7)
+    report = resampler.resample()
+    assert report.relaxed > 20
+    assert asked[0] - report.splits < 2 * report.relaxed
 
 
 def test_new_normals_are_those_of_the_true_surface_carried() -> None:
