@@ -1,7 +1,8 @@
 """Adaptive resampling of a surface in flow (Reynolds 1991)."""
 
 from pipeline.resample.creases import WithinBall, WithinBox, edges_by_angle, edges_in_region
-from pipeline.resample.placement import Chord, Curved, Exact, Placement
+from pipeline.resample.exact_placement import Exact
+from pipeline.resample.placement import Chord, Curved, Placement
 from pipeline.resample.polyhedra import PolyhedralReport, PolyhedralResampler
 from pipeline.resample.resample_pass import Report
 from pipeline.resample.resampler import Resampler, resample

@@ -27,7 +27,8 @@ from pipeline.resample.kernels.edge_scans import (
 )
 from pipeline.resample.kernels.flip import MAX_STACK
 from pipeline.resample.kernels.limits import QUEUED, REFUSED, Changes, Limits, items_of, work_list
-from pipeline.resample.kernels.move_vertices import MAX_SPOKES_OF_NEW, classify_around, list_poor_vertices
+from pipeline.resample.kernels.place_vertices import MAX_SPOKES_OF_NEW, classify_around
+from pipeline.resample.kernels.relax_vertices import list_poor_vertices
 from pipeline.resample.kernels.ring import MAX_SPOKES, new_ring
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE, BIRTH_SIZE, longest_edges_first, split_edges
 from pipeline.resample.kernels.untangle import count_tangled, untangle, untangle_listed

@@ -1,0 +1,239 @@
+"""Exact placement: new vertices on the undeformed surface, carried to the present by the known flow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
+from pipeline.errors import FrameError
+from pipeline.mesh.halfedge_mesh import HalfedgeMesh
+from pipeline.mesh.normals import (
+    carried_normals,
+    normals_from_tangents,
+    tangent_points,
+    unit,
+    vertex_normals,
+)
+from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.resample.creases import edges_by_angle
+from pipeline.resample.kernels.closest_points import list_marked
+from pipeline.resample.kernels.limits import Changes, Limits
+from pipeline.resample.kernels.relax_vertices import relax_goals, relax_vertices
+from pipeline.resample.kernels.rest_midpoints import rest_midpoints
+from pipeline.resample.kernels.split import BIRTH_HALFEDGE
+from pipeline.resample.placement import RING, SCRATCH, Placement, move_without_folds
+from pipeline.resample.rest_surface import (
+    ASTRAY,
+    NORMAL,
+    REST,
+    REST_NORMAL,
+    PointMap,
+    RestRings,
+    closest_points,
+    column_of,
+    rest_of,
+)
+
+_TANGENT = 1e-5  # distance of tangent points from their vertex, in edge lengths at rest
+
+
+@dataclass(frozen=True)
+class Exact(Placement):
+    """New vertices on the exact surface: placed on the surface at rest, then carried to the present.
+
+    carry         `rest_points (N, 3) -> (N, 3)`, their present positions; called once a round with all new
+                  points together, and again for the few that would fold and for normals
+    project       `rest_points (N, 3) -> (N, 3)`, the nearest points of the analytic surface at rest, if it is
+                  known; without it new rest points lie on curved patches over the mesh at rest
+    tags_creases  True: edges that are hard at rest, by their angle, are tagged as creases
+
+    Tagged edges and boundaries are hard whatever becomes of them, and no others: the rim of a sheet that the
+    flow has made thin is as sharp as a crease, and must not be kept as one.
+
+    The mesh given to a `Resampler` is the surface at rest. Collapses keep one end, since midpoints would
+    leave the surface. If the mesh has a `normal` at each vertex, a new vertex gets its exact normal from two
+    points carried along beside it; at creases, which have several normals, it is zero.
+    """
+
+    carry: PointMap
+    project: PointMap | None = None
+    tags_creases: bool = True
+    leaves_chord: ClassVar[bool] = True
+    can_relax: ClassVar[bool] = True
+    hard_by_angle: ClassVar[bool] = False
+
+    def prepare(self, mesh: TriangleMesh, hard_angle: float | Floats) -> TriangleMesh:
+        rest = mesh.attributes.get(REST, mesh.vertices)
+        if self.tags_creases:
+            mesh = mesh.with_creases(np.concatenate([mesh.creases, edges_by_angle(mesh, hard_angle)]))
+        normals = vertex_normals(mesh.with_vertices(rest))
+        astray = np.zeros(len(rest), np.uint8)
+        return mesh.with_attributes(**{REST: rest, REST_NORMAL: normals, ASTRAY: astray})
+
+    def rest_columns(self, mesh: HalfedgeMesh) -> tuple[int, int]:
+        return column_of(mesh, REST), column_of(mesh, REST_NORMAL)
+
+    def place(self, mesh: HalfedgeMesh, births: Indices, limits: Limits) -> int:
+        last, spokes = int(mesh.sizes[0]), np.ascontiguousarray(births[:, BIRTH_HALFEDGE])
+        born = mesh.arrays.attributes[last - len(births) : last]
+        middles, normals, sizes = self._midpoints_at_rest(mesh, births)
+        goals = self._project(middles)
+        places, carried = self._carry_with_normals(mesh, goals, normals, sizes)
+        moved = move_without_folds(mesh, spokes, places, goals, limits)
+        column = mesh.column(NORMAL)
+        if column is not None:
+            born[moved, column : column + 3] = carried[moved]
+        if not moved.all():
+            moved[~moved] = self._place_nearby(mesh, spokes[~moved], limits)
+        born[:, column_of(mesh, ASTRAY)] = ~moved
+        if column is not None:  # vertices left on the chord keep the mean of their parents' normals
+            born[~moved, column : column + 3] = unit(born[~moved, column : column + 3])
+        return len(births) - int(moved.sum())
+
+    def _midpoints_at_rest(self, mesh: HalfedgeMesh, births: Indices) -> tuple[Points, Vectors, Floats]:
+        """Return where new vertices (N, 3) are at rest, beside the surface if that is known.
+
+        And unit normals (N, 3) there, zero on creases, and the lengths (N,) of the edges that were split;
+        where a known surface has neither creases nor normals to be carried, zeros.
+        """
+        column, normals, sizes = column_of(mesh, REST), np.zeros((len(births), 3)), np.zeros(len(births))
+        if self.project is not None and mesh.column(NORMAL) is None and not mesh.arrays.tagged.any():
+            last = int(mesh.sizes[0])
+            return rest_of(mesh)[last - len(births) :].copy(), normals, sizes
+        room, middles = 3 * len(mesh.arrays.points), np.empty((len(births), 3))
+        rest = mesh.scratch("rest", room, np.float64)[:room].reshape(-1, 3)
+        columns = column, column_of(mesh, REST_NORMAL)
+        rest_midpoints(mesh.arrays, births, *columns, RING, rest, SCRATCH, middles, normals, sizes)
+        return middles, normals, sizes
+
+    def restore(self, mesh: HalfedgeMesh, limits: Limits) -> None:
+        """Carry vertices that had to stay off the surface back onto it, where no face then folds.
+
+        If a vertex's own place at rest folds, the middle of its ring at rest may not.
+        """
+        column, halfedges = column_of(mesh, ASTRAY), 3 * int(mesh.sizes[1])
+        spokes = np.empty(np.count_nonzero(mesh.arrays.attributes[: mesh.sizes[0], column]), np.int32)
+        if not len(spokes):
+            return
+        list_marked(mesh.arrays, halfedges, column, spokes)
+        goals = self._project(rest_of(mesh)[mesh.arrays.vert[spokes]])
+        moved = move_without_folds(mesh, spokes, self._carry(goals), goals, limits)
+        if not moved.all():
+            rings = RestRings.of(mesh, spokes[~moved])
+            moved[~moved] = self._move_to_middle(mesh, rings, limits)
+        astray = mesh.arrays.vert[spokes[moved]]
+        _write(mesh, ASTRAY, astray, np.zeros((len(astray), 1)))
+
+    def _place_nearby(self, mesh: HalfedgeMesh, spokes: Indices, limits: Limits) -> AnyArray:
+        """Move vertices to the nearest point of the surface around them, or the middle of their rest ring.
+
+        Returns flags (N,) of those that moved. Where the flow shears or stretches unevenly, the midpoint of
+        an edge at rest is now far from the middle of the edge, and beyond the faces beside it.
+        """
+        rings = RestRings.of(mesh, spokes)
+        goals = mesh.vertices[mesh.arrays.vert[spokes]]
+        nearest_rest, places = closest_points(self._carry, self._project, rings.centre, rings.corners, goals)
+        moved = self._move(mesh, spokes, nearest_rest, places, rings.normals, rings.sizes, limits)
+        if not moved.all():
+            moved[~moved] = self._move_to_middle(mesh, rings.only(~moved), limits)
+        return moved
+
+    def _move_to_middle(self, mesh: HalfedgeMesh, rings: RestRings, limits: Limits) -> AnyArray:
+        """Move vertices to the middle of their rings at rest; return flags of those that moved."""
+        goals = self._project(rings.middle)
+        places = self._carry(goals)
+        return self._move(mesh, rings.spokes, goals, places, rings.normals, rings.sizes, limits)
+
+    def _move(
+        self,
+        mesh: HalfedgeMesh,
+        spokes: Indices,
+        goals: Points,
+        places: Points,
+        normals: Vectors,
+        sizes: Floats,
+        limits: Limits,
+    ) -> AnyArray:
+        """Move vertices to `goals` at rest and to `places` now; return flags of those that moved."""
+        moved = move_without_folds(mesh, spokes, places, goals, limits)
+        self._set_normals(mesh, mesh.arrays.vert[spokes], goals, places, normals, sizes, moved)
+        return moved
+
+    def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Limits, changes: Changes) -> int:
+        """Move vertices where the surface at rest is known around them: by `project`, or as it is flat."""
+        places, normals = np.empty((2, spokes[0], 3))
+        sizes, anywhere = np.empty(spokes[0]), self.project is not None
+        many = relax_goals(mesh.arrays, spokes, limits, RING, anywhere, places, normals, sizes)
+        if not many:
+            return 0
+        goals, moved = self._project(places[:many]), np.zeros(many, np.uint8)
+        places_now, carried = self._carry_with_normals(mesh, goals, normals[:many], sizes[:many])
+        done = int(relax_vertices(mesh.arrays, spokes, places_now, goals, limits, RING, changes, moved))
+        if mesh.column(NORMAL) is not None:
+            went = moved > 0
+            _write(mesh, NORMAL, mesh.arrays.vert[spokes[1 : many + 1][went]], carried[went])
+        return done
+
+    def _project(self, points: Points) -> Points:
+        return points if self.project is None else np.array(self.project(points), np.float64, order="C")
+
+    def _set_normals(
+        self,
+        mesh: HalfedgeMesh,
+        vertices: Indices,
+        rest: Points,
+        places: Points,
+        normals: Vectors,
+        sizes: Floats,
+        selected: AnyArray,
+    ) -> None:
+        """Set the exact normals of the selected vertices, if the mesh has normals.
+
+        normals   (N, 3) at rest, unit, or zero where there is none
+        sizes     (N,) length of an edge of each at rest
+        selected  (N,) flags
+        """
+        if mesh.column(NORMAL) is None or not selected.any():
+            return
+        carried = carried_normals(
+            lambda beside: self._carry(self._project(beside)),
+            rest[selected],
+            places[selected],
+            normals[selected],
+            _TANGENT * sizes[selected],
+        )
+        _write(mesh, NORMAL, vertices[selected], carried)
+
+    def _carry_with_normals(
+        self, mesh: HalfedgeMesh, goals: Points, normals: Vectors, sizes: Floats
+    ) -> tuple[Points, Vectors]:
+        """Return the present places (N, 3) of points at rest and, if the mesh has normals, those there.
+
+        normals, sizes  as in `_set_normals`
+
+        All is carried by one call: the flow starts along its streamlines once.
+        """
+        if mesh.column(NORMAL) is None:
+            return self._carry(goals), normals
+        beside = self._project(tangent_points(goals, normals, _TANGENT * sizes))
+        carried = self._carry(np.concatenate([goals, beside]))
+        places = carried[: len(goals)]
+        return places, normals_from_tangents(normals, places, carried[len(goals) :])
+
+    def _carry(self, rest_points: Points) -> Points:
+        moved = np.array(self.carry(np.ascontiguousarray(rest_points)), dtype=np.float64, order="C")
+        if moved.shape != rest_points.shape or not np.isfinite(moved).all():
+            raise FrameError(
+                f"carry returned an array of shape {moved.shape} for {len(rest_points)} points at rest, or "
+                "numbers that are not finite; it must return the present position of each point"
+            )
+        return moved
+
+
+def _write(mesh: HalfedgeMesh, name: str, vertices: AnyArray, values: AnyArray) -> None:
+    """Write rows (N, k) of an attribute that the mesh has."""
+    column = column_of(mesh, name)
+    mesh.arrays.attributes[vertices, column : column + values.shape[1]] = values
