@@ -15,6 +15,8 @@ master_doc = "index"
 exclude_patterns = ["site", "pictures"]
 myst_heading_anchors = 4
 
+highlight_language = "text"  # of blocks that name none
+
 html_theme = "furo"
 html_title = "flowsculpt"
 html_static_path: list[str] = []
