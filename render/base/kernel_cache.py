@@ -29,10 +29,12 @@ import render
 F = TypeVar("F", bound=Callable[..., Any])
 
 SOURCES = Path(render.__file__).absolute().parents[1]
-"""The folder of the packages `pipeline` and `render`."""
+"""The folder of the packages `pipeline` and `render`; where they are installed, it holds others too."""
 
 _IMPORT = re.compile(
-    r"^(?:from (?P<of>[\w.]+) import (?P<names>\([^)]*\)|.+)|import (?P<module>[\w.]+))", re.M
+    r"^(?:from (?P<of>(?:pipeline|render)\b[\w.]*) import (?P<names>\([^)]*\)|.+)"
+    r"|import (?P<module>(?:pipeline|render)\b[\w.]*))",
+    re.M,
 )
 
 _KERNEL = re.compile(r"^@(kernel|block_kernel|higher_kernel|compiled|exact|fast)\b", re.M)
@@ -94,7 +96,7 @@ def source_digest(file: Path) -> str:
 
 
 def _imported_files(text: str) -> Iterator[Path]:
-    """Yield the files of the modules below `SOURCES` that a source imports at its top."""
+    """Yield the files of our modules that a source imports at its top."""
     for match in _IMPORT.finditer(text):
         names = [match["module"]] if match["module"] else [match["of"]]
         if match["names"]:

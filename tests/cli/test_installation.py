@@ -53,10 +53,12 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Environment:
-    """An environment whose other packages are those of this one; its checkout cannot be imported there."""
+    """An environment whose other packages are links to those of this one, in one folder, as pip has it."""
     made = Environment(tmp_path_factory.mktemp("environment"))
     venv.create(made.folder, with_pip=False)
-    (made.packages / "others.pth").write_text(sysconfig.get_path("purelib"))
+    for package in Path(sysconfig.get_path("purelib")).iterdir():
+        if "flowsculpt" not in package.name and package.name not in ("pipeline", "render"):
+            (made.packages / package.name).symlink_to(package)
     pip("--python", made.folder, "install", "--no-deps", wheel)
     return made
 
