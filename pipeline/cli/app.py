@@ -70,6 +70,7 @@ COMMANDS = {
         "why": "Explain why a frame would be rendered again.",
         "report": "Show where the time of a run went.",
         "verify": "Check every stored file and make damaged ones again.",
+        "push": "Upload stored files that the remote store lacks.",
         "clean": "Delete stored files that nothing needs.",
         "doctor": "Show what is installed, and what would make it faster.",
         "resample": "Resample one mesh file.",

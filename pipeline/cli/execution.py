@@ -72,7 +72,15 @@ def report_plan(common: Common, plan: Plan) -> None:
             f"{size(expected.free)} left; free some space, or choose another disk with --root"
         )
     words = forecast_words(forecast, expected) if plan.jobs else "Nothing to be done."
-    facts = {**forecast_facts(forecast), "targets": list(plan.targets), "estimate": expected.as_data()}
+    store = Store(common.root)
+    if fetched := len(plan.remote_names(store)):
+        words += f"\n{plural(fetched, 'file')} would be fetched from {store.url}."
+    facts = {
+        **forecast_facts(forecast),
+        "targets": list(plan.targets),
+        "estimate": expected.as_data(),
+        "fetched": fetched,
+    }
     print_result(words, facts, common.json)
 
 
@@ -251,10 +259,13 @@ def _achieved(outcome: Outcome, seconds: float) -> str:
     if outcome.unfinished:
         return f"Not finished after {seconds:.0f} s; what is done stays done."
     shown = ", ".join(films) or plural(len(outcome.plan.targets), "file")
+    fetched = [f"{plural(outcome.fetched, 'file')} fetched"] if outcome.fetched else []
     if not outcome.events:
-        again = f" ({plural(outcome.restored, 'link')} restored)" if outcome.restored else ""
-        return f"Nothing to be done{again}: {shown}"
-    return f"Done in {seconds:.0f} s ({plural(outcome.made('render'), 'frame')} rendered): {shown}"
+        again = [*fetched, *([f"{plural(outcome.restored, 'link')} restored"] if outcome.restored else [])]
+        done = f" ({', '.join(again)})" if again else ""
+        return f"Nothing to be done{done}: {shown}"
+    did = ", ".join([f"{plural(outcome.made('render'), 'frame')} rendered", *fetched])
+    return f"Done in {seconds:.0f} s ({did}): {shown}"
 
 
 def _folders(targets: Sequence[str]) -> list[str]:
@@ -284,6 +295,7 @@ def _outcome_facts(outcome: Outcome, seconds: float) -> dict[str, Any]:
         "runs": list(outcome.runs),
         "made": made_by_stage(outcome),
         "links_restored": outcome.restored,
+        "fetched": outcome.fetched,
         "warnings": [*outcome.plan.notes, *outcome.warnings],
         "failed": [
             {name: failure.get(name) for name in ("shot", "stage", "frame", "message")}

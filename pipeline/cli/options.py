@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from pipeline.cli.output import print_error
+from pipeline.cli.output import print_error, tell_of_store
 from pipeline.errors import UsageError, suggestion
 from pipeline.production.request.crop_and_scale import today_name
+from pipeline.production.store.remote_url import VARIABLE, checked_url
 from render.mitsuba.engine import VARIANTS, available_cores
 from render.scene.quality import CONVENTIONS, QUALITIES
 
@@ -178,6 +179,16 @@ class CommonOptions:
             help="Lower the priority of all processes: 10 is usual, 19 the lowest.",
         ),
     ] = None
+    store: Annotated[
+        str | None,
+        _common(
+            "--store",
+            metavar="URL",
+            envvar=VARIABLE,
+            help="Share what is made through this store too: s3://BUCKET/PREFIX, or a folder on a file "
+            "share; see docs/farm.md.",
+        ),
+    ] = None
     profile: Annotated[
         str | None,
         _common(
@@ -199,9 +210,13 @@ class CommonOptions:
         given = CommonOptions(*(getattr(self, f.name) or getattr(before, f.name) for f in fields(self)))
         if given.nice:
             os.nice(given.nice)  # processes that this one starts inherit it
+        progress = not (given.no_progress or given.json_)
+        if given.store:
+            os.environ[VARIABLE] = checked_url(given.store)  # so do they
+            tell_of_store(progress)
         return Common(
             json=given.json_,
-            progress=not (given.no_progress or given.json_),
+            progress=progress,
             cores=given.cores or available_cores(),
             dry_run=given.dry_run,
             root=(given.root or Path()).resolve(),

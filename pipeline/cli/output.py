@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -37,6 +38,22 @@ def print_error(words: str) -> None:
 
 def print_warning(words: str) -> None:
     err.print(words, style="yellow", markup=False)
+
+
+class _StoreMessages(logging.Handler):
+    """Prints what the remote store logs: warnings, and what it fetches."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        (print_warning if record.levelno >= logging.WARNING else err.print)(record.getMessage())
+
+
+def tell_of_store(progress: bool) -> None:
+    """Print the warnings of the remote store from now on, and if `progress` is wanted, what it fetches."""
+    from pipeline.production.store.remote import LOG
+
+    LOG.handlers = [_StoreMessages()]
+    LOG.setLevel(logging.INFO if progress else logging.WARNING)
+    LOG.propagate = False
 
 
 def table(*headings: str) -> Table:

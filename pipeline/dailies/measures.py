@@ -139,6 +139,7 @@ def _of_frame(
     key = key_of(MEASURE.recipe, mesh, maximum, count_crossings)
     known = store.path("measures", key)
     try:
+        store.bring("measures", key)
         store.digests.check(known)
         return dict(json.loads(known.read_text()))
     except (CorruptFileError, OSError, ValueError):
@@ -162,7 +163,7 @@ def simulated(request: RenderRequest, store: Store, number: int, kind: str) -> t
         return shown, readers.key_in(shown)
     except (CorruptFileError, OSError):
         key = request.mesh_key(number) if kind == "mesh" else request.normals_key(number)
-        return (store.path(kind, key), key) if store.holds(kind, key) else None
+        return (store.path(kind, key), key) if store.bring(kind, key) else None
 
 
 def limits_of(request: RenderRequest) -> tuple[float | None, float | None]:

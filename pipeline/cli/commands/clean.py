@@ -26,7 +26,8 @@ def clean(
 
     Kept are files that today's shots need, at every quality begun so far, files that renders/ shows, and
     those of the last runs, so that undoing an edit renders nothing. `flowsculpt clean --dry-run` says how
-    much would be freed; `flowsculpt clean --keep 0` frees the most.
+    much would be freed; `flowsculpt clean --keep 0` frees the most. Nothing is ever deleted from the remote
+    store (--store).
     """
     project = project_of(common, settings)
     requests = list(begun_requests(project, print_warning))

@@ -12,6 +12,7 @@ import typer
 from pipeline.cli.kernel_build import build_kernels, kernel_calls
 from pipeline.cli.options import Common
 from pipeline.cli.output import exit_with, print_result, progress_bars
+from pipeline.production.store.store import Store
 from render.base.kernel_cache import cache_folder
 from render.base.plural import plural
 from render.mitsuba import engine
@@ -37,6 +38,7 @@ def doctor(
             build_kernels(calls, common.cores, bar("compiling kernels", len(calls)))
     renderer = engine.facts()
     existing = next(folder for folder in (common.root, *common.root.parents) if folder.exists())
+    remote = Store(common.root).remote
     facts: dict[str, Any] = {
         "flowsculpt": version("flowsculpt"),
         "python": platform.python_version(),
@@ -46,6 +48,7 @@ def doctor(
         "packages": {name: version(name) for name in PACKAGES},
         "root": str(common.root),
         "free_gigabytes": round(shutil.disk_usage(existing).free / 1e9, 1),
+        "remote_store": None if remote is None else {"url": remote.url, "fault": remote.fault()},
     }
     print_result(_diagnosis(facts), facts, common.json)
     exit_with(4 if renderer["renderer"] == "none" else 0)
@@ -61,4 +64,6 @@ def _diagnosis(facts: dict[str, Any]) -> str:
         f"Kernels:  {facts['kernels']}",
         f"Root:     {facts['root']}, {facts['free_gigabytes']} GB free",
     ]
+    if store := facts["remote_store"]:
+        lines.append(f"Store:    {store['url']} ({store['fault'] or 'it answers'})")
     return "\n".join(lines)

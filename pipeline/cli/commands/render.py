@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -31,6 +32,7 @@ from pipeline.production.planning.forecast import Forecast
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import FILM, find_edit
 from pipeline.production.request.render_request import FORMS
+from pipeline.production.store.remote_url import VARIABLE
 from pipeline.production.store.store import Store
 from render.base.plural import plural
 from render.scene.quality import DEFAULT_QUALITY
@@ -93,10 +95,11 @@ def render(
 
 
 def _reproduce(common: Common, source: Path, frames: str | None, project: Project) -> None:
-    """Render a published version again, in a root of its own, and compare."""
+    """Render a published version again, in a root of its own and without a remote store, and compare."""
     from pipeline.production.versions.provenance import Provenance
     from pipeline.production.versions.reproduce import Reproduction
 
+    os.environ.pop(VARIABLE, None)  # what the remote store has would prove nothing
     record = Provenance.read(source)
     again = Reproduction(record, source, project, frames)
     inside = replace(common, root=again.home)

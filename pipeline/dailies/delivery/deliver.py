@@ -87,7 +87,7 @@ class Delivery:
             self._require_folder(path.parent)
             kind, key = _KINDS[encode.suffix], self._key(encode, part)
             count = self._slate_frames if part == "slate" else self.source.count + self._leader
-            reused = self.store.holds(kind, key)
+            reused = self.store.bring(kind, key)
             if not reused:
                 self.store.put(kind, key, partial(self._write, encode, part, bar(path.name, count)))
             self.store.link(kind, key, path)

@@ -97,7 +97,7 @@ class MeshSource:
         key = self.request.mesh_key(number)
         if key in self.cache.frames:
             return self.cache.frames[key]
-        if self.store.holds("mesh", key):
+        if self.store.bring("mesh", key):
             with suppress(FrameError):  # a damaged file is evicted, and the frame simulated again
                 place = self.request.place("mesh", number)
                 return self.store.read("mesh", key, place, readers.mesh_frame(key))
@@ -244,7 +244,7 @@ class SurfaceStream:
         for number in numbers:
             if _key(request, number) in self.surfaces:
                 surface = pool.submit(lambda: None)
-            elif self.store.holds("normals", request.normals_key(number)) and not _needs_mesh(request):
+            elif self.store.bring("normals", request.normals_key(number)) and not _needs_mesh(request):
                 surface = pool.submit(self._read, request, number)
             else:
                 surface = pool.submit(self._shade, request, meshes.at(number))

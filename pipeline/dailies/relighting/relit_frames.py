@@ -99,7 +99,7 @@ class RelitFrames:
     def _make_frame(self, number: int) -> bool | str:
         """Mix a frame unless the store holds it; return whether it did, or why it could not."""
         key = self.key(number)
-        if mixes := not self.store.holds("frame", key):
+        if mixes := not self.store.bring("frame", key):
             try:
                 self.store.put("frame", key, lambda path: self._write(number, key, path))
             except FrameError as error:
@@ -127,7 +127,7 @@ class RelitFrames:
         request = self.request
         rate, bits = FrameRate.of(request.source.summary.rate), movie_bits(request.quality_name)
         key = key_of(RELIGHT.recipe, request.movie_key([self.key(n) for n in self.numbers]))
-        if not self.store.holds("movie", key):
+        if not self.store.bring("movie", key):
             frames, encode = prefetch(self._shown(passed)), movie_encode(bits)
             self.store.put("movie", key, lambda path: write_movie(path, frames, rate.fps, encode))
         self.store.link("movie", key, self.movie_path)

@@ -126,7 +126,7 @@ class Project:
 
     def whole(self, shot: str, quality: str, frames: str | None = None) -> Plan:
         """Return the plan of finished frames of a shot and their movie, whatever is stored already."""
-        planner = Planner(Store(self.root / STATE / "nothing"), 1, 1, self.notes)
+        planner = Planner(Store(self.root / STATE / "nothing", url=None), 1, 1, self.notes)
         request = self.request(find_shot(shot), quality, frames)
         planner.pictures(request)
         planner.movie(request)

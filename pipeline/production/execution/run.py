@@ -18,6 +18,7 @@ from pipeline.production.store.history import summarise
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.store import Store
+from pipeline.production.store.uploads import upload_missed
 from render.base.atomic_write import disk_errors
 
 Watcher = AbstractContextManager[object]
@@ -27,12 +28,15 @@ Watcher = AbstractContextManager[object]
 class Outcome:
     """The outcome of a run. `exit_code` is 0, 1 (some frames failed) or 4 (the machine's fault).
 
-    runs  the names of its rounds: of their plans and event logs
+    runs      the names of its rounds: of their plans and event logs
+    restored  links that were made again
+    fetched   files that came from the remote store
     """
 
     plan: Plan
     runs: list[str] = field(default_factory=list)
     restored: int = 0
+    fetched: int = 0
     events: list[Event] = field(default_factory=list)
     unfinished: bool = False
 
@@ -93,12 +97,14 @@ def run(
     store, plan = Store(root), make_plan()
     with writing(root, wait), making(root, plan.lock_names if plan.jobs else {}, wait) as waited:
         store.sweep()
+        upload_missed(store)
         PlanningCache(root).prune()
         outcome, policy = Outcome(make_plan() if waited else plan), RetryPolicy(cores)
         try:
             _run_rounds(outcome, policy, make_plan, root, watch, profile or Profile.local(), patience)
         finally:
             summarise(root)
+        upload_missed(store)
         outcome.unfinished = bool(outcome.plan.jobs)
         outcome.events += policy.failures
         if not outcome.unfinished:
@@ -116,9 +122,11 @@ def _run_rounds(
     patience: float,
 ) -> None:
     """Execute the plan of an outcome, and plan again while that may help."""
-    hopeful = True
+    hopeful, store = True, Store(root)
     while True:
-        outcome.restored += outcome.plan.restore_links(Store(root))
+        outcome.plan, fetched = with_inputs_here(outcome.plan, make_plan, store)
+        outcome.fetched += fetched
+        outcome.restored += outcome.plan.restore_links(store)
         if not (outcome.plan.jobs and hopeful):
             return
         outcome.plan = outcome.plan.named_last(root)
@@ -127,6 +135,21 @@ def _run_rounds(
         outcome.events += events
         outcome.plan = make_plan()
         hopeful = policy.allows(events)
+
+
+def with_inputs_here(plan: Plan, make_plan: Callable[[], Plan], store: Store) -> tuple[Plan, int]:
+    """Fetch what a plan shows and only the remote store has; return the plan, and how many files came.
+
+    Where not all of it comes, plan again: the remote store has lost a file, or does not answer any more.
+    Raises MachineError where the disk refuses.
+    """
+    fetched = 0
+    while names := plan.remote_names(store):
+        came = store.bring_all(names)
+        fetched += came
+        if came < len(names):
+            plan = make_plan()
+    return plan, fetched
 
 
 def _execute(

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FlowsculptError, UsageError, suggestion
+from pipeline.production.execution.run import with_inputs_here
 from pipeline.production.planning.plan import Job, Plan, movie_record, write_manifest
 from pipeline.production.planning.profile import Share
 from pipeline.production.planning.timings import LEAST_MIB, UNMEASURED_MIB
@@ -32,6 +33,7 @@ from pipeline.production.stages import STAGES, forced_with
 from pipeline.production.store.history import summarise
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.store import Store
+from pipeline.production.store.uploads import upload_missed
 from render.base.atomic_write import atomic_write
 from render.scene.quality import DEFAULT_QUALITY
 
@@ -163,16 +165,22 @@ class PlannedWorkflow:
         cores = workflow.nodes if is_farm else workflow._cores or DEFAULT_CORES
         project = Project(self._root, cores, allow_code=_allowed(config.get("allow_code", False)))
         share = Share.of({**_profile_config(), **config}) if is_farm else None
-        planner = replace(project.planner(), side_by_side=cores, cores=cores, share=share, whole=True)
-        self._ask(project, planner, sorted(settings.targets))
         forced = set(STAGES) if settings.forceall else set(STAGES) & set(settings.forcerun)
         if settings.forcetargets:
             forced |= {"assemble", "film"}
-        plan = replace(planner.plan(), force=tuple(sorted(forced_with(forced))))
+
+        def make_plan() -> Plan:
+            planner = replace(project.planner(), side_by_side=cores, cores=cores, share=share, whole=True)
+            self._ask(project, planner, sorted(settings.targets))
+            return replace(planner.plan(), force=tuple(sorted(forced_with(forced))))
+
+        plan = make_plan()
         for note in plan.notes:
             print(note, file=sys.stderr)
         if workflow.executor_plugin is not None and not workflow.dryrun:
             _HELD.enter_context(writing(self._root))
+            upload_missed(project.store)
+            plan, _ = with_inputs_here(plan, make_plan, project.store)
             _HELD.enter_context(making(self._root, plan.lock_names))
             plan.restore_links(project.store)
             summarise(self._root)

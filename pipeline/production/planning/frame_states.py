@@ -1,4 +1,7 @@
-"""States of frames: done, stale, unframed, missing, failed or running, by the keys of today's shot file."""
+"""States of frames: done, in the remote store, stale, unframed, missing, failed or running.
+
+They go by the keys of today's shot file.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +27,7 @@ class FrameStates:
     """Frames of one shot and one kind of file.
 
     done          present, with the key that the shot file asks for
+    remote        in the remote store with that key; the next run fetches them
     stale         present, with another key
     unframed      present and as asked for, if the camera stays, which is framed again
     missing       not present
@@ -35,6 +39,7 @@ class FrameStates:
     shot: str
     what: str
     done: FrameRange
+    remote: FrameRange
     stale: FrameRange
     unframed: FrameRange
     missing: FrameRange
@@ -43,7 +48,7 @@ class FrameStates:
     seconds_left: float | None
 
     def as_data(self) -> dict[str, Any]:
-        names = ("done", "stale", "unframed", "missing", "failed", "running")
+        names = ("done", "remote", "stale", "unframed", "missing", "failed", "running")
         left = None if self.seconds_left is None else round(self.seconds_left, 1)
         lists = {n: list(getattr(self, n)) for n in names}
         return {"shot": self.shot, "what": self.what, **lists, "seconds_left": left}
@@ -69,8 +74,10 @@ def mesh_states(request: RenderRequest, store: Store, history: History) -> Frame
     """Return the states of the meshes of a request."""
 
     def state(number: int) -> str:
-        path = request.place("mesh", number)
-        return "done" if store.shows("mesh", request.mesh_key(number), path) else _undone(store, path)
+        path, key = request.place("mesh", number), request.mesh_key(number)
+        if store.shows("mesh", key, path):
+            return "done"
+        return "remote" if store.is_remote("mesh", key) else _undone(store, path)
 
     return _states(request, "meshes", state, history, (request.name, MESH_STAGES, SHARED))
 
@@ -97,13 +104,15 @@ class KnownPictures:
             self.keys = PictureKeys(request, store, self._shown.cameras, rendered)
 
     def state(self, number: int) -> str:
-        """Return the state of a finished frame: done, stale, unframed or missing."""
+        """Return the state of a finished frame: done, remote, stale, unframed or missing."""
         path, is_held = self._request.place("frame", number), self.holds("frame", number)
         is_shown = self.keys is None or (
             is_held is not False and self._store.shows("frame", self.keys[number].frame, path)
         )
         if is_held is not False and is_shown:
             return "done" if is_held else "unframed"
+        if is_held and self._store.is_remote("frame", self._key("frame", number)):
+            return "remote"
         return _undone(self._store, path)
 
     def holds(self, kind: str, number: int) -> bool | None:
@@ -153,10 +162,10 @@ def _states(
 
     about  the shot, the stages and the quality of its events in the history
     """
-    by_state: dict[str, list[int]] = {"done": [], "stale": [], "unframed": [], "missing": []}
+    by_state: dict[str, list[int]] = {"done": [], "remote": [], "stale": [], "unframed": [], "missing": []}
     for number in request.requested:
         by_state[state(number)].append(number)
-    undone = set(request.requested) - set(by_state["done"])
+    undone = set(request.requested) - set(by_state["done"]) - set(by_state["remote"])
     pace = history.pace(*about) if undone else None
     return FrameStates(
         request.name,
@@ -177,7 +186,9 @@ def is_in_words(text: str) -> bool:
 
 
 def selected(text: str, whole: FrameRange, states: Callable[[], FrameStates]) -> FrameRange:
-    """Return the frames that words select, in the order of the shot. Stale frames include unframed ones.
+    """Return the frames that words select, in the order of the shot.
+
+    Stale frames include unframed ones, missing ones those that the remote store has.
 
     Raises UsageError for a word that is none, and for words beside numbers.
     """
@@ -192,6 +203,6 @@ def selected(text: str, whole: FrameRange, states: Callable[[], FrameStates]) ->
     if "all" in words:
         return whole
     known = states()
-    states_of = {"stale": ("stale", "unframed")}
+    states_of = {"stale": ("stale", "unframed"), "missing": ("missing", "remote")}
     wanted = {n for word in words for state in states_of.get(word, (word,)) for n in getattr(known, state)}
     return FrameRange.of(n for n in whole if n in wanted)

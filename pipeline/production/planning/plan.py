@@ -135,6 +135,12 @@ class Plan:
             return self
         return replace(self, name=f"{when.strftime(TIME_FORMAT)}-{os.getpid()}")
 
+    def remote_names(self, store: Store) -> set[tuple[str, Key]]:
+        """Return kind and key of the files that the plan shows and only the remote store has."""
+        if store.remote is None:
+            return set()
+        return {(link.kind, link.key) for link in self.links if not store.is_here(link.kind, link.key)}
+
     def restore_links(self, store: Store) -> int:
         """Show again what the store holds but a folder has lost; return how many links were made."""
         lost = [link for link in self.links if not store.shows(link.kind, link.key, Path(link.target))]

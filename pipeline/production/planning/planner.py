@@ -170,32 +170,38 @@ class Planner:
         self._goals += [(entry.place, goal) for goal in goals]
         return entry
 
-    def _has(self, stage: str, kind: str, key: Key, place: str) -> bool:
-        """Tell whether the store holds a file, which then gets its link. Forced stages need new ones."""
+    def _has(self, stage: str, kind: str, key: Key, place: str, fetch: bool = True) -> bool:
+        """Tell whether the store holds a file, which then gets its link. Forced stages need new ones.
+
+        fetch  link a file too that only the remote store has, and that is fetched for it
+        """
         if not self.store.holds(kind, key):
             return False
         if stage in self.force and self.store.stored_at(kind, key) < self.force[stage]:
             return False
-        self._links[place] = Link(kind, key, place)
+        if fetch or self.store.is_here(kind, key):
+            self._links[place] = Link(kind, key, place)
         return True
 
-    def _absent(self, entry: PlanEntry, stage: str, numbers: Sequence[int]) -> list[int]:
-        """Return the frames that the store does not hold."""
+    def _absent(self, entry: PlanEntry, stage: str, numbers: Sequence[int], fetch: bool = True) -> list[int]:
+        """Return the frames that the store does not hold. `fetch` as `_has` takes it."""
         if entry.keys is None and STAGES[stage].per_quality:
             return list(numbers)
         kind = STAGES[stage].makes
         placed = zip(numbers, entry.request.places(kind, numbers), strict=True)
-        return [n for n, place in placed if not self._has(stage, kind, entry.key(stage, n), place)]
+        return [n for n, place in placed if not self._has(stage, kind, entry.key(stage, n), place, fetch)]
 
     def _show_inputs(self, entry: PlanEntry) -> None:
-        """Link the meshes, normals and cameras that the store holds, also where no job needs them.
+        """Link the meshes, normals and cameras that are here, also where no job needs them.
 
         Another request, such as a cell of a wedge, may have made them and shown them elsewhere.
         """
         request = entry.request
         shown = sorted({request.angles[n].mesh for n in request.requested})
         for stage in ("simulate", "smooth_normals"):
-            self._absent(entry, stage, shown)
+            kind = STAGES[stage].makes
+            here = [n for n in shown if self.store.is_here(kind, entry.key(stage, n))]
+            self._absent(entry, stage, here)
         if entry.keys is not None:
             self._has("frame_camera", "cameras", request.cameras_key, request.folders.cameras().as_posix())
 
@@ -224,7 +230,7 @@ class Planner:
             _require_permission(entry.request)
         entry.meshes |= dict.fromkeys(missing, "wanted")
         if self.whole:
-            absent = set(self._absent(entry, "simulate", entry.shown))
+            absent = set(self._absent(entry, "simulate", entry.shown, fetch=False))
             states = {n: "idle" if n in absent else "present" for n in entry.shown}
             entry.meshes = {**states, **entry.meshes}
 
@@ -249,7 +255,7 @@ class Planner:
 
     def _rest(self, entry: PlanEntry, stage: str, numbers: Sequence[int]) -> None:
         """Plan the jobs of files that are there, and of those that nothing needs."""
-        absent = set(self._absent(entry, stage, numbers))
+        absent = set(self._absent(entry, stage, numbers, fetch=False))
         for present in (True, False):
             self._batches(entry, stage, [n for n in numbers if (n not in absent) == present], present)
 

@@ -150,9 +150,13 @@ class CameraFile(Mapping[int, "Framing"]):
 
     @classmethod
     def of(cls, store: Store, key: Key, numbers: Iterable[int]) -> CameraFile | None:
-        """Return None where the store does not hold it; a damaged file is evicted."""
+        """Return None where the store does not hold it; a damaged file is evicted.
+
+        Raises MachineError where the disk refuses a file that the remote store has.
+        """
         path = store.path("cameras", key)
         try:
+            store.bring("cameras", key)
             store.digests.check(path)
             data = json.loads(path.read_text())
             return cls(store, key, {number: data[str(number)] for number in numbers})

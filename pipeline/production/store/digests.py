@@ -51,12 +51,19 @@ class Digests:
 
     root: Path
 
-    def add(self, path: Path, content: Path | None = None) -> None:
-        """Record the digest of a file under its name; read `content` where `path` does not hold it yet.
+    def add(self, path: Path, content: Path | None = None) -> str:
+        """Record the digest of a file under its name, and return it; read `content` where `path` does not
+        hold it yet.
 
         Raises MachineError where the disk refuses.
         """
-        self._append(path, [digest_of(content or path)])
+        digest = digest_of(content or path)
+        self.add_known(path, digest)
+        return digest
+
+    def add_known(self, path: Path, digest: str) -> None:
+        """Record the digest of a file under its name. Raises MachineError where the disk refuses."""
+        self._append(path, [digest])
 
     def add_copy(self, path: Path, source: Path) -> None:
         """Record that `path` holds what was written to `source`. Raises MachineError."""

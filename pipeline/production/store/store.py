@@ -9,6 +9,9 @@ are links; the store is what survives. A file appears under its name whole or no
 in `tmp/` beside the store, flushed, made read-only and renamed into place. Its digest is recorded before, and
 compared whenever the file is read: `digests.py`.
 
+Where a remote store is named, which several roots share, files that it has count as held, and are fetched
+when they are needed (`bring`); what is put here is uploaded: `remote.py`.
+
 Checkpoints, the sums of samples of unfinished pictures, lie beside the store. Each is named after the place
 and the key of its picture, so one of another look, camera or version is never resumed.
 """
@@ -24,16 +27,21 @@ import shutil
 import tempfile
 import time
 import uuid
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import FrameError, MachineError
 from pipeline.production.store.digests import CorruptFileError, Digests
 from pipeline.production.store.paths import CHECKPOINTS, STATE
+from pipeline.production.store.remote import LOG, SIDE_BY_SIDE, RemoteStore
+from pipeline.production.store.remote_url import store_url
+from pipeline.production.store.uploads import upload
 from render.base.atomic_write import atomic_write, disk_errors
 from render.base.errors import CorruptImageError, FlowsculptError, MissingImageError
+from render.base.plural import plural
 
 if TYPE_CHECKING:
     from render.frame.checkpoint import Checkpoint
@@ -91,9 +99,18 @@ KEPT_CHECKPOINT = 7 * 24 * 3600.0
 
 @dataclass(frozen=True)
 class Store:
-    """The store of one root folder, in `root/.flowsculpt/`."""
+    """The store of one root folder, in `root/.flowsculpt/`.
+
+    url  the address of the remote store behind it, by default what the environment names; None for none
+    """
 
     root: Path
+    url: str | None = field(default_factory=store_url)
+
+    @property
+    def remote(self) -> RemoteStore | None:
+        """The remote store. Raises UsageError and MachineError for an address that cannot be used."""
+        return None if self.url is None else RemoteStore.of(self.url)
 
     @property
     def scratch(self) -> Path:
@@ -110,11 +127,51 @@ class Store:
         return f"{self.root}/{STATE}/store/{kind}/{key[:2]}/{key}{SUFFIXES[kind]}"
 
     def holds(self, kind: str, key: Key | None) -> bool:
-        return key is not None and os.path.exists(self._name(kind, key))  # noqa: PTH110  # a Path is slow to make
+        """Tell whether the file of `key` is here or in the remote store, and so need not be made."""
+        if key is None:
+            return False
+        return self.is_here(kind, key) or (self.remote is not None and self.remote.holds(kind, key))
+
+    def is_remote(self, kind: str, key: Key) -> bool:
+        """Tell whether only the remote store has the file of `key`."""
+        return self.remote is not None and not self.is_here(kind, key) and self.remote.holds(kind, key)
+
+    def is_here(self, kind: str, key: Key) -> bool:
+        """Tell whether the file of `key` is on this disk."""
+        return os.path.exists(self._name(kind, key))  # noqa: PTH110  # a Path is slow to make
 
     def stored_at(self, kind: str, key: Key) -> int:
-        """Return when the file of `key` was stored, nanoseconds since the epoch."""
-        return self.path(kind, key).stat().st_mtime_ns
+        """Return when the file of `key` was stored here, nanoseconds since the epoch; 0 if it is not here."""
+        return self.path(kind, key).stat().st_mtime_ns if self.is_here(kind, key) else 0
+
+    def bring(self, kind: str, key: Key) -> bool:
+        """Fetch the file of `key` if only the remote store has it; tell whether it is here.
+
+        Raises MachineError where the disk refuses.
+        """
+        if self.is_here(kind, key):
+            return True
+        if self.remote is None or not self.remote.holds(kind, key):
+            return False
+        final, draft = self.path(kind, key), self.draft(SUFFIXES[kind])
+        try:
+            digest = self.remote.fetch(kind, key, draft)
+            if digest is None:
+                return False
+            draft.chmod(_mode(kind))
+            self.digests.add_known(final, digest)
+            with atomic_write(final, draft):
+                pass  # fetched already
+        finally:
+            with contextlib.suppress(OSError):
+                draft.unlink()
+        return True
+
+    def bring_all(self, names: Collection[tuple[str, Key]]) -> int:
+        """Fetch files that are not here, given by kind and key, side by side; return how many came."""
+        LOG.info(f"Fetching {plural(len(names), 'file')} from {self.url}")
+        with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
+            return sum(pool.map(lambda name: self.bring(*name), names))
 
     def entries(self) -> Iterator[tuple[str, Key, Path]]:
         """Yield kind, key and path of every stored file."""
@@ -133,18 +190,21 @@ class Store:
     def put(self, kind: str, key: Key, write: Callable[[Path], object], replace: bool = False) -> Path:
         """Make the file of `key` by `write(path)`, unless it is there; return its path.
 
+        What is made is uploaded to the remote store, if there is one.
+
         replace  make it even if it is there
 
         Raises MachineError where the disk refuses; nothing half-written is left.
         """
         final = self.path(kind, key)
-        if final.exists() and not replace:
+        if not replace and self.bring(kind, key):
             return final
         with atomic_write(final, self.draft(SUFFIXES[kind])) as draft:
             with _named(draft, final):
                 write(draft)
-            draft.chmod(0o644 if kind in WRITABLE else 0o444)
-            self.digests.add(final, draft)
+            draft.chmod(_mode(kind))
+            digest = self.digests.add(final, draft)
+        upload(self, (kind, key), digest, replace)
         return final
 
     def write(self, path: Path, write: Callable[[Path], object], flush: bool = True) -> None:
@@ -163,9 +223,13 @@ class Store:
         """Show the file of `key` at `target` under the root: a hard link, or a copy if links fail.
 
         replace  link it even if `target` seems to show it
+
+        Raises FrameError where the remote store alone had the file, and has lost it.
         """
         if not replace and self.shows(kind, key, target):
             return
+        if self.remote is not None and not self.bring(kind, key):
+            raise FrameError(f"{target} could not be fetched from {self.url}; run again to make it again")
         source, place = self.path(kind, key), self.root / target
         self.digests.add_copy(place, source)
         try:
@@ -192,19 +256,38 @@ class Store:
             return False
 
     def read(self, kind: str, key: Key, target: Path, reader: Callable[[Path], T]) -> T:
-        """Read the file of `key` whole; compare its digest. Evict a damaged one: the next run makes it again.
+        """Read the file of `key` whole; compare its digest.
 
-        target  where the file is shown, for the message
+        Evict a damaged one: where the remote store has a whole one, that is fetched and shown in its place,
+        else the next run makes it again.
+
+        target  where the file is shown, also for the message
 
         Raises FrameError where it is missing or damaged.
         """
-        path = self.path(kind, key)
         try:
-            self.digests.check(path)
-            return reader(path)
+            return self._read(kind, key, reader)
         except DAMAGED as error:
+            damaged = FrameError(f"{target} is damaged; run again to make it again")
+            damaged.__cause__ = error
             self.discard(kind, key)
-            raise FrameError(f"{target} is damaged; run again to make it again") from error
+        if self.remote is None or not self.bring(kind, key):
+            raise damaged
+        try:
+            content = self._read(kind, key, reader)
+        except DAMAGED:
+            self.discard(kind, key)
+            self.remote.reject(kind, key)
+            raise damaged from None
+        if (self.root / target).exists():
+            self.link(kind, key, target, replace=True)
+        return content
+
+    def _read(self, kind: str, key: Key, reader: Callable[[Path], T]) -> T:
+        self.bring(kind, key)
+        path = self.path(kind, key)
+        self.digests.check(path)
+        return reader(path)
 
     def is_whole(self, path: Path) -> bool:
         """Tell whether a shown file is there and, if its digest is known, has that."""
@@ -233,7 +316,7 @@ class Store:
         oldest = now - KEPT_CHECKPOINT
         for path in self._checkpoints():
             with contextlib.suppress(OSError):
-                if self.holds("raw", path.stem.rpartition(".")[2]) or path.stat().st_mtime < oldest:
+                if self.is_here("raw", path.stem.rpartition(".")[2]) or path.stat().st_mtime < oldest:
                     path.unlink()
 
     def _disk_time(self) -> float:
@@ -277,6 +360,11 @@ def _named(draft: Path, path: Path) -> Iterator[None]:
     except FlowsculptError as error:
         error.args = tuple(a.replace(str(draft), str(path)) if isinstance(a, str) else a for a in error.args)
         raise
+
+
+def _mode(kind: str) -> int:
+    """Return the permissions of a stored file."""
+    return 0o644 if kind in WRITABLE else 0o444
 
 
 def _checkpoint_name(target: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import platform
 import sys
@@ -19,6 +20,7 @@ from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import Event, EventLog, EventReader
 from pipeline.production.store.paths import EVENTS
+from pipeline.production.store.remote import LOG
 from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write
 
@@ -149,11 +151,9 @@ class Context:
         return self.job.stage in self.plan.force
 
     def has(self, kind: str, key: Key) -> bool:
-        """Tell whether the store holds a file; for a forced job, one that was stored since it was planned."""
-        if not self.store.holds(kind, key):
-            return False
+        """Tell whether a file is here, fetched perhaps; for a forced job, one stored since it was planned."""
         if not self.is_forced:
-            return True
+            return self.store.bring(kind, key)
         return self.store.stored_at(kind, key) >= (self.root / self.plan.file).stat().st_mtime_ns
 
     def make(self, kind: str, key: Key, target: Path, write: Callable[[Path], object]) -> bool:
@@ -242,6 +242,12 @@ class Context:
         self.write("warn", number, message=message)
         with suppress(OSError):  # the job's log may lie on a full disk
             print(message, file=sys.stderr, flush=True)
+
+    def tell_of_store(self) -> None:
+        """Report what the remote store warns of from now on, as warnings of the job."""
+        handler = logging.Handler(logging.WARNING)
+        handler.emit = lambda record: self.write("warn", message=record.getMessage())  # type: ignore[method-assign]
+        LOG.handlers, LOG.propagate = [handler], False
 
     def fail(self, error: FlowsculptError, number: int | None = None) -> None:
         """Report the error of the job, or of one of its frames."""

@@ -60,6 +60,7 @@ def main(
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _interrupt_once)
     context = Context.of(root, Plan.thaw(root / plan_path), job_name)
+    context.tell_of_store()
     job = context.job
     context = whole = replace(context, job=replace(job, threads=threads or job.threads, key=key or job.key))
     if settled is not None:

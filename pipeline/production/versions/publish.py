@@ -181,6 +181,7 @@ class Release:
         request, found = self.request, keys[number]
         file, mesh = self.store.path("frame", found.frame), request.angles[number].mesh
         try:
+            self.store.bring("frame", found.frame)
             self.store.digests.check(file)
             pixels = pixels_of(file)
         except DAMAGED:
@@ -201,6 +202,7 @@ class Release:
         """Return the digest of the movie. Raises FrameError if it cannot be decoded to its end."""
         file = self.store.path("movie", key)
         try:
+            self.store.bring("movie", key)
             self.store.digests.check(file)
             whole = probe_movie(file).frames == len(self.request.angles)
         except DAMAGED:

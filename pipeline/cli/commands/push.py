@@ -1,0 +1,36 @@
+"""The command `push`: upload stored files that the remote store lacks."""
+
+from __future__ import annotations
+
+from pipeline.cli.options import Common
+from pipeline.cli.output import exit_with, print_result
+from pipeline.errors import MachineError, UsageError
+from pipeline.production.store.locks import writing
+from pipeline.production.store.remote_url import VARIABLE
+from pipeline.production.store.store import Store
+from pipeline.production.store.uploads import lacking_names, upload_lacking
+from render.base.plural import plural
+
+
+def push(common: Common) -> None:
+    """Upload stored files that the remote store lacks, such as those made before there was one.
+
+    Runs upload what they make, and what an earlier run could not. `flowsculpt push --store s3://bucket/show`
+    uploads the rest; `--dry-run` counts it. A damaged file is left out: `flowsculpt verify` repairs it.
+    """
+    store = Store(common.root)
+    if store.remote is None:
+        raise UsageError(f"push: there is no remote store; name one by --store or {VARIABLE}")
+    if fault := store.remote.fault():
+        raise MachineError(f"{store.url}: {fault}")
+    if common.dry_run:
+        sent, unsent = len(lacking_names(store)), 0
+    else:
+        with writing(common.root, common.wait):
+            sent, unsent = upload_lacking(store)
+    verb = "Would upload" if common.dry_run else "Uploaded"
+    words = f"{verb} {plural(sent, 'file')} to {store.url}."
+    if unsent:
+        words += f" It did not take {unsent}; run again."
+    print_result(words, {"uploaded": sent, "refused": unsent}, common.json)
+    exit_with(MachineError.exit_code if unsent else 0)

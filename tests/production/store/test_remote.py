@@ -1,0 +1,310 @@
+"""The remote store on a file share: what one root made, another one fetches, to the bit."""
+
+import logging
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.errors import FrameError, MachineError, UsageError
+from pipeline.production.store import remote, remote_url
+from pipeline.production.store.remote import RemoteStore
+from pipeline.production.store.store import Store
+from pipeline.production.store.uploads import lacking_names, missed_uploads, upload_lacking, upload_missed
+
+KEY = "ab" * 16
+OTHER = "cd" * 16
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_remembered(monkeypatch):
+    """Listings are made anew each time, and nothing is known of an earlier test's remote store."""
+    monkeypatch.setattr(remote, "LISTED_SECONDS", -1.0)
+    monkeypatch.setattr(remote, "PATIENCE", 0.2)
+    monkeypatch.setattr(remote, "FIRST_PAUSE", 0.05)
+    remote._opened.cache_clear()
+
+
+@pytest.fixture
+def share(tmp_path):
+    (tmp_path / "share").mkdir()
+    return tmp_path / "share"
+
+
+@pytest.fixture
+def url(share):
+    return f"file://{share}"
+
+
+@pytest.fixture
+def stores(tmp_path, url):
+    return Store(tmp_path / "a", url), Store(tmp_path / "b", url)
+
+
+def content_of(key):
+    """The content of a key's file: the same whoever makes it."""
+    return (f"made from {key}\n" * 5000).encode()
+
+
+def fill(store, key=KEY):
+    return store.put("cameras", key, lambda path: path.write_bytes(content_of(key)))
+
+
+def never(path: Path) -> None:
+    raise AssertionError(f"{path} is made again")
+
+
+def sent(share):
+    return sorted(path for path in share.rglob("*.json") if path.is_file())
+
+
+def warnings(caplog):
+    return [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]
+
+
+def test_what_one_root_made_another_does_not_make_again(stores):
+    ours, theirs = stores
+    fill(ours)
+    assert theirs.holds("cameras", KEY)
+    assert theirs.is_remote("cameras", KEY)
+    path = theirs.put("cameras", KEY, never)
+    assert path.read_bytes() == content_of(KEY)
+    assert not path.stat().st_mode & 0o222
+    assert theirs.digests.check(path)
+    assert not theirs.is_remote("cameras", KEY)
+
+
+def test_reading_and_linking_fetch_what_only_the_remote_store_has(stores):
+    ours, theirs = stores
+    fill(ours), fill(ours, OTHER)
+    assert theirs.read("cameras", KEY, Path("a.json"), Path.read_bytes) == content_of(KEY)
+    theirs.link("cameras", OTHER, Path("renders/a.json"))
+    assert (theirs.root / "renders/a.json").read_bytes() == content_of(OTHER)
+
+
+def test_nothing_is_fetched_to_answer_whether_it_is_held(stores):
+    ours, theirs = stores
+    fill(ours)
+    assert theirs.holds("cameras", KEY) and not theirs.holds("cameras", OTHER)
+    assert not list(theirs.root.rglob("*.json"))
+
+
+def test_without_a_remote_store_nothing_leaves_the_root(tmp_path, share):
+    store = Store(tmp_path / "a", url=None)
+    fill(store)
+    assert sent(share) == [] and missed_uploads(store.root) == []
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda b: b[:-7], lambda b: b"", lambda b: b[:9] + b"?" + b[10:]], ids=["cut", "empty", "bit"]
+)
+def test_a_damaged_object_is_told_once_never_used_and_replaced(stores, share, caplog, damage):
+    ours, theirs = stores
+    fill(ours)
+    (there,) = sent(share)
+    whole = there.read_bytes()
+    there.write_bytes(damage(whole))
+    assert not theirs.bring("cameras", KEY)
+    assert not theirs.holds("cameras", KEY) and not theirs.bring("cameras", KEY)
+    assert not theirs.path("cameras", KEY).exists() and not list(theirs.scratch.iterdir())
+    (said,) = warnings(caplog)
+    assert "is not what was stored" in said and KEY in said
+    assert fill(theirs).read_bytes() == content_of(KEY)
+    assert there.read_bytes() == whole
+    assert theirs.holds("cameras", KEY)
+
+
+def test_a_damaged_local_file_is_healed_from_the_remote_store(stores):
+    ours, _ = stores
+    path = fill(ours)
+    ours.link("cameras", KEY, Path("shown.json"))
+    path.chmod(0o644)
+    path.write_bytes(b"damaged")
+    assert ours.read("cameras", KEY, Path("shown.json"), Path.read_bytes) == content_of(KEY)
+    assert (ours.root / "shown.json").read_bytes() == content_of(KEY)
+
+
+def test_a_file_that_cannot_be_read_though_it_is_what_was_sent_leaves_the_remote_store(stores, share):
+    ours, _ = stores
+    fill(ours)
+
+    def refuse(path: Path) -> None:
+        raise remote_error
+
+    from pipeline.production.store.digests import CorruptFileError
+
+    remote_error = CorruptFileError("not a camera")
+    with pytest.raises(FrameError, match="run again to make it again"):
+        ours.read("cameras", KEY, Path("a.json"), refuse)
+    assert sent(share) == [] and not ours.holds("cameras", KEY)
+
+
+def test_making_again_by_force_replaces_what_is_there(stores, share):
+    ours, theirs = stores
+    fill(ours)
+    theirs.put("cameras", KEY, lambda path: path.write_bytes(b"newer"), replace=True)
+    (there,) = sent(share)
+    assert there.read_bytes() == b"newer"
+
+
+def test_a_share_that_is_not_mounted_is_told_once_and_filled_later(stores, share, caplog):
+    ours, theirs = stores
+    share.rmdir()
+    fill(ours), fill(ours, OTHER)
+    assert not share.exists(), "a folder made here would hide the share once it is mounted"
+    (said,) = warnings(caplog)
+    assert "no such bucket or folder" in said and "going on without it" in said
+    assert missed_uploads(ours.root) == [("cameras", KEY), ("cameras", OTHER)]
+    share.mkdir()
+    remote._opened.cache_clear()
+    assert upload_missed(ours) == (2, 0)
+    assert missed_uploads(ours.root) == []
+    assert theirs.bring("cameras", KEY) and theirs.bring("cameras", OTHER)
+
+
+def test_a_full_share_fails_no_one_and_is_told_once(stores, share, caplog, monkeypatch):
+    from fsspec.implementations.local import LocalFileSystem
+
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    ours, _ = stores
+    with monkeypatch.context() as full:
+        full.setattr(LocalFileSystem, "put_file", refuse)
+        fill(ours), fill(ours, OTHER)
+    (said,) = warnings(caplog)
+    assert "it is full" in said
+    assert sent(share) == [] and not list((share / "tmp").iterdir())
+
+
+def test_a_full_disk_here_is_no_fault_of_the_remote_store(stores, monkeypatch, caplog):
+    from fsspec.implementations.local import LocalFileSystem
+
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    ours, theirs = stores
+    fill(ours)
+    monkeypatch.setattr(LocalFileSystem, "get_file", refuse)
+    with pytest.raises(MachineError, match="the disk is full"):
+        theirs.bring("cameras", KEY)
+    assert warnings(caplog) == []
+
+
+def test_a_writer_that_is_killed_leaves_a_mark_and_the_next_run_uploads(stores, share, monkeypatch):
+    ours, _ = stores
+    with monkeypatch.context() as killed:
+        killed.setattr(RemoteStore, "_put", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            fill(ours)
+    assert missed_uploads(ours.root) == [("cameras", KEY)]
+    assert upload_missed(ours) == (1, 0) and len(sent(share)) == 1
+
+
+def test_a_marked_file_that_is_gone_or_damaged_meanwhile_is_not_sent(stores, share):
+    ours, _ = stores
+    share.rmdir()
+    fill(ours).unlink()
+    damaged = fill(ours, OTHER)
+    damaged.chmod(0o644)
+    damaged.write_bytes(b"damaged")
+    share.mkdir()
+    remote._opened.cache_clear()
+    assert upload_missed(ours) == (0, 0)
+    assert missed_uploads(ours.root) == [] and sent(share) == []
+
+
+def test_files_made_before_there_was_a_remote_store_are_uploaded_on_demand(tmp_path, url, share):
+    before = Store(tmp_path / "a", url=None)
+    fill(before), fill(before, OTHER)
+    ours = Store(tmp_path / "a", url)
+    upload_missed(ours)
+    assert sent(share) == []
+    assert len(lacking_names(ours)) == 2
+    assert upload_lacking(ours) == (2, 0)
+    assert lacking_names(ours) == [] and len(sent(share)) == 2
+
+
+def test_other_files_in_the_folder_are_let_be(stores, share):
+    ours, theirs = stores
+    (share / "cameras" / "a").mkdir(parents=True)
+    for name in ("readme.txt", f"{KEY}.json", f".{KEY}.{OTHER}.json", f"{KEY}.short.json"):
+        (share / "cameras" / "a" / name).write_text("somebody's")
+    assert not theirs.holds("cameras", KEY)
+    fill(ours)
+    assert theirs.bring("cameras", KEY)
+
+
+def test_the_environment_names_the_remote_store_to_every_process(monkeypatch, tmp_path, url):
+    monkeypatch.setenv(remote_url.VARIABLE, url)
+    assert Store(tmp_path).url == url
+    monkeypatch.setenv(remote_url.VARIABLE, "")
+    assert Store(tmp_path).remote is None
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("s4://bucket/show", "s4:// is not known. There are: s3"),
+        ("s3://", "a bucket or folder must follow"),
+        ("sftp://me:secret@host/show", "it holds a password"),
+    ],
+)
+def test_an_address_that_cannot_be_one_is_told_in_one_line(given, said):
+    with pytest.raises(UsageError, match=said) as raised:
+        remote_url.checked_url(given)
+    assert "secret" not in str(raised.value) and "\n" not in str(raised.value)
+
+
+def test_a_package_that_is_missing_is_named_with_the_command_that_installs_it(monkeypatch):
+    monkeypatch.setattr(remote_url, "find_spec", lambda module: None)
+    with pytest.raises(MachineError, match=r"needs the package s3fs.*pip install s3fs"):
+        remote_url.checked_url("s3://bucket/show")
+
+
+def test_a_folder_is_an_address_from_wherever_jobs_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert remote_url.checked_url("my share") == f"file://{tmp_path}/my share"
+
+
+KEYS = [f"{number:x}" * 32 for number in range(4)]
+ACTIONS = ["put", "holds", "bring", "evict", "cut", "alter", "delete", "upload"]
+
+
+@given(
+    steps=st.lists(
+        st.tuples(st.sampled_from(ACTIONS), st.integers(0, 1), st.sampled_from(KEYS)), max_size=25
+    )
+)
+@settings(max_examples=60, deadline=None)
+def test_two_roots_that_share_a_remote_store_never_read_other_bytes(tmp_path_factory, steps):
+    home = tmp_path_factory.mktemp("roots")
+    (home / "share").mkdir()
+    remote._opened.cache_clear()
+    stores = [Store(home / name, f"file://{home}/share") for name in "ab"]
+    undamaged: set[str] = set()
+    for action, which, key in steps:
+        store = stores[which]
+        there = [path for path in sent(home / "share") if path.name.startswith(key)]
+        if action == "put":
+            was_here = store.is_here("cameras", key)
+            assert fill(store, key).read_bytes() == content_of(key)
+            undamaged |= set() if was_here else {key}
+        elif action == "holds":
+            assert store.holds("cameras", key) or key not in undamaged
+        elif action == "bring":
+            came = store.bring("cameras", key)
+            assert came or key not in undamaged
+            assert not came or store.path("cameras", key).read_bytes() == content_of(key)
+        elif action == "evict":
+            store.discard("cameras", key)
+        elif action == "upload":
+            upload_lacking(store)
+        elif there:
+            undamaged.discard(key)
+            if action == "delete":
+                there[0].unlink()
+            else:
+                whole = there[0].read_bytes()
+                there[0].write_bytes(whole[:-1] if action == "cut" else whole[:-1] + b"?")

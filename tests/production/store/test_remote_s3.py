@@ -1,0 +1,166 @@
+"""The remote store on an S3 server that is slow, refuses, cuts answers short, alters them, or is away."""
+
+import logging
+import threading
+import time
+import uuid
+
+import pytest
+
+from pipeline.production.store import remote, remote_url
+from pipeline.production.store.remote import RemoteStore
+from pipeline.production.store.store import Store
+from pipeline.production.store.uploads import missed_uploads, upload_missed
+from tests.production.store.s3 import BUCKET, CREDENTIALS, Proxy
+
+KEYS = [f"{number:032x}" for number in range(40)]
+CONTENT = b"light\n" * 30000
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch, s3: Proxy):
+    """Listings are made anew each time, and tries follow each other quickly."""
+    monkeypatch.setattr(remote, "LISTED_SECONDS", -1.0)
+    monkeypatch.setattr(remote, "PATIENCE", 1.0)
+    monkeypatch.setattr(remote, "FIRST_PAUSE", 0.05)
+    monkeypatch.setattr(remote_url, "READ_SECONDS", 1.0)
+    remote._opened.cache_clear()
+
+
+@pytest.fixture
+def stores(tmp_path):
+    url = f"s3://{BUCKET}/{uuid.uuid4().hex}"
+    return Store(tmp_path / "a", url), Store(tmp_path / "b", url)
+
+
+def fill(store, key=KEYS[0]):
+    return store.put("raw", key, lambda path: path.write_bytes(key.encode() + CONTENT))
+
+
+def is_right(store, key=KEYS[0]):
+    return store.path("raw", key).read_bytes() == key.encode() + CONTENT
+
+
+def warnings(caplog):
+    return [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]
+
+
+def test_what_one_root_put_another_fetches_to_the_bit(stores):
+    ours, theirs = stores
+    assert not theirs.holds("raw", KEYS[0])
+    fill(ours)
+    assert theirs.bring("raw", KEYS[0]) and is_right(theirs)
+    assert theirs.remote.fault() is None
+
+
+def test_many_keys_are_asked_for_in_few_requests_side_by_side(stores, s3: Proxy, monkeypatch):
+    ours, theirs = stores
+    keys = [f"{number * 2654435761 % 2**32:08x}" * 4 for number in range(60)]
+    monkeypatch.setattr(remote, "LISTED_SECONDS", 60.0)
+    for key in keys:
+        fill(ours, key)
+    remote._opened.cache_clear()
+    assert theirs.remote.fault() is None  # connects
+    s3.seconds, begun = 0.05, time.monotonic()
+    s3.requests.clear()
+    assert all(theirs.holds("raw", key) for key in keys)
+    assert len(s3.requests) <= 1 + 16
+    assert time.monotonic() - begun < 20 * 0.05, "one after the other they take longer"
+    s3.requests.clear()
+    assert theirs.bring_all([("raw", key) for key in keys]) == 60
+    assert all(is_right(theirs, key) for key in keys)
+    assert time.monotonic() - begun < 60 * 0.05 + 2.0
+
+
+@pytest.mark.parametrize("fault", ["refuse", "error", "hang"])
+def test_a_server_that_fails_for_long_fails_nobody_and_is_told_once(stores, s3: Proxy, caplog, fault):
+    ours, theirs = stores
+    assert ours.remote.fault() is None
+    s3.fault = fault
+    begun = time.monotonic()
+    for key in KEYS[:5]:
+        fill(ours, key)
+        assert is_right(ours, key) and not ours.holds("raw", KEYS[9])
+    assert time.monotonic() - begun < 6.0, "it is left alone after the first"
+    (said,) = warnings(caplog)
+    assert "going on without it" in said and "the next run uploads it" in said
+    assert not any(secret in said for secret in CREDENTIALS.values() if secret != "us-east-1")
+    assert len(missed_uploads(ours.root)) == 5
+    s3.fault = None
+    remote._opened.cache_clear()  # as in the next run
+    assert upload_missed(ours) == (5, 0)
+    assert theirs.bring("raw", KEYS[4]) and is_right(theirs, KEYS[4])
+
+
+def test_a_server_that_is_away_for_a_moment_is_asked_again(stores, s3: Proxy, caplog):
+    ours, theirs = stores
+    assert ours.remote.fault() is None
+    s3.fault = "error"
+    threading.Timer(0.4, lambda: setattr(s3, "fault", None)).start()
+    fill(ours)
+    assert warnings(caplog) == [] and missed_uploads(ours.root) == []
+    assert theirs.bring("raw", KEYS[0])
+
+
+def test_a_server_that_comes_back_is_used_again_in_the_same_process(stores, s3: Proxy, monkeypatch):
+    ours, _ = stores
+    assert ours.remote.fault() is None
+    monkeypatch.setattr(remote, "SILENT_SECONDS", 0.3)
+    ours.remote._silence = 0.3
+    s3.fault = "refuse"
+    fill(ours)
+    s3.fault = None
+    time.sleep(0.35)
+    fill(ours, KEYS[1])
+    assert missed_uploads(ours.root) == [("raw", KEYS[0])]
+
+
+@pytest.mark.parametrize("fault", ["cut", "alter"])
+def test_what_is_damaged_on_the_way_is_never_used(stores, s3: Proxy, caplog, fault):
+    ours, theirs = stores
+    fill(ours)
+    s3.fault = fault
+    assert not theirs.bring("raw", KEYS[0])
+    assert not theirs.path("raw", KEYS[0]).exists() and not list(theirs.scratch.iterdir())
+    assert len(warnings(caplog)) == 1
+    fill(theirs)
+    s3.fault = None
+    remote._opened.cache_clear()
+    assert upload_missed(theirs).unsent == 0
+    theirs.discard("raw", KEYS[0])
+    assert theirs.bring("raw", KEYS[0]) and is_right(theirs)
+
+
+def test_an_object_that_is_removed_after_it_was_listed_is_made_again(stores, monkeypatch, caplog):
+    ours, theirs = stores
+    fill(ours)
+    monkeypatch.setattr(remote, "LISTED_SECONDS", 60.0)
+    assert theirs.holds("raw", KEYS[0])
+    theirs.remote.files.rm(theirs.remote.home, recursive=True)
+    assert not theirs.bring("raw", KEYS[0]) and not theirs.holds("raw", KEYS[0])
+    assert fill(theirs) and warnings(caplog) == []
+
+
+def test_a_bucket_that_is_not_there_is_told_at_once(tmp_path, caplog):
+    store = Store(tmp_path, "s3://nowhere/show")
+    begun = time.monotonic()
+    fill(store)
+    assert time.monotonic() - begun < 5.0
+    (said,) = warnings(caplog)
+    assert said.startswith("s3://nowhere/show: no such bucket or folder")
+    assert "no such bucket" in RemoteStore.of("s3://nowhere/show").fault()
+
+
+def test_without_credentials_the_message_says_so(stores, monkeypatch, caplog, tmp_path):
+    for name in CREDENTIALS:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
+    monkeypatch.setenv("AWS_CONFIG_FILE", str(tmp_path / "none"))
+    monkeypatch.setenv("AWS_SHARED_CREDENTIALS_FILE", str(tmp_path / "none"))
+    ours, _ = stores
+    import s3fs
+
+    s3fs.S3FileSystem.clear_instance_cache()
+    fill(ours)
+    (said,) = warnings(caplog)
+    assert "credentials" in said
