@@ -99,8 +99,10 @@ def execute(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
 
     patience = common.patience or PATIENCE
     outcome = run(planned, common.root, common.cores, watch, common.profile, patience, common.wait)
+    remote = Store(common.root).remote
     for message in outcome.warnings:
-        print_warning(message)
+        if remote is None or message not in remote.told:  # by this process, and printed
+            print_warning(message)
     for failure in outcome.failures:
         print_error(_failure(failure))
     return outcome

@@ -80,17 +80,18 @@ class RemoteStore:
 
     files  the fsspec file system
     home   the path in it
+    told   the warnings that this process has logged
     """
 
     url: str
     files: Any
     home: str
+    told: set[str] = field(default_factory=set)
     _listed: dict[str, tuple[float, dict[str, list[str]]]] = field(default_factory=dict)
     _bad: set[str] = field(default_factory=set)
     _silent_until: float = 0.0
     _silence: float = SILENT_SECONDS
     _fault: str | None = None
-    _told: set[str] = field(default_factory=set)
     _listing_lock: threading.Lock = field(default_factory=threading.Lock)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
@@ -312,9 +313,9 @@ class RemoteStore:
     def _tell(self, message: str) -> None:
         """Log a warning, each once."""
         with self._lock:
-            if message in self._told:
+            if message in self.told:
                 return
-            self._told.add(message)
+            self.told.add(message)
         LOG.warning(message)
 
 
