@@ -100,7 +100,7 @@ def serving() -> Iterator[Proxy]:
             self.wfile.write(content[: len(content) // 2] if cut else content)
             self.close_connection = cut
 
-        do_GET = do_PUT = do_POST = do_HEAD = do_DELETE = handle_request
+        do_GET = do_PUT = do_POST = do_HEAD = do_DELETE = handle_request  # noqa: N815
 
         def log_message(self, *_: object) -> None:
             pass

@@ -273,9 +273,7 @@ ACTIONS = ["put", "holds", "bring", "evict", "cut", "alter", "delete", "upload"]
 
 
 @given(
-    steps=st.lists(
-        st.tuples(st.sampled_from(ACTIONS), st.integers(0, 1), st.sampled_from(KEYS)), max_size=25
-    )
+    steps=st.lists(st.tuples(st.sampled_from(ACTIONS), st.integers(0, 1), st.sampled_from(KEYS)), max_size=25)
 )
 @settings(max_examples=60, deadline=None)
 def test_two_roots_that_share_a_remote_store_never_read_other_bytes(tmp_path_factory, steps):
