@@ -1,0 +1,86 @@
+"""Blender opens exported stages and reads what was simulated. `make blender` installs Blender as a module."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pxr import Usd, UsdGeom
+
+from pipeline.production.execution.project import Project
+from pipeline.production.store.readers import read_npz
+from tests.conftest import commanded
+from tests.dailies.review.studio import simulated
+
+BLENDER = Path(os.environ.get("BLENDER_MODULE", Path(sys.prefix) / "cycles"))
+
+pytestmark = [
+    pytest.mark.soak,
+    pytest.mark.skipif(not (BLENDER / "bpy").is_dir(), reason="Blender is not there: make blender"),
+]
+
+NAME = "T010_tiny"
+SHOT = """\
+title: A box, drawn through an attractor
+frames: 1-120
+subject: {solid: box, size: [2, 2, 2]}
+resample: {max_edge_length: 0.4}
+flows:
+  - lorenz: {scale: 16, time_scale: {keys: {1: 0, 20: 0.25, 40: 0.1, 100: 0.1, 120: 0}}}
+camera: {azimuth: {keys: {1: -30, 120: 20}}, elevation: 14, focal_length: 50, aperture: 2}
+"""
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("blender")
+    simulated(root, SHOT)
+    return root
+
+
+def read_by_blender(file: Path, frames: list[int], result: Path) -> dict[str, np.ndarray]:
+    script = Path(__file__).with_name("blender_reader.py")
+    command = [sys.executable, "-P", str(script), str(file), json.dumps(frames), str(result)]
+    environment = {**os.environ, "PYTHONPATH": str(BLENDER)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600)
+    assert result.is_file(), done.stdout + done.stderr
+    with np.load(result) as arrays:
+        return dict(arrays)
+
+
+def test_blender_reads_every_frame_of_a_stage_whose_topology_changes(root, tmp_path, monkeypatch):
+    monkeypatch.chdir(root)
+    code, words = commanded(root, "export", "usd", NAME)
+    assert code == 0, words
+    frames = list(range(1, 121))
+    read = read_by_blender(root / "renders" / NAME / "usd" / f"{NAME}.usda", frames, tmp_path / "read.npz")
+    assert read["range"].tolist() == [1, 120] and read["lights"].tolist() == ["back", "key", "rim"]
+    project = Project(root, 1)
+    framings = project.request(root / "shots" / f"{NAME}.yaml", "draft", variant="none").framings(
+        project.store
+    )
+    upright = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # Blender has z up
+    stage, counts = Usd.Stage.Open(str(root / "renders" / NAME / "usd" / f"{NAME}.usda")), set()
+    velocities = UsdGeom.Mesh(stage.GetPrimAtPath(f"/{NAME}/sculpture")).GetVelocitiesAttr()
+    for frame in frames:
+        stored = read_npz(root / "renders" / NAME / "meshes" / f"{NAME}.{frame:04d}.npz")
+        points = read[f"{frame}.points"]
+        assert np.array_equal(points, stored["vertices"].astype(np.float32)), frame
+        assert np.array_equal(read[f"{frame}.faces"].reshape(-1, 3), stored["faces"])
+        assert np.allclose(read[f"{frame}.velocity"], velocities.Get(float(frame)), atol=1e-6)
+        assert np.array_equal(read[f"{frame}.rest"], stored["attribute:rest"].astype(np.float32))
+        faces = points[stored["faces"]]
+        flat = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+        corners = read[f"{frame}.normals"].reshape(-1, 3, 3)
+        assert np.median(np.einsum("fcx,fx->fc", corners, flat) / np.linalg.norm(flat, axis=1)[:, None]) > 0.9
+        camera = framings[frame].camera
+        assert np.allclose(read[f"{frame}.camera"][:3, 3], upright @ camera.origin, atol=1e-4)
+        assert np.allclose(read[f"{frame}.lens"], [50.0, 36.0, camera.focus_distance], rtol=1e-4)
+        counts.add(len(points))
+    assert len(counts) > 30
+    assert np.abs(read["60.velocity"]).max() > 0.1
