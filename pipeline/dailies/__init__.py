@@ -1,1 +1,1 @@
-"""Previews, live pages, turntables, deliverables, review pages and contact sheets of shots."""
+"""Previews, live pages, turntables, deliverables, exports, review pages and contact sheets of shots."""

@@ -187,6 +187,12 @@ def last_message(source: Any) -> str:
     return reason_of(ValueError(lines[0] if lines else "unknown format"))
 
 
+def srgb_of_linear(linear: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Return sRGB values from 0 to 1 of linear ones (IEC 61966-2-1)."""
+    light = np.clip(np.asarray(linear, dtype=np.float64), 0.0, 1.0)
+    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
+
+
 def linear_of_srgb(srgb: NDArray[np.floating]) -> NDArray[np.float64]:
     """Return the linear values of sRGB values 0 … 1 (IEC 61966-2-1)."""
     srgb = np.asarray(srgb, dtype=np.float64)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from ruamel.yaml import YAML
@@ -13,19 +13,23 @@ from pipeline.cli.execution import execute, report_plan
 from pipeline.cli.options import Common, Frames, PictureOptions, Quality, output_option, require_one_of
 from pipeline.cli.output import exit_with, print_error, print_result, progress_bars
 from pipeline.dailies.delivery.timeline import MEDIA, Timeline
+from pipeline.dailies.interchange.model_export import MODELS, ModelExport, require_still
+from pipeline.dailies.interchange.print_model import LONGEST_SIDE
 from pipeline.dailies.interchange.usd_clips import require_usd
 from pipeline.dailies.interchange.usd_export import UsdExport
 from pipeline.errors import FrameError, UsageError
 from pipeline.production.execution import openjd as job_description
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import mesh_states
+from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import FILM, find_edit
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import writing
 from render.base.atomic_write import atomic_write, disk_errors
 from render.base.plural import plural
 from render.scene.quality import DEFAULT_QUALITY
 
-FORMATS = ("openjd", "otio", "usd")
+FORMATS = ("usd", *MODELS, "openjd", "otio")
 
 
 def export(
@@ -34,8 +38,9 @@ def export(
         str,
         typer.Argument(
             metavar="FORMAT",
-            help="usd: the sculpture with its motion, camera and lights; openjd: Open Job Description, for "
-            "render managers; otio: OpenTimelineIO, for editors.",
+            help="usd: the sculpture with its motion, camera and lights; ply, obj: a mesh file for each "
+            "frame; glb, stl: a mesh file of one frame; openjd: Open Job Description, for render managers; "
+            "otio: OpenTimelineIO, for editors.",
         ),
     ],
     options: PictureOptions,
@@ -47,11 +52,15 @@ def export(
         ),
     ] = None,
     output: Annotated[
-        Path | None, output_option("usd: a folder, by default renders/SHOT/usd. Else a file.", "PATH")
+        Path | None,
+        output_option("openjd, otio: a file. Else a folder; default: renders/SHOT/usd or models.", "PATH"),
     ] = None,
     media: Annotated[
         str, typer.Option(metavar="NAME", help=f"Media that otio clips refer to: {', '.join(MEDIA)}.")
     ] = "frames",
+    size: Annotated[
+        float, typer.Option(min=1.0, max=10_000.0, metavar="MM", help="stl: the longest side, millimetres.")
+    ] = LONGEST_SIDE,
     frames: Frames = None,
     quality: Quality = DEFAULT_QUALITY,
 ) -> None:
@@ -61,6 +70,10 @@ def export(
     usdview open, and beside it a clip for each frame: the mesh with velocities, normals and rest positions.
     What is missing is simulated first. The second time only clips that changed are written. It needs the
     package usd-core; see docs/interchange.md.
+
+    `flowsculpt export ply A010_cube -f 1-24` writes renders/A010_cube/models/A010_cube.0001.ply and so on,
+    `flowsculpt export stl A010_cube -f 40 --size 120` a model to be printed, 120 mm long, and reports its
+    volume and its thinnest wall.
 
     `flowsculpt export openjd A010_cube` writes a job template that renders the shot and assembles its movie,
     and beside it the plan that its tasks read, template.yaml.plan.json: the shot as it is now. `openjd run
@@ -75,45 +88,59 @@ def export(
         form, name = name, form
     require_one_of(form, FORMATS, f"{form!r} is not a format to export.")
     project, quality = options.project(common), options.quality(quality)
-    if form == "usd":
-        _usd(common, project, quality, name, output, frames)
+    if form in ("usd", *MODELS):
+        shot = _require_shot(name, form)
+        asked = project.asked(shot, quality, frames, mesh_states, variant="none")
+        require_still(form, frames, len(asked.requested))
+        _geometry(common, project, _export_of(common, project, asked, form, output, size))
     elif form == "otio":
         _timeline(common, project, quality, name or FILM.stem, output, media, frames)
     else:
         _job(common, project, quality, name, output or Path("template.yaml"), frames)
 
 
-def _usd(
-    common: Common, project: Project, quality: str, name: str | None, output: Path | None, frames: str | None
-) -> None:
-    shot = _require_shot(name, "usd")
-    require_usd()
-    request = project.asked(shot, quality, frames, mesh_states, variant="none")
-    folder = common.root / request.folders.home / "usd" if output is None else output.absolute()
-    usd = UsdExport(request, project.store, folder)
+def _geometry(common: Common, project: Project, export: UsdExport | ModelExport) -> None:
+    """Simulate what is missing, write the files that are not current, and report them."""
     if common.dry_run:
-        report_plan(common, project.geometry(request))
+        report_plan(common, _plan_of(project, export))
         if not common.json:
-            print_result(f"Then: writing {plural(len(usd.stale()), 'clip')} to {folder}.", {}, False)
+            print_result(
+                f"Then: writing {plural(len(export.stale()), 'frame')} to {export.folder}.", {}, False
+            )
         return
     started = time.monotonic()
-    outcome = execute(common, lambda: project.geometry(request))
+    outcome = execute(common, lambda: _plan_of(project, export))
     with writing(common.root, common.wait), progress_bars(common.progress) as bar:
-        faults = usd.write(bar("exporting", len(usd.stale())))
+        faults = export.write(bar("exporting", len(export.stale())))
     for fault in faults:
         print_error(fault)
-    seconds, written = time.monotonic() - started, usd.files.written
-    shown = usd.shown()
-    words = f"{usd.root_path}: {plural(len(shown), 'frame')}, {plural(len(written), 'file')} written"
-    facts = {
-        "stage": str(usd.root_path),
-        "frames": shown,
-        "written": list(written),
-        "failed": faults,
-        "seconds": round(seconds, 2),
-    }
-    print_result(f"{words} in {seconds:.0f} s.", facts, common.json)
+    seconds, written, shown = time.monotonic() - started, export.files.written, export.shown()
+    words = f"{export.path}: {plural(len(shown), 'frame')}, {plural(len(written), 'file')} written"
+    words += f" in {seconds:.0f} s."
+    facts: dict[str, Any] = {"path": str(export.path), "frames": shown, "written": list(written)}
+    if isinstance(export, ModelExport) and not faults and (report := export.print_report()):
+        facts["model"] = report.as_data()
+        words += f"\n{report.in_words()}"
+    facts |= {"failed": faults, "seconds": round(seconds, 2)}
+    print_result(words, facts, common.json)
     exit_with(outcome.exit_code or (FrameError.exit_code if faults else 0))
+
+
+def _plan_of(project: Project, export: UsdExport | ModelExport) -> Plan:
+    """Return the plan of what is exported: mesh frames, and of a stage also cameras."""
+    has_cameras = isinstance(export, UsdExport)
+    return project.geometry(export.request) if has_cameras else project.mesh_frames(export.request)
+
+
+def _export_of(
+    common: Common, project: Project, asked: RenderRequest, form: str, output: Path | None, size: float
+) -> UsdExport | ModelExport:
+    """Return the export of a request to a folder."""
+    home = common.root / asked.folders.home
+    if form == "usd":
+        require_usd()
+        return UsdExport(asked, project.store, output.absolute() if output else home / "usd")
+    return ModelExport(asked, project.store, output.absolute() if output else home / "models", form, size)
 
 
 def _require_shot(name: str | None, form: str) -> str:

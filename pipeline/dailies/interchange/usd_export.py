@@ -16,7 +16,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.dailies.interchange.exported_frame import exported_frame, has_colours
+from pipeline.dailies.interchange.exported_frame import has_colours
+from pipeline.dailies.interchange.frame_source import frame_key, stored_frame
 from pipeline.dailies.interchange.keyed_files import KeyedFiles
 from pipeline.dailies.interchange.usd_clips import (
     SCULPTURE,
@@ -30,33 +31,11 @@ from pipeline.dailies.interchange.usd_stage import StageContent, root_prim, writ
 from pipeline.errors import FrameError, MissingInputError
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import EXPORT
-from pipeline.production.store import readers
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.serialise import to_plain
 
 if TYPE_CHECKING:
-    from pipeline.animation import MeshFrame
     from pipeline.production.render_inputs.framing import Framing
-
-
-def frame_key(request: RenderRequest, number: int) -> Key:
-    """Return the key of an exported frame: its mesh, the flow around it, and what colours its vertices."""
-    from pipeline.production.render_inputs.shading import STEP, flow_cache_data
-
-    motion, look = request.shot.motion, request.shot.picture.look
-    return key_of(
-        EXPORT.recipe,
-        request.normals_key(number),
-        flow_cache_data(motion, number, (-STEP, STEP)),
-        str(motion.rate),
-        to_plain(look) if has_colours(look) or look.texture_projection else None,
-    )
-
-
-def stored_mesh_frame(request: RenderRequest, store: Store, number: int) -> MeshFrame:
-    """Return a mesh frame from the store. Raises FrameError where it is missing or damaged."""
-    key = request.mesh_key(number)
-    return store.read("mesh", key, request.place("mesh", number), readers.mesh_frame(key))
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +55,7 @@ class UsdExport:
         return KeyedFiles(self.folder, f"{self.request.name}.keys.json", self.store)
 
     @property
-    def root_path(self) -> Path:
+    def path(self) -> Path:
         """The path of the stage that other programs open."""
         return self.folder / self._root
 
@@ -118,7 +97,7 @@ class UsdExport:
         return sorted(n for n, key in there.items() if n in known and key == self._key(n))
 
     def _write_clip(self, number: int) -> None:
-        frame = exported_frame(self.request.shot, stored_mesh_frame(self.request, self.store, number))
+        frame = stored_frame(self.request, self.store, number)
         self.files.write(
             self._clip(number),
             self._key(number),

@@ -141,6 +141,12 @@ class Project:
             planner.stills(self.asked(shot, quality, frames), form)
         return planner.plan()
 
+    def mesh_frames(self, request: RenderRequest) -> Plan:
+        """Return the plan of the mesh frames of a request."""
+        planner = self.planner()
+        planner.simulate(request)
+        return planner.plan()
+
     def geometry(self, request: RenderRequest) -> Plan:
         """Return the plan of the mesh frames of a request, and of its cameras."""
         planner = self.planner()

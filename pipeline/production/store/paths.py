@@ -135,6 +135,7 @@ OUTPUTS = (
     OutputFolder("renders/{shot}", "figures", "figures {shot}", files="*.figures.*"),
     OutputFolder("renders/{shot}", "curves", "curves {shot}", files="*.curves.*"),
     OutputFolder("renders/{shot}/preview", "previews", "preview {shot} …"),
+    OutputFolder("renders/{shot}/models", "meshes for other programs", "export … {shot} …"),
     OutputFolder("renders/{shot}/usd", "stages for other programs", "export usd {shot}"),
     OutputFolder("renders/{shot}/{quality}", "contact sheets", "sheet {shot} {quality} …", files="*.sheet.*"),
     OutputFolder("renders/{shot}/{quality}", "movies", "render {shot} {quality} …"),

@@ -288,4 +288,4 @@ def test_bad_requests_are_one_message(root, tmp_path, monkeypatch):
 def test_a_dry_run_writes_nothing(root, tmp_path, monkeypatch):
     monkeypatch.chdir(root)
     code, words = commanded(root, "export", "usd", NAME, "-o", str(tmp_path / "new"), "--dry-run")
-    assert code == 0 and "Then: writing 6 clips" in words and not (tmp_path / "new").exists()
+    assert code == 0 and "Then: writing 6 frames" in words and not (tmp_path / "new").exists()
