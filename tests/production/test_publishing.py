@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import shutil
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -361,6 +363,47 @@ def test_what_is_no_provenance_is_told_in_one_line(
         Provenance.read(source)
     code, said = Desk(tmp_path).command("versions")
     assert code == 2 and "this is no provenance" in said
+
+
+HOOK = "import json, sys; json.dump(json.load(sys.stdin), open('told.json', 'w')); print('of the hook')"
+
+
+def published_with(hook: str) -> tuple[str, ...]:
+    return ("publish", NAME, "-q", "draft", "--scale", "10%", "--hook", hook)
+
+
+def test_a_hook_is_told_the_provenance_and_the_folder_of_a_version(desk: Desk) -> None:
+    code, said = desk.command("--json", *published_with(shlex.join([sys.executable, "-c", HOOK])))
+    assert code == 0 and json.loads(said)["version"] == "v001"
+    told = json.loads((desk.root / "told.json").read_text())
+    folder = Path(told["folder"])
+    assert told["event"] == "published" and told["published_before"] and folder == desk.home / "v001"
+    assert Provenance.from_data(told["provenance"]) == Provenance.read(folder / FILE)
+
+
+def test_a_hook_that_fails_is_named_and_the_version_stays(desk: Desk) -> None:
+    desk.shot.write_text(SHOT.replace("40}}}", "50}}}"))
+    desk.render()
+    failing = shlex.join([sys.executable, "-c", "raise SystemExit(3)"])
+    code, said = desk.command(*published_with(failing))
+    assert code == 4 and "it ended with 3. v002 is published all the same" in said
+    assert (desk.home / "v002" / FILE).is_file()
+
+
+@pytest.mark.parametrize(
+    ("hook", "code", "told"),
+    [
+        ("no-such-program --now", 3, "there is no program no-such-program"),
+        ("'unclosed", 2, "No closing quotation"),
+        ("", 2, "--hook is empty"),
+    ],
+)
+def test_a_hook_that_cannot_run_is_told_before_anything_is_published(
+    desk: Desk, hook: str, code: int, told: str
+) -> None:
+    shutil.rmtree(desk.home)
+    ended, said = desk.command(*published_with(hook))
+    assert ended == code and told in said and not desk.home.exists()
 
 
 @pytest.mark.parametrize(

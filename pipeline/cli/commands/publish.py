@@ -15,6 +15,7 @@ from pipeline.errors import MissingInputError
 from pipeline.frames import FrameRange
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.store.paths import PUBLISHED, published
+from pipeline.production.versions.hook import Hook
 from pipeline.production.versions.provenance import FILE, Provenance, records
 from pipeline.production.versions.publish import Release
 from render.base.plural import plural
@@ -33,6 +34,10 @@ def publish(
     copy: Annotated[
         bool, typer.Option("--copy", help="Copy the rendered files instead of linking them.")
     ] = False,
+    hook: Annotated[
+        list[str] | None,
+        typer.Option(metavar="CMD", help="Pass the version as JSON to this command. Repeatable."),
+    ] = None,
 ) -> None:
     """Freeze a shot's rendered frames and movie as its next version: v001, v002, …
 
@@ -45,7 +50,11 @@ def publish(
 
     The files are links to the rendered ones and take no space; damage in place damages both. `--copy` avoids
     that. `flowsculpt verify` checks published files.
+
+    `flowsculpt publish A010_cube --hook "python track.py"` writes the provenance and the folder as JSON to
+    the standard input of that command, for a studio's tracker; see docs/versions.md.
     """
+    hooks = [Hook.of(text) for text in hook or ()]
     project = options.project(common)
     request = project.request(find_shot(shot), options.quality(quality))
     given = {"--crop": options.crop, "--scale": options.scale, "--variant": options.variant}
@@ -54,6 +63,8 @@ def publish(
     words += [word for setting in options.settings or () for word in ("--set", setting)]
     words += ["--allow-code"] * options.allow_code
     done = Release(request, project.store, shlex.join(words), note, version, copy).publish(common.dry_run)
+    for each in () if common.dry_run else hooks:
+        each.tell(done)
     facts = {
         "shot": request.name,
         "version": done.version,
