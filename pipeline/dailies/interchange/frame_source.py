@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pipeline.dailies.interchange.exported_frame import ExportedFrame, exported_frame, has_colours
+from pipeline.errors import FrameError
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import EXPORT
 from pipeline.production.store import readers
@@ -30,5 +31,7 @@ def stored_frame(request: RenderRequest, store: Store, number: int) -> ExportedF
     Raises FrameError where its mesh is missing or damaged, and what `exported_frame` raises.
     """
     key = request.mesh_key(number)
+    if not store.holds("mesh", key):
+        raise FrameError("it was not simulated, so it is not exported", number)
     frame = store.read("mesh", key, request.place("mesh", number), readers.mesh_frame(key))
     return exported_frame(request.shot, frame)

@@ -28,7 +28,7 @@ from pipeline.dailies.interchange.usd_clips import (
 )
 from pipeline.dailies.interchange.usd_lights import sky_map, write_sky
 from pipeline.dailies.interchange.usd_stage import StageContent, root_prim, write_root
-from pipeline.errors import FrameError, MissingInputError
+from pipeline.errors import FrameError
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import EXPORT
 from pipeline.production.store.store import Key, Store, key_of
@@ -73,9 +73,10 @@ class UsdExport:
         passed  is called after each clip
 
         The stage shows all frames whose clips are current, those of earlier exports too. Raises MachineError
-        where the disk refuses, MissingInputError where no frame could be exported.
+        where the disk refuses, FrameError where there are no cameras or no frame could be exported.
         """
-        faults = []
+        faults: list[str] = []
+        framings = self._framings()
         with self.files.noting():
             for number in self.stale():
                 try:
@@ -84,8 +85,8 @@ class UsdExport:
                     faults.append(f"{self.request.name} {error.of(number)}")
                 passed()
             if not self.shown():
-                raise MissingInputError(f"{self.request.name}: no frame could be exported; {faults[0]}")
-            self._write_others()
+                raise FrameError("\n".join(faults))
+            self._write_others(framings)
         return faults
 
     def shown(self) -> list[int]:
@@ -104,7 +105,17 @@ class UsdExport:
             lambda draft: write_clip(draft, self._sculpture, number, frame, self._attributes),
         )
 
-    def _write_others(self) -> None:
+    def _framings(self) -> Mapping[int, Framing]:
+        """Return camera and set of every frame. Raises FrameError where they were not found."""
+        framings = self.request.framings(self.store)
+        if framings is None:
+            raise FrameError(
+                f"{self.request.name} has no cameras, which depend on all its frames, so no stage is "
+                "written; correct the frames that fail, or export those that are there as ply or obj"
+            )
+        return framings
+
+    def _write_others(self, framings: Mapping[int, Framing]) -> None:
         """Write the manifest, the map of the sky and the root, each if it has changed."""
         names = [attribute.name for attribute in self._attributes]
         self._write_if_changed(
@@ -118,18 +129,15 @@ class UsdExport:
             self._write_if_changed(
                 self._sky, key_of(EXPORT.recipe, to_plain(lights)), lambda draft: write_sky(draft, pixels)
             )
-        content = self._content()
+        content = self._content(framings)
         self._write_if_changed(self._root, self._root_key(content), lambda draft: write_root(draft, content))
 
     def _write_if_changed(self, name: str, key: Key, write: Callable[[Path], object]) -> None:
         if not self.files.is_current(name, key):
             self.files.write(name, key, write)
 
-    def _content(self) -> StageContent:
+    def _content(self, framings: Mapping[int, Framing]) -> StageContent:
         request, shown = self.request, self.shown()
-        framings: Mapping[int, Framing] | None = request.framings(self.store)
-        if framings is None:
-            raise MissingInputError(f"{request.name} has no cameras; run again to frame the shot again")
         return StageContent(
             shot=request.shot,
             framings={number: framings[number] for number in shown},

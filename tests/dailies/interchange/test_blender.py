@@ -84,3 +84,17 @@ def test_blender_reads_every_frame_of_a_stage_whose_topology_changes(root, tmp_p
         counts.add(len(points))
     assert len(counts) > 30
     assert np.abs(read["60.velocity"]).max() > 0.1
+
+
+def test_blender_reads_the_ply_with_velocities_and_rest_positions(root, tmp_path, monkeypatch):
+    monkeypatch.chdir(root)
+    code, words = commanded(root, "export", "ply", NAME, "-f", "60")
+    assert code == 0, words
+    file = root / "renders" / NAME / "models" / f"{NAME}.0060.ply"
+    read = read_by_blender(file, [1], tmp_path / "read.npz")
+    stored = read_npz(root / "renders" / NAME / "meshes" / f"{NAME}.0060.npz")
+    assert np.array_equal(read["1.points"], stored["vertices"].astype(np.float32))
+    assert np.array_equal(read["1.faces"].reshape(-1, 3), stored["faces"])
+    rest = np.hstack([read[f"1.rest_{axis}"] for axis in "xyz"])
+    assert np.array_equal(rest, stored["attribute:rest"].astype(np.float32))
+    assert np.abs(np.hstack([read[f"1.velocity_{axis}"] for axis in "xyz"])).max() > 0.1

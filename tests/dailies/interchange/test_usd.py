@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +16,14 @@ from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade, UsdValidation
 
 from pipeline.animation import MeshFrame, animate, mesh_at_subframe
 from pipeline.dailies.interchange.usd_clips import clip_times
+from pipeline.dailies.interchange.usd_export import UsdExport
+from pipeline.errors import FrameError
 from pipeline.mesh.normals import split_at_creases
 from pipeline.production.execution.project import Project
 from pipeline.production.request.keys import thresholds_at
 from pipeline.production.store.readers import read_npz
 from pipeline.shot import read_shot
+from render.post.image import write_png
 from tests.conftest import commanded
 from tests.dailies.review.studio import simulated
 from tests.full_disk import disk_of
@@ -52,6 +57,14 @@ frames: 1-2
 subject: {net: {solid: tube, length: 2}, rows: 6, columns: 7}
 flows: [translation: {rate: [3, 0, 0]}]
 look: chrome
+"""
+TEXTURED = """\
+title: A slide
+frames: 1-2
+subject: {solid: icosphere, radius: 1}
+resample: {max_edge_length: 0.2}
+flows: [translation: {rate: [3, 0, 0]}]
+look: {material: clay, colour: halves.png, projection: {kind: planar, scale: 4}}
 """
 
 
@@ -263,6 +276,46 @@ def test_clouds_become_points_and_nets_their_smooth_surface(shot, kind, tmp_path
     if kind == "Points":
         points = UsdGeom.Points(prim)
         assert np.allclose(points.GetWidthsAttr().Get(2.0), 0.1) and len(points.GetIdsAttr().Get(2.0)) == 200
+
+
+def test_frames_that_cannot_be_simulated_are_told_and_the_others_written(root, tmp_path):
+    project, shot = Project(tmp_path, 1), root / "shots" / f"{NAME}.yaml"
+    request = project.request(shot, "draft", variant="none")
+    with pytest.raises(FrameError, match="has no cameras, which depend on all its frames"):
+        UsdExport(request, project.store, tmp_path / "usd").write(lambda: None)
+    there = Project(root, 1).store
+    for kind, key in [("cameras", request.cameras_key), *(("mesh", request.mesh_key(n)) for n in (1, 2, 4))]:
+        project.store.put(kind, key, partial(shutil.copyfile, there.path(kind, key)))
+    export = UsdExport(request, project.store, tmp_path / "usd")
+    faults = export.write(lambda: None)
+    told = [f"{NAME} frame {number}: it was not simulated, so it is not exported" for number in (3, 5, 6)]
+    assert faults == told and export.shown() == [1, 2, 4]
+    stage = opened(export.path)
+    points = sculpture(stage).GetPointsAttr()
+    assert len(points.Get(3.0)) == len(points.Get(2.0))  # frame 2 is held until 4
+
+
+def test_textures_come_with_coordinates_of_corners_and_colours_of_vertices(tmp_path, monkeypatch):
+    left, right = np.full((8, 4, 3), (255, 0, 0), np.uint8), np.full((8, 4, 3), (0, 0, 255), np.uint8)
+    (tmp_path / "shots").mkdir()
+    write_png(tmp_path / "shots" / "halves.png", np.hstack([left, right]))
+    simulated(tmp_path, TEXTURED)
+    monkeypatch.chdir(tmp_path)
+    code, words = commanded(tmp_path, "export", "usd", NAME)
+    assert code == 0, words
+    stage = opened(tmp_path / FOLDER / f"{NAME}.usda")
+    assert findings(tmp_path / FOLDER / f"{NAME}.usda") == []
+    primvars, mesh = UsdGeom.PrimvarsAPI(sculpture(stage)), sculpture(stage)
+    coordinates = np.array(primvars.GetPrimvar("st").Get(1.0))
+    corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(1.0))
+    rest = np.array(primvars.GetPrimvar("rest").Get(1.0))[corners]
+    assert primvars.GetPrimvar("st").GetInterpolation() == "faceVarying"
+    assert np.allclose(
+        coordinates, rest[:, :2] / 4.0 + 0.5, atol=1e-6
+    )  # a slide, 4 units wide, from the front
+    colours = np.array(primvars.GetPrimvar("displayColor").Get(1.0))[corners]
+    assert np.all(colours[coordinates[:, 0] < 0.49] == (1.0, 0.0, 0.0))
+    assert np.all(colours[coordinates[:, 0] > 0.51] == (0.0, 0.0, 1.0))
 
 
 def test_a_full_disk_is_one_message_and_leaves_no_half_clip(root, tmp_path, monkeypatch):

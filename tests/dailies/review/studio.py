@@ -76,7 +76,7 @@ def surfaces(project: Project, request: RenderRequest) -> Plan:
 
 def simulated(root: Path, shot: str = SHOT) -> Desk:
     """A studio with a shot, its meshes and its cameras."""
-    (root / "shots").mkdir(parents=True)
+    (root / "shots").mkdir(parents=True, exist_ok=True)
     (root / "shots" / f"{NAME}.yaml").write_text(shot)
     desk = Desk(root)
     _done(root, surfaces(desk.project(), desk.request("draft")))
