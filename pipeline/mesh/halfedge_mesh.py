@@ -13,9 +13,11 @@ from pipeline.mesh.identity import IDENTITY, Register
 from pipeline.mesh.kernels.halfedge import (
     SOUND,
     MeshArrays,
-    compact,
+    close_face_gaps,
+    close_vertex_gaps,
     match_twins,
     renumber,
+    renumber_listed,
     renumber_parallel,
     reordered,
 )
@@ -97,13 +99,25 @@ class HalfedgeMesh:
         if self.register is not None and column is not None:
             self.register.enter(self.arrays.attributes[: self.sizes[0], column], parents)
 
-    def compact(self, dead_vertices: Indices, dead_faces: Indices) -> None:
-        """Close the gaps that removed elements left in the arrays."""
+    def compact(
+        self, dead_vertices: Indices, dead_faces: Indices, changed: Indices | None = None, older: int = 0
+    ) -> None:
+        """Close the gaps that removed elements left in the arrays.
+
+        changed  int32 faces, removed ones included: among them are all faces of the vertices from number
+                 `older` on, and if no others move, only these faces are looked at
+        """
         if not len(dead_vertices) and not len(dead_faces):
             return
+        vertices = int(self.sizes[0]) - len(dead_vertices)
         new_numbers = np.empty(len(dead_vertices), np.int32)
-        if compact(self.arrays, self.sizes, np.sort(dead_faces), np.sort(dead_vertices), new_numbers):
-            halfedges, vertices = int(3 * self.sizes[1]), int(self.sizes[0])
+        outdated = close_vertex_gaps(self.arrays, self.sizes, np.sort(dead_vertices), new_numbers)
+        if changed is not None and vertices >= older:
+            renumber_listed(self.arrays.vert, changed, vertices, new_numbers)
+            outdated = False  # the faces tell the new numbers
+        close_face_gaps(self.arrays, self.sizes, np.sort(dead_faces))
+        if outdated:
+            halfedges = int(3 * self.sizes[1])
             everywhere = renumber_parallel if halfedges > WORTH_SHARING else renumber
             everywhere(self.arrays.vert, halfedges, vertices, new_numbers)
 

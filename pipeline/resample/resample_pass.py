@@ -100,7 +100,7 @@ class ResamplePass:
         self.splits = self.collapses = self.flips = self.passes = self.relaxed = self.on_chord = 0
         self.changes = changes_of(mesh)
         reset(self.changes)
-        self.faces = int(mesh.sizes[1])  # before this pass
+        self.vertices, self.faces = (int(size) for size in mesh.sizes)  # before this pass
         self._dead = work_list(0), work_list(0)  # removed faces and vertices, still in the arrays
         # 1 if no face looked inwards at rest after the last pass: then only changed ones can
         self._all_upright, self._tangled = mesh.scratch("all upright", 1), 0
@@ -247,7 +247,8 @@ class ResamplePass:
         self._close_gaps()
 
     def _close_gaps(self) -> None:
-        self.mesh.compact(items_of(self._dead[1]), items_of(self._dead[0]))
+        changed = items_of(self.changes.changed)
+        self.mesh.compact(items_of(self._dead[1]), items_of(self._dead[0]), changed, self.vertices)
 
     def _keep_to_budget(self, splits: Indices) -> None:
         """Raise VertexBudgetError where splits at these half-edges exceed the budget; edges may recur.

@@ -142,6 +142,7 @@ class Resampler:
         mesh = TriangleMesh(state["vertices"], state["faces"], attributes, state.get("creases"))
         resumed._mesh = HalfedgeMesh(mesh, Register.of(mesh, int(state.get(_GIVEN, 0))))
         resumed._unsorted = int(state.get(_UNSORTED, 0))
+        reset(changes_of(resumed._mesh))
         return resumed
 
     def resample(self) -> Report:

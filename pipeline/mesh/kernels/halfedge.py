@@ -183,20 +183,50 @@ def renumber_parallel(vert: Indices, halfedges: int, vertices: int, new_numbers:
         _renumber(vert, _PART * part, min(_PART * (part + 1), halfedges), vertices, new_numbers)
 
 
-@kernel(numba.boolean(MESH_ARRAYS, numba.int64[::1], INTS, INTS, INTS))
-def compact(
-    mesh: MeshArrays, sizes: Indices, dead_faces: Indices, dead_vertices: Indices, new_numbers: Indices
-) -> bool:
-    """Close the gaps of removed faces and vertices by moving the last ones into them.
+@kernel((INTS, INTS, numba.int64, INTS))
+def renumber_listed(vert: Indices, faces: Indices, vertices: int, new_numbers: Indices) -> None:
+    """Replace the vertices from `vertices` on by their new numbers in these faces."""
+    for f in faces:
+        for h in range(3 * f, 3 * f + 3):
+            if vert[h] >= vertices:
+                vert[h] = new_numbers[vert[h] - vertices]
 
-    `sizes` holds the numbers of vertices and faces, removed ones included, and is updated. The cost depends
-    on the gaps only, not on the mesh. The lists of removed elements must be sorted. Returns whether vertices
-    have moved: `renumber` then has to update the faces with `new_numbers`, which has an entry for each vertex
-    from the new size on.
+
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64[::1], INTS, INTS))
+def close_vertex_gaps(mesh: MeshArrays, sizes: Indices, dead_vertices: Indices, new_numbers: Indices) -> bool:
+    """Close the gaps of removed vertices by moving the last ones into them; return whether any has moved.
+
+    `sizes` holds the numbers of vertices, removed ones included, and of faces; the first is updated. The list
+    must be sorted. `new_numbers`, with an entry for each vertex from the new size on, receives those that the
+    faces are to be updated with. The cost depends on the gaps only, not on the mesh.
     """
-    points, attributes, _, vert, twin, tagged = mesh
-    vertices, faces = sizes[0] - len(dead_vertices), sizes[1] - len(dead_faces)
-    last = sizes[1] - 1
+    points, attributes = mesh.points, mesh.attributes
+    vertices = sizes[0] - len(dead_vertices)
+    hole, skip = 0, np.searchsorted(dead_vertices, vertices)
+    for v in range(vertices, sizes[0]):
+        if skip < len(dead_vertices) and dead_vertices[skip] == v:
+            skip += 1
+            new_numbers[v - vertices] = -1
+            continue
+        target = dead_vertices[hole]
+        hole += 1
+        new_numbers[v - vertices] = target
+        for k in range(3):
+            points[target, k] = points[v, k]
+        for k in range(attributes.shape[1]):
+            attributes[target, k] = attributes[v, k]
+    sizes[0] = vertices
+    return hole > 0
+
+
+@kernel((MESH_ARRAYS, numba.int64[::1], INTS))
+def close_face_gaps(mesh: MeshArrays, sizes: Indices, dead_faces: Indices) -> None:
+    """Close the gaps of removed faces by moving the last ones into them, and update their number.
+
+    The list must be sorted. The cost depends on the gaps only, not on the mesh.
+    """
+    vert, twin, tagged = mesh.vert, mesh.twin, mesh.tagged
+    faces, last = sizes[1] - len(dead_faces), sizes[1] - 1
     for f in dead_faces:
         while last >= 0 and vert[3 * last] < 0:
             last -= 1
@@ -207,20 +237,7 @@ def compact(
             tagged[3 * f + i] = tagged[3 * last + i]
             join(twin, 3 * f + i, twin[3 * last + i])
         last -= 1
-    hole, skip = 0, np.searchsorted(dead_vertices, vertices)
-    for v in range(vertices, sizes[0]):
-        if skip < len(dead_vertices) and dead_vertices[skip] == v:
-            skip += 1
-            continue
-        target = dead_vertices[hole]
-        hole += 1
-        new_numbers[v - vertices] = target
-        for k in range(3):
-            points[target, k] = points[v, k]
-        for k in range(attributes.shape[1]):
-            attributes[target, k] = attributes[v, k]
-    sizes[0], sizes[1] = vertices, faces
-    return hole > 0
+    sizes[1] = faces
 
 
 @kernel(numba.types.Tuple([INTS, INTS, BYTES])(MESH_ARRAYS, INTS, numba.int64[::1]))
