@@ -23,6 +23,7 @@ from pipeline.resample.kernels.split import BIRTH_HALFEDGE
 _TABLE = numba.int32[:, ::1]
 _LEAST_COSINE = 0.5  # a crease that turns by more than 60 degrees has a corner there
 _MOST_RISE = 0.342  # of an edge, along the normal at an end: sine of 20 degrees; with more the end is a tip
+_LONGEST = 6.0  # times as long as its faces are wide an edge is taken for
 _LEAST_RISE = 0.1  # with less an end is no tip
 _MOST_UNEVEN = 3.0  # an end that rises so many times as much as the other, on a crease, is a tip
 
@@ -162,6 +163,16 @@ def _bend_crease(
         places[i, k] += 0.125 * length * (start + end)
 
 
+@kernel(numba.float64(MATRIX, *[numba.int64] * 2, numba.float64, *[numba.int64] * 2), **LEAN)
+def _face_width(points: Points, a: int, b: int, length: float, c: int, d: int) -> float:
+    """Return how far the nearer of two vertices is from the line through a and b, `length` apart."""
+    if length == 0.0:
+        return 0.0
+    x, y, z = area_vector(points, a, b, c)
+    u, v, w = area_vector(points, a, b, d)
+    return math.sqrt(min(x * x + y * y + z * z, u * u + v * v + w * w)) / length
+
+
 @kernel((MESH_ARRAYS, numba.int64, numba.int64, numba.float64, VECTOR, MATRIX, MATRIX, numba.int64), **LEAN)
 def _bend_patch(
     mesh: MeshArrays,
@@ -176,8 +187,9 @@ def _bend_patch(
     """Move `places[i]` from the midpoint of a soft edge onto the cubic normal to the surface at both ends.
 
     A tip, such as that of a cone, has no tangent plane: the curve leaves it along the edge. Otherwise long
-    faces around it would bulge, and a flat cone would gain a quarter of its volume. An end is a tip if its
-    normal leans far along the edge, or much more than the normal at the other end, if that lies on a crease.
+    faces around it would bulge, and a cone would gain up to a third of its volume. An end is a tip if its
+    normal leans far along the edge, or much more than the normal at the other end, if that lies on a crease
+    or the edge is long for the width of its faces.
 
     Source: Vlachos, Peters, Boyd & Mitchell, *Curved PN Triangles* (2001), the border curve at one half.
     """
@@ -190,9 +202,14 @@ def _bend_patch(
         rise += (points[b, k] - points[a, k]) * scratch[k]
         fall += (points[a, k] - points[b, k]) * scratch[3 + k]
     length, up, down = math.sqrt(squared_length(points, a, b)), abs(rise), abs(fall)
-    least, most = _LEAST_RISE * length, _MOST_RISE * length
-    a_is_tip = up > most or (not b_is_smooth and up > max(least, _MOST_UNEVEN * down))
-    b_is_tip = down > most or (not a_is_smooth and down > max(least, _MOST_UNEVEN * up))
+    width = _face_width(points, a, b, length, vert[preceding(h)], vert[preceding(mesh.twin[new])])
+    reach, most = min(length, _LONGEST * width), _MOST_RISE * length
+    least, is_long = _LEAST_RISE * reach, reach < length
+    from_a, from_b = up > most, down > most
+    uneven_a = up > max(least, _MOST_UNEVEN * (0.0 if is_long and from_b else down))
+    uneven_b = down > max(least, _MOST_UNEVEN * (0.0 if is_long and from_a else up))
+    a_is_tip = from_a or (uneven_a and (is_long or not b_is_smooth))
+    b_is_tip = from_b or (uneven_b and (is_long or not a_is_smooth))
     for k in range(3):
         if a_is_tip:
             scratch[k] = 0.0
