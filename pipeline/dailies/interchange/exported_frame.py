@@ -22,6 +22,7 @@ from pipeline.shot import Shot
 from render.scene.materials import Material, PatternedMaterial
 from render.scene.measure import SPEED
 from render.scene.surface import Surface
+from render.scene.textures import Texture
 from render.scene.vertex_colours import vertex_colours
 
 
@@ -142,9 +143,12 @@ def _surface(points: Points, normals: Vectors, faces: Faces, rest: Points, veloc
 
 def has_colours(look: Material) -> bool:
     """Tell whether the colour of a look varies over the surface, so that vertices have colours."""
-    return look.pattern is not None or (
-        isinstance(look, PatternedMaterial) and look.colour_texture is not None
-    )
+    return look.pattern is not None or colour_texture(look) is not None
+
+
+def colour_texture(look: Material) -> Texture | None:
+    """Return the picture that colours a look, or None."""
+    return look.colour_texture if isinstance(look, PatternedMaterial) else None
 
 
 def texture_coordinates(look: Material, rest: Points, faces: Faces) -> Floats | None:
@@ -162,8 +166,8 @@ def texture_coordinates(look: Material, rest: Points, faces: Faces) -> Floats | 
 
 def _width_to_height(look: Material) -> float:
     """Return the aspect of the picture that a look lays on the surface; 1 where it takes the place given."""
-    projection = look.texture_projection
-    if not isinstance(look, PatternedMaterial) or look.colour_texture is None:
+    projection, texture = look.texture_projection, colour_texture(look)
+    if texture is None or projection is None or not projection.keeps_shape:
         return 1.0
-    height, width = look.colour_texture.pixels().shape[:2]
-    return width / height if projection is not None and projection.keeps_shape else 1.0
+    height, width = texture.pixels().shape[:2]
+    return width / height

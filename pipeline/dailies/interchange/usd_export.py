@@ -4,6 +4,7 @@ renders/<shot>/usd/<shot>.usda            what other programs open
 renders/<shot>/usd/<shot>.manifest.usda   the attributes that clips hold
 renders/<shot>/usd/<shot>.0001.usdc       the clip of a frame
 renders/<shot>/usd/<shot>.sky.exr         what surrounds the scene, where it is not of one colour
+renders/<shot>/usd/<shot>.colour.exr      the picture that colours the sculpture, where its look has one
 renders/<shot>/usd/<shot>.keys.json       what each file was made from
 """
 
@@ -16,7 +17,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.dailies.interchange.exported_frame import has_colours
+from pipeline.dailies.interchange.exported_frame import colour_texture, has_colours
 from pipeline.dailies.interchange.frame_source import frame_key, stored_frame
 from pipeline.dailies.interchange.keyed_files import KeyedFiles
 from pipeline.dailies.interchange.usd_clips import (
@@ -26,7 +27,7 @@ from pipeline.dailies.interchange.usd_clips import (
     write_clip,
     write_manifest,
 )
-from pipeline.dailies.interchange.usd_lights import sky_map, write_sky
+from pipeline.dailies.interchange.usd_lights import sky_map, write_picture
 from pipeline.dailies.interchange.usd_stage import StageContent, root_prim, write_root
 from pipeline.errors import FrameError
 from pipeline.production.request.render_request import RenderRequest
@@ -127,7 +128,14 @@ class UsdExport:
         pixels = sky_map(lights) if self.request.shot.picture.look.is_lit else None
         if pixels is not None:
             self._write_if_changed(
-                self._sky, key_of(EXPORT.recipe, to_plain(lights)), lambda draft: write_sky(draft, pixels)
+                self._sky, key_of(EXPORT.recipe, to_plain(lights)), lambda draft: write_picture(draft, pixels)
+            )
+        texture = colour_texture(self.request.shot.picture.look)
+        if texture is not None:
+            self._write_if_changed(
+                self._texture,
+                key_of(EXPORT.recipe, to_plain(texture)),
+                lambda draft: write_picture(draft, texture.pixels()),
             )
         content = self._content(framings)
         self._write_if_changed(self._root, self._root_key(content), lambda draft: write_root(draft, content))
@@ -145,6 +153,7 @@ class UsdExport:
             clips={number: self._clip(number) for number in shown},
             manifest=self._manifest,
             sky=self._sky,
+            texture=self._texture,
             aspect=request.aspect,
             is_cloud=self._is_cloud,
             attributes=self._attributes,
@@ -202,3 +211,7 @@ class UsdExport:
     @property
     def _sky(self) -> str:
         return f"{self.request.name}.sky.exr"
+
+    @property
+    def _texture(self) -> str:
+        return f"{self.request.name}.colour.exr"

@@ -37,8 +37,8 @@ def sky_map(lights: LightRig) -> AnyArray | None:
     return None if sky.is_uniform else gradient_map(sky)
 
 
-def write_sky(path: Path, pixels: AnyArray) -> None:
-    """Write a map of radiance (H, W, 3) to an EXR. Raises MachineError where the disk refuses."""
+def write_picture(path: Path, pixels: AnyArray) -> None:
+    """Write linear pixels (H, W, 3) to an EXR of floats. Raises MachineError where the disk refuses."""
     write_exr(path, RenderedFrame({"beauty": pixels}), {}, {"beauty": "float"})
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pipeline.dailies.interchange.exported_frame import has_colours
+from pipeline.dailies.interchange.exported_frame import colour_texture, has_colours
 from render.base.serialise import Colour
 from render.scene.materials import (
     BrushedMetal,
@@ -57,13 +57,15 @@ def preview_surface(look: Material) -> PreviewSurface:
     return PreviewSurface(look.colour, 1.0, is_matt=isinstance(look, Diffuse))
 
 
-def add_material(stage: Usd.Stage, path: str, look: Material) -> UsdShade.Material:
-    """Add the material of a look; a colour that varies is read from the primvar displayColor."""
+def add_material(stage: Usd.Stage, path: str, look: Material, picture: str = "") -> UsdShade.Material:
+    """Add the material of a look. A colour that varies is read from a picture or from the vertices' colours.
+
+    picture  the file of the picture that colours the look, relative to the stage
+    """
     from pxr import Sdf, UsdShade
 
     material = UsdShade.Material.Define(stage, path)
-    shader = UsdShade.Shader.Define(stage, f"{path}/surface")
-    shader.CreateIdAttr("UsdPreviewSurface")
+    shader = _shader(stage, f"{path}/surface", "UsdPreviewSurface")
     surface = preview_surface(look)
     _set(shader, "diffuseColor", "Color3f", surface.colour)
     for name, value in (
@@ -77,16 +79,50 @@ def add_material(stage: Usd.Stage, path: str, look: Material) -> UsdShade.Materi
     if surface.is_matt:
         _set(shader, "useSpecularWorkflow", "Int", 1)
         _set(shader, "specularColor", "Color3f", (0.0, 0.0, 0.0))
-    if has_colours(look):
-        reader = UsdShade.Shader.Define(stage, f"{path}/colour")
-        reader.CreateIdAttr("UsdPrimvarReader_float3")
-        reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
-        _set(reader, "fallback", "Float3", surface.colour)
-        reader.CreateOutput("result", Sdf.ValueTypeNames.Float3)
-        shader.GetInput("diffuseColor").ConnectToSource(reader.ConnectableAPI(), "result")
+    if colour_texture(look) is not None:
+        reader, output = _picture_reader(stage, path, picture), "rgb"
+    elif has_colours(look):
+        reader, output = _primvar_reader(stage, f"{path}/colour", 3, "displayColor"), "result"
+    else:
+        reader = None
+    if reader is not None:
+        shader.GetInput("diffuseColor").ConnectToSource(reader.ConnectableAPI(), output)
     shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
     material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
     return material
+
+
+def _picture_reader(stage: Usd.Stage, path: str, picture: str) -> UsdShade.Shader:
+    """Add the shader that reads a picture of linear colours, which repeats, by texture coordinates."""
+    from pxr import Sdf
+
+    coordinates = _primvar_reader(stage, f"{path}/coordinates", 2, "st")
+    reader = _shader(stage, f"{path}/picture", "UsdUVTexture")
+    _set(reader, "file", "Asset", Sdf.AssetPath(f"./{picture}"))
+    for name, value in (("wrapS", "repeat"), ("wrapT", "repeat"), ("sourceColorSpace", "raw")):
+        _set(reader, name, "Token", value)
+    coordinate = reader.CreateInput("st", Sdf.ValueTypeNames.Float2)
+    coordinate.ConnectToSource(coordinates.ConnectableAPI(), "result")
+    reader.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
+    return reader
+
+
+def _primvar_reader(stage: Usd.Stage, path: str, size: int, name: str) -> UsdShade.Shader:
+    """Add the shader that reads a primvar of so many floats."""
+    from pxr import Sdf
+
+    reader = _shader(stage, path, f"UsdPrimvarReader_float{size}")
+    _set(reader, "varname", "String", name)
+    reader.CreateOutput("result", getattr(Sdf.ValueTypeNames, f"Float{size}"))
+    return reader
+
+
+def _shader(stage: Usd.Stage, path: str, kind: str) -> UsdShade.Shader:
+    from pxr import UsdShade
+
+    shader = UsdShade.Shader.Define(stage, path)
+    shader.CreateIdAttr(kind)
+    return shader
 
 
 def bind(prim: Usd.Prim, material: UsdShade.Material) -> None:

@@ -41,6 +41,7 @@ class StageContent:
     clips       names of the clips, by frame number
     manifest    name of the layer that declares the clips' attributes
     sky         name of the map of what surrounds the scene
+    texture     name of the picture that colours the sculpture
     aspect      width to height of the picture
     is_cloud    whether the subject is a point cloud
     attributes  the attributes of the clips
@@ -52,6 +53,7 @@ class StageContent:
     clips: Mapping[int, str]
     manifest: str
     sky: str
+    texture: str
     aspect: float
     is_cloud: bool
     attributes: tuple[SampledAttribute, ...]
@@ -86,7 +88,7 @@ def write_root(path: Path, content: StageContent) -> None:
     stage.GetRootLayer().documentation = shot.heading
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, home).GetPrim())
     UsdGeom.Scope.Define(stage, f"{home}/materials")
-    material = add_material(stage, f"{home}/materials/{SCULPTURE}", shot.picture.look)
+    material = add_material(stage, f"{home}/materials/{SCULPTURE}", shot.picture.look, content.texture)
     _add_sculpture(stage, f"{home}/{SCULPTURE}", content, material)
     if shot.picture.look.is_lit:
         _add_set(stage, home, content)

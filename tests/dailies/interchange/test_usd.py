@@ -23,7 +23,7 @@ from pipeline.production.execution.project import Project
 from pipeline.production.request.keys import thresholds_at
 from pipeline.production.store.readers import read_npz
 from pipeline.shot import read_shot
-from render.post.image import write_png
+from render.post.image import read_exr, write_png
 from tests.conftest import commanded
 from tests.dailies.review.studio import simulated
 from tests.full_disk import disk_of
@@ -305,6 +305,9 @@ def test_textures_come_with_coordinates_of_corners_and_colours_of_vertices(tmp_p
     assert code == 0, words
     stage = opened(tmp_path / FOLDER / f"{NAME}.usda")
     assert findings(tmp_path / FOLDER / f"{NAME}.usda") == []
+    picture = UsdShade.Shader(stage.GetPrimAtPath(f"/{NAME}/materials/sculpture/picture"))
+    file = Path(picture.GetInput("file").Get().resolvedPath)
+    assert np.allclose(read_exr(file)[0]["beauty"][:, :4], (1.0, 0.0, 0.0))
     primvars, mesh = UsdGeom.PrimvarsAPI(sculpture(stage)), sculpture(stage)
     coordinates = np.array(primvars.GetPrimvar("st").Get(1.0))
     corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(1.0))
