@@ -28,7 +28,7 @@ def known() -> FrameStates:
     def some(text: str) -> FrameRange:
         return FrameRange.parse(text)
 
-    return FrameStates("A", "draft", some("1-4"), some("5"), some("7"), some("8-9"), some("7"), NONE, None)
+    return FrameStates("A", "draft", *map(some, ("1-4", "9", "5", "7", "8", "7")), NONE, None)
 
 
 def test_words_mean_what_status_tells() -> None:
