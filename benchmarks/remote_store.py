@@ -1,8 +1,8 @@
-"""`python -m benchmarks.remote_store [SHOTS [FRAMES]]`: what a remote store costs, in planning and in transfer.
+"""`python -m benchmarks.remote_store [SHOTS [FRAMES]]`: planning and transfer with a remote store.
 
 Ten shots of 1000 frames are planned in a fresh root while the bucket holds nothing, half of their files, and
-all of them, from a server that answers at once and from one that takes 50 ms longer for every request. Files
-are dummies under the right keys and digests. For comparison the same is planned with a store on this disk.
+all of them, from a server that answers at once and from one that takes 50 ms longer for every request; and,
+for comparison, while the same files are on this disk. Files are dummies under the right keys and digests.
 Then files of the size of a frame are uploaded and fetched, by S3 and by a folder.
 
 The server is moto's, in this process, behind the tests' proxy: its work is part of the seconds by the clock,
@@ -12,22 +12,24 @@ so a real server takes less. `requests` is what it was asked.
 from __future__ import annotations
 
 import os
+import resource
+import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import chdir
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import chdir, contextmanager
 from pathlib import Path
 
 from moto.s3.models import s3_backends
 
-from benchmarks.orchestration import CORES, Spent, command, fill, timed, write_shots
+from benchmarks.orchestration import CORES, command, fill, write_shots
 from benchmarks.report import Row, keep, show
 from pipeline.production.execution.project import Project
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.digests import digest_of
+from pipeline.production.store.paths import STATE
 from pipeline.production.store.remote import RemoteStore
-from pipeline.production.store.remote_url import VARIABLE
 from pipeline.production.store.store import Store
 from pipeline.production.store.uploads import upload_lacking
 from tests.production.store.s3 import BUCKET, CREDENTIALS, Proxy, serving
@@ -59,49 +61,64 @@ def planning(proxy: Proxy, shots: int, frames: int) -> Iterator[Row]:
     names = write_shots(shots, frames)
     plan = Project(Path.cwd(), CORES).pictures(names, "draft")
     fill(plan)
-    words = ("--dry-run", "render", *names, "-q", "draft")
-    yield _row("all on this disk, no remote store", 0.0, timed(lambda: command(*words)), 0)
+    words, here = ("--dry-run", "render", *names, "-q", "draft"), Store(Path.cwd(), url=None)
     for state, part in STATES.items():
+        files = list(_files(here, plan.requests, part))
+        with _begun_root(*words) as root:
+            for kind, key in files:
+                place = Store(root, url=None).path(kind, key)
+                place.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(here.path(kind, key), place)
+            yield {"files": state, "where": "this disk", **_spent("--root", str(root), *words)}
         url = f"s3://{BUCKET}/{state.replace(' ', '')}"
-        _fill_bucket(url, Store(Path.cwd()), plan.requests, part)
+        _fill_bucket(url, here, files)
         for latency in LATENCIES:
-            with tempfile.TemporaryDirectory() as root:
-                asked = ("--root", root, *words)
-                os.environ.pop(VARIABLE, None)
-                Path(root, ".flowsculpt").mkdir()
-                command(*asked)  # so that shots are read, as in a root in which work has begun
+            with _begun_root(*words) as root:
                 proxy.seconds = latency
                 proxy.requests.clear()
-                spent = timed(lambda: command(*asked, "--store", url))  # noqa: B023
+                spent = _spent("--root", str(root), "--store", url, *words)
                 proxy.seconds = 0.0
-                yield _row(state, latency, spent, len(proxy.requests))
+                where = f"S3, {1000 * latency:.0f} ms"
+                yield {"files": state, "where": where, **spent, "requests": float(len(proxy.requests))}
 
 
-def _row(state: str, latency: float, spent: Spent, requests: int) -> Row:
-    return {
-        "the remote store is": state,
-        "latency, ms": 1000.0 * latency,
-        "s by the clock": spent.clock,
-        "s of a core, server included": spent.cpu,
-        "requests": float(requests),
-    }
+@contextmanager
+def _begun_root(*words: str) -> Iterator[Path]:
+    """Yield a root that has nothing but its planning cache, as where work has begun."""
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, STATE).mkdir()
+        command("--root", folder, *words)
+        yield Path(folder)
 
 
-def _fill_bucket(url: str, store: Store, requests: tuple[RenderRequest, ...], part: float) -> None:
-    """Put the files of a part of the frames of requests into the bucket, past the network."""
-    objects, home = s3_backends["123456789012"]["aws"], url.split("/", 3)[3]
+def _spent(*words: str) -> Row:
+    """Return the seconds of a command, without those that the server works."""
+    before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    command(*words)
+    clock, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+    return {"s of a core": cpu, "s by the clock": clock}
+
+
+def _files(store: Store, requests: Sequence[RenderRequest], part: float) -> Iterator[tuple[str, str]]:
+    """Yield kind and key of the files of a part of the frames of requests."""
     for request in requests:
         keys = request.picture_keys(store)
         assert keys is not None, "cameras are filled in"
         held = [n for n in request.requested if n <= part * len(request.requested)]
-        files = [("cameras", request.cameras_key)] if held else []
-        files += [("mesh", request.mesh_key(n)) for n in held]
-        files += [("normals", request.normals_key(n)) for n in held]
-        files += [(kind, getattr(keys[n], kind)) for n in held for kind in ("raw", "frame")]
-        for kind, key in files:
-            path = store.path(kind, key)
-            name = f"{home}/{kind}/{key[0]}/{key}.{digest_of(path)}{path.suffix}"
-            objects.put_object(BUCKET, name, path.read_bytes())
+        yield from [("cameras", request.cameras_key)] if held else []
+        for n in held:
+            yield from [("mesh", request.mesh_key(n)), ("normals", request.normals_key(n))]
+            yield from [("raw", keys[n].raw), ("frame", keys[n].frame)]
+
+
+def _fill_bucket(url: str, store: Store, files: Iterable[tuple[str, str]]) -> None:
+    """Put stored files into the bucket, past the network."""
+    objects, home = s3_backends["123456789012"]["aws"], url.split("/", 3)[3]
+    for kind, key in files:
+        path = store.path(kind, key)
+        name = f"{home}/{kind}/{key[0]}/{key}.{digest_of(path)}{path.suffix}"
+        objects.put_object(BUCKET, name, path.read_bytes())
 
 
 def transfer(proxy: Proxy) -> Iterator[Row]:

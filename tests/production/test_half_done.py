@@ -20,6 +20,7 @@ from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.store.event_log import EventLog, EventReader
 from pipeline.production.store.paths import CHECKPOINTS, EVENTS
 from pipeline.production.store.store import Store
+from pipeline.production.store.unfinished import checkpoint_of, remove_checkpoints, sweep
 from pipeline.production.tasks import supervisor
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.supervisor import (
@@ -143,7 +144,7 @@ def test_kept_passes_go_with_what_they_are_of(tmp_path: Path) -> None:
     store, targets = Store(tmp_path), [Path(f"renders/A/final/raw/A.{n:04d}.exr") for n in range(4)]
 
     def kept(number: int, key: str) -> Path:
-        keep = store.checkpoint(targets[number], key, lambda _: None, lambda: True)
+        keep = checkpoint_of(store, targets[number], key, lambda _: None, lambda: True)
         keep.save_if_due(lambda: {"done": np.array(1)})
         return keep.path
 
@@ -151,13 +152,13 @@ def test_kept_passes_go_with_what_they_are_of(tmp_path: Path) -> None:
     store.path("raw", "0" * 32).parent.mkdir(parents=True)
     store.path("raw", "0" * 32).write_bytes(b"")
     os.utime(old, (0.0, 0.0))
-    store.sweep()
+    sweep(store)
     assert [path.exists() for path in (made, wanted, old, other)] == [False, True, False, True]
     anew = kept(1, "a" * 32)
     assert anew.exists() and not wanted.exists()
-    store.remove_checkpoints(targets[1:2])
+    remove_checkpoints(store, targets[1:2])
     assert not anew.exists() and other.exists()
-    store.remove_checkpoints(targets)
+    remove_checkpoints(store, targets)
     assert not any((tmp_path / CHECKPOINTS).iterdir())
 
 

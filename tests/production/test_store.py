@@ -13,6 +13,7 @@ import pytest
 
 from pipeline.errors import MachineError
 from pipeline.production.store.store import Store
+from pipeline.production.store.unfinished import sweep
 
 pytestmark = pytest.mark.quick
 
@@ -122,7 +123,7 @@ def test_sweeping_leaves_what_others_are_writing(store):
     for path in (*kept, *left):
         path.write_text("half a frame")
     os.utime(left[1], (0, 0))
-    store.sweep()
+    sweep(store)
     assert sorted(leftovers(store)) == sorted(kept)
 
 
@@ -132,14 +133,14 @@ def test_a_host_whose_clock_is_ahead_leaves_what_others_are_writing(store, monke
     theirs.write_text("half a frame")
     now = time.time()
     monkeypatch.setattr(time, "time", lambda: now + 30 * 24 * 3600)
-    store.sweep()
+    sweep(store)
     assert leftovers(store) == [theirs]
 
 
 def test_sweeping_removes_what_a_killed_process_left(store):
     store.scratch.mkdir(parents=True)
     (store.scratch / "half.exr").write_text("half a frame")
-    store.sweep()
+    sweep(store)
     assert leftovers(store) == []
 
 
@@ -153,5 +154,5 @@ def test_what_a_killed_writer_left_beside_its_draft_goes_too(tmp_path):
     theirs = draft.name.replace(mine, f"{platform.node()}+{ended.pid}+")
     draft.parent.mkdir(parents=True)
     (draft.parent / f".{theirs}.tmp{ended.pid}.exr").write_text("half")
-    store.sweep()
+    sweep(store)
     assert not any(draft.parent.iterdir())

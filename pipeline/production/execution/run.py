@@ -18,6 +18,7 @@ from pipeline.production.store.history import summarise
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.store import Store
+from pipeline.production.store.unfinished import remove_checkpoints, sweep
 from pipeline.production.store.uploads import upload_missed
 from render.base.atomic_write import disk_errors
 
@@ -96,7 +97,7 @@ def run(
     """
     store, plan = Store(root), make_plan()
     with writing(root, wait), making(root, plan.lock_names if plan.jobs else {}, wait) as waited:
-        store.sweep()
+        sweep(store)
         upload_missed(store)
         PlanningCache(root).prune()
         outcome, policy = Outcome(make_plan() if waited else plan), RetryPolicy(cores)
@@ -108,7 +109,7 @@ def run(
         outcome.unfinished = bool(outcome.plan.jobs)
         outcome.events += policy.failures
         if not outcome.unfinished:
-            store.remove_checkpoints(outcome.plan.raw_places)
+            remove_checkpoints(store, outcome.plan.raw_places)
         return outcome
 
 

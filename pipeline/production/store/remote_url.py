@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -61,6 +62,14 @@ def checked_url(text: str) -> str:
             f"for the Python of flowsculpt: {sys.executable} -m pip install {module}"
         )
     return text
+
+
+def load_package(url: str) -> None:
+    """Import the package of an address, which takes a moment. It starts no thread."""
+    from fsspec import get_filesystem_class
+
+    with suppress(ImportError, ValueError):  # whoever opens the address says so
+        get_filesystem_class(url.partition("://")[0])
 
 
 def open_url(url: str) -> tuple[Any, str]:

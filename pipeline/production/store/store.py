@@ -11,9 +11,6 @@ compared whenever the file is read: `digests.py`.
 
 Where a remote store is named, which several roots share, files that it has count as held, and are fetched
 when they are needed (`bring`); what is put here is uploaded: `remote.py`.
-
-Checkpoints, the sums of samples of unfinished pictures, lie beside the store. Each is named after the place
-and the key of its picture, so one of another look, camera or version is never resumed.
 """
 
 from __future__ import annotations
@@ -24,10 +21,8 @@ import json
 import os
 import platform
 import shutil
-import tempfile
-import time
 import uuid
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -35,7 +30,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import FrameError, MachineError
 from pipeline.production.store.digests import CorruptFileError, Digests
-from pipeline.production.store.paths import CHECKPOINTS, STATE
+from pipeline.production.store.paths import STATE
 from pipeline.production.store.remote import LOG, SIDE_BY_SIDE, RemoteStore
 from pipeline.production.store.remote_url import store_url
 from pipeline.production.store.uploads import upload
@@ -44,7 +39,7 @@ from render.base.errors import CorruptImageError, FlowsculptError, MissingImageE
 from render.base.plural import plural
 
 if TYPE_CHECKING:
-    from render.frame.checkpoint import Checkpoint
+    pass
 
 T = TypeVar("T")
 
@@ -89,12 +84,6 @@ WRITABLE = ("movie",)
 ENDS = 65536
 """Bytes at each end of a file that are compared with those of another of its size: pictures have their keys
 near the beginning, npz ends with a checksum of every array."""
-
-OLD_DRAFT = 24 * 3600.0
-"""Seconds after which a draft of another host counts as left behind."""
-
-KEPT_CHECKPOINT = 7 * 24 * 3600.0
-"""Seconds for which a checkpoint is kept for a picture that nobody goes on with."""
 
 
 @dataclass(frozen=True)
@@ -302,55 +291,6 @@ class Store:
         with disk_errors(self.path(kind, key)):
             self.path(kind, key).unlink(missing_ok=True)
 
-    def sweep(self) -> None:
-        """Remove drafts that killed processes left in `tmp/`, and checkpoints of no more use.
-
-        Those are drafts of dead processes of this host, and old ones of other hosts: a farm's nodes may be at
-        work though nobody holds the root's lock. A checkpoint goes when its picture is done, or it is old.
-        """
-        now = self._disk_time()
-        with contextlib.suppress(OSError):
-            for path in sorted(self.scratch.iterdir()):
-                if _left_behind(path, now):
-                    path.unlink(missing_ok=True)
-        oldest = now - KEPT_CHECKPOINT
-        for path in self._checkpoints():
-            with contextlib.suppress(OSError):
-                if self.is_here("raw", path.stem.rpartition(".")[2]) or path.stat().st_mtime < oldest:
-                    path.unlink()
-
-    def _disk_time(self) -> float:
-        """Return the time by the clock that dates files, which may be a file server's."""
-        try:
-            with tempfile.TemporaryFile(dir=self.scratch) as file:
-                return os.fstat(file.fileno()).st_mtime
-        except OSError:
-            return time.time()
-
-    def checkpoint(
-        self, target: Path, key: Key, warn: Callable[[str], None], urgent: Callable[[], bool]
-    ) -> Checkpoint:
-        """Return the checkpoint of the picture of `key`, shown at `target`; remove those of other keys.
-
-        warn, urgent  see `Checkpoint`
-        """
-        from render.frame.checkpoint import Checkpoint
-
-        path = self.root / CHECKPOINTS / f"{_checkpoint_name(target)}.{key}.npz"
-        self.remove_checkpoints([target], keep=path)
-        return Checkpoint(path, self.draft(path.suffix), warn, urgent)
-
-    def remove_checkpoints(self, targets: Iterable[Path], keep: Path | None = None) -> None:
-        """Remove the checkpoints of pictures that are shown at `targets`, whatever their keys, but `keep`."""
-        names = {_checkpoint_name(target) for target in targets}
-        for path in self._checkpoints():
-            if path != keep and path.stem.rpartition(".")[0] in names:
-                with contextlib.suppress(OSError):
-                    path.unlink()
-
-    def _checkpoints(self) -> list[Path]:
-        return sorted((self.root / CHECKPOINTS).glob("*.npz"))
-
 
 @contextlib.contextmanager
 def _named(draft: Path, path: Path) -> Iterator[None]:
@@ -365,28 +305,6 @@ def _named(draft: Path, path: Path) -> Iterator[None]:
 def _mode(kind: str) -> int:
     """Return the permissions of a stored file."""
     return 0o644 if kind in WRITABLE else 0o444
-
-
-def _checkpoint_name(target: Path) -> str:
-    """Return `renders/A010/final/raw/A010.0040.exr` as one word."""
-    return "+".join(target.with_suffix("").parts[1:])
-
-
-def _left_behind(draft: Path, now: float) -> bool:
-    host, _, rest = draft.name.lstrip(".").partition("+")  # a writer's own draft of it begins with a point
-    number = rest.partition("+")[0]
-    if host == platform.node() and number.isdecimal():
-        return int(number) == os.getpid() or not _lives(int(number))
-    return not number or now - draft.stat().st_mtime > OLD_DRAFT
-
-
-def _lives(process: int) -> bool:
-    """Tell whether a process may still write; a zombie does not."""
-    import psutil  # which most processes never need
-
-    with contextlib.suppress(psutil.Error):
-        return bool(psutil.Process(process).status() != psutil.STATUS_ZOMBIE)
-    return False
 
 
 def _ends(path: Path, size: int) -> bytes:

@@ -20,6 +20,7 @@ from pipeline.production.render_inputs.view_geometry import rotate_y
 from pipeline.production.request.keys import FrameKeys, raw_header
 from pipeline.production.store import readers
 from pipeline.production.store.store import Key
+from pipeline.production.store.unfinished import checkpoint_of
 from pipeline.production.tasks.finished_frames import raw_attributes
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.supervisor import MemoryGuard, StopRequest, deferred_signals
@@ -70,8 +71,8 @@ class _Renderer:
         self.memory.check()
         context, key = self.context, self.keys[number].raw
         target = context.request.place("raw", number)
-        checkpoint = context.store.checkpoint(
-            target, key, partial(context.warn, number), lambda: self.stop.received
+        checkpoint = checkpoint_of(
+            context.store, target, key, partial(context.warn, number), lambda: self.stop.received
         )
         found = context.make("raw", key, target, partial(self._write, number, checkpoint))
         checkpoint.remove()
