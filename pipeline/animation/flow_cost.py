@@ -18,6 +18,7 @@ from pipeline.shot.model_subject import Model
 SAMPLE = 1000
 """Vertices whose speeds are measured."""
 
+
 MANY_VERTICES = 200_000
 """Vertices from which on fewer of them are advised."""
 
@@ -115,20 +116,21 @@ class FlowCost:
         return f"{self.fact}: {self.cause}. {remedy[0].upper()}{remedy[1:]}."
 
 
-def costliest_flow(motion: Motion, frame: int, points: Points) -> FlowCost | None:
+def costliest_flow(motion: Motion, frame: int, points: Points, count: int | None = None) -> FlowCost | None:
     """Return the cost of the flow with the most sub-steps on the way into a frame.
 
-    points  (V, 3) the vertices before it
+    points  (V, 3) the vertices before it, or some of them
+    count   the number of all; V by default
 
     None where no flow follows velocities. Raises FrameError where a parameter of the flow cannot be computed.
     """
-    return max(flow_costs(motion, frame, points), key=lambda cost: cost.substeps, default=None)
+    return max(flow_costs(motion, frame, points, count), key=lambda cost: cost.substeps, default=None)
 
 
-def flow_costs(motion: Motion, frame: int, points: Points) -> list[FlowCost]:
+def flow_costs(motion: Motion, frame: int, points: Points, count: int | None = None) -> list[FlowCost]:
     """Return the costs of all flows along velocities; arguments and errors are those of `costliest_flow`."""
-    edge = motion.longest_edge(frame)
-    return [_cost(motion, points, edge, *step) for step in along_velocities(motion, frame)]
+    edge, count = motion.longest_edge(frame), len(points) if count is None else count
+    return [_cost(motion, points, count, edge, *step) for step in along_velocities(motion, frame)]
 
 
 def along_velocities(motion: Motion, frame: int) -> Iterator[tuple[str, Streamlines, float, float]]:
@@ -142,7 +144,14 @@ def along_velocities(motion: Motion, frame: int) -> Iterator[tuple[str, Streamli
 
 
 def _cost(
-    motion: Motion, points: Points, edge: float | None, place: str, flow: Streamlines, time: float, dt: float
+    motion: Motion,
+    points: Points,
+    count: int,
+    edge: float | None,
+    place: str,
+    flow: Streamlines,
+    time: float,
+    dt: float,
 ) -> FlowCost:
     sample = points[:: max(1, len(points) // SAMPLE)]
     extent = float(np.ptp(points, axis=0).max())
@@ -172,7 +181,7 @@ def _cost(
     return FlowCost(
         place=place,
         name=flow.name,
-        vertices=len(points),
+        vertices=count,
         extent=extent,
         gradient=gradient,
         length=length,

@@ -18,7 +18,7 @@ from pipeline.flow.flow_map import FlowMap, FrameStep
 from pipeline.mesh import PolygonMesh, TriangleMesh
 from pipeline.mesh.control_net import Lattice
 from pipeline.mesh.identity import Register, with_identities
-from pipeline.mesh.normals import NORMAL, carried_normals, vertex_normals
+from pipeline.mesh.normals import NORMAL, carried_normals, tangent_distance, vertex_normals
 from pipeline.resample import Exact, PolyhedralResampler, Report, Resampler, Thresholds, edges_by_angle
 from pipeline.resample.creases import edges_in_region
 from pipeline.resample.resampler import STATELESS
@@ -56,6 +56,16 @@ class RestInterval:
 
 R = TypeVar("R", Resampler, PolyhedralResampler)
 
+MOVED_TOGETHER = 1 << 17
+"""Vertices that the flow moves together: more take memory for copies, and fewer take more calls."""
+
+
+def blocks_of(count: int) -> Iterator[slice]:
+    """Yield slices of MOVED_TOGETHER that cover so many vertices; the last one is shorter."""
+    for first in range(0, count, MOVED_TOGETHER):
+        yield slice(first, min(first + MOVED_TOGETHER, count))
+
+
 
 def thresholds_at(motion: Motion, resampling: Resampling, frame: int) -> Thresholds:
     """Return the thresholds of a frame."""
@@ -70,7 +80,11 @@ class MovingSurface:
 
     def move(self, step: FrameStep) -> None:
         """Move the vertices by one step of the flow."""
-        self._mesh = self._mesh.with_vertices(step.apply(self._mesh.vertices))
+        points = np.array(self._mesh.vertices)
+        for block in blocks_of(len(points)):
+            points[block] = step.apply(points[block], block.start)
+        points.flags.writeable = False  # so that the mesh takes the array itself
+        self._mesh = self._mesh.with_vertices(points)
 
     def frame(self, number: int) -> MeshFrame:
         """Return the surface as frame `number`."""
@@ -89,7 +103,9 @@ class _ResampledSurface(MovingSurface, Generic[R]):
         self._resampler: R = resampler
 
     def move(self, step: FrameStep) -> None:
-        self._resampler.vertices[:] = step.apply(self._resampler.vertices)
+        points = self._resampler.vertices
+        for block in blocks_of(len(points)):
+            points[block] = step.apply(points[block], block.start)
 
     def _resample(self, number: int) -> Report:
         """Resample once; errors name the frame."""
@@ -140,27 +156,33 @@ class ExactSurface(TriangleSurface):
         self._interval = interval
 
     def move(self, step: FrameStep) -> None:
-        before = self._resampler.vertices.copy()
-        super().move(step)
-        normals = self._resampler.vectors(NORMAL)
-        if normals is not None:
-            normals[:] = carried_normals(step.apply, before, self._resampler.vertices, normals)
+        points, normals = self._resampler.vertices, self._resampler.vectors(NORMAL)
+        if normals is None:
+            super().move(step)
+        else:
+            distance = tangent_distance(points)
+            for block in blocks_of(len(points)):
+                before, apart = points[block].copy(), np.full(block.stop - block.start, distance)
+                points[block] = step.apply(before, block.start)
+                move = partial(step.apply, first=block.start)
+                normals[block] = carried_normals(move, before, points[block], normals[block], apart)
         self._interval.history.add(step)
 
-    def frame(self, number: int) -> MeshFrame:
-        frame = super().frame(number)
-        return self._renewed(frame) if number == self._interval.end else frame
+    def _resample(self, number: int) -> Report:
+        report = super()._resample(number)
+        if number == self._interval.end:
+            self._renew()
+        return report
 
-    def _renewed(self, frame: MeshFrame) -> MeshFrame:
-        """Return the frame with its surface as the new surface at rest."""
-        self._interval = self._interval.next()
-        mesh = frame.mesh
-        renewed = {REST: mesh.vertices, REST_NORMAL: vertex_normals(mesh), MATERIAL: material_of(mesh)}
-        state = self._resampler.state() | {f"attribute.{name}": values for name, values in renewed.items()}
-        self._resampler = Resampler.from_state(
-            state, self._resampler.thresholds, self._interval.placement, self._resampler.shape.min_roundness
+    def _renew(self) -> None:
+        """Make the present surface the surface at rest."""
+        self._interval, resampler = self._interval.next(), self._resampler
+        mesh = resampler.mesh
+        material = material_of(mesh)
+        resampler.set_attributes(
+            **{REST: mesh.vertices, REST_NORMAL: vertex_normals(mesh), MATERIAL: material}
         )
-        return replace(frame, mesh=self._resampler.mesh)
+        resampler.placement = self._interval.placement
 
 
 def _report(motion: Motion, number: int, mesh: TriangleMesh, resampling: Report | None) -> FrameReport:
@@ -194,6 +216,7 @@ def animate(
     else:
         number = resume.number
         surface = resumed(motion, acting, resume)
+        del resume  # its arrays are copied, and take memory while frames are computed
     for frame in range(number + 1, motion.frames.last + 1):
         surface.move(step_into(motion, acting, frame))
         yield surface.frame(frame)

@@ -49,18 +49,36 @@ class FrameProgress(NamedTuple):
 FrameProgressCallback = Callable[[FrameProgress], None]
 
 
+EXTENT_SAMPLE = 1 << 16
+"""Vertices whose extent stands for that of a surface with more of them."""
+
+
+class _VertexSample(NamedTuple):
+    """Some vertices (N, 3) of a surface, evenly by their numbers, and the number of all."""
+
+    points: Points
+    count: int
+
+    @classmethod
+    def of(cls, points: Points) -> _VertexSample:
+        stride = len(points) // EXTENT_SAMPLE
+        return cls(points if stride < 2 else points[::stride].copy(), len(points))
+
+
 def animate_reporting(
     shot: Shot, resume: MeshFrame | None, callback: FrameProgressCallback
 ) -> Iterator[MeshFrame]:
     """Yield the frames of `animate`, and report the progress within each that takes long."""
     motion, frames, told = shot.motion, animate(shot, resume), set[str]()
     number = motion.frames.first if resume is None else resume.number + 1
-    points = None if resume is None else resume.mesh.vertices
+    before = None if resume is None else _VertexSample.of(resume.mesh.vertices)
+    del resume  # a frame that its taker has dropped takes no memory while the next one is computed
     while number <= motion.frames.last:
-        with reporting_to(_FrameWatch(motion, number, points, callback, told).receive):
+        with reporting_to(_FrameWatch(motion, number, before, callback, told).receive):
             frame = next(frames)
+        number, before = frame.number + 1, _VertexSample.of(frame.mesh.vertices)
         yield frame
-        number, points = frame.number + 1, frame.mesh.vertices
+        del frame
 
 
 class _FrameWatch:
@@ -70,11 +88,11 @@ class _FrameWatch:
         self,
         motion: Motion,
         frame: int,
-        points: Points | None,
+        before: _VertexSample | None,
         callback: FrameProgressCallback,
         told: set[str],
     ) -> None:
-        self._motion, self._frame, self._points, self._callback = motion, frame, points, callback
+        self._motion, self._frame, self._before, self._callback = motion, frame, before, callback
         self._began = self._reported = time.monotonic()
         self._last = Progress("", 0, 0)
         self._moved = 0
@@ -100,14 +118,14 @@ class _FrameWatch:
 
     def _expected_moves(self) -> int:
         """Return how many points the frame moves along velocities: vertices, and beside them for normals."""
-        if self._points is None:
+        if self._before is None:
             return 0
         flow, resampling = self._motion.flow, self._motion.resampling
         steps = sum(isinstance(s.flow, Streamlines) for s in flow.steps(*self._motion.step(self._frame)))
         carried = (
             resampling is not None and resampling.placement == "exact" and resampling.normals == "carried"
         )
-        return steps * len(self._points) * (3 if carried else 1)
+        return steps * self._before.count * (3 if carried else 1)
 
     def _slow(self, seconds: float, share: float) -> str:
         """Return why the frame is slow, the first time that this is known; else an empty text."""
@@ -124,15 +142,15 @@ class _FrameWatch:
 
     def _reason(self) -> tuple[str, str]:
         """Return the place in the shot file that makes the frame slow, and why."""
-        points, last = self._points, self._last
-        if points is not None and not last.total and last.done > GROWTH * len(points):
+        before, last = self._before, self._last
+        if before is not None and not last.total and last.done > GROWTH * before.count:
             return "resample", (
-                f"the flows stretch the surface from {len(points):,} vertices to {last.done:,}. Slow the "
+                f"the flows stretch the surface from {before.count:,} vertices to {last.done:,}. Slow the "
                 "flows down, or raise resample.max_edge_length."
             )
-        cost = None if points is None else costliest_flow(self._motion, self._frame, points)
-        if points is None or cost is None:
-            count = last.done if points is None else len(points)
+        cost = None if before is None else costliest_flow(self._motion, self._frame, *before)
+        if before is None or cost is None:
+            count = last.done if before is None else before.count
             return "resample", f"{last.activity} has {count:,} vertices. Raise resample.max_edge_length."
         if last.activity != CARRYING:
             return cost.place, str(cost)

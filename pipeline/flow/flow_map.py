@@ -19,15 +19,17 @@ from pipeline.flow.flow import Flow, FlowStep
 from pipeline.flow.streamlines import StepPlan, Streamlines
 
 
-def checked_displacement(flow: Flow, points: Points, time: float, dt: float, frame: int) -> Points:
+def checked_displacement(
+    flow: Flow, points: Points, time: float, dt: float, frame: int, first: int = 0
+) -> Points:
     """Return `flow.displace` as a new float64 array (N, 3) of finite numbers, or raise FrameError.
 
     The error names the flow (of a sequence the failing one), the first bad vertex and its position; its
-    `frame` is `frame`.
+    `frame` is `frame`. `first` is the number of the first vertex.
     """
     try:
         for step in flow.steps(time, dt):
-            points = _displaced(step, points, frame)
+            points = _displaced(step, points, frame, first)
     except FrameError as error:
         raise error.of(frame) from None
     return points
@@ -54,7 +56,7 @@ def checked_cache_data(flow: Flow, time: float, dt: float) -> Any:
     return data
 
 
-def _displaced(step: FlowStep, points: Points, frame: int) -> Points:
+def _displaced(step: FlowStep, points: Points, frame: int, first: int) -> Points:
     flow, time, dt = step
     name = f"flow {flow.name}"
     try:
@@ -80,7 +82,7 @@ def _displaced(step: FlowStep, points: Points, frame: int) -> Points:
         if reason := diagnose(flow, points[vertex], time, dt):
             raise FrameError(f"{name}: {reason}", frame)
         raise FrameError(
-            f"{name} moved vertex {vertex} from ({where}) to {moved[vertex].tolist()}; points must stay "
+            f"{name} moved vertex {first + vertex} from ({where}) to {moved[vertex].tolist()}; points must stay "
             "finite. Lower the flow's strength, or raise substeps if it grows from frame to frame.",
             frame,
         )
@@ -126,9 +128,9 @@ class FrameStep:
     dt: float
     frame: int
 
-    def apply(self, points: Points) -> Points:
-        """Return moved points (N, 3), checked. Raises FrameError."""
-        return checked_displacement(self.flow, points, self.time, self.dt, self.frame)
+    def apply(self, points: Points, first: int = 0) -> Points:
+        """Return moved points (N, 3), checked; `first` is the number of the first. Raises FrameError."""
+        return checked_displacement(self.flow, points, self.time, self.dt, self.frame, first)
 
 
 @dataclass(frozen=True)

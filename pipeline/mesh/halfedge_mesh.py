@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from collections.abc import Set as AbstractSet
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,7 @@ class HalfedgeMesh:
         points, corners = (int(_HEADROOM_AT_FIRST * size) for size in (len(mesh.vertices), mesh.faces.size))
         self.arrays = MeshArrays(
             _grown(mesh.vertices, points),
-            _grown(self._columns.pack(mesh.attributes, len(mesh.vertices)), points),
+            self._columns.pack(mesh.attributes, points),
             self._columns.blends,
             _grown(mesh.faces.reshape(-1), corners),
             _grown(np.empty(0, np.int32), corners),
@@ -152,6 +153,18 @@ class HalfedgeMesh:
         """Return read-only copies of the vertex attributes, in their own shapes and types."""
         return self._columns.unpack(self.arrays.attributes[: self.sizes[0]])
 
+    def set_attributes(self, named: Mapping[str, AnyArray]) -> None:
+        """Replace vertex attributes by others of the same shape and type, or add them behind the rest."""
+        vertices = int(self.sizes[0])
+        if missing := named.keys() - self._columns.names:
+            points, carried, _, *table = self.arrays
+            self._columns = self._columns.with_more({name: named[name] for name in named if name in missing})
+            wider = np.zeros((len(carried), self._columns.width))
+            shared = min(carried.shape[1], wider.shape[1])  # fields behind the attributes are set anew
+            wider[:vertices, :shared] = carried[:vertices, :shared]
+            self.arrays = MeshArrays(points, wider, self._columns.blends, *table)
+        self._columns.fill(self.arrays.attributes[:vertices], named)
+
     def column(self, name: str) -> int | None:
         """Return the first column of an attribute in `arrays.attributes`; None if it is missing."""
         return self._columns.start(name)
@@ -165,7 +178,7 @@ class HalfedgeMesh:
         if self.arrays.attributes.shape[1] == start:
             points, carried, blends, *table = self.arrays
             wider = np.zeros((len(carried), start + fields.shape[1]))
-            wider[:, :start] = carried
+            wider[: self.sizes[0], :start] = carried[: self.sizes[0]]
             self.arrays = MeshArrays(points, wider, np.append(blends, np.ones(fields.shape[1])), *table)
         self.arrays.attributes[: self.sizes[0], start:] = fields
         return start
@@ -196,6 +209,10 @@ class _Columns:
     def start(self, name: str) -> int | None:
         return self._starts.get(name)
 
+    @property
+    def names(self) -> AbstractSet[str]:
+        return self._layout.keys()
+
     @classmethod
     def of(cls, attributes: Mapping[str, AnyArray]) -> _Columns:
         for name, values in attributes.items():
@@ -207,9 +224,22 @@ class _Columns:
                 raise MeshError(f"attribute {name!r} holds values that are not finite; replace them")
         return cls({name: (values.shape[1:], values.dtype) for name, values in attributes.items()})
 
+    def with_more(self, attributes: Mapping[str, AnyArray]) -> _Columns:
+        """Return the layout with further attributes behind its own."""
+        return _Columns(self._layout | _Columns.of(attributes)._layout)
+
     def pack(self, attributes: Mapping[str, AnyArray], rows: int) -> Floats:
-        parts = [attributes[name].reshape(rows, -1).astype(np.float64) for name in self._layout]
-        return np.ascontiguousarray(np.concatenate([*parts, np.empty((rows, 0))], axis=1))
+        """Return a matrix with room for so many rows, the attributes of the vertices in its first ones."""
+        matrix = np.zeros((rows, self.width))
+        self.fill(matrix, attributes)
+        return matrix
+
+    def fill(self, matrix: Floats, attributes: Mapping[str, AnyArray]) -> None:
+        """Write attributes into their columns of the first rows."""
+        for name, values in attributes.items():
+            first, width = self.start(name), _width(self._layout[name][0])
+            assert first is not None, "only attributes of the layout are packed"
+            matrix[: len(values), first : first + width] = values.reshape(len(values), -1)
 
     def unpack(self, matrix: Floats) -> dict[str, AnyArray]:
         named, column = {}, 0
@@ -236,7 +266,6 @@ def _width(shape: tuple[int, ...]) -> int:
 
 
 def _grown(array: AnyArray, rows: int) -> AnyArray:
-    larger = np.empty((rows, *array.shape[1:]), array.dtype)
+    larger = np.zeros((rows, *array.shape[1:]), array.dtype)  # takes no memory for rows without values
     larger[: len(array)] = array
-    larger[len(array) :] = 0  # touched now, so that no frame waits for the pages
     return larger

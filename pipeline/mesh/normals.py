@@ -208,7 +208,7 @@ def carried_normals(
     if not count_known(readable(normals)):
         return np.zeros((len(normals), 3))
     if apart is None:
-        apart = np.full(len(points), STEP * longest_side(readable(points)))
+        apart = np.full(len(points), tangent_distance(points))
     return normals_from_tangents(normals, moved, move(tangent_points(points, normals, apart)))
 
 
@@ -222,6 +222,11 @@ def normals_from_tangents(normals: Vectors, moved: Points, beside: Points) -> Ve
     carried = np.zeros((len(normals), 3))
     cross_beside(readable(normals), readable(moved), readable(beside), carried)
     return carried
+
+
+def tangent_distance(points: Points) -> float:
+    """Return the distance of tangent points from the vertices (V, 3) of a surface: STEP of its size."""
+    return STEP * float(longest_side(readable(points))) if len(points) else 0.0
 
 
 def tangents(normals: Vectors) -> tuple[Vectors, Vectors]:

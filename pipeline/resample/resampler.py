@@ -90,6 +90,10 @@ class Resampler:
         attributes = self._mesh.arrays.attributes[: self._mesh.sizes[0]]
         return None if column is None else attributes[:, column : column + 3]
 
+    def set_attributes(self, **named: AnyArray) -> None:
+        """Replace vertex attributes by others of the same shape and type, or add them behind the rest."""
+        self._mesh.set_attributes(named)
+
     @property
     def mesh(self) -> TriangleMesh:
         """The surface as a value: vertices in the order of `vertices`, faces in the resampler's own order."""
