@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices, Vectors
-from pipeline.mesh import ShadedMesh, TriangleMesh, face_normals, vertex_normals
-from pipeline.mesh.kernels.face_measures import cosines_at_edges, lengths_and_areas
-from pipeline.mesh.kernels.halfedge import match_twins
-from pipeline.mesh.kernels.intersections import boxes_and_normals, count_crossings, fill_grid
+from pipeline.mesh import ShadedMesh, TriangleMesh, vertex_normals
+from pipeline.mesh.kernels.face_measures import cosines_at_edges, count_ascending, lengths_and_areas
+from pipeline.mesh.kernels.intersections import bounding_boxes, count_crossings, fill_grid
 
 COUNTED_FRAMES = 8
 """Crossings are counted in the first frame of a shot and in every such frame after it."""
@@ -35,6 +34,13 @@ class MeshStatistics:
     crossings: int | None
 
 
+_PARTS = 4
+"""Parts in which a large mesh is looked through: more take less memory, and more passes over its faces."""
+
+_MATCHED_TOGETHER = 1 << 18
+"""Vertices from which on a mesh is large: the edges of fewer find both their faces together."""
+
+
 def mesh_statistics(mesh: TriangleMesh, count_crossings: bool = True) -> MeshStatistics:
     """Return the statistics of a sound mesh. Counting crossings takes much longer than all others."""
     lengths, area = lengths_and_areas(mesh.vertices, mesh.faces)
@@ -50,10 +56,12 @@ def mesh_statistics(mesh: TriangleMesh, count_crossings: bool = True) -> MeshSta
 
 def _median_dihedral(mesh: TriangleMesh) -> float:
     """Return the median inner angle, by the median cosine; π where no faces meet."""
-    twin = np.empty(3 * len(mesh.faces), np.int32)
-    match_twins(mesh.faces.reshape(-1), len(mesh.vertices), twin)
-    cosines = np.empty(len(twin) // 2)
-    edges = cosines_at_edges(face_normals(mesh), twin, cosines)
+    cosines, edges = np.empty(3 * len(mesh.faces) // 2), 0
+    together = max(_MATCHED_TOGETHER, -(-len(mesh.vertices) // _PARTS))
+    for first in range(0, len(mesh.vertices), together):
+        begins = np.empty(min(together, len(mesh.vertices) - first) + 1, np.int32)
+        ascending = np.empty(2 * count_ascending(mesh.faces, first, begins), np.int32)
+        edges = cosines_at_edges(mesh.vertices, mesh.faces, first, begins, ascending, edges, cosines)
     if not edges:
         return math.pi
     cosine = float(np.median(cosines[:edges], overwrite_input=True))
@@ -109,7 +117,11 @@ def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
-_CELL = 1.5  # size of a cell of the grid, in faces of median size
+_CELL = 1.5
+"""The size of a cell of the grid, in faces of median size."""
+
+_BUCKETS = 1 << 20
+"""Buckets of cells from which on a mesh is large: fewer are filled together."""
 
 
 def self_intersections(mesh: TriangleMesh) -> int:
@@ -120,16 +132,18 @@ def self_intersections(mesh: TriangleMesh) -> int:
     """
     if not len(mesh.faces):
         return 0
-    points, faces = np.array(mesh.vertices), np.array(mesh.faces)
-    boxes, normals = np.empty((len(faces), 6)), np.empty((len(faces), 3))
-    boxes_and_normals(points, faces, boxes, normals)
+    points, faces, boxes = mesh.vertices, mesh.faces, np.empty((len(mesh.faces), 6), np.float32)
+    bounding_boxes(points, faces, points.min(axis=0), boxes)
     extents = (boxes[:, 3:] - boxes[:, :3]).max(axis=1)
     cell = max(_CELL * float(np.median(extents)), float(extents.max()) / 32, 1e-300)
-    start = np.zeros((1 << int(2 * len(faces) - 1).bit_length()) + 1, np.int64)
-    fill_grid(boxes, cell, start, np.empty(0, np.int32))
-    start = np.cumsum(start)
-    listed, begins = np.empty(start[-1], np.int32), start.copy()
-    fill_grid(boxes, cell, begins, listed)
-    crossings = np.empty(len(faces), np.int32)
-    count_crossings(points, faces, boxes, normals, cell, start, listed, crossings)
-    return int(crossings.sum())
+    del extents
+    buckets = 1 << int(2 * len(faces) - 1).bit_length()
+    filled, crossings = min(buckets, max(_BUCKETS, buckets // _PARTS)), 0
+    for first in range(0, buckets, filled):
+        ends = np.zeros(filled + 2, np.int32)
+        fill_grid(boxes, cell, buckets, first, ends, np.empty(0, np.int32))
+        np.cumsum(ends, out=ends)
+        listed = np.empty(ends[-1], np.int32)
+        fill_grid(boxes, cell, buckets, first, ends, listed)
+        crossings += count_crossings(points, faces, boxes, cell, buckets, first, ends, listed)
+    return int(crossings)

@@ -137,6 +137,24 @@ def test_statistics_are_those_of_numpy_and_name_what_was_not_counted() -> None:
     assert found.crossings is None and mesh_statistics(mesh).crossings == self_intersections(mesh)
 
 
+def test_a_large_mesh_is_measured_in_parts_with_the_same_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(5)
+    mesh = torus(1.0, 0.4, 0.1)
+    mesh = mesh.with_vertices(mesh.vertices + rng.normal(0, 0.03, mesh.vertices.shape))
+    whole = mesh_statistics(mesh)
+    assert whole.crossings
+    monkeypatch.setattr("pipeline.statistics._MATCHED_TOGETHER", 1)
+    monkeypatch.setattr("pipeline.statistics._BUCKETS", 1)
+    assert mesh_statistics(mesh) == whole
+
+
+def test_crossings_are_counted_far_from_the_origin_too() -> None:
+    ball, beside = icosphere(1), np.array([0.7, 0.1, 0.0])
+    mesh = joined(ball, ball.with_vertices(ball.vertices + beside))
+    far = mesh.with_vertices(mesh.vertices + np.array([3e6, -2e6, 1e6]))
+    assert self_intersections(far) == crossings(far) > 0
+
+
 def test_a_surface_without_faces_crosses_nothing() -> None:
     assert self_intersections(TriangleMesh(np.empty((0, 3)), [])) == 0
 

@@ -6,11 +6,12 @@ import math
 
 import numba
 
-from pipeline.arrays import Faces, Floats, Indices, Points, Vectors
+from pipeline.arrays import Faces, Floats, Indices, Points
 from pipeline.kernels import kernel, only_read
-from pipeline.mesh.kernels.halfedge import CONST_MATRIX, INTS, MATRIX, VECTOR
+from pipeline.mesh.kernels.halfedge import CONST_MATRIX, INTS, LEAN, VECTOR
 
 _CONST_FACES = only_read(numba.int32[:, ::1])
+_NORMAL = numba.types.UniTuple(numba.float64, 3)
 
 
 @kernel(numba.types.UniTuple(numba.float64, 2)(CONST_MATRIX, _CONST_FACES))
@@ -30,16 +31,78 @@ def lengths_and_areas(points: Points, faces: Faces) -> tuple[float, float]:
     return length, area
 
 
-@kernel(numba.int64(MATRIX, INTS, VECTOR))
-def cosines_at_edges(normals: Vectors, twin: Indices, cosines: Floats) -> int:
-    """Fill `cosines` with that of the angle between the two normals at each edge; return their number."""
-    count = 0
-    for h in range(len(twin)):
-        k = twin[h]
-        if k > h:
-            f, g = h // 3, k // 3
-            cosines[count] = (
-                normals[f, 0] * normals[g, 0] + normals[f, 1] * normals[g, 1] + normals[f, 2] * normals[g, 2]
-            )
-            count += 1
+@kernel(_NORMAL(CONST_MATRIX, _CONST_FACES, numba.int64), **LEAN)
+def _unit_normal(points: Points, faces: Faces, f: int) -> tuple[float, float, float]:
+    """Return the unit normal of a face, with the bits of `normals_of_faces`; zero without area."""
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+    vx, vy, vz = points[c, 0] - points[b, 0], points[c, 1] - points[b, 1], points[c, 2] - points[b, 2]
+    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    area = math.sqrt(x * x + y * y + z * z)
+    if 0.0 < area < math.inf and 1.0 / area < math.inf:
+        scale = 1.0 / area
+        return x * scale, y * scale, z * scale
+    return 0.0, 0.0, 0.0
+
+
+@kernel(numba.int64(_CONST_FACES, numba.int64, INTS))
+def count_ascending(faces: Faces, first: int, begins: Indices) -> int:
+    """Count the half-edges from each vertex to a higher one; fill `begins` with their running total.
+
+    first   the first vertex
+    begins  (N + 1,) for N vertices from the first on; 0 at its start, all of them at its end
+
+    Returns the number of all.
+    """
+    last = first + len(begins) - 1
+    begins[:] = 0
+    for f in range(len(faces)):
+        for i in range(3):
+            a = faces[f, i]
+            if first <= a < last and a < faces[f, (i + 1) % 3]:
+                begins[a - first + 1] += 1
+    for k in range(len(begins) - 1):
+        begins[k + 1] += begins[k]
+    return int(begins[-1])
+
+
+@kernel(numba.int64(CONST_MATRIX, _CONST_FACES, numba.int64, INTS, INTS, numba.int64, VECTOR))
+def cosines_at_edges(
+    points: Points,
+    faces: Faces,
+    first: int,
+    begins: Indices,
+    ascending: Indices,
+    count: int,
+    cosines: Floats,
+) -> int:
+    """Append the cosine between the normals of both faces at each edge to `count` others; return how many.
+
+    The edges are those whose lower vertex `count_ascending` has counted.
+
+    begins     as `count_ascending` has filled it; changed
+    ascending  (2N,) scratch for N half-edges: the higher vertex and the face of each
+
+    Faces must be oriented, so that an edge has one half-edge to its higher vertex and one back from it.
+    """
+    last = first + len(begins) - 1
+    for f in range(len(faces)):
+        for i in range(3):
+            a, b = faces[f, i], faces[f, (i + 1) % 3]
+            if first <= a < last and a < b:
+                place = 2 * begins[a - first]
+                ascending[place], ascending[place + 1] = b, f
+                begins[a - first] += 1
+    for f in range(len(faces)):
+        for i in range(3):
+            a, b = faces[f, i], faces[f, (i + 1) % 3]
+            if first <= b < last and b < a:
+                k = b - first
+                for place in range(begins[k - 1] if k else 0, begins[k]):  # each begins where the next did
+                    if ascending[2 * place] == a:
+                        x, y, z = _unit_normal(points, faces, f)
+                        u, v, w = _unit_normal(points, faces, ascending[2 * place + 1])
+                        cosines[count] = x * u + y * v + z * w
+                        count += 1
+                        break
     return count
