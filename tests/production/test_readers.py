@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +18,7 @@ from pipeline.shot import read_shot
 from render.base.errors import CorruptImageError
 from render.post.image import write_exr
 from render.scene.aovs import RenderedFrame
+from tests.full_disk import disk_of
 
 pytestmark = pytest.mark.quick
 
@@ -84,3 +86,30 @@ def test_a_mesh_that_is_another_or_broken_is_found_out(tmp_path: Path) -> None:
         damage(path)
         with pytest.raises(CorruptFileError):
             readers.mesh_frame(KEY)(path)
+
+
+def test_large_arrays_that_compress_well_take_less_room_and_come_back_bit_for_bit(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    named = {
+        "faces": np.arange(600_000, dtype=np.int32).reshape(-1, 3),
+        "points": rng.random((100_000, 3)),
+        "few": np.zeros(8, np.int64),
+        "none": np.empty((0, 3)),
+        "text": np.array("{}"),
+    }
+    write_npz(tmp_path / "a.npz", named)
+    write_npz(tmp_path / "b.npz", named)
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    assert (tmp_path / "a.npz").stat().st_size < 0.7 * sum(values.nbytes for values in named.values())
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as found:
+        assert set(found.files) == set(named)
+        for name, values in named.items():
+            assert found[name].dtype == values.dtype and found[name].tobytes() == values.tobytes()
+            assert found[name].shape == values.shape
+
+
+def test_a_full_disk_is_told_by_its_number_also_where_arrays_are_compressed(tmp_path: Path) -> None:
+    rows = np.arange(3_000_000, dtype=np.int64)
+    with disk_of(1 << 20), pytest.raises(OSError) as refused:
+        write_npz(tmp_path / "a.npz", {"rows": rows, "noise": np.random.default_rng(1).random(400_000)})
+    assert refused.value.errno == errno.EFBIG
