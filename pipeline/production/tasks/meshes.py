@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import time
+from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from types import TracebackType
 
 import numpy as np
 
 from pipeline.animation import FrameProgress, MeshFrame, animate_reporting
+from pipeline.arrays import AnyArray
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.mesh.control_net import bspline_surface
 from pipeline.production.render_inputs.framing import frame_all, with_stage_in_view
@@ -24,37 +29,108 @@ from pipeline.production.store.readers import write_npz
 from pipeline.production.tasks.job import Context
 from render.base.serialise import to_plain
 
+LARGE = 100_000
+"""Vertices from which on a mesh frame that nobody asks for is stored at times only."""
+
+KEPT_SECONDS = 30.0
+"""The time of simulation that a killed job may lose in large frames that nobody asks for."""
+
+M_MMAP_THRESHOLD, MAPPED_BYTES = -3, 1 << 22
+"""The parameter of glibc's `mallopt`, and its value for simulations."""
+
 
 def simulate(context: Context) -> bool:
     """Make the missing mesh frames of a shot, going on from the last stored frame before them."""
-    request, store = context.request, context.store
+    request = context.request
     missing = {number for number in context.job.frames if not _shown_again(context, number)}
     if not missing:
         return True
-    started = time.perf_counter()
-    number = min(missing)
-    resume = _last_before(context, number)
+    return_freed_memory()
+    last, resume = max(missing), _last_before(context, min(missing))
+    begins = resume is None
+    frames = animate_reporting(request.shot, resume, partial(_report_progress, context))
+    del resume  # the generator drops it too, once the simulation has begun
     try:
-        for frame in animate_reporting(request.shot, resume, partial(_report_progress, context)):
-            if resume is None and frame.number == request.shot.frames.first:
-                _tell_notes(context)
-            number = frame.number
-            key = request.mesh_key(number)
-            found = context.has("mesh", key)
-            if not found:
-                write = partial(write_npz, named=readers.with_key(key, frame.to_arrays()))
-                store.put("mesh", key, write, replace=context.is_forced)
-            if number in missing:
-                store.link("mesh", key, request.place("mesh", number), replace=context.is_forced)
-                context.report(number, found, time.perf_counter() - started)
-                missing.discard(number)
-            if not missing:
-                break
-            started = time.perf_counter()
+        with _FrameWriter(context, missing) as writer:
+            for frame in frames:
+                if begins:
+                    _tell_notes(context)
+                    begins = False
+                number = frame.number
+                writer.take(frame)
+                del frame  # so that it takes no memory once it is written
+                if number == last:
+                    break
     except FlowsculptError as error:
         context.fail(error, error.frame if isinstance(error, FrameError) and error.frame else min(missing))
         return False
     return True
+
+
+class _FrameWriter:
+    """Stores the mesh frames of a job, each in a thread while the next one is computed.
+
+    missing  the frames of the job that are not shown yet; those that are written are removed
+    """
+
+    def __init__(self, context: Context, missing: set[int]) -> None:
+        self._context, self._missing = context, missing
+        self._pool = ThreadPoolExecutor(1)
+        self._writing: Future[None] | None = None
+        self._began = self._stored = time.perf_counter()
+
+    def __enter__(self) -> _FrameWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Wait for the frame that is being written; raise its error, even where the next frame failed too."""
+        self._pool.shutdown()
+        self._wait()
+
+    def take(self, frame: MeshFrame) -> None:
+        """Begin to store a frame, once the one before is stored. Raises MachineError where that failed."""
+        self._wait()
+        context, now = self._context, time.perf_counter()
+        number, arrays, seconds = frame.number, None, now - self._began
+        if not context.has("mesh", context.request.mesh_key(number)) and self._is_stored(frame, now):
+            arrays, self._stored = frame.to_arrays(), now
+        self._writing = self._pool.submit(self._store, number, arrays, seconds)
+        self._began = time.perf_counter()
+
+    def _is_stored(self, frame: MeshFrame, now: float) -> bool:
+        """Tell whether a frame is stored: one that is asked for, or that a killed job should go on from."""
+        is_due = len(frame.mesh.vertices) < LARGE or now - self._stored > KEPT_SECONDS
+        return frame.number in self._missing or is_due
+
+    def _store(self, number: int, arrays: Mapping[str, AnyArray] | None, seconds: float) -> None:
+        context, key = self._context, self._context.request.mesh_key(number)
+        started = time.perf_counter()
+        if arrays is not None:
+            write = partial(write_npz, named=readers.with_key(key, arrays))
+            context.store.put("mesh", key, write, replace=context.is_forced)
+        if number in self._missing:
+            place = context.request.place("mesh", number)
+            context.store.link("mesh", key, place, replace=context.is_forced)
+            context.report(number, arrays is None, seconds + time.perf_counter() - started)
+            self._missing.discard(number)
+
+    def _wait(self) -> None:
+        if self._writing is not None:
+            writing, self._writing = self._writing, None
+            writing.result()
+
+
+def return_freed_memory() -> None:
+    """Have the C library give the memory of large arrays back to the system as soon as they are freed.
+
+    glibc keeps what was freed of blocks up to 32 MiB, in pieces that fit no array of the next frame: with a
+    million vertices, a third of all memory. Blocks of the size of a few thousand vertices stay with it, which
+    takes less time. Other C libraries go on as they do.
+    """
+    with suppress(AttributeError, OSError):
+        ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, MAPPED_BYTES)
 
 
 def _tell_notes(context: Context) -> None:
