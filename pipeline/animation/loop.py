@@ -66,7 +66,6 @@ def blocks_of(count: int) -> Iterator[slice]:
         yield slice(first, min(first + MOVED_TOGETHER, count))
 
 
-
 def thresholds_at(motion: Motion, resampling: Resampling, frame: int) -> Thresholds:
     """Return the thresholds of a frame."""
     return resampling.thresholds.at(frame, motion.clock.time(frame))

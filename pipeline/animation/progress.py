@@ -57,7 +57,7 @@ class _VertexSample(NamedTuple):
     """Some vertices (N, 3) of a surface, evenly by their numbers, and the number of all."""
 
     points: Points
-    count: int
+    vertices: int
 
     @classmethod
     def of(cls, points: Points) -> _VertexSample:
@@ -125,7 +125,7 @@ class _FrameWatch:
         carried = (
             resampling is not None and resampling.placement == "exact" and resampling.normals == "carried"
         )
-        return steps * self._before.count * (3 if carried else 1)
+        return steps * self._before.vertices * (3 if carried else 1)
 
     def _slow(self, seconds: float, share: float) -> str:
         """Return why the frame is slow, the first time that this is known; else an empty text."""
@@ -143,14 +143,14 @@ class _FrameWatch:
     def _reason(self) -> tuple[str, str]:
         """Return the place in the shot file that makes the frame slow, and why."""
         before, last = self._before, self._last
-        if before is not None and not last.total and last.done > GROWTH * before.count:
+        if before is not None and not last.total and last.done > GROWTH * before.vertices:
             return "resample", (
-                f"the flows stretch the surface from {before.count:,} vertices to {last.done:,}. Slow the "
+                f"the flows stretch the surface from {before.vertices:,} vertices to {last.done:,}. Slow the "
                 "flows down, or raise resample.max_edge_length."
             )
         cost = None if before is None else costliest_flow(self._motion, self._frame, *before)
         if before is None or cost is None:
-            count = last.done if before is None else before.count
+            count = last.done if before is None else before.vertices
             return "resample", f"{last.activity} has {count:,} vertices. Raise resample.max_edge_length."
         if last.activity != CARRYING:
             return cost.place, str(cost)

@@ -82,8 +82,8 @@ def _displaced(step: FlowStep, points: Points, frame: int, first: int) -> Points
         if reason := diagnose(flow, points[vertex], time, dt):
             raise FrameError(f"{name}: {reason}", frame)
         raise FrameError(
-            f"{name} moved vertex {first + vertex} from ({where}) to {moved[vertex].tolist()}; points must stay "
-            "finite. Lower the flow's strength, or raise substeps if it grows from frame to frame.",
+            f"{name} moved vertex {first + vertex} from ({where}) to {moved[vertex].tolist()}; points must "
+            "stay finite. Lower the flow's strength, or raise substeps if it grows from frame to frame.",
             frame,
         )
     return moved

@@ -37,6 +37,9 @@ NORMAL = "normal"
 
 HARD_ANGLE = math.radians(40)
 
+_FACES_TOGETHER = 1 << 16
+"""Faces whose angles to their neighbours are computed together."""
+
 
 class ShadedMesh(NamedTuple):
     """A surface as renderers take it: a vertex at a crease appears once for every smooth side.
@@ -70,7 +73,13 @@ def dihedral_angles(mesh: TriangleMesh) -> Floats:
 
 
 def _turns(normals: Vectors, twin: Indices) -> Floats:
-    return angles_between(np.repeat(normals, 3, axis=0), normals[twin // 3], twin)
+    """Return the angles (3F,) across half-edges, computed by blocks, which takes less memory."""
+    turns = np.empty(len(twin))
+    for first in range(0, len(twin), 3 * _FACES_TOGETHER):
+        block = slice(first, first + 3 * _FACES_TOGETHER)
+        mine = np.repeat(normals[first // 3 : first // 3 + _FACES_TOGETHER], 3, axis=0)
+        turns[block] = angles_between(mine, normals[twin[block] // 3], twin[block])
+    return turns
 
 
 def angles_between(mine: Vectors, theirs: Vectors, twin: AnyArray) -> Floats:

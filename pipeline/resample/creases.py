@@ -49,9 +49,11 @@ def edges_by_angle(mesh: Mesh, hard_angle: float | Floats) -> Indices:
 
     Raises MeshError where the mesh is not an oriented manifold.
     """
-    ends, turns = _sides(mesh), _turns(mesh)
-    limit = hard_angle if isinstance(hard_angle, float) else hard_angle[ends].mean(axis=1)
-    return _once(ends[np.nan_to_num(turns) > limit])
+    turns = _turns(mesh)
+    if isinstance(hard_angle, float):
+        return _once(_sides(mesh, np.flatnonzero(turns > hard_angle)))  # not where they are nan
+    ends = _sides(mesh)
+    return _once(ends[np.nan_to_num(turns) > hard_angle[ends].mean(axis=1)])
 
 
 def edges_in_region(mesh: Mesh, region: Region) -> Indices:
@@ -69,11 +71,14 @@ def edges_in_region(mesh: Mesh, region: Region) -> Indices:
     return _once(ends[within.astype(bool)[ends].all(axis=1)])
 
 
-def _sides(mesh: Mesh) -> Indices:
-    """Return the two vertices (C, 2) of each side of each face."""
+def _sides(mesh: Mesh, chosen: AnyArray | slice = slice(None)) -> Indices:
+    """Return the two vertices (C, 2) of each side of each face, or of the chosen ones only."""
     if isinstance(mesh, PolygonMesh):
-        return np.column_stack([mesh.corners, mesh.heads])
-    return mesh.halfedge_ends
+        return np.column_stack([mesh.corners[chosen], mesh.heads[chosen]])
+    if isinstance(chosen, slice):
+        return mesh.halfedge_ends
+    corners, face = mesh.faces.reshape(-1), chosen - chosen % 3
+    return np.column_stack([corners[chosen], corners[face + (chosen + 1) % 3]])
 
 
 def _turns(mesh: Mesh) -> Floats:

@@ -103,8 +103,8 @@ class Exact(Placement):
         if self.project is not None and mesh.column(NORMAL) is None and not mesh.arrays.tagged.any():
             last = int(mesh.sizes[0])
             return rest_of(mesh)[last - len(births) :].copy(), normals, sizes
-        room, middles = 3 * len(mesh.arrays.points), np.empty((len(births), 3))
-        rest = mesh.scratch("rest", room, np.float64)[:room].reshape(-1, 3)
+        middles = np.empty((len(births), 3))
+        rest = np.empty_like(mesh.arrays.points)  # the rows of a few rings are used, and only they take memory
         columns = column, column_of(mesh, REST_NORMAL)
         rest_midpoints(mesh.arrays, births, *columns, RING, rest, SCRATCH, middles, normals, sizes)
         return middles, normals, sizes

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import pickle
+import tracemalloc
 from itertools import pairwise
 from pathlib import Path
 
@@ -26,6 +28,9 @@ from pipeline.resample import Resampler, Thresholds
 from pipeline.shot import Motion, Resampling, Solid, read_shot
 
 EDGE = 0.25
+
+MOST_BYTES = {"exact": 640.0, "chord": 560.0, "curved": 560.0}
+"""Bytes a vertex at the peak, of arrays with room for a quarter more vertices, which takes no memory yet."""
 
 
 @pytest.fixture
@@ -328,6 +333,48 @@ def test_a_keyed_twist_is_exact_at_every_frame(motion: Motion) -> None:
         a = amount.at(motion.clock.time(frame.number))[0] * y
         closed = np.stack([x * np.cos(a) + z * np.sin(a), y, z * np.cos(a) - x * np.sin(a)], axis=1)
         np.testing.assert_allclose(frame.mesh.vertices, closed, atol=1e-12)
+
+
+@pytest.mark.parametrize("placement", ["exact", "chord"])
+def test_many_vertices_are_moved_by_blocks_to_the_same_bits(
+    motion: Motion, placement: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    motion = resampled(motion, placement=placement)
+    *_, whole = itertools.islice(animate(motion), 6)
+    monkeypatch.setattr("pipeline.animation.loop.MOVED_TOGETHER", 37)
+    *_, parted = itertools.islice(animate(motion), 6)
+    assert same(whole, parted)
+
+
+def test_an_error_in_a_later_block_names_the_vertex_of_the_surface(
+    motion: Motion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = next(animate(motion))
+
+    def broken(points: Points, time: float, dt: float) -> Points:
+        points[(points == first.mesh.vertices[100]).all(axis=1)] = np.nan
+        return points
+
+    monkeypatch.setattr("pipeline.animation.loop.MOVED_TOGETHER", 32)
+    with pytest.raises(FrameError, match="moved vertex 100 from"):
+        list(animate(resampled(motion, placement="chord"), flow=broken))
+
+
+@pytest.mark.parametrize("placement", ["exact", "chord", "curved"])
+def test_a_frame_takes_a_bounded_number_of_bytes_a_vertex(motion: Motion, placement: str) -> None:
+    motion = resampled(motion, placement=placement, thresholds=Thresholds(max_edge_length=0.03))
+    frames = animate(motion)
+    vertices = len(next(frames).mesh.vertices)  # kernels are loaded
+    tracemalloc.start()
+    try:
+        frames = animate(motion)
+        for frame in itertools.islice(frames, 2):
+            assert frame.report.statistics is not None
+            del frame
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak / vertices < MOST_BYTES[placement]
 
 
 def test_any_callable_may_take_the_flows_place(motion: Motion) -> None:
