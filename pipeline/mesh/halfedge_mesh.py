@@ -254,7 +254,7 @@ class _Columns:
 def _tags_of(mesh: TriangleMesh) -> AnyArray:
     """Return flags (3F,) uint8 of the creases' half-edges. Raises MeshError for a crease that is no edge."""
     tagged = tagged_halfedges(mesh)
-    missing = ~np.isin(edge_keys(mesh.creases), edge_keys(mesh.halfedge_ends[tagged]))
+    missing = ~np.isin(edge_keys(mesh.creases), edge_keys(mesh.ends_of(np.flatnonzero(tagged))))
     if missing.any():
         a, b = mesh.creases[missing][0]
         raise MeshError(f"crease {a}-{b} is no edge of the mesh; creases name two vertices of one edge")

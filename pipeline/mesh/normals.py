@@ -158,10 +158,10 @@ def tagged_halfedges(mesh: TriangleMesh) -> AnyArray:
         return np.zeros(mesh.faces.size, bool)
     at_crease = np.zeros(len(mesh.vertices), bool)
     at_crease[mesh.creases.ravel()] = True
-    ends = mesh.halfedge_ends
-    near = np.flatnonzero(at_crease[ends].all(axis=1))
+    corners = at_crease[mesh.faces]
+    near = np.flatnonzero(corners & np.roll(corners, -1, axis=1))
     tagged = np.zeros(mesh.faces.size, bool)
-    tagged[near] = np.isin(edge_keys(ends[near]), edge_keys(mesh.creases))
+    tagged[near] = np.isin(edge_keys(mesh.ends_of(near)), edge_keys(mesh.creases))
     return tagged
 
 

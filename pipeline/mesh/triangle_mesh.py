@@ -78,6 +78,12 @@ class TriangleMesh:
         """(3F, 2) the two vertices of each half-edge ``3f + i``."""
         return np.stack([self.faces, np.roll(self.faces, -1, axis=1)], axis=2).reshape(-1, 2)
 
+    def ends_of(self, halfedges: AnyArray) -> Indices:
+        """Return the two vertices (N, 2) of half-edges (N,), which `halfedge_ends` has for all."""
+        corners, corner = self.faces.reshape(-1), halfedges % 3
+        ends: Indices = np.column_stack([corners[halfedges], corners[halfedges - corner + (corner + 1) % 3]])
+        return ends
+
     @property
     def bounds(self) -> Floats:
         """(2, 3): the lowest and the highest coordinates of the vertices."""

@@ -75,10 +75,7 @@ def _sides(mesh: Mesh, chosen: AnyArray | slice = slice(None)) -> Indices:
     """Return the two vertices (C, 2) of each side of each face, or of the chosen ones only."""
     if isinstance(mesh, PolygonMesh):
         return np.column_stack([mesh.corners[chosen], mesh.heads[chosen]])
-    if isinstance(chosen, slice):
-        return mesh.halfedge_ends
-    corners, face = mesh.faces.reshape(-1), chosen - chosen % 3
-    return np.column_stack([corners[chosen], corners[face + (chosen + 1) % 3]])
+    return mesh.halfedge_ends if isinstance(chosen, slice) else mesh.ends_of(chosen)
 
 
 def _turns(mesh: Mesh) -> Floats:

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, Floats, Points, Vectors
 from pipeline.flow import checked_displacement
+from pipeline.kernels import readable
 from pipeline.mesh import icosphere
+from pipeline.mesh.kernels.halfedge import SOUND, match_twins
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.shot import Motion
@@ -104,10 +106,10 @@ def is_closed(arrays: Mapping[str, AnyArray]) -> bool:
     """Tell whether every edge of a surface has two faces, which then holds for every frame of a shot."""
     if "faces" not in arrays:
         return True
-    faces = arrays["source_vertex"][arrays["faces"]].astype(np.int64)
-    begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    count = int(faces.max()) + 1
-    return np.array_equal(np.sort(begin * count + end), np.sort(end * count + begin))
+    faces, vertices = arrays["source_vertex"][arrays["faces"]], int(arrays["source_vertex"].max()) + 1
+    twin = np.empty(faces.size, np.int32)
+    problem, _ = match_twins(readable(faces.reshape(-1), np.int32), vertices, twin)
+    return problem == SOUND and bool((twin >= 0).all())
 
 
 def line_colours(lines: StreamlineSet) -> tuple[Floats, Floats]:

@@ -40,8 +40,8 @@ SLOW = 0.25
 MEMORY_SHARE = 0.2
 """Fraction of the free memory that mesh frames may take, and that surfaces may take."""
 
-UNSHADED = 4
-"""Frames that may wait for normals while others are simulated."""
+UNSHADED, LARGE_BYTES = 4, 1 << 24
+"""Frames that may wait for normals while others are simulated, and the size from which on only one may."""
 
 DICED = 100_000
 """Vertices, about, of a previewed surface that renders dice."""
@@ -189,6 +189,7 @@ class SurfaceStream:
     callback: FrameProgressCallback = field(default=lambda progress: None)
 
     def __post_init__(self) -> None:
+        self._waiting = UNSHADED
         self.meshes = MeshCache(room=0.0) if self.once else MeshCache()
 
     def __enter__(self) -> SurfaceStream:
@@ -219,7 +220,7 @@ class SurfaceStream:
             try:
                 for submitted in self._submitted(request, sorted(numbers), pool):
                     under_way.append(submitted)
-                    while len(under_way) > UNSHADED or (under_way and under_way[0][1].done()):
+                    while len(under_way) > self._waiting or (under_way and under_way[0][1].done()):
                         yield oldest()
             except FrameError as error:
                 failure = error
@@ -247,7 +248,10 @@ class SurfaceStream:
             elif self.store.bring("normals", request.normals_key(number)) and not _needs_mesh(request):
                 surface = pool.submit(self._read, request, number)
             else:
-                surface = pool.submit(self._shade, request, meshes.at(number))
+                mesh = meshes.at(number)
+                self._waiting = UNSHADED if _size(mesh) < LARGE_BYTES else 1
+                surface = pool.submit(self._shade, request, mesh)
+                del mesh
             yield number, surface
 
     def _read(self, request: RenderRequest, number: int) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray
+from pipeline.arrays import AnyArray, Points
 from pipeline.errors import MeshError, UsageError
 from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.store import Key
@@ -66,6 +66,18 @@ def mesh_frame(key: Key) -> Callable[[Path], MeshFrame]:
             return MeshFrame.from_arrays(arrays(key)(path))
         except (UsageError, MeshError) as error:
             raise CorruptFileError(f"{path}: {error}") from error
+
+    return read
+
+
+def vertices(key: Key) -> Callable[[Path], Points]:
+    """Return a reader of the vertices (V, 3) of the mesh frame of `key`; nothing else is unpacked."""
+
+    def read(path: Path) -> Points:
+        with _opened(path) as named:
+            found, points = str(named["key"]), named["vertices"]
+        _require_key(path, found, key)
+        return points
 
     return read
 

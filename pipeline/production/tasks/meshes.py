@@ -35,6 +35,9 @@ LARGE = 100_000
 KEPT_SECONDS = 30.0
 """The time of simulation that a killed job may lose in large frames that nobody asks for."""
 
+HELD_BYTES = 1 << 27
+"""Bytes of points that framing holds from its first look at them to its second."""
+
 M_MMAP_THRESHOLD, MAPPED_BYTES = -3, 1 << 22
 """The parameter of glibc's `mallopt`, and its value for simulations."""
 
@@ -173,6 +176,7 @@ def smooth_normals(context: Context) -> bool:
     Control nets become their smooth surface; points stay points, for spheres need no normals.
     """
     request = context.request
+    return_freed_memory()
 
     def work(number: int) -> bool:
         key = request.normals_key(number)
@@ -187,20 +191,24 @@ def smooth_normals(context: Context) -> bool:
 
 def frame_camera(context: Context) -> bool:
     """Find each picture's camera and stage from all the mesh frames of a request."""
+    return_freed_memory()
     request = context.request
     angles = request.angles
     # Pictures of one mesh and spin share a camera: lights move none.
     firsts = {(angle.mesh, angle.spin): number for number, angle in reversed(angles.items())}
     framed = sorted(firsts.values())
 
+    held: dict[int, BoundingSpheres] = {}
+
     def points_of(index: int) -> BoundingSpheres:
         angle = angles[framed[index]]
-        frame = read_mesh_frame(context, angle.mesh)
-        points, around = frame.mesh.vertices, radii(frame)
-        if frame.lattice is not None:
-            points = bspline_surface(points, frame.lattice, request.shot.picture.tessellate).vertices
-            around = np.zeros(len(points))
-        return BoundingSpheres(rotate_y(points, angle.spin), around)
+        if index in held:  # framing looks at each frame twice
+            return held.pop(index)
+        points, around = _spheres(context, angle.mesh)
+        extent = BoundingSpheres(rotate_y(points, angle.spin), around)
+        if (1 + len(held)) * points.nbytes <= HELD_BYTES:
+            held[index] = extent
+        return extent
 
     def write(path: Path) -> None:
         views = [request.view(number) for number in framed]
@@ -224,6 +232,19 @@ def frame_camera(context: Context) -> bool:
     for number in angles:
         context.report(number, found, seconds)
     return True
+
+
+def _spheres(context: Context, number: int) -> BoundingSpheres:
+    """Return what a camera must show of a mesh frame. Raises what `read_mesh_frame` raises."""
+    request, key = context.request, context.request.mesh_key(number)
+    if request.shot.motion.subject.is_surface:
+        points = context.read("mesh", key, request.place("mesh", number), readers.vertices(key))
+        return BoundingSpheres(points, np.zeros(len(points)))
+    frame = read_mesh_frame(context, number)
+    if frame.lattice is None:
+        return BoundingSpheres(frame.mesh.vertices, radii(frame))
+    points = bspline_surface(frame.mesh.vertices, frame.lattice, request.shot.picture.tessellate).vertices
+    return BoundingSpheres(points, np.zeros(len(points)))
 
 
 def _remember_keys(context: Context) -> None:
