@@ -104,7 +104,9 @@ class Exact(Placement):
             last = int(mesh.sizes[0])
             return rest_of(mesh)[last - len(births) :].copy(), normals, sizes
         middles = np.empty((len(births), 3))
-        rest = np.empty_like(mesh.arrays.points)  # the rows of a few rings are used, and only they take memory
+        rest = np.empty_like(
+            mesh.arrays.points
+        )  # the rows of a few rings are used, and only they take memory
         columns = column, column_of(mesh, REST_NORMAL)
         rest_midpoints(mesh.arrays, births, *columns, RING, rest, SCRATCH, middles, normals, sizes)
         return middles, normals, sizes
