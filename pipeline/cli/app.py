@@ -51,6 +51,7 @@ COMMANDS = {
         "relight": "Change lights of finished frames by factors, without rendering.",
         "turntable": "Turn an object, then the lights around it, before the camera.",
         "wedge": "Render a shot in a grid of variations.",
+        "task": "Do a part of a shot's plan, as a worker of a render manager.",
     },
     "Look": {
         "preview": "Draw a shot in seconds, without a path tracer; or follow its edits live.",

@@ -18,6 +18,7 @@ from pipeline.dailies.interchange.print_model import LONGEST_SIDE
 from pipeline.dailies.interchange.usd_clips import require_usd
 from pipeline.dailies.interchange.usd_export import UsdExport
 from pipeline.errors import FrameError, UsageError
+from pipeline.frames import FrameRange
 from pipeline.production.execution import openjd as job_description
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import mesh_states
@@ -29,7 +30,7 @@ from render.base.atomic_write import atomic_write, disk_errors
 from render.base.plural import plural
 from render.scene.quality import DEFAULT_QUALITY
 
-FORMATS = ("usd", *MODELS, "openjd", "otio")
+FORMATS = ("usd", *MODELS, "openjd", "plan", "otio")
 
 
 def export(
@@ -39,8 +40,8 @@ def export(
         typer.Argument(
             metavar="FORMAT",
             help="usd: the sculpture with its motion, camera and lights; ply, obj: a mesh file for each "
-            "frame; glb, stl: a mesh file of one frame; openjd: Open Job Description, for render managers; "
-            "otio: OpenTimelineIO, for editors.",
+            "frame; glb, stl: a mesh file of one frame; openjd: Open Job Description, plan: what tasks read, "
+            "both for render managers; otio: OpenTimelineIO, for editors.",
         ),
     ],
     options: PictureOptions,
@@ -53,7 +54,9 @@ def export(
     ] = None,
     output: Annotated[
         Path | None,
-        output_option("openjd, otio: a file. Else a folder; default: renders/SHOT/usd or models.", "PATH"),
+        output_option(
+            "openjd, plan, otio: a file. Else a folder; default: renders/SHOT/usd or models.", "PATH"
+        ),
     ] = None,
     media: Annotated[
         str, typer.Option(metavar="NAME", help=f"Media that otio clips refer to: {', '.join(MEDIA)}.")
@@ -80,6 +83,9 @@ def export(
     template.yaml` executes it here; a render manager executes it on workers, which see the root under the
     same path or under the parameter Root. Tasks skip what is already rendered.
 
+    `flowsculpt export plan A010_cube -o plan.json` writes the plan alone, whose parts `flowsculpt task` does
+    on the workers of any render manager.
+
     `flowsculpt export otio showreel -q final` writes showreel.otio: clips, dissolves, cards and sound of
     shots/showreel.yaml. Clips refer to frames, relative to the file, or to files that `flowsculpt deliver`
     wrote: `--media prores4444`.
@@ -95,6 +101,9 @@ def export(
         _geometry(common, project, _export_of(common, project, asked, form, output, size))
     elif form == "otio":
         _timeline(common, project, quality, name or FILM.stem, output, media, frames)
+    elif form == "plan":
+        plan = project.whole(_require_shot(name, form), quality, frames)
+        _plan_file(common, plan, output or Path("plan.json"))
     else:
         _job(common, project, quality, name, output or Path("template.yaml"), frames)
 
@@ -171,6 +180,22 @@ def _timeline(
         Timeline(cut, requests, common.root, media, place).write()
     done = f"{place}: {plural(cut.length, 'frame')}, {common.done('written')}."
     print_result(done, {"timeline": str(place), "frames": cut.length, "media": media}, common.json)
+
+
+def _plan_file(common: Common, plan: Plan, output: Path) -> None:
+    if output.suffix != ".json":
+        raise UsageError(f"{output}: a plan's name ends in .json; call it {output.stem}.json")
+    if not common.dry_run:
+        with disk_errors(output):
+            output.parent.mkdir(parents=True, exist_ok=True)
+            common.root.mkdir(parents=True, exist_ok=True)
+            plan.write(output)
+    frames: dict[str, list[int]] = {job.stage: [] for job in plan.jobs}
+    for job in plan.jobs:
+        frames[job.stage] += job.frames
+    words = ", ".join(f"{stage}:{FrameRange.of(sorted(numbers))}" for stage, numbers in frames.items())
+    facts = {"plan": str(output), "tasks": frames, "targets": list(plan.targets)}
+    print_result(f"{output}: {common.done('written')}. Tasks: {words}.", facts, common.json)
 
 
 def _job(

@@ -9,14 +9,14 @@ Source: https://github.com/OpenJobDescription/openjd-specifications/wiki (2023-0
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import FlowsculptError, MissingInputError
+from pipeline.errors import FlowsculptError
 from pipeline.frames import FrameRange
+from pipeline.production.execution.task import do
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.timings import LEAST_MIB
 
@@ -111,20 +111,13 @@ def _written(numbers: Iterable[int]) -> str:
 
 
 def main(root: str, plan: str, *jobs: str) -> int:
-    """Do jobs of a plan in a root, one after the other until one fails."""
-    from pipeline.production.tasks.worker import main as do
+    """Do jobs of a plan in a root, one after the other until one fails; `render:1-9:2` is every second."""
+    tasks = [f"{stage}{colon}{frames.replace(':', 'x')}" for stage, colon, frames in map(_parted, jobs)]
+    return do(Path(root), Path(plan), tasks)
 
-    plan_file = Path(plan).absolute()
-    try:
-        os.chdir(root)
-    except OSError as error:
-        raise MissingInputError(f"{root}: this worker does not see the root ({error.strerror})") from None
-    for job in jobs:
-        task, _, frames = job.partition(":")
-        code = do(str(plan_file), f"{task}:{frames.replace(':', 'x')}" if frames else job, insist=True)
-        if code:
-            return code
-    return 0
+
+def _parted(job: str) -> tuple[str, str, str]:
+    return job.partition(":")
 
 
 if __name__ == "__main__":

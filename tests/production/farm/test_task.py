@@ -1,0 +1,45 @@
+"""Tasks of a render manager: parts of a frozen plan, in any order and side by side, without a lock."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+NAME = "T010_tiny"
+QUALITY = "draft.scale10"
+
+
+@pytest.fixture
+def plan(project):
+    done = project.run("--json", "export", "plan", NAME, "-f", "1-4", "-q", QUALITY, "-o", "job/plan.json")
+    assert done.code == 0, done.err
+    assert json.loads(done.out)["tasks"]["render"] == [1, 2, 3, 4]
+    return "job/plan.json"
+
+
+def test_tasks_side_by_side_make_the_frames_of_a_shot_and_its_movie(project, plan):
+    assert project.run("task", plan, "simulate", "smooth_normals", "frame_camera").code == 0
+    command = [sys.executable, "-m", "pipeline.cli", "task", plan]
+    renders = [subprocess.Popen([*command, f"render:{part}"], cwd=project.path) for part in ("1-2", "3,4")]
+    assert [render.wait(300) for render in renders] == [0, 0]
+    assert project.run("task", plan, "finish", "assemble").code == 0
+    made = project.path / "renders" / NAME / QUALITY
+    assert len([*(made / "frames").iterdir()]) == 4
+    left = project.run("--dry-run", "render", NAME, "-f", "1-4", "-q", QUALITY)
+    assert "Nothing to be done" in left.out
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "told"),
+    [
+        (("job/plan.json", "rendr:1"), 2, "has no stage 'rendr'. Did you mean 'render'?"),
+        (("job/plan.json", "render:3-9"), 2, "frames 5-9 are not in plan.json, which has 1-4"),
+        (("job/other.json", "render:1"), 3, "this worker does not see the plan"),
+        ((f"shots/{NAME}.yaml", "render"), 2, "it is no plan"),
+        (("--root", "nowhere", "job/plan.json", "simulate"), 3, "this worker does not see the root"),
+    ],
+)
+def test_a_task_that_cannot_be_done_is_told_in_one_line(project, plan, words, code, told):
+    done = project.run("task", *words)
+    assert done.code == code and told in done.err and done.err.count("\n") == 1
