@@ -1,19 +1,21 @@
 """The lights of a shot as UsdLux: softboxes, suns and what surrounds the scene.
 
-UsdLux says radiance as intensity times colour. A softbox is a rectangle whose radiance does not depend on its
-size, so it keeps its light where the stage is scaled.
+UsdLux says radiance as intensity times colour or, where `normalize` is set, as that over the area of a light
+in the scene. Softboxes are written so, with the area at each frame, because Blender 5.0 takes intensity for
+power.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
+from pipeline.dailies.interchange.usd_camera import sample
 from render.base.serialise import Colour, Triple
 from render.mitsuba.emitters import gradient_map
 from render.post.image import write_exr
@@ -42,16 +44,19 @@ def write_picture(path: Path, pixels: AnyArray) -> None:
     write_exr(path, RenderedFrame({"beauty": pixels}), {}, {"beauty": "float"})
 
 
-def add_lights(stage: Usd.Stage, home: str, turned: str, lights: LightRig, map_name: str) -> None:
+def add_lights(
+    stage: Usd.Stage, home: str, turned: str, lights: LightRig, sizes: Mapping[int, float], map_name: str
+) -> None:
     """Add the lights of a rig to a stage.
 
     home      path of the prim below which lights keep their place in the scene
     turned    path of the prim that carries the set, in stage units
+    sizes     scene units in a stage unit, by frame number
     map_name  the file of `sky_map`, relative to the stage
     """
     names: set[str] = set()
     for index, box in enumerate(lights.softboxes, 1):
-        _add_softbox(stage, f"{turned}/{_free(box.name or f'softbox{index}', names)}", box)
+        _add_softbox(stage, f"{turned}/{_free(box.name or f'softbox{index}', names)}", box, sizes)
     for sun in lights.suns:
         _add_sun(stage, f"{turned}/{_free('sun', names)}", sun)
     if lights.daylight is not None:
@@ -60,13 +65,16 @@ def add_lights(stage: Usd.Stage, home: str, turned: str, lights: LightRig, map_n
     _add_dome(stage, f"{home}/sky", lights, map_name)
 
 
-def _add_softbox(stage: Usd.Stage, path: str, box: Softbox) -> None:
+def _add_softbox(stage: Usd.Stage, path: str, box: Softbox, sizes: Mapping[int, float]) -> None:
     from pxr import Gf, UsdGeom, UsdLux
 
     light = UsdLux.RectLight.Define(stage, path)
     light.CreateWidthAttr(box.width)
     light.CreateHeightAttr(box.height)
-    _set_colour(light, box.radiance)
+    light.CreateNormalizeAttr(True)
+    brightest = _set_colour(light, box.radiance)
+    area = box.width * box.height
+    sample(light.GetIntensityAttr(), {n: brightest * area * size**2 for n, size in sizes.items()})
     matrix = facing(box.position, np.subtract(box.target, box.position))
     UsdGeom.Xformable(light).AddTransformOp().Set(Gf.Matrix4d(matrix.tolist()))
 
@@ -102,13 +110,14 @@ def _add_dome(stage: Usd.Stage, path: str, lights: LightRig, map_name: str) -> N
         UsdGeom.Xformable(light).AddRotateYOp().Set(180.0 + math.degrees(lights.environment.turn))
 
 
-def _set_colour(light: Any, radiance: Colour) -> None:
-    """Set intensity and colour of a light; the colour's largest component is 1."""
+def _set_colour(light: Any, radiance: Colour) -> float:
+    """Set intensity and colour of a light; the colour's largest component is 1. Return the intensity."""
     from pxr import Gf
 
     brightest = max(*radiance, 1e-9)
     light.CreateIntensityAttr(brightest)
     light.CreateColorAttr(Gf.Vec3f(*(part / brightest for part in radiance)))
+    return brightest
 
 
 def facing(position: Triple, direction: Sequence[float] | Floats) -> Floats:

@@ -140,7 +140,8 @@ def _add_set(stage: Usd.Stage, home: str, content: StageContent) -> None:
     matrices = {n: Gf.Matrix4d(f.placement.matrix().T.tolist()) for n, f in content.framings.items()}
     sample(placed.GetAttr(), matrices)
     UsdGeom.Scope.Define(stage, f"{home}/set/lights")
-    add_lights(stage, home, f"{home}/set/lights", picture.lights, content.sky)
+    sizes = {number: framing.placement.size for number, framing in content.framings.items()}
+    add_lights(stage, home, f"{home}/set/lights", picture.lights, sizes, content.sky)
     if picture.stage.kind != "none" and not picture.stage.shadow_catcher:
         _add_floor(stage, home, picture.stage)
 

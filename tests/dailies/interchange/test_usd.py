@@ -205,8 +205,9 @@ def test_softboxes_keep_their_place_size_and_radiance(root, stage):
     placement = request.framings(project.store)[2].placement
     for box in request.shot.picture.lights.softboxes:
         light = UsdLux.RectLight(stage.GetPrimAtPath(f"/{NAME}/set/lights/{box.name}"))
-        radiance = light.GetIntensityAttr().Get() * np.array(light.GetColorAttr().Get())
-        assert np.allclose(radiance, box.radiance, rtol=1e-6) and not light.GetNormalizeAttr().Get()
+        power = light.GetIntensityAttr().Get(2.0) * np.array(light.GetColorAttr().Get())
+        area = box.width * box.height * placement.size**2
+        assert np.allclose(power / area, box.radiance, rtol=1e-5) and light.GetNormalizeAttr().Get()
         matrix = np.array(UsdGeom.Xformable(light).ComputeLocalToWorldTransform(2.0))
         place = placement.matrix() @ [*box.position, 1.0]
         towards = placement.matrix() @ [*np.subtract(box.target, box.position), 0.0]
