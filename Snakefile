@@ -70,6 +70,7 @@ rule simulate:
     threads: lambda w: plan.threads("simulate", w)
     resources:
         mem_mb=lambda w, attempt: plan.memory("simulate", w) * attempt,
+        runtime=lambda w, attempt, threads: plan.minutes("simulate", w, threads, attempt),
     params:
         job=lambda w, output: plan.words("simulate", w),
     message:
@@ -129,6 +130,7 @@ rule render:
     resources:
         mem_mb=lambda w, attempt: plan.memory("render", w) * attempt,
         runtime=lambda w, attempt, threads: plan.minutes("render", w, threads, attempt),
+        gpu=lambda w: plan.gpus("render", w),
     params:
         job=lambda w, output: plan.words("render", w),
     message:
@@ -149,6 +151,7 @@ rule finish:
     threads: lambda w: plan.threads("finish", w)
     resources:
         mem_mb=lambda w, attempt: plan.memory("finish", w) * attempt,
+        runtime=lambda w, attempt, threads: plan.minutes("finish", w, threads, attempt),
     params:
         job=lambda w, output: plan.words("finish", w),
     message:

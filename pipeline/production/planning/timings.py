@@ -128,6 +128,9 @@ _TIME_MARGIN = 4.0
 START_MINUTES = 10
 """Time to begin: compiled kernels, a renderer's first frame, a busy disk."""
 
+UNMEASURED_MINUTES = 240
+"""Time limit of a farm's job of which nothing is known; `set-resources` of a profile sets another."""
+
 
 @dataclass(frozen=True)
 class MeasuredResources:
