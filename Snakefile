@@ -70,7 +70,9 @@ rule simulate:
     threads: lambda w: plan.threads("simulate", w)
     resources:
         mem_mb=lambda w, attempt: plan.memory("simulate", w) * attempt,
-        runtime=lambda w, attempt, threads: plan.minutes("simulate", w, threads, attempt),
+        runtime=lambda w, attempt, threads: plan.minutes(
+            "simulate", w, threads, attempt
+        ),
     params:
         job=lambda w, output: plan.words("simulate", w),
     message:
