@@ -9,11 +9,13 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from pxr import Usd, UsdGeom
 
 from pipeline.production.execution.project import Project
 from pipeline.production.store.readers import read_npz
+from render.post.image import read_exr
 from tests.conftest import commanded
 from tests.dailies.review.studio import simulated
 
@@ -33,6 +35,19 @@ resample: {max_edge_length: 0.4}
 flows:
   - lorenz: {scale: 16, time_scale: {keys: {1: 0, 20: 0.25, 40: 0.1, 100: 0.1, 120: 0}}}
 camera: {azimuth: {keys: {1: -30, 120: 20}}, elevation: 14, focal_length: 50, aperture: 2}
+"""
+SPUN = """\
+title: A box, thrown
+frames: 1-8
+subject: {solid: box, size: [2, 2, 2]}
+resample: {max_edge_length: 0.1}
+flows:
+  - twist: {axis: y, amount: {ease: linear, keys: {1: 0, 8: 60}}}
+  - rotation: {axis: z, speed: 300}
+camera: {azimuth: -30, elevation: 14, follow: 0}
+shutter: {angle: 180}
+look: clay
+quality: {draft: {samples: 16, temporal_denoise: 0}}
 """
 
 
@@ -98,3 +113,22 @@ def test_blender_reads_the_ply_with_velocities_and_rest_positions(root, tmp_path
     rest = np.hstack([read[f"1.rest_{axis}"] for axis in "xyz"])
     assert np.array_equal(rest, stored["attribute:rest"].astype(np.float32))
     assert np.abs(np.hstack([read[f"1.velocity_{axis}"] for axis in "xyz"])).max() > 0.1
+
+
+def test_cycles_renders_an_exported_frame_as_we_do_blurred_by_motion(tmp_path, monkeypatch):
+    simulated(tmp_path, SPUN)
+    monkeypatch.chdir(tmp_path)
+    for words in (("export", "usd", NAME), ("render", NAME, "-f", "5", "-q", "draft")):
+        code, said = commanded(tmp_path, *words)
+        assert code == 0, said
+    home, theirs = tmp_path / "renders" / NAME, tmp_path / "cycles.exr"
+    words = [str(home / "usd" / f"{NAME}.usda"), "5", "480", "270", "16", "0.5", str(theirs)]
+    command = [sys.executable, "-P", str(Path(__file__).with_name("blender_render.py")), *words]
+    environment = {**os.environ, "PYTHONPATH": str(BLENDER)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600)
+    assert theirs.is_file(), done.stdout + done.stderr
+    ours = read_exr(home / "draft" / "frames" / f"{NAME}.0005.exr")[0]["beauty"]
+    pixels = oiio.ImageBuf(str(theirs)).get_pixels(oiio.FLOAT)[..., :3]
+    assert np.allclose(ours.mean(axis=(0, 1)), pixels.mean(axis=(0, 1)), rtol=0.02)
+    apart = np.abs(ours - pixels).mean(axis=2) / (ours.mean(axis=2) + 0.05)
+    assert np.median(apart) < 0.03 and np.quantile(apart, 0.98) < 0.15
