@@ -20,7 +20,7 @@ from pipeline.production.execution.project import Project
 from pipeline.production.store.locks import exclusive, lock_name, making, of_key, writing
 
 NAMES = ("T010_tiny", "T020_other")
-QUALITY = "draft"
+QUALITY = "draft.scale10"
 
 
 def names(shot: str, quality: str = "draft") -> dict[str, str]:
@@ -123,7 +123,7 @@ def test_whoever_waits_goes_on_once_the_other_has_ended(tmp_path: Path) -> None:
 def test_a_plan_locks_the_shots_that_it_writes(project: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(project.path)
     made = Project(project.path, 2)
-    assert made.film(QUALITY).lock_names == {"T010_tiny.draft": "T010_tiny at draft"}
+    assert made.film("draft").lock_names == {"T010_tiny.draft": "T010_tiny at draft"}
     assert made.meshes([NAMES[0]]).lock_names == {"T010_tiny.meshes": "the meshes of T010_tiny"}
 
 
@@ -190,7 +190,7 @@ def killed(project: Any, kills: int, seconds: tuple[float, float]) -> None:
 @pytest.mark.parametrize("kills", [2, pytest.param(20, marks=pytest.mark.soak)])
 def test_two_runs_killed_side_by_side_again_and_again_make_the_same_bits(project: Any, kills: int) -> None:
     two_shots(project)
-    killed(project, kills, (0.5, 10.0))
+    killed(project, kills, (0.5, 6.0))
     runs = [render(project, name) for name in NAMES]
     for run in runs:
         out, err = run.communicate(timeout=300)
