@@ -11,6 +11,8 @@ import pytest
 
 from pipeline.production.store.remote_url import VARIABLE
 from pipeline.production.store.uploads import missed_uploads
+from tests.conftest import commanded
+from tests.production.snakemake import snakemake
 from tests.production.store.s3 import BUCKET
 
 THREE = ("render", "T010_tiny", "-f", "1-3", "--scale", "10%")
@@ -48,6 +50,26 @@ def test_a_film_that_is_pushed_is_made_nowhere_again(project, finished, s3):
     assert [row["done"] for row in rows if row["what"] == "draft"] == [[1, 2, 3, 4, 5, 6]]
 
 
+def test_commands_tell_what_is_wrong_with_the_remote_store(tmp_path, s3, monkeypatch):
+    monkeypatch.setenv(VARIABLE, "")  # which commands set, and pytest sets back
+    code, said = commanded(tmp_path, "push")
+    assert code == 2 and "there is no remote store; name one by --store" in said
+    code, said = commanded(tmp_path, "push", "--store", "s3://nowhere/show")
+    assert code == 4 and said.startswith("s3://nowhere/show: no such bucket or folder")
+    code, said = commanded(tmp_path, "status", "--store", "s4://bucket")
+    assert code == 2 and "s4:// is not known" in said
+
+
+@pytest.mark.soak
+def test_snakemake_alone_takes_what_the_remote_store_has(project, finished, s3, monkeypatch):
+    monkeypatch.setenv(VARIABLE, f"s3://{BUCKET}/{uuid.uuid4().hex}")
+    assert finished.run("push").code == 0
+    done = snakemake(project.path)
+    assert done.returncode == 0, done.stdout
+    assert "Nothing to be done" in done.stdout
+    assert pictures(project) == pictures(finished)
+
+
 @pytest.mark.soak
 def test_what_one_root_rendered_another_shows_to_the_bit_and_renders_nothing(roots, s3):
     ours, theirs, _ = roots
@@ -64,6 +86,7 @@ def test_what_one_root_rendered_another_shows_to_the_bit_and_renders_nothing(roo
     assert not any(secret in again.err + done.err for secret in ("AKIA", "a-secret"))
 
 
+@pytest.mark.soak
 def test_a_bucket_that_is_missing_fails_no_run_and_the_next_one_uploads(roots, s3, monkeypatch):
     ours, theirs, url = roots
     monkeypatch.setenv(VARIABLE, "s3://nowhere/show")
