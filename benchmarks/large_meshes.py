@@ -1,4 +1,4 @@
-"""`python -m benchmarks.large_meshes [KIND …] [--of FOLDER]`: the commands at a million vertices.
+"""`python -m benchmarks.large_meshes [KIND …] [COMMAND …] [--of FOLDER]`: commands at a million vertices.
 
 For each kind of input, `flowsculpt simulate` makes six frames, `flowsculpt preview` draws them and
 `flowsculpt render -q draft -f 1` renders the first, in a folder of their own. A row has the time by the clock
@@ -55,22 +55,22 @@ INTERVAL = 0.005
 """Seconds between two looks at the memory of all processes."""
 
 
-def main(kinds: Sequence[str], checkout: Path) -> None:
+def main(kinds: Sequence[str], commands: Sequence[Sequence[str]], checkout: Path) -> None:
     """Measure the kinds and print the rows."""
-    rows = [row for kind in kinds for row in measure(kind, checkout)]
+    rows = [row for kind in kinds for row in measure(kind, commands, checkout)]
     keep("large_meshes", rows)
     show("Commands at a million vertices", rows)
 
 
-def measure(kind: str, checkout: Path) -> Iterator[Row]:
-    """Yield a row for each command."""
+def measure(kind: str, commands: Sequence[Sequence[str]], checkout: Path) -> Iterator[Row]:
+    """Yield a row for each command; the first one simulates."""
     subject, edge, more = KINDS[kind]
     with tempfile.TemporaryDirectory() as folder:
         shots = Path(folder) / "shots"
         shots.mkdir()
         for name, length in (("small", SMALLER * edge), ("large", edge)):
             (shots / f"{name}.yaml").write_text(SHOT.format(subject=subject, edge=length, more=more))
-        for command in COMMANDS:
+        for command in commands:
             small = run(checkout, Path(folder), command, "small")
             large = run(checkout, Path(folder), command, "large")
             files = sorted(Path(folder, "renders/large/meshes").glob("*.npz"))
@@ -110,4 +110,5 @@ def run(checkout: Path, root: Path, command: Sequence[str], shot: str) -> dict[s
 if __name__ == "__main__":
     given = sys.argv[1:]
     of = Path(given[given.index("--of") + 1]) if "--of" in given else Path(__file__).parent.parent
-    main([kind for kind in given if kind in KINDS] or list(KINDS), of.resolve())
+    chosen = [command for command in COMMANDS if command[0] in given]
+    main([kind for kind in given if kind in KINDS] or list(KINDS), chosen or COMMANDS, of.resolve())

@@ -34,7 +34,7 @@ class MeshStatistics:
     crossings: int | None
 
 
-_PARTS = 4
+_EDGE_PARTS, _BUCKET_PARTS = 2, 4
 """Parts in which a large mesh is looked through: more take less memory, and more passes over its faces."""
 
 _MATCHED_TOGETHER = 1 << 18
@@ -57,7 +57,7 @@ def mesh_statistics(mesh: TriangleMesh, count_crossings: bool = True) -> MeshSta
 def _median_dihedral(mesh: TriangleMesh) -> float:
     """Return the median inner angle, by the median cosine; π where no faces meet."""
     cosines, edges = np.empty(3 * len(mesh.faces) // 2), 0
-    together = max(_MATCHED_TOGETHER, -(-len(mesh.vertices) // _PARTS))
+    together = max(_MATCHED_TOGETHER, -(-len(mesh.vertices) // _EDGE_PARTS))
     for first in range(0, len(mesh.vertices), together):
         begins = np.empty(min(together, len(mesh.vertices) - first) + 1, np.int32)
         ascending = np.empty(2 * count_ascending(mesh.faces, first, begins), np.int32)
@@ -138,7 +138,7 @@ def self_intersections(mesh: TriangleMesh) -> int:
     cell = max(_CELL * float(np.median(extents)), float(extents.max()) / 32, 1e-300)
     del extents
     buckets = 1 << int(2 * len(faces) - 1).bit_length()
-    filled, crossings = min(buckets, max(_BUCKETS, buckets // _PARTS)), 0
+    filled, crossings = min(buckets, max(_BUCKETS, buckets // _BUCKET_PARTS)), 0
     for first in range(0, buckets, filled):
         ends = np.zeros(filled + 2, np.int32)
         fill_grid(boxes, cell, buckets, first, ends, np.empty(0, np.int32))

@@ -124,14 +124,25 @@ def _sorted_pairs(pairs: ArrayLike | None, vertices: int) -> Indices:
 
 
 def frozen(values: ArrayLike, kind: type | None = None) -> AnyArray:
-    """Return a read-only array in C order: a copy, or the array itself if it owns its data and is read-only.
+    """Return a read-only array in C order: a copy, or the array itself if nobody can write to its data.
 
     Whoever made such an array must not write into it again.
     """
     if type(values) is np.ndarray and values.dtype == (kind or values.dtype):
-        flags = values.flags
-        if flags.owndata and flags.c_contiguous and not flags.writeable:
+        owner = _owner(values)
+        is_read_only = owner.flags.owndata and not owner.flags.writeable and not values.flags.writeable
+        if is_read_only and values.flags.c_contiguous and owner.nbytes == values.nbytes:
             return values
     array = np.array(values, dtype=kind, order="C")
     array.flags.writeable = False
     return array
+
+
+def freeze(values: AnyArray) -> None:
+    """Make an array, and the one whose data it shows, read-only, so that a mesh takes it without a copy."""
+    values.flags.writeable = _owner(values).flags.writeable = False
+
+
+def _owner(values: AnyArray) -> AnyArray:
+    """Return the array that an array shows in another shape, or the array itself."""
+    return values.base if isinstance(values.base, np.ndarray) else values

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, icosphere
+from pipeline.mesh.triangle_mesh import freeze
 
 
 def test_arrays_of_a_mesh_are_taken_into_others_without_a_copy() -> None:
@@ -31,6 +32,16 @@ def test_what_may_change_or_is_of_another_kind_is_copied(kind: str) -> None:
     assert np.array_equal(mesh.vertices, expected)
     assert mesh.vertices.flags.c_contiguous and not mesh.vertices.flags.writeable
     assert mesh.vertices.dtype == np.float64 and mesh.vertices.dtype.isnative
+
+
+def test_a_frozen_array_in_another_shape_is_taken_without_a_copy_and_a_part_of_one_is_copied() -> None:
+    ball = icosphere(2)
+    flat = ball.vertices.ravel().copy()
+    given = flat.reshape(-1, 3)
+    freeze(given)
+    assert not flat.flags.writeable and TriangleMesh(given, ball.faces).vertices is given
+    part = TriangleMesh(np.vstack([given, given]), ball.faces).vertices[: len(given)]
+    assert not np.shares_memory(TriangleMesh(part, ball.faces).vertices, part)
 
 
 def test_a_snapshot_stays_what_it_was() -> None:

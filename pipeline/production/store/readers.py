@@ -60,10 +60,14 @@ def arrays(key: Key) -> Callable[[Path], dict[str, AnyArray]]:
 def mesh_frame(key: Key) -> Callable[[Path], MeshFrame]:
     """Return a reader of the mesh frame of `key`."""
     from pipeline.animation import MeshFrame
+    from pipeline.mesh.triangle_mesh import freeze
 
     def read(path: Path) -> MeshFrame:
+        named = arrays(key)(path)
+        for values in named.values():
+            freeze(values)
         try:
-            return MeshFrame.from_arrays(arrays(key)(path))
+            return MeshFrame.from_arrays(named)
         except (UsageError, MeshError) as error:
             raise CorruptFileError(f"{path}: {error}") from error
 
