@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from pipeline.animation.fit_remedy import fit_remedy, is_usual_size
-from pipeline.animation.frame import MATERIAL, FrameReport, Mesh, MeshFrame, material_of, with_material
+from pipeline.animation.frame import MATERIAL, FrameReport, Mesh, MeshFrame, with_material
 from pipeline.arrays import AnyArray, Floats, Vectors
 from pipeline.errors import FlowsculptError, FrameError, UsageError, VertexBudgetError
 from pipeline.flow import Displacement, Flow, as_flow
@@ -85,8 +85,9 @@ class MovingSurface:
         points.flags.writeable = False  # so that the mesh takes the array itself
         self._mesh = self._mesh.with_vertices(points)
 
-    def frame(self, number: int) -> MeshFrame:
-        """Return the surface as frame `number`."""
+    def frame(self, number: int, ready: Callable[[], None] = lambda: None) -> MeshFrame:
+        """Return the surface as frame `number`; `ready` is called before its arrays are copied."""
+        ready()
         report = _report(self._motion, number, self._mesh, None)
         frame = MeshFrame(number, self._mesh, report, lattice=self._lattice)
         if self._register is None:
@@ -126,8 +127,10 @@ class _ResampledSurface(MovingSurface, Generic[R]):
 class PolygonSurface(_ResampledSurface[PolyhedralResampler]):
     """A surface of polygons (P16); frames show it as triangles."""
 
-    def frame(self, number: int) -> MeshFrame:
-        report, polygons = self._resample(number), self._resampler.mesh
+    def frame(self, number: int, ready: Callable[[], None] = lambda: None) -> MeshFrame:
+        report = self._resample(number)
+        ready()
+        polygons = self._resampler.mesh
         mesh = polygons.triangulated()
         return MeshFrame(number, mesh, _report(self._motion, number, mesh, report), polygons)
 
@@ -135,14 +138,19 @@ class PolygonSurface(_ResampledSurface[PolyhedralResampler]):
 class TriangleSurface(_ResampledSurface[Resampler]):
     """A surface of triangles."""
 
-    def frame(self, number: int) -> MeshFrame:
+    def frame(self, number: int, ready: Callable[[], None] = lambda: None) -> MeshFrame:
         report, resampler = self._resample(number), self._resampler
+        ready()
+        self._renew_rest(number)
         mesh = resampler.mesh
         frame_report = _report(self._motion, number, mesh, report)
         given, unsorted = resampler.identities, resampler.unsorted
         return MeshFrame(
             number, mesh, frame_report, births=resampler.births, identities=given, unsorted=unsorted
         )
+
+    def _renew_rest(self, number: int) -> None:
+        """Make the present surface the one at rest, where a rest interval ends; others have none."""
 
 
 class ExactSurface(TriangleSurface):
@@ -167,20 +175,15 @@ class ExactSurface(TriangleSurface):
                 normals[block] = carried_normals(move, before, points[block], normals[block], apart)
         self._interval.history.add(step)
 
-    def _resample(self, number: int) -> Report:
-        report = super()._resample(number)
-        if number == self._interval.end:
-            self._renew()
-        return report
-
-    def _renew(self) -> None:
-        """Make the present surface the surface at rest."""
+    def _renew_rest(self, number: int) -> None:
+        if number != self._interval.end:
+            return
         self._interval, resampler = self._interval.next(), self._resampler
-        mesh = resampler.mesh
-        material = material_of(mesh)
-        resampler.set_attributes(
-            **{REST: mesh.vertices, REST_NORMAL: vertex_normals(mesh), MATERIAL: material}
-        )
+        rest = resampler.vectors(REST)
+        if rest is not None and resampler.vectors(MATERIAL) is None:
+            resampler.set_attributes(**{MATERIAL: rest})
+        normals = vertex_normals(resampler.bare_mesh)
+        resampler.set_attributes(**{REST: resampler.vertices, REST_NORMAL: normals})
         resampler.placement = self._interval.placement
 
 
@@ -195,13 +198,17 @@ def _statistics(mesh: TriangleMesh, count_crossings: bool) -> MeshStatistics | N
 
 
 def animate(
-    shot: Shot | Motion, resume: MeshFrame | None = None, flow: Flow | Displacement | None = None
+    shot: Shot | Motion,
+    resume: MeshFrame | None = None,
+    flow: Flow | Displacement | None = None,
+    ready: Callable[[], None] = lambda: None,
 ) -> Iterator[MeshFrame]:
     """Yield the shot's frames in order: each moved by the flow for one frame, then resampled once (P6).
 
     The first frame is the subject at rest, resampled only. With `resume`, yields the frames after that one,
     with the same bits as an uninterrupted run. `flow` replaces the shot's own: any callable `points, time, dt
-    -> points` (P1).
+    -> points` (P1). `ready` is called before the arrays of each frame are copied: who still holds those of
+    the frame before may free them first.
 
     Raises FrameError, with its `frame`, where the flow fails or the surface cannot be resampled; the frames
     before it have been yielded. MeshError and MissingInputError for an unusable subject.
@@ -211,14 +218,14 @@ def animate(
     if resume is None:
         number = motion.frames.first
         surface = at_rest(motion, acting)
-        yield surface.frame(number)
+        yield surface.frame(number, ready)
     else:
         number = resume.number
         surface = resumed(motion, acting, resume)
         del resume  # its arrays are copied, and take memory while frames are computed
     for frame in range(number + 1, motion.frames.last + 1):
         surface.move(step_into(motion, acting, frame))
-        yield surface.frame(frame)
+        yield surface.frame(frame, ready)
 
 
 def at_rest(motion: Motion, flow: Flow) -> MovingSurface:

@@ -66,10 +66,13 @@ class _VertexSample(NamedTuple):
 
 
 def animate_reporting(
-    shot: Shot, resume: MeshFrame | None, callback: FrameProgressCallback
+    shot: Shot,
+    resume: MeshFrame | None,
+    callback: FrameProgressCallback,
+    ready: Callable[[], None] = lambda: None,
 ) -> Iterator[MeshFrame]:
-    """Yield the frames of `animate`, and report the progress within each that takes long."""
-    motion, frames, told = shot.motion, animate(shot, resume), set[str]()
+    """Yield the frames of `animate`, which calls `ready`; report the progress within each that takes long."""
+    motion, frames, told = shot.motion, animate(shot, resume, ready=ready), set[str]()
     number = motion.frames.first if resume is None else resume.number + 1
     before = None if resume is None else _VertexSample.of(resume.mesh.vertices)
     del resume  # a frame that its taker has dropped takes no memory while the next one is computed

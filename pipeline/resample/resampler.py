@@ -100,6 +100,11 @@ class Resampler:
         return self._mesh.snapshot()
 
     @property
+    def bare_mesh(self) -> TriangleMesh:
+        """The surface as a value without its attributes and creases, which takes less memory."""
+        return TriangleMesh(self._mesh.vertices, self._mesh.faces)
+
+    @property
     def births(self) -> AnyArray | None:
         """int64 (N, 3) of the last `resample`, in order: the identities of each new vertex and its parents.
 

@@ -51,10 +51,11 @@ def simulate(context: Context) -> bool:
     return_freed_memory()
     last, resume = max(missing), _last_before(context, min(missing))
     begins = resume is None
-    frames = animate_reporting(request.shot, resume, partial(_report_progress, context))
-    del resume  # the generator drops it too, once the simulation has begun
     try:
         with _FrameWriter(context, missing) as writer:
+            report = partial(_report_progress, context)
+            frames = animate_reporting(request.shot, resume, report, writer.wait)
+            del resume  # the generator drops it too, once the simulation has begun
             for frame in frames:
                 if begins:
                     _tell_notes(context)
@@ -90,11 +91,11 @@ class _FrameWriter:
     ) -> None:
         """Wait for the frame that is being written; raise its error, even where the next frame failed too."""
         self._pool.shutdown()
-        self._wait()
+        self.wait()
 
     def take(self, frame: MeshFrame) -> None:
         """Begin to store a frame, once the one before is stored. Raises MachineError where that failed."""
-        self._wait()
+        self.wait()
         context, now = self._context, time.perf_counter()
         number, arrays, seconds = frame.number, None, now - self._began
         if not context.has("mesh", context.request.mesh_key(number)) and self._is_stored(frame, now):
@@ -119,7 +120,8 @@ class _FrameWriter:
             context.report(number, arrays is None, seconds + time.perf_counter() - started)
             self._missing.discard(number)
 
-    def _wait(self) -> None:
+    def wait(self) -> None:
+        """Wait until no frame is being stored, so that it takes no memory. Raises MachineError."""
         if self._writing is not None:
             writing, self._writing = self._writing, None
             writing.result()
