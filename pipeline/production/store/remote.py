@@ -48,8 +48,8 @@ PATIENCE = 5.0
 FIRST_PAUSE = 0.25
 """Seconds before the second try; each further pause is twice as long."""
 
-REQUEST_SECONDS = 120.0
-"""Seconds that one request may take, the transfer of a file too."""
+REQUEST_SECONDS = 300.0
+"""Seconds that one request may take, the transfer of a file too: of 900 MB at 3 MB/s."""
 
 SILENT_SECONDS = 60.0
 """Seconds for which a remote store that failed is left alone; twice as many each further time, up to
