@@ -1,4 +1,4 @@
-"""One mesh frame as other programs get it: points, faces, normals, velocities, rest positions and colours."""
+"""Mesh frames for other programs: from the store, with normals, velocities, rest positions and colours."""
 
 from __future__ import annotations
 
@@ -8,17 +8,25 @@ import numpy as np
 
 from pipeline.animation import MeshFrame, material_of
 from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
+from pipeline.errors import FrameError
 from pipeline.mesh.identity import IDENTITY
 from pipeline.mesh.normals import ShadedMesh
 from pipeline.production.render_inputs.shading import (
+    STEP,
     Shading,
+    flow_cache_data,
     flow_motion,
     is_cloud,
     radii,
     vertex_motion,
 )
 from pipeline.production.request.keys import thresholds_at
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.stages import EXPORT
+from pipeline.production.store import readers
+from pipeline.production.store.store import Key, Store, key_of
 from pipeline.shot import Shot
+from render.base.serialise import to_plain
 from render.scene.materials import Material, PatternedMaterial
 from render.scene.measure import SPEED
 from render.scene.surface import Surface
@@ -171,3 +179,27 @@ def _width_to_height(look: Material) -> float:
         return 1.0
     height, width = texture.pixels().shape[:2]
     return width / height
+
+
+def frame_key(request: RenderRequest, number: int) -> Key:
+    """Return the key of an exported frame: its mesh, the flow around it, and what colours its vertices."""
+    motion, look = request.shot.motion, request.shot.picture.look
+    return key_of(
+        EXPORT.recipe,
+        request.normals_key(number),
+        flow_cache_data(motion, number, (-STEP, STEP)),
+        str(motion.rate),
+        to_plain(look) if has_colours(look) or look.texture_projection else None,
+    )
+
+
+def stored_frame(request: RenderRequest, store: Store, number: int) -> ExportedFrame:
+    """Return a frame of a shot for other programs, from the store.
+
+    Raises FrameError where its mesh is missing or damaged, and what `exported_frame` raises.
+    """
+    key = request.mesh_key(number)
+    if not store.holds("mesh", key):
+        raise FrameError("it was not simulated, so it is not exported", number)
+    frame = store.read("mesh", key, request.place("mesh", number), readers.mesh_frame(key))
+    return exported_frame(request.shot, frame)

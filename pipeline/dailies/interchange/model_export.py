@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from pipeline.dailies.interchange.exported_frame import ExportedFrame
-from pipeline.dailies.interchange.frame_source import frame_key, stored_frame
+from pipeline.dailies.interchange.exported_frame import ExportedFrame, frame_key, stored_frame
 from pipeline.dailies.interchange.keyed_files import KeyedFiles
 from pipeline.dailies.interchange.mesh_files import write_glb, write_obj, write_ply
 from pipeline.dailies.interchange.print_model import LONGEST_SIDE, PrintReport, print_model

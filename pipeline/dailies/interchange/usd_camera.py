@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class CameraSettings(NamedTuple):
-    """What a camera has besides its place, for all frames.
+    """Settings of a camera that hold for all frames.
 
     aspect        width to height of the picture
     sensor_width  millimetres

@@ -17,8 +17,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.dailies.interchange.exported_frame import colour_texture, has_colours
-from pipeline.dailies.interchange.frame_source import frame_key, stored_frame
+from pipeline.dailies.interchange.exported_frame import colour_texture, frame_key, has_colours, stored_frame
 from pipeline.dailies.interchange.keyed_files import KeyedFiles
 from pipeline.dailies.interchange.usd_clips import (
     SCULPTURE,

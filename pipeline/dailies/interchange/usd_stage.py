@@ -34,7 +34,7 @@ METRE = 1.0
 
 @dataclass(frozen=True, eq=False)
 class StageContent:
-    """What a root stage shows.
+    """Content of a root stage.
 
     framings    camera and place of the set, by the number of each exported frame, in ascending order
     shutters    opening and closing by frame number, in frames from the frame; None without motion blur
