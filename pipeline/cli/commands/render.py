@@ -25,15 +25,17 @@ from pipeline.cli.options import (
     shots_argument,
 )
 from pipeline.cli.output import duration, err, exit_with, print_result, print_warning
+from pipeline.dailies.delivery.timeline_import import SUFFIX, ImportedEdit
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.planning.estimate import estimate, typical_seconds
 from pipeline.production.planning.forecast import Forecast
 from pipeline.production.planning.plan import Plan
-from pipeline.production.request.lookup import FILM, find_edit
+from pipeline.production.request.lookup import FILM, SHOTS, find_edit, shot_names
 from pipeline.production.request.render_request import FORMS
 from pipeline.production.store.remote_url import VARIABLE
 from pipeline.production.store.store import Store
+from render.base.atomic_write import atomic_write
 from render.base.plural import plural
 from render.scene.quality import DEFAULT_QUALITY
 
@@ -145,15 +147,39 @@ def film(
     variant: Variant = None,
     layers: Layers = None,
     force: Force = False,
+    timeline: Annotated[
+        Path | None,
+        typer.Option("--edit", metavar="FILE", help="A timeline (.otio) to cut the film by; see below."),
+    ] = None,
 ) -> None:
     """Render every shot of an edit and cut them into a film.
 
     `flowsculpt film` renders shots/film.yaml to renders/film/draft/film.mp4; `flowsculpt film showreel -q
     final` renders shots/showreel.yaml to renders/film/final/showreel.mp4. `--set` holds for every shot.
+
+    `flowsculpt film --edit cut.otio` takes the cut of an editing program: it writes shots/cut.yaml, with the
+    clips, dissolves, cards and sound of the OpenTimelineIO file, and renders that. Clips are shots by their
+    own names or by those of their media.
     """
     project = options.project(common, variant).with_layers(layers)
+    if timeline is not None:
+        edit = _written_edit(common, timeline)
     project = project.forcing("render") if force else project
     execute_and_report(common, lambda: project.film(quality, find_edit(edit)))
+
+
+def _written_edit(common: Common, timeline: Path) -> str:
+    """Write the edit of a timeline beside the shots; return its path."""
+    if timeline.suffix != SUFFIX:
+        raise UsageError(f"--edit {timeline}: a timeline's name ends in {SUFFIX}; export one as that")
+    imported = ImportedEdit(timeline, shot_names(), SHOTS)
+    text = imported.text()
+    if common.dry_run and not imported.target.exists():
+        raise UsageError(f"--dry-run: {imported.target} is not written yet; call film --edit once without it")
+    if not common.dry_run:
+        with atomic_write(imported.target) as draft:
+            draft.write_text(text, encoding="utf-8")
+    return str(imported.target)
 
 
 def simulate(common: Common, shots: Shots, options: ShotOptions, frames: Frames = None) -> None:
