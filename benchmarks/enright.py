@@ -1,8 +1,8 @@
 """`python -m benchmarks.enright`: a sphere stretched to a thin sheet and back, 150 frames.
 
 Each row is the film with one placement, or with one of the installed remeshers, at half time and at the end.
-Distances are rms in maximum edge lengths, of the vertices, and of vertices and face centres together; seconds
-are of all frames so far.
+Distances are rms in maximum edge lengths, of the vertices, and of vertices and face centres together; CPU
+seconds are of all frames so far.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """`python -m benchmarks.films`: two films with every placement, against the exact surface.
 
-Each row is a film resampled in every frame. `resampling` and `carrying` are seconds of all frames; distances
-are rms over vertices and face centres of the last frame, in maximum edge lengths.
+Each row is a film resampled in every frame. `resampling` and `carrying` are CPU seconds of all frames;
+distances are rms over vertices and face centres of the last frame, in maximum edge lengths.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ PLACEMENTS = ("chord", "curved", "exact")
 class Moment:
     """One frame: the surface moved but not resampled, and a function that resamples it.
 
-    seconds, carrying  of all frames so far; carrying is not part of the seconds
+    seconds, carrying  CPU seconds of all frames so far; carrying is not part of the seconds
     """
 
     number: int
@@ -56,9 +56,9 @@ def play(
     for number in range(1, film.frames + 1):
         _move(film, resampler, number)
         before, carrier.frame, carried = resampler.mesh if looks(number) else None, number, carrier.seconds
-        start = time.perf_counter()
+        start = time.process_time()
         report = resampler.resample()
-        seconds += time.perf_counter() - start - (carrier.seconds - carried)
+        seconds += time.process_time() - start - (carrier.seconds - carried)
         yield Moment(number, before, lambda: resampler.mesh, report, seconds, carrier.seconds)
 
 
@@ -75,15 +75,15 @@ def _move(film: Film, resampler: Resampler, number: int) -> None:
 
 
 class _Carrier:
-    """Carries points from rest to the present frame, and counts the seconds of that."""
+    """Carries points from rest to the present frame, and counts the CPU seconds of that."""
 
     def __init__(self, film: Film) -> None:
         self._film, self.frame, self.seconds = film, 0, 0.0
 
     def carry(self, points: Points) -> Points:
-        start = time.perf_counter()
+        start = time.process_time()
         moved = self._film.follow(points, 0, self.frame)
-        self.seconds += time.perf_counter() - start
+        self.seconds += time.process_time() - start
         return moved
 
 
