@@ -45,7 +45,7 @@ class Exact(Placement):
     """New vertices on the exact surface: placed on the surface at rest, then carried to the present.
 
     carry         `rest_points (N, 3) -> (N, 3)`, their present positions; called once a round with all new
-                  points together, and again for the few that would fold and for normals
+                  points and those that carry their normals, and again for the few that would fold
     project       `rest_points (N, 3) -> (N, 3)`, the nearest points of the analytic surface at rest, if it is
                   known; without it new rest points lie on curved patches over the mesh at rest
     tags_creases  True: edges that are hard at rest, by their angle, are tagged as creases
