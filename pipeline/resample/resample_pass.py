@@ -38,6 +38,7 @@ from pipeline.resample.vertex_budget import require_room, require_room_for_area
 
 _MAX_PLACED = 16  # rounds of splits; an edge halved that often has been stretched 65,000-fold in one frame
 _MANY_FACES = 200_000  # from which on one compiled call may take over a second
+_ALL_UPRIGHT = "all upright"  # name of the mesh's mark
 _SLACK = 1.2  # times the maximum: the length an edge may have until `make_room` splits it
 _RINGS = (new_ring(), new_ring())
 _STACK: Indices = np.empty(MAX_STACK + 1, np.int32)
@@ -103,7 +104,7 @@ class ResamplePass:
         self.vertices, self.faces = (int(size) for size in mesh.sizes)  # before this pass
         self._dead = work_list(0), work_list(0)  # removed faces and vertices, still in the arrays
         # 1 if no face looked inwards at rest after the last pass: then only changed ones can
-        self._all_upright, self._tangled = mesh.scratch("all upright", 1), 0
+        self._all_upright, self._tangled = mesh.scratch(_ALL_UPRIGHT, 1), 0
 
     def find_edges(self) -> None:
         """Find the edges outside their limits, and those opposite clearly obtuse corners."""
@@ -307,6 +308,11 @@ def reset(changes: Changes) -> None:
         items[0] = 0
     changes.face_states.fill(0)
     changes.edge_states.fill(0)
+
+
+def forget_rest(mesh: HalfedgeMesh) -> None:
+    """Forget that no face looked inwards at rest: the surface at rest is another now."""
+    mesh.scratch(_ALL_UPRIGHT, 1)[0] = 0
 
 
 def not_finite(vertices: Points) -> FrameError:

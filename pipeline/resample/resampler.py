@@ -20,7 +20,7 @@ from pipeline.mesh.point_order import morton_order
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample.placement import Chord, Curved, Placement
 from pipeline.resample.quadrisection import quadrisect
-from pipeline.resample.resample_pass import Report, ResamplePass, changes_of, reset
+from pipeline.resample.resample_pass import Report, ResamplePass, changes_of, forget_rest, reset
 from pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Thresholds, TriangleShape
 
 Splits = Literal["edges", "faces"]
@@ -93,6 +93,7 @@ class Resampler:
     def set_attributes(self, **named: AnyArray) -> None:
         """Replace vertex attributes by others of the same shape and type, or add them behind the rest."""
         self._mesh.set_attributes(named)
+        forget_rest(self._mesh)
 
     @property
     def mesh(self) -> TriangleMesh:

@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.errors import FrameError, UsageError
 from pipeline.mesh import TriangleMesh, icosphere, require
-from pipeline.resample import Resampler, Thresholds
+from pipeline.resample import Exact, Resampler, Thresholds
 
 THRESHOLDS = Thresholds(0.2)
 
@@ -43,6 +43,18 @@ def test_resuming_from_a_saved_frame_gives_the_same_bits_as_never_stopping(tmp_p
     with np.load(tmp_path / "frame.0013.npz") as saved:
         resumed = Resampler.from_state(saved, THRESHOLDS)
     advance(resumed, range(13, 30))
+    assert digest(resumed) == digest(straight)
+
+
+def test_after_another_surface_at_rest_a_frame_has_the_same_bits_as_one_resumed() -> None:
+    """On the new one faces look inwards; on the old one none did, and only changed faces were looked at."""
+    placement = Exact(lambda rest: rest)
+    straight = Resampler(icosphere(10), THRESHOLDS, placement)
+    assert straight.resample().too_long == 0
+    rest = straight.vertices + 0.06 * np.random.default_rng(1).normal(size=straight.vertices.shape)
+    straight.set_attributes(rest=rest)
+    resumed = Resampler.from_state(straight.state(), THRESHOLDS, placement)
+    assert resumed.resample().flips == straight.resample().flips > 0
     assert digest(resumed) == digest(straight)
 
 
