@@ -105,6 +105,6 @@ def test_the_wheel_and_its_locked_packages_render_in_an_empty_environment(wheel,
     made.run("render", "A010_first", "-f", "1-3", cwd=show)
     made.run("turntable", "../ball.obj", "--frames", "4", cwd=show)
     made.run("review", "A010_first", cwd=show)
-    assert (show / "renders/A010_first/draft/A010_first.mp4").is_file()
+    assert (show / "renders/A010_first/draft/frames/A010_first.0003.exr").is_file()
     assert [*(show / "renders/turntable").rglob("*.mp4")]
     assert [*(show / "renders/review").rglob("index.html")]
