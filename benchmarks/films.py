@@ -109,7 +109,6 @@ def targets(rows: list[Row]) -> list[Target]:
         return [Target(f"film:{film}, {placement}", what, value, most, least)]
 
     wanted = [
-        target("cube", "exact", "resampling", most=0.08),
         target("cube", "exact", "volume %", most=0.005),
         target("cube", "exact", "surface rms", most=0.005),
         target("cube", "exact", "normal 95%", most=2.3),
