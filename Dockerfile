@@ -7,9 +7,10 @@ RUN apt-get update && apt-get install -y --no-install-recommends ca-certificates
 # Packages, renderer and kernels are made at build time. Any user of the container may write the cache of kernels,
 # for one that cannot be written is not used.
 ENV XDG_CACHE_HOME=/opt/flowsculpt/.cache
+ENV PIP_NO_CACHE_DIR=1
 COPY . /opt/flowsculpt
 RUN make -C /opt/flowsculpt setup && chmod -R a+rX /opt/flowsculpt && chmod -R a+rwX $XDG_CACHE_HOME \
-    && rm -rf /root/.cache /var/lib/apt/lists
+    && rm -rf /var/lib/apt/lists
 
 ENV PATH=/opt/flowsculpt/.venv/bin:$PATH
 WORKDIR /show
