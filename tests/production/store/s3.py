@@ -21,6 +21,8 @@ CREDENTIALS = {
     "AWS_DEFAULT_REGION": "us-east-1",
 }
 
+_COUNTING = threading.Lock()
+
 
 @dataclass
 class Proxy:
@@ -29,13 +31,28 @@ class Proxy:
     fault    what it does to requests: None, `refuse`, `error`, `hang`, or to the content of objects that are
              read: `cut`, `alter`
     seconds  what every request takes longer
-    verbs    the method and the path of each request so far
+    requests the method and the path of each request so far
+    at_once  requests that are answered now, and most_at_once the most of them so far
     """
 
     url: str
     fault: str | None = None
     seconds: float = 0.0
     requests: list[tuple[str, str]] = field(default_factory=list)
+    at_once: int = 0
+    most_at_once: int = 0
+
+    @contextmanager
+    def answering(self) -> Iterator[None]:
+        """Count a request while it is answered."""
+        with _COUNTING:
+            self.at_once += 1
+            self.most_at_once = max(self.most_at_once, self.at_once)
+        try:
+            yield
+        finally:
+            with _COUNTING:
+                self.at_once -= 1
 
 
 @contextmanager
@@ -52,6 +69,10 @@ def serving() -> Iterator[Proxy]:
 
         def handle_request(self) -> None:
             proxy.requests.append((self.command, self.path))
+            with proxy.answering():
+                self._pass_on()
+
+        def _pass_on(self) -> None:
             time.sleep(proxy.seconds)
             body = self._body()
             fault = proxy.fault

@@ -61,15 +61,16 @@ def test_many_keys_are_asked_for_in_few_requests_side_by_side(stores, s3: Proxy,
         fill(ours, key)
     remote._opened.cache_clear()
     assert theirs.remote.fault() is None  # connects
-    s3.seconds, begun = 0.05, time.monotonic()
+    s3.seconds, s3.most_at_once = 0.2, 0
     s3.requests.clear()
     assert all(theirs.holds("raw", key) for key in keys)
     assert len(s3.requests) <= 1 + 16
-    assert time.monotonic() - begun < 20 * 0.05, "one after the other they take longer"
+    assert s3.most_at_once > 4
+    s3.seconds, s3.most_at_once = 0.05, 0
     s3.requests.clear()
     assert theirs.bring_all([("raw", key) for key in keys]) == 60
     assert all(is_right(theirs, key) for key in keys)
-    assert time.monotonic() - begun < 60 * 0.05 + 2.0
+    assert s3.most_at_once > 4
 
 
 @pytest.mark.parametrize("fault", ["refuse", "error", "hang"])
@@ -77,11 +78,12 @@ def test_a_server_that_fails_for_long_fails_nobody_and_is_told_once(stores, s3: 
     ours, theirs = stores
     assert ours.remote.fault() is None
     s3.fault = fault
-    begun = time.monotonic()
+    asked = []
     for key in KEYS[:5]:
         fill(ours, key)
         assert is_right(ours, key) and not ours.holds("raw", KEYS[9])
-    assert time.monotonic() - begun < 6.0, "it is left alone after the first"
+        asked.append(len(s3.requests))
+    assert len(set(asked)) == 1, "it is left alone after the first"
     (said,) = warnings(caplog)
     assert "going on without it" in said and "the next run uploads it" in said
     assert not any(secret in said for secret in CREDENTIALS.values() if secret != "us-east-1")
@@ -141,11 +143,9 @@ def test_an_object_that_is_removed_after_it_was_listed_is_made_again(stores, mon
     assert fill(theirs) and warnings(caplog) == []
 
 
-def test_a_bucket_that_is_not_there_is_told_at_once(tmp_path, caplog):
+def test_a_bucket_that_is_not_there_is_told_by_its_name(tmp_path, caplog):
     store = Store(tmp_path, "s3://nowhere/show")
-    begun = time.monotonic()
     fill(store)
-    assert time.monotonic() - begun < 5.0
     (said,) = warnings(caplog)
     assert said.startswith("s3://nowhere/show: no such bucket or folder")
     assert "no such bucket" in RemoteStore.of("s3://nowhere/show").fault()
