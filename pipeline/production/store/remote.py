@@ -25,7 +25,7 @@ import uuid
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -37,7 +37,7 @@ from render.base.errors import MachineError
 T = TypeVar("T")
 
 LOG = logging.getLogger("flowsculpt.store")
-"""Where warnings go; the command line and jobs pass them on to the user."""
+"""Logger of warnings, which the command line and jobs pass on to the user."""
 
 LISTED_SECONDS = 60.0
 """Seconds for which a listing counts: what others upload meanwhile is seen after these."""
@@ -170,7 +170,7 @@ class RemoteStore:
         with contextlib.suppress(_UnreachableError):
             for name in self._names(kind, key):
                 for _ in range(2):  # damaged on the way, perhaps
-                    if not self._tried(lambda: self._get(self._place(kind, name), draft)):  # noqa: B023
+                    if not self._tried(partial(self._get, self._place(kind, name), draft)):
                         break
                     if digest_of(draft) == _digest_in(name):
                         return _digest_in(name)

@@ -245,12 +245,21 @@ class Context:
 
     def tell_of_store(self) -> None:
         """Report what the remote store warns of from now on, as warnings of the job."""
-        handler = logging.Handler(logging.WARNING)
-        handler.emit = lambda record: self.write("warn", message=record.getMessage())  # type: ignore[method-assign]
-        LOG.handlers, LOG.propagate = [handler], False
+        LOG.handlers, LOG.propagate = [_StoreWarnings(self)], False
 
     def fail(self, error: FlowsculptError, number: int | None = None) -> None:
         """Report the error of the job, or of one of its frames."""
         self.write("fail", number, message=str(error), exit_code=error.exit_code)
         with suppress(OSError):  # the job's log may lie on a full disk
             print(error, file=sys.stderr, flush=True)
+
+
+class _StoreWarnings(logging.Handler):
+    """Writes warnings of the remote store to the event log of a job."""
+
+    def __init__(self, context: Context) -> None:
+        super().__init__(logging.WARNING)
+        self._context = context
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._context.write("warn", message=record.getMessage())
