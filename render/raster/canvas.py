@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from render.post.colour import to_display
 from render.post.view import ColourView
 from render.raster.contact import LOOKS_DARK, PACKED_DARK, ContactShadow
+from render.raster.key_light import ShadowMap
 from render.raster.large_triangles import SUPERSAMPLING, LargeTriangles
-from render.raster.lighting import Lighting, ShadowMap, apply_shadow, floor_light
+from render.raster.lighting import Lighting, apply_shadow, floor_light
 from render.raster.projection import LARGE, SMALL
 from render.raster.see_through import pack_light, pack_normals
 from render.raster.shapes import ScreenProjection, StageSetup, VisibleFaces

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from render.base.serialise import Triple
 from render.raster.canvas import Canvas, displayed
 from render.raster.contact import ContactShadow
+from render.raster.key_light import ShadowMap
 from render.raster.large_triangles import SUPERSAMPLING
-from render.raster.lighting import ShadowMap
 from render.raster.reflectance import contact_opacity
 from render.raster.see_through import VisiblePoints, lay_over, seen_through, unpack_light
 from render.raster.shapes import Floats, Shape, StageSetup, VisibleFaces, stage_shape
