@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from ruamel.yaml import YAML
 
-from pipeline.cli.execution import execute, report_plan
+from pipeline.cli.execution import execute, report_notes, report_plan
 from pipeline.cli.options import Common, Frames, PictureOptions, Quality, output_option, require_one_of
 from pipeline.cli.output import exit_with, print_error, print_result, progress_bars
 from pipeline.dailies.delivery.timeline import MEDIA, Timeline
@@ -19,18 +19,21 @@ from pipeline.dailies.interchange.usd_clips import require_usd
 from pipeline.dailies.interchange.usd_export import UsdExport
 from pipeline.errors import FrameError, UsageError
 from pipeline.frames import FrameRange
-from pipeline.production.execution import openjd as job_description
+from pipeline.production.execution import openjd
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import mesh_states
 from pipeline.production.planning.plan import Plan
+from pipeline.production.planning.profile import Share
 from pipeline.production.request.lookup import FILM, find_edit
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import writing
+from pipeline.production.store.remote_url import store_url
 from render.base.atomic_write import atomic_write, disk_errors
 from render.base.plural import plural
 from render.scene.quality import DEFAULT_QUALITY
 
-FORMATS = ("usd", *MODELS, "openjd", "plan", "otio")
+FOR_FARMS = ("openjd", "plan")
+FORMATS = ("usd", *MODELS, *FOR_FARMS, "otio")
 
 
 def export(
@@ -45,11 +48,12 @@ def export(
         ),
     ],
     options: PictureOptions,
-    name: Annotated[
-        str | None,
+    names: Annotated[
+        list[str] | None,
         typer.Argument(
             metavar="SHOT|EDIT",
-            help="A shot, by name or path. otio: an edit. Default: the film. It may stand before the format.",
+            help="A shot, by name or path; openjd, plan: several, or an edit. otio: an edit, by default the "
+            "film. It may stand before the format.",
         ),
     ] = None,
     output: Annotated[
@@ -79,9 +83,11 @@ def export(
     volume and its thinnest wall.
 
     `flowsculpt export openjd A010_cube` writes a job template that renders the shot and assembles its movie,
-    and beside it the plan that its tasks read, template.yaml.plan.json: the shot as it is now. `openjd run
-    template.yaml` executes it here; a render manager executes it on workers, which see the root under the
-    same path or under the parameter Root. Tasks skip what is already rendered.
+    and beside it the plan that its tasks read, template.yaml.plan.json: the shot as it is now. `flowsculpt
+    export openjd A010_cube A020_lorenz` writes one job of two shots, `flowsculpt export openjd film` one of
+    all shots of an edit and its film. `openjd run template.yaml` executes it here; a render manager executes
+    it on workers, which see the root under the same path or under the parameter Root, or share a remote
+    store. Tasks skip what is already rendered.
 
     `flowsculpt export plan A010_cube -o plan.json` writes the plan alone, whose parts `flowsculpt task` does
     on the workers of any render manager.
@@ -90,22 +96,28 @@ def export(
     shots/showreel.yaml. Clips refer to frames, relative to the file, or to files that `flowsculpt deliver`
     wrote: `--media prores4444`.
     """
-    if form not in FORMATS and name in FORMATS:
-        form, name = name, form
+    names = names or []
+    if form not in FORMATS and len(names) == 1 and names[0] in FORMATS:
+        form, names = names[0], [form]
     require_one_of(form, FORMATS, f"{form!r} is not a format to export.")
     project, quality = options.project(common), options.quality(quality)
-    if form in ("usd", *MODELS):
-        shot = _require_shot(name, form)
+    if len(names) > 1 and form not in FOR_FARMS:
+        raise UsageError(f"export {form} takes one {'edit' if form == 'otio' else 'shot'}, not {len(names)}")
+    if form in FOR_FARMS:
+        file = _farm_file(form, output)
+        plan = project.whole(_require_names(names, form), quality, frames)
+        report_notes(plan, set())
+        if form == "plan":
+            _plan_file(common, plan, file)
+        else:
+            _job(common, plan, "+".join(names), file)
+    elif form == "otio":
+        _timeline(common, project, quality, names[0] if names else FILM.stem, output, media, frames)
+    else:
+        (shot,) = _require_names(names, form)
         asked = project.asked(shot, quality, frames, mesh_states, variant="none")
         require_still(form, frames, len(asked.requested))
         _geometry(common, project, _export_of(common, project, asked, form, output, size))
-    elif form == "otio":
-        _timeline(common, project, quality, name or FILM.stem, output, media, frames)
-    elif form == "plan":
-        plan = project.whole(_require_shot(name, form), quality, frames)
-        _plan_file(common, plan, output or Path("plan.json"))
-    else:
-        _job(common, project, quality, name, output or Path("template.yaml"), frames)
 
 
 def _geometry(common: Common, project: Project, export: UsdExport | ModelExport) -> None:
@@ -152,11 +164,11 @@ def _export_of(
     return ModelExport(asked, project.store, output.absolute() if output else home / "models", form, size)
 
 
-def _require_shot(name: str | None, form: str) -> str:
-    """Return the name of a shot. Raises UsageError where none is given."""
-    if name is None:
+def _require_names(names: list[str], form: str) -> list[str]:
+    """Return the names of shots. Raises UsageError where none is given."""
+    if not names:
         raise UsageError(f"export {form} needs the name of a shot; flowsculpt status lists shots")
-    return name
+    return names
 
 
 def _timeline(
@@ -182,33 +194,42 @@ def _timeline(
     print_result(done, {"timeline": str(place), "frames": cut.length, "media": media}, common.json)
 
 
+ENDINGS = {"plan": (".json",), "openjd": (".yaml", ".yml", ".json")}
+"""Endings of the files of formats for farms."""
+
+
+def _farm_file(form: str, output: Path | None) -> Path:
+    """Return the file of a format for farms. Raises UsageError for a name with another ending."""
+    if output is None:
+        return Path("plan.json" if form == "plan" else "template.yaml")
+    endings = ENDINGS[form]
+    if output.suffix not in endings:
+        what, known = "a plan" if form == "plan" else "a template", " or ".join(endings)
+        raise UsageError(f"{output}: {what}'s name ends in {known}; call it {output.stem}{endings[0]}")
+    return output
+
+
 def _plan_file(common: Common, plan: Plan, output: Path) -> None:
-    if output.suffix != ".json":
-        raise UsageError(f"{output}: a plan's name ends in .json; call it {output.stem}.json")
     if not common.dry_run:
         with disk_errors(output):
             output.parent.mkdir(parents=True, exist_ok=True)
             common.root.mkdir(parents=True, exist_ok=True)
             plan.write(output)
-    frames: dict[str, list[int]] = {job.stage: [] for job in plan.jobs}
+    tasks: dict[str, set[int]] = {}
+    shots = {request.name for request in plan.requests}
     for job in plan.jobs:
-        frames[job.stage] += job.frames
-    words = ", ".join(f"{stage}:{FrameRange.of(sorted(numbers))}" for stage, numbers in frames.items())
+        shot = "" if len(shots) == 1 or job.stage == "film" else f"{plan.requests[job.requests[0]].name}/"
+        tasks.setdefault(shot + job.stage, set()).update(job.frames)
+    frames = {task: sorted(numbers) for task, numbers in tasks.items()}
+    words = ", ".join(f"{task}:{FrameRange.of(numbers)}" for task, numbers in frames.items())
     facts = {"plan": str(output), "tasks": frames, "targets": list(plan.targets)}
     print_result(f"{output}: {common.done('written')}. Tasks: {words}.", facts, common.json)
 
 
-def _job(
-    common: Common, project: Project, quality: str, shot: str | None, output: Path, frames: str | None
-) -> None:
-    shot = _require_shot(shot, "openjd")
-    if output.suffix not in (".yaml", ".yml", ".json"):
-        raise UsageError(
-            f"{output}: a template's name ends in .yaml, .yml or .json; call it {output.stem}.yaml"
-        )
-    plan = project.whole(shot, quality, frames)
+def _job(common: Common, plan: Plan, name: str, output: Path) -> None:
     beside = output.with_name(f"{output.name}.plan.json")
-    made = job_description.template(plan, beside.name, common.root)
+    share = common.profile.share or Share.of({})
+    made = openjd.template(plan, beside.name, common.root, name, share.threads, store_url())
     if not common.dry_run:
         with disk_errors(output):
             output.parent.mkdir(parents=True, exist_ok=True)

@@ -22,8 +22,8 @@ def task(
         list[str],
         typer.Argument(
             metavar="TASK...",
-            help="Stages in their order: simulate, smooth_normals, frame_camera, render, finish, assemble; "
-            "some of their frames as render:1-8.",
+            help="Stages in their order: simulate, smooth_normals, frame_camera, render, finish, assemble, "
+            "film; of one shot as A010_cube/render, some of its frames as render:1-8.",
         ),
     ],
 ) -> None:
@@ -40,7 +40,7 @@ def task(
     if common.dry_run:
         print_result(f"{plan}: {plural(len(tasks), 'task')} would be done.", {"tasks": tasks}, common.json)
         return
-    code = do(common.root, plan, tasks)
+    code = do(common.root, plan, tasks, common.cores)
     words = (
         f"{plan}: {', '.join(tasks)} done." if code == 0 else f"{plan}: some of {', '.join(tasks)} failed."
     )

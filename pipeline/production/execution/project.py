@@ -19,10 +19,11 @@ from pipeline.production.planning.frame_states import (
 )
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.planner import Planner
-from pipeline.production.planning.profile import Profile
+from pipeline.production.planning.profile import Profile, Share
+from pipeline.production.planning.timings import measured
 from pipeline.production.request.crop_and_scale import require_quality
 from pipeline.production.request.edit import Edit, ResolvedEdit, resolved_edit
-from pipeline.production.request.lookup import FILM, find_shot
+from pipeline.production.request.lookup import FILM, find_edit, find_shot, names_edit
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.request.shot_source import ShotSource, SourceCache, shot_around
@@ -124,13 +125,28 @@ class Project:
             planner.movie(whole)
         keys.remember()
 
-    def whole(self, shot: str, quality: str, frames: str | None = None) -> Plan:
-        """Return the plan of finished frames of a shot and their movie, whatever is stored already."""
-        planner = Planner(Store(self.root / STATE / "nothing", url=None), 1, 1, self.notes)
-        request = self.request(find_shot(shot), quality, frames)
-        planner.pictures(request)
-        planner.movie(request)
-        return planner.plan()
+    def whole(self, shots: Sequence[str], quality: str, frames: str | None = None) -> Plan:
+        """Return the plan for a farm of finished frames of shots and their movies, whatever is stored.
+
+        A name of an edit stands for its film. Raises UsageError for frames of several shots.
+        """
+        edits = [name for name in shots if names_edit(name)]
+        if frames is not None and (edits or len(shots) > 1):
+            fact = f"{edits[0]} is an edit, which names its own" if edits else "these are several shots"
+            raise UsageError(f"-f {frames}: frames can be chosen of one shot, and {fact}; leave -f out")
+        if len(edits) > 1:
+            raise UsageError(f"{', '.join(edits)} are several edits, and a plan makes one film; name one")
+        nothing = Store(self.root / STATE / "nothing", url=None)
+        planner = Planner(nothing, 1, 1, self.notes, self.profile.share or Share.of({}))
+        for shot in shots:
+            if shot in edits:
+                self.add_film(planner, quality, find_edit(shot))
+                continue
+            request = self.request(find_shot(shot), quality, frames)
+            planner.pictures(request)
+            planner.movie(request)
+        plan = planner.plan()
+        return replace(plan, measured=measured(self.root, plan.requests))
 
     def stills(self, shots: Sequence[str], form: str, quality: str, frames: str | None = None) -> Plan:
         """Return the plan of finished frames of shots as a display shows them, in files of a form."""

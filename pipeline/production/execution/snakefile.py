@@ -23,13 +23,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FlowsculptError, UsageError, suggestion
+from pipeline.production.execution import job_resources
 from pipeline.production.execution.run import with_inputs_here
 from pipeline.production.planning.plan import Job, Plan, movie_record, write_manifest
 from pipeline.production.planning.profile import Share
-from pipeline.production.planning.timings import LEAST_MIB, UNMEASURED_MIB, UNMEASURED_MINUTES
 from pipeline.production.request.crop_and_scale import today_name
 from pipeline.production.request.lookup import FILM, find_edit, find_shot
-from pipeline.production.request.variants import ON_GPU
 from pipeline.production.stages import STAGES, forced_with
 from pipeline.production.store.history import summarise
 from pipeline.production.store.locks import making, writing
@@ -126,23 +125,16 @@ class PlannedWorkflow:
 
     def memory(self, rule: str, wildcards: Any) -> int:
         """Return the MiB that a job needs, by what earlier pictures took."""
-        measured = self.plan.measured.get(self._job(rule, wildcards).requests[0])
-        if rule == "render" and measured:
-            return measured.memory_mib
-        return UNMEASURED_MIB if self.plan.farm else LEAST_MIB
+        return job_resources.memory_mib(self.plan, self._job(rule, wildcards))
 
     def minutes(self, rule: str, wildcards: Any, threads: int, attempt: int) -> int | None:
         """Return the minutes that a job may take, as long as jobs of a farm may; None on this machine."""
-        job = self._job(rule, wildcards)
-        measured = self.plan.measured.get(job.requests[0])
-        if rule == "render" and measured:
-            return measured.minutes(len(job.frames), threads) * attempt
-        return UNMEASURED_MINUTES * attempt if self.plan.farm else None
+        limit = job_resources.minutes(self.plan, self._job(rule, wildcards), threads)
+        return None if limit is None else limit * attempt
 
     def gpus(self, rule: str, wildcards: Any) -> int | None:
         """Return 1 for a job of a farm that renders with CUDA, else None."""
-        request = self.plan.requests[self._job(rule, wildcards).requests[0]]
-        return 1 if self.plan.farm and request.variant == ON_GPU else None
+        return job_resources.gpus(self.plan, self._job(rule, wildcards))
 
     def _job(self, rule: str, wildcards: Any) -> Job:
         if rule in ("assemble", "film"):

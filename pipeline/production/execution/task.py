@@ -1,7 +1,7 @@
 """Tasks of a render manager: stages of a frozen plan, or some of their frames.
 
-A manager calls them in the order of the stages, on workers that see the root, as often and as many side by
-side as it likes. They take no lock on the shot: each finds in the store what others have made.
+A manager calls them in the order of the stages, as often and as many side by side as it likes, on workers
+that see the root, or share a remote store. They take no lock on the shot: each finds what others have made.
 """
 
 from __future__ import annotations
@@ -12,13 +12,15 @@ from pathlib import Path
 
 from pipeline.errors import MissingInputError, UsageError, suggestion
 from pipeline.frames import FrameRange
-from pipeline.production.planning.plan import Plan
+from pipeline.production.planning.plan import Job, Plan
+from pipeline.production.store.remote_url import store_url
 
 
-def do(root: Path, plan_file: Path, tasks: Sequence[str]) -> int:
-    """Do tasks of a plan in a root, one after the other until one fails; return 0, or 1 where one failed.
+def do(root: Path, plan_file: Path, tasks: Sequence[str], threads: int | None = None) -> int:
+    """Do tasks of a plan in a root, one after the other until one fails; return its exit code, or 0.
 
-    tasks  names of stages, `simulate`, or of frames of a stage, `render:1-8`
+    tasks    names of stages, `simulate`, of frames of a stage, `render:1-8`, with a shot `A010_cube/render`
+    threads  by default those of the plan, and of this machine for some frames of a job
 
     Raises MissingInputError where the root or the plan is not there, UsageError for a file that is no plan
     and for a task that is not in it.
@@ -27,11 +29,19 @@ def do(root: Path, plan_file: Path, tasks: Sequence[str]) -> int:
 
     plan_file = plan_file.absolute()
     jobs = list(_jobs(_plan(plan_file), plan_file, tasks))
+    _enter(root)
+    codes = (main(str(plan_file), job, insist=True, threads=threads) for job in jobs)
+    return next(filter(None, codes), 0)
+
+
+def _enter(root: Path) -> None:
+    """Make the root the working folder. Where a remote store is named, it may be a new one."""
     try:
+        if store_url() is not None:
+            root.mkdir(parents=True, exist_ok=True)
         os.chdir(root)
     except OSError as error:
         raise MissingInputError(f"{root}: this worker does not see the root ({error.strerror})") from None
-    return next((code for job in jobs if (code := main(str(plan_file), job, insist=True))), 0)
 
 
 def _plan(file: Path) -> Plan:
@@ -46,24 +56,51 @@ def _plan(file: Path) -> Plan:
 
 
 def _jobs(plan: Plan, file: Path, tasks: Sequence[str]) -> Iterator[str]:
-    """Yield the names of the plan's jobs that tasks stand for."""
-    stages = dict.fromkeys(job.stage for job in plan.jobs)
+    """Yield the names of the plan's jobs, or of parts of them, that tasks stand for."""
     for task in tasks:
-        stage, _, frames = task.partition(":")
         if any(job.name == task for job in plan.jobs):
             yield task
             continue
-        if stage not in stages:
-            raise UsageError(f"{task}: {file.name} has no stage {stage!r}. {suggestion(stage, stages)}")
+        chosen, frames = _named(plan, file, task)
         if not frames:
-            yield from (job.name for job in plan.jobs if job.stage == stage)
+            yield from (job.name for job in chosen)
             continue
-        planned = {number for job in plan.jobs if job.stage == stage for number in job.frames}
-        others = [number for number in FrameRange.parse(frames).numbers if number not in planned]
-        if others:
+        asked = FrameRange.parse(frames).numbers
+        planned = {number for job in chosen for number in job.frames}
+        if others := [number for number in asked if number not in planned]:
             known = FrameRange.of(sorted(planned))
             raise UsageError(
                 f"{task}: frames {FrameRange.of(others)} are not in {file.name}, which has {known}; "
                 "export the plan again for more"
             )
-        yield task
+        yield from parts(chosen, asked)
+
+
+def parts(jobs: Sequence[Job], frames: Sequence[int]) -> Iterator[str]:
+    """Yield the names of the parts of jobs of one stage that make frames, in the order of these."""
+    for place in dict.fromkeys(job.requests[0] for job in jobs):
+        of_request = [job for job in jobs if job.requests[0] == place]
+        known = {number for job in of_request for number in job.frames}
+        if numbers := [number for number in frames if number in known]:
+            yield f"{of_request[0].name}:{FrameRange(tuple(numbers))}"
+
+
+def _named(plan: Plan, file: Path, task: str) -> tuple[list[Job], str]:
+    """Return the jobs that a task names, and the frames that follow. Raises UsageError for other names."""
+    words, _, frames = task.partition(":")
+    shot, slash, stage = words.rpartition("/")
+    shots = dict.fromkeys(request.name for request in plan.requests)
+    if slash and shot not in shots:
+        raise UsageError(f"{task}: {file.name} has no shot {shot!r}. {suggestion(shot, shots)}")
+    stages = dict.fromkeys(job.stage for job in plan.jobs)
+    if stage not in stages:
+        raise UsageError(f"{task}: {file.name} has no stage {stage!r}. {suggestion(stage, stages)}")
+    if frames and not slash and len(shots) > 1:
+        raise UsageError(
+            f"{task}: {file.name} has several shots; name the one whose frames these are: "
+            f"{next(iter(shots))}/{task}"
+        )
+    of_stage = [job for job in plan.jobs if job.stage == stage]
+    if not slash:
+        return of_stage, frames
+    return [job for job in of_stage if plan.requests[job.requests[0]].name == shot], frames

@@ -232,13 +232,16 @@ class Plan:
         return from_plain(cls, json.loads(path.read_text()))
 
     def job(self, name: str) -> Job:
-        """Return the job of a name; `render:3,17` is a job of just these frames of the stage."""
-        stage, _, frames = name.partition(":")
+        """Return the job of a name; with `:3,17` after it, a job of just these frames.
+
+        Such a part may also be named by its stage alone, `render:3,17`: it is of the plan's first request.
+        """
+        known, _, frames = name.partition(":")
         if not frames:
-            return next(job for job in self.jobs if job.name == name)
+            return next(job for job in self.jobs if job.name == known)
         from render.mitsuba.engine import available_cores  # what else is in it takes time to import
 
-        whole = next(job for job in self.jobs if job.stage == stage)
+        whole = next(job for job in self.jobs if known in (job.name, job.stage))
         numbers = tuple(FrameRange.parse(frames))
         return replace(whole, name=name, frames=numbers, output="", threads=available_cores())
 

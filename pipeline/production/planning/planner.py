@@ -19,7 +19,7 @@ from pipeline.errors import UsageError
 from pipeline.production.planning.entry import PlanEntry
 from pipeline.production.planning.plan import MIN_BATCH, Job, Link, Plan, batches, done_file, with_threads
 from pipeline.production.planning.profile import Share
-from pipeline.production.planning.timings import MeasuredResources
+from pipeline.production.planning.timings import measured
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
@@ -138,6 +138,7 @@ class Planner:
         """Return what has been collected, with the cores dealt out among the jobs."""
         self._simulations()
         jobs = sorted(self._jobs, key=lambda job: job.stage != "simulate")
+        rendered = {job.requests[0] for job in jobs if job.stage == "render"}
         return Plan(
             requests=tuple(self._entries),
             film=self._cut,
@@ -148,7 +149,7 @@ class Planner:
             notes=tuple(dict.fromkeys(self.notes)),
             spared=+self._spared,
             manifests=self._manifests,
-            measured=self._measured({job.requests[0] for job in jobs if job.stage == "render"}),
+            measured=measured(self.store.root, tuple(self._entries), rendered),
             force=tuple(sorted(self.force)),
             farm=self.share is not None,
         )
@@ -334,17 +335,6 @@ class Planner:
             for state in ("present", "idle"):
                 if numbers := entry.numbers(state):
                     self._add(entry, "simulate", numbers, entry.mesh_keys(numbers), (), state == "present")
-
-    def _measured(self, places: Iterable[int]) -> Mapping[int, MeasuredResources]:
-        """Return what earlier renders of each request took, where any were measured."""
-        measured = {}
-        requests = list(self._entries)
-        for place in sorted(places):
-            request = requests[place]
-            folder = self.store.root / request.place("statistics", 0).parent
-            if (resources := MeasuredResources.of(folder)) is not None:
-                measured[place] = resources
-        return measured
 
 
 def _pieces(

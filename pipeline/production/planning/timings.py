@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -159,3 +159,18 @@ class MeasuredResources:
     def minutes(self, frames: int, threads: int) -> int:
         """Return the time limit of a job that renders so many frames on so many threads."""
         return START_MINUTES + math.ceil(_TIME_MARGIN * frames * self.seconds / threads / 60.0)
+
+
+def measured(
+    root: Path, requests: Sequence[RenderRequest], places: Iterable[int] | None = None
+) -> dict[int, MeasuredResources]:
+    """Return what earlier renders of requests took, by their places, where any were measured under `root`.
+
+    places  of the requests to look at, by default all
+    """
+    known = {}
+    for place in range(len(requests)) if places is None else sorted(places):
+        folder = root / requests[place].place("statistics", 0).parent
+        if (resources := MeasuredResources.of(folder)) is not None:
+            known[place] = resources
+    return known

@@ -78,6 +78,12 @@ def find_edit(name: str) -> Path:
     return path
 
 
+def names_edit(name: str) -> bool:
+    """Tell whether a name, or a path, is that of an edit."""
+    path = _path(name)
+    return path == FILM or is_edit(path)
+
+
 def _require_shots() -> None:
     """Raise UsageError where no shot was begun yet."""
     if not shot_names() and not edit_names():
