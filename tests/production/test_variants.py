@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from pipeline.errors import MachineError
+from pipeline.errors import MachineError, UsageError
 from pipeline.production.execution.project import Project
 from pipeline.production.request import variants
-from pipeline.production.request.variants import ON_GPU, avoid, variant_for
+from pipeline.production.request.variants import ON_GPU, avoid, require_variant, variant_for
 from pipeline.production.store.event_log import EventReader
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.tasks import render, worker
@@ -71,6 +71,32 @@ def test_another_variant_that_crashed_is_not_replaced_behind_the_users_back(tmp_
     avoid(tmp_path, NAME, "scalar_rgb", "scalar_rgb crashed")
     with pytest.raises(MachineError, match="scalar_rgb crashed; leave --variant out"):
         variant_for(tmp_path, NAME, "scalar_rgb")
+
+
+def test_a_variant_of_nodes_is_not_tried_on_the_machine_that_plans(
+    tmp_path: Path, machine: dict[str, int]
+) -> None:
+    assert variant_for(tmp_path, NAME, ON_GPU, lambda line: pytest.fail(line), on_nodes=True) == ON_GPU
+    assert machine["asked"] == 0
+    with pytest.raises(UsageError, match="Did you mean 'cuda_ad_rgb'"):
+        variant_for(tmp_path, NAME, "cuda_rgb", on_nodes=True)
+    avoid(tmp_path, NAME, ON_GPU, f"cuda_ad_rgb crashed (SIGABRT) while rendering {NAME}")
+    assert variant_for(tmp_path, NAME, ON_GPU, lambda line: None, on_nodes=True) in DEFAULT_ORDER
+
+
+def test_a_node_that_lacks_the_variant_says_its_name_what_it_lacks_and_what_to_do(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuses(names: Any) -> Engine:
+        raise MachineError("none works")
+
+    monkeypatch.setattr(variants, "choose", refuses)
+    monkeypatch.setattr("platform.node", lambda: "node7")
+    with pytest.raises(MachineError) as raised:
+        require_variant(ON_GPU)
+    told = str(raised.value)
+    assert told.startswith("node7 cannot render with cuda_ad_rgb, the variant of this plan: Mitsuba finds no")
+    assert "Keep its jobs off this node, or name another variant by --variant" in told
 
 
 def test_a_plan_tells_it_once(project: Any, machine: dict[str, int], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -43,10 +43,11 @@ class Project:
 
     Every file is read once, so that all of a run goes by one text however it is edited meanwhile.
 
-    variant     the Mitsuba variant asked for; by default the first that works
+    variant     the Mitsuba variant asked for; by default that of the profile, or the first that works here
     settings    what takes the place of values in every shot file asked for: `flows.0.vortex.strength=2`
     allow_code  whether shots may run the Python files that they name
     profile     where the jobs of its plans run, and so how many there are of them
+    for_farm    whether other machines render, as they do where the profile names a farm
     force       stages that are made again, each with the time from which on stored files count
     notes       lines to tell the user with a plan
     """
@@ -57,6 +58,7 @@ class Project:
     settings: tuple[str, ...] = ()
     allow_code: bool = False
     profile: Profile = field(default_factory=Profile.local)
+    for_farm: bool = False
     force: Mapping[str, int] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list, repr=False)
     _texts: SourceCache = field(default_factory=SourceCache, repr=False)
@@ -138,11 +140,12 @@ class Project:
             raise UsageError(f"{', '.join(edits)} are several edits, and a plan makes one film; name one")
         nothing = Store(self.root / STATE / "nothing", url=None)
         planner = Planner(nothing, 1, 1, self.notes, self.profile.share or Share.of({}))
+        far = replace(self, for_farm=True)
         for shot in shots:
             if shot in edits:
-                self.add_film(planner, quality, find_edit(shot))
+                far.add_film(planner, quality, find_edit(shot))
                 continue
-            request = self.request(find_shot(shot), quality, frames)
+            request = far.request(find_shot(shot), quality, frames)
             planner.pictures(request)
             planner.movie(request)
         plan = planner.plan()
@@ -242,8 +245,16 @@ class Project:
             raise UsageError(
                 f"{source.path}: {absent} not in the shot, which has {whole}; ask for frames among those"
             )
-        chosen = variant or variant_for(self.root, source.name, self.variant, self.notes.append)
+        chosen = variant or self.variant_of(source.name)
         return RenderRequest(source, quality, chosen, tuple(dict.fromkeys(requested)))
+
+    def variant_of(self, shot: str) -> str:
+        """Return the variant that renders a shot: one asked for, that of the profile, or one that works.
+
+        Raises as `variant_for`.
+        """
+        on_nodes, asked = self.for_farm or not self.profile.is_local, self.variant or self.profile.variant
+        return variant_for(self.root, shot, asked, self.notes.append, on_nodes)
 
     def as_finished(self, request: RenderRequest) -> RenderRequest:
         """Return the request with the layers for compositing that most of its frames in renders/ have.

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 SETTINGS = ("edit", "shot", "shots", "frames", "quality", "allow_code")
 """Names that `--config` accepts."""
 
-PROFILE_SETTINGS = ("threads", "min_frames")
+PROFILE_SETTINGS = ("threads", "min_frames", "variant")
 """Names that `config` of a profile accepts."""
 
 DEFAULT_CORES = 2
@@ -163,8 +163,15 @@ class PlannedWorkflow:
         workflow, config = self._workflow, self._config
         settings, is_farm = workflow.dag_settings, not workflow.local_exec
         cores = workflow.nodes if is_farm else workflow._cores or DEFAULT_CORES
-        project = Project(self._root, cores, allow_code=_allowed(config.get("allow_code", False)))
-        share = Share.of({**_profile_config(), **config}) if is_farm else None
+        settings_of_farm = {**_profile_config(), **config} if is_farm else {}
+        project = Project(
+            self._root,
+            cores,
+            settings_of_farm.get("variant"),
+            allow_code=_allowed(config.get("allow_code", False)),
+            for_farm=is_farm,
+        )
+        share = Share.of(settings_of_farm) if is_farm else None
         forced = set(STAGES) if settings.forceall else set(STAGES) & set(settings.forcerun)
         if settings.forcetargets:
             forced |= {"assemble", "film"}

@@ -2,7 +2,8 @@
 
 A profile is a folder with `profile.yaml` (or `config.yaml`): settings of Snakemake and of the executor plugin
 it names, passed to Snakemake unchanged. Planning reads how many jobs the farm takes at once (`jobs`), and
-under `config` the cores of a job (`threads`) and the least number of its frames (`min_frames`).
+under `config` the cores of a job (`threads`), the least number of its frames (`min_frames`), and the Mitsuba
+variant of its nodes (`variant`).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from pipeline.errors import MachineError, MissingInputError, UsageError, suggestion
+from render.mitsuba.engine import VARIANTS
 
 PROFILES = Path("profiles")
 
@@ -106,11 +108,25 @@ class Profile:
         """The size of each job; None where jobs share this machine's cores."""
         if self.is_local:
             return None
-        said = self._said.get("config")
-        ours = said if isinstance(said, dict) else {}
-        if "frames" in ours:
+        if "frames" in self._config:
             raise UsageError(f"{self._file}: config: frames is called min_frames; rename it")
-        return Share.of(ours, f"{self._file}: config")
+        return Share.of(self._config, f"{self._file}: config")
+
+    @property
+    def variant(self) -> str | None:
+        """The Mitsuba variant that renders on the farm's nodes; None where the profile names none."""
+        variant = self._config.get("variant")
+        if variant is not None and variant not in VARIANTS:
+            raise UsageError(
+                f"{self._file}: config: variant is {variant!r}, which Mitsuba does not have. "
+                f"{suggestion(str(variant), VARIANTS)}"
+            )
+        return variant
+
+    @property
+    def _config(self) -> dict[str, Any]:
+        said = self._said.get("config")
+        return said if isinstance(said, dict) else {}
 
     @property
     def arguments(self) -> list[str]:

@@ -61,9 +61,12 @@ class Context:
     def failed_for_good(self) -> bool:
         """Tell whether an earlier attempt at this job said why it failed, as another would.
 
-        A killed one said nothing, and what one machine refuses another may allow.
+        A killed one said nothing, and what one machine refuses another may allow; one that lacks the variant
+        does not get it by a second attempt.
         """
         events = [event for event in self._events(self.job.name) if event["job"] == self.job.name]
+        if any(event["event"] == "unfit" and event["host"] == platform.node() for event in events):
+            return True
         codes = [event.get("exit_code") for event in events if event["event"] == "fail"]
         kinds = {event["event"] for event in events}
         known = "healed" in kinds or (bool(codes) and "end" in kinds)
@@ -252,6 +255,12 @@ class Context:
         self.write("fail", number, message=str(error), exit_code=error.exit_code)
         with suppress(OSError):  # the job's log may lie on a full disk
             print(error, file=sys.stderr, flush=True)
+
+    def refuse(self, error: FlowsculptError) -> None:
+        """Report that this node cannot do the job, and that the job ends with that; another node may."""
+        self.fail(error)
+        self.log.write("unfit", host=platform.node())
+        self.log.write("end", stage=self.job.stage)
 
 
 class _StoreWarnings(logging.Handler):

@@ -21,7 +21,7 @@ from typing import Any
 
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.production.planning.plan import Plan, write_manifest
-from pipeline.production.request.variants import ON_GPU
+from pipeline.production.request.variants import ON_GPU, VariantError, require_variant
 from pipeline.production.stages import STAGES
 from pipeline.production.store.locks import of_key, writing
 from pipeline.production.tasks.job import Context
@@ -76,6 +76,8 @@ def main(
         context.bring_inputs_to_now()
         if job.stage != "render":
             return _finished(context, whole)
+        if context.plan.farm and (fault := _unfit(context)):
+            return fault
         code = Supervisor(context, renderer(plan_path, context.job)).run()
         if code == 0 and job.output and not (root / job.output).exists():
             write_manifest(root / job.output, "raw", ())  # some frames failed, others go on
@@ -88,6 +90,16 @@ def _finished(context: Context, whole: Context) -> int:
     if code == 0:
         whole.write_done_file()
     return code
+
+
+def _unfit(context: Context) -> int:
+    """Return 0 where this node renders with the plan's variant; else say what it lacks, and the exit code."""
+    try:
+        require_variant(context.request.variant)
+    except VariantError as error:
+        context.refuse(error)
+        return error.exit_code
+    return 0
 
 
 def work(context: Context) -> int:

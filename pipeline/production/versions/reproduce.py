@@ -124,9 +124,9 @@ class Reproduction:
         return found if self.frames is not None else [*found, self._movie()]
 
     def _variant(self, notes: list[str]) -> str:
-        variant = self.project.variant or self.record.variant
+        variant, on_nodes = self.project.variant or self.record.variant, not self.project.profile.is_local
         try:
-            return variant_for(self.home, self.record.shot, variant, notes.append)
+            return variant_for(self.home, self.record.shot, variant, notes.append, on_nodes)
         except MachineError as error:
             reason = str(error).partition(";")[0]
             raise MachineError(

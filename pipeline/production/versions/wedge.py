@@ -20,7 +20,6 @@ from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.variants import variant_for
 from pipeline.production.store import paths, readers
 from pipeline.production.store.store import Store
 from pipeline.production.versions.grid import OPTION, Cell, Grid, Variation
@@ -55,9 +54,7 @@ class Wedge:
 
         Raises ShotError or UsageError, with the variation, where a cell's shot is not good.
         """
-        variant = variant_for(
-            self.project.root, self.shot.stem, self.project.variant, self.project.notes.append
-        )
+        variant = self.project.variant_of(self.shot.stem)
         return [
             (cell, request if request.variant == variant else replace(request, variant=variant))
             for cell, request in self._read

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from render.mitsuba.engine import works
+
 NAME = "T010_tiny"
 QUALITY = "draft.scale10"
 
@@ -70,6 +72,17 @@ def test_a_simulation_is_given_to_the_cluster_with_cores_memory_and_time(project
     (submitted,) = [json.loads(file.read_text()) for file in home.glob("*.json")]
     told = " ".join(submitted)
     assert [word for word in CLUSTERS[name][2] if word not in told] == []
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("cluster", ["lsf"], indirect=True)
+def test_nodes_without_the_variant_of_their_profile_end_the_run_with_one_message(project, cluster):
+    if works("cuda_ad_rgb"):
+        pytest.skip("this machine has a GPU")
+    profile = project.path / "profiles" / "lsf" / "profile.yaml"
+    profile.write_text(profile.read_text().replace("config:\n", "config:\n  variant: cuda_ad_rgb\n"))
+    done = project.run("render", NAME, "-q", QUALITY, "--profile", "lsf")
+    assert done.code == 4 and done.err.count("cannot render with cuda_ad_rgb") == 1
 
 
 @pytest.mark.soak

@@ -165,6 +165,25 @@ def test_a_job_that_said_why_it_failed_is_not_tried_again_and_a_killed_one_is(co
     assert context.failed_for_good()  # another round makes what it lacks
 
 
+def test_a_node_without_the_variant_is_not_tried_again_and_another_node_is(context, monkeypatch):
+    monkeypatch.setattr("platform.node", lambda: "node7")
+    context.log.write("fail", exit_code=4)
+    context.log.write("unfit", host="node7")
+    context.log.write("end")
+    assert context.failed_for_good()
+    monkeypatch.setattr("platform.node", lambda: "node8")
+    assert not context.failed_for_good()
+
+
+def test_a_profile_names_the_variant_of_its_nodes(folder):
+    profile(folder, "executor: slurm\nconfig: {variant: cuda_ad_rgb}\n")
+    assert Project(folder, 1, profile=Profile.named("mine")).variant_of(NAME) == "cuda_ad_rgb"
+    profile(folder, "executor: slurm\nconfig: {variant: cuda}\n")
+    with pytest.raises(UsageError, match="variant is 'cuda', which Mitsuba does not have"):
+        _ = Profile.named("mine").variant
+    assert Profile.local().variant is None
+
+
 def test_inputs_from_the_future_are_given_the_present_time(context):
     source = context.root / context.plan.jobs[0].output
     source.parent.mkdir(parents=True)

@@ -1,10 +1,13 @@
 """Tasks of a render manager: parts of a frozen plan, in any order and side by side, without a lock."""
 
 import json
+import platform
 import subprocess
 import sys
 
 import pytest
+
+from render.mitsuba.engine import works
 
 NAME = "T010_tiny"
 QUALITY = "draft.scale10"
@@ -28,6 +31,18 @@ def test_tasks_side_by_side_make_the_frames_of_a_shot_and_its_movie(project, pla
     assert len([*(made / "frames").iterdir()]) == 4
     left = project.run("--dry-run", "render", NAME, "-f", "1-4", "-q", QUALITY)
     assert "Nothing to be done" in left.out
+
+
+def test_a_worker_without_the_variant_of_the_plan_ends_with_the_environments_exit_code(project):
+    words = ("-f", "1-2", "-q", QUALITY, "--variant", "cuda_ad_rgb", "-o", "plan.json")
+    written = project.run("export", "plan", NAME, *words)
+    assert written.code == 0 and written.err == ""  # the machine that plans needs no GPU
+    if works("cuda_ad_rgb"):
+        pytest.skip("this machine has a GPU")
+    assert project.run("task", "plan.json", "simulate", "smooth_normals", "frame_camera").code == 0
+    done = project.run("task", "plan.json", "render:1-2")
+    assert done.code == 4 and done.err.count("\n") == 1
+    assert f"{platform.node()} cannot render with cuda_ad_rgb, the variant of this plan" in done.err
 
 
 @pytest.mark.parametrize(
