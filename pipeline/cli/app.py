@@ -58,7 +58,8 @@ COMMANDS = {
         "curves": "Draw everything in a shot that changes over time.",
         "figures": "Plot the measures of a shot's meshes over its frames.",
         "sheet": "Put frames of a shot on one contact sheet.",
-        "review": "Write a page to look at shots frame by frame, in any browser.",
+        "review": "Write a page to look at shots frame by frame, and to write notes.",
+        "notes": "List the notes that reviewers wrote about a shot.",
     },
     "Deliver": {
         "deliver": "Encode shots and films for review, editing, archive or web.",

@@ -26,9 +26,11 @@ from pipeline.production.versions import publish
 from pipeline.production.versions.provenance import FILE, Provenance, pixels_of
 from pipeline.production.versions.publish import Release
 from pipeline.production.versions.reproduce import Reproduction
+from pipeline.production.versions.review_notes import read_notes
 from render.base.input_files import digest_of_file
 from render.post.image import read_exr, write_exr
 from tests.conftest import commanded
+from tests.dailies.review.note_cases import TIMES, document, note
 
 NAME = "T010_tiny"
 QUALITY = "draft.scale10"
@@ -239,6 +241,23 @@ def test_verify_tells_what_of_a_version_is_not_what_was_published_and_mends_noth
     facts = json.loads("{" + desk.command("--json", "verify")[1].partition("{")[2])
     assert [fact["frame"] for fact in facts["published"]] == [2, 3, None] and not facts["faulty"]
     assert f"--from {desk.home / 'v001' / FILE} makes it again" in desk.command("--dry-run", "verify")[1]
+
+
+def test_a_version_keeps_the_notes_that_its_shot_had(desk: Desk) -> None:
+    (desk.root / "ann.json").write_text(json.dumps(document(note(shot=NAME))))
+    assert desk.command("notes", NAME, "--add", "ann.json")[0] == 0
+    shutil.rmtree(desk.home / "v001")
+    frozen = desk.release().publish().folder / "notes.json"
+    assert [each.text for each in read_notes(frozen)] == ["softer"]
+    (desk.root / "ben.json").write_text(json.dumps(document(note(shot=NAME, text="no", modified=TIMES[3]))))
+    assert desk.command("notes", NAME, "--add", "ben.json")[0] == 0
+    assert [each.text for each in read_notes(frozen)] == ["softer"], "what is published stays as it was"
+    assert desk.command("verify")[0] == 0
+    frozen.chmod(0o644)
+    frozen.write_text("{}")
+    code, said = desk.command("verify")
+    assert code == 1 and "v001/notes.json: is not what was published" in said
+    assert "restore its notes from a backup" in desk.command("--dry-run", "verify")[1]
 
 
 def test_verify_tells_of_a_version_whose_provenance_is_lost(desk: Desk) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -15,11 +16,18 @@ from pipeline.dailies.review.view_3d import HINT, three_js
 from pipeline.errors import UsageError
 from pipeline.production.request.crop_and_scale import require_quality
 from pipeline.production.store.history import History
+from pipeline.production.versions.notes_folder import NotesFolder
+from pipeline.production.versions.review_notes import merged
 from pipeline.shot.yaml.lookup import NAME
 from render.base.plural import plural
 from render.scene.quality import QUALITIES
 
 FORMS = ("jpeg", "png")
+
+NotesFiles = Annotated[
+    list[Path] | None,
+    typer.Option("--notes", metavar="FILE", help="Merge notes that the page downloaded. Repeatable."),
+]
 
 
 def review(
@@ -41,12 +49,16 @@ def review(
         int, typer.Option(min=0, metavar="N", help="Mesh frames of each shot for the 3-D view.")
     ] = 24,
     crossings: Crossings = False,
+    notes: NotesFiles = None,
 ) -> None:
     """Write a page to look at shots: frame by frame, versions side by side, measures and meshes.
 
     `flowsculpt review A010_cube` writes renders/review/A010_cube with the rendered frames of the shot, its
     published versions and its wedges. Open index.html in any browser: it needs no server and no network, and
     the folder may be copied. Press ? on the page for its keys. The second time only new pictures are added.
+
+    `flowsculpt review A010_cube --notes ann.json --notes ben.json` merges the notes that two reviewers
+    downloaded into notes/A010_cube.json, and shows them.
     """
     for quality in qualities or ():
         require_quality(quality)
@@ -54,8 +66,11 @@ def review(
     project = options.project(common)
     search = Search(project, tuple(qualities or ()), History.of(common.root))
     material = [search.shot(shot) for shot in dict.fromkeys(shots)]
+    folder = NotesFolder(common.root)
+    added = folder.add(notes or (), common.dry_run)
+    written = merged(*(folder.notes(shot.request.name) for shot in material))
     title = _title(name, [shot.request.name for shot in material])
-    page = ReviewPage(title, project.store, material, form, models, common.cores, crossings)
+    page = ReviewPage(title, project.store, material, form, models, common.cores, crossings, written)
     if common.dry_run:
         counts = {"sequences": len(page.sequences), "pictures": sum(len(s.pictures) for s in page.sequences)}
     else:
@@ -65,9 +80,18 @@ def review(
         print_warning(HINT)
     verb = " would show" if common.dry_run else ""
     shown = f"{plural(counts['sequences'], 'sequence')}, {plural(counts['pictures'], 'picture')}"
+    live = sum(not note.deleted for note in written)
+    shown += f", {plural(live, 'note')}" if live else ""
     words = f"{page.index}:{verb} {shown}."
     missing = {f"{s.shot} {s.label}": sorted(s.states()) for s in page.sequences if s.states()}
-    print_result(words, {"page": str(page.index), **counts, "not_as_asked_for": missing}, common.json)
+    facts = {
+        "page": str(page.index),
+        **counts,
+        "notes": live,
+        "notes_added": added,
+        "not_as_asked_for": missing,
+    }
+    print_result(words, facts, common.json)
 
 
 def _title(name: str | None, shots: list[str]) -> str:

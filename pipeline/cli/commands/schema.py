@@ -14,6 +14,7 @@ from pipeline.cli.options import Common, output_option, require_one_of
 from pipeline.cli.output import print_result, table
 from pipeline.errors import FlowsculptError
 from pipeline.production.request.lookup import SHOTS
+from pipeline.production.versions.review_notes import NotesDocument
 from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.documents.reference import (
     default_text,
@@ -31,19 +32,26 @@ SCHEMAS = Path(".schema")
 """The folder beside shots with the schemas by which editors check them."""
 
 KINDS = ("shot", "film", "defaults")
+"""Kinds of files beside shots, which editors check."""
+
+NOTES = "notes"
+"""The kind of files of notes, which the review page writes."""
 
 
 def schema(
     common: Common,
-    kind: Annotated[str, typer.Argument(metavar="|".join(KINDS), help="The kind of file.")] = KINDS[0],
+    kind: Annotated[str, typer.Argument(metavar="|".join((*KINDS, NOTES)), help="The kind of file.")] = KINDS[
+        0
+    ],
     output: Annotated[Path | None, output_option("Write it to this file.")] = None,
 ) -> None:
     """Print the JSON Schema by which editors complete and check shot files.
 
-    `flowsculpt schema film -o film.json` writes the schema of edits. In the schema of shots, names that
+    `flowsculpt schema film -o film.json` writes the schema of edits, `flowsculpt schema notes` prints that
+    of files of notes, which the page of `review` downloads. In the schema of shots, names that
     shots/defaults.yaml gives are not required.
     """
-    require_one_of(kind, KINDS, f"there is no schema of {kind!r}.")
+    require_one_of(kind, (*KINDS, NOTES), f"there is no schema of {kind!r}.")
     content = _schema_of(kind, SHOTS)
     if output is None:
         print_result(_as_text(content), content, common.json)
@@ -67,6 +75,8 @@ def write_schemas(folder: Path) -> None:
 def _schema_of(kind: str, folder: Path) -> dict[str, Any]:
     if kind == "shot":
         return shot_schema(names_with_defaults(folder))
+    if kind == NOTES:
+        return NotesDocument.model_json_schema()
     return film_schema() if kind == "film" else defaults_schema()
 
 

@@ -22,7 +22,8 @@ from pipeline.dailies.review import view_3d
 from pipeline.dailies.review.proxies import Proxies, ProxyWriter
 from pipeline.dailies.review.sequences import PictureSequence, ShotMaterial
 from pipeline.production.planning.timings import LatestTimings
-from pipeline.production.store.store import Store
+from pipeline.production.store.store import Store, key_of
+from pipeline.production.versions.review_notes import ReviewNote, as_data
 from render.base.atomic_write import disk_errors
 
 SOURCES = files("pipeline.dailies.review") / "page"
@@ -37,6 +38,7 @@ class ReviewPage:
     models     most mesh frames of each shot
     form       file format of pictures: jpeg, or png, which is lossless
     crossings  count those of every frame
+    notes      what reviewers wrote, to be shown from the start
     """
 
     name: str
@@ -46,6 +48,7 @@ class ReviewPage:
     models: int
     threads: int
     crossings: bool = False
+    notes: Sequence[ReviewNote] = ()
 
     @property
     def folder(self) -> Path:
@@ -78,6 +81,8 @@ class ReviewPage:
         three_js = view_3d.three_js()
         data = {
             "title": self.name,
+            "page": key_of("review page", str(self.folder.absolute())),
+            "notes": as_data(self.notes)["notes"],
             "shots": shots,
             "sequences": sequences,
             "wedges": self._wedges(),

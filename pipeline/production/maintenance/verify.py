@@ -17,6 +17,7 @@ from pipeline.production.store import readers
 from pipeline.production.store.digests import ALTERED, CorruptFileError
 from pipeline.production.store.paths import PUBLISHED, RENDERS, REPEATED, STATE, repeated
 from pipeline.production.store.store import Key, Store
+from pipeline.production.versions.notes_folder import NOTES
 from pipeline.production.versions.provenance import FILE, Provenance, records
 from pipeline.shot.yaml.lookup import is_there
 from render.base.input_files import digest_of_file
@@ -185,7 +186,8 @@ def published_files(store: Store) -> Iterator[PublishedFile]:
             elif isinstance(record, Provenance):
                 for number, frame in record.frames.items():
                     yield PublishedFile(place / frame.file, record, number, frame.sha256)
-                yield PublishedFile(place / record.movie["file"], record, None, record.movie["sha256"])
+                for file in filter(None, (record.movie, record.notes)):
+                    yield PublishedFile(place / file["file"], record, None, file["sha256"])
             else:
                 yield PublishedFile(place / FILE, None, fault=str(record).removeprefix(f"{place / FILE}: "))
 
@@ -199,7 +201,14 @@ def checked(files: Iterable[PublishedFile], threads: int) -> Iterator[PublishedF
 def remedies(faulty: Iterable[PublishedFile], root: Path) -> Iterator[str]:
     """Yield a line for each version among faulty files that says how to make its files again."""
     for version, files in groupby(faulty, key=lambda file: file.version):
-        damaged = list(files)
+        damaged = [
+            file
+            for file in files
+            if file.record is None or file.path != version / file.record.notes.get("file", "")
+        ]
+        if not damaged:
+            yield f"{version}: restore its notes from a backup; those of today are in {root / NOTES}"
+            continue
         record, numbers = damaged[0].record, [file.number for file in damaged if file.number is not None]
         if record is None:
             yield f"{version}: nothing but its {FILE} tells what it was made from; restore that from a backup"

@@ -8,7 +8,7 @@ import os
 import platform
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -78,6 +78,7 @@ class Provenance:
     stages   versions of the stages that made it
     host     what it was published on
     timings  seconds by stage, as the runs that made it told them
+    notes    the file of the shot's notes at that time and its SHA-256; empty if there were none
     """
 
     shot: str
@@ -98,6 +99,7 @@ class Provenance:
     stages: Mapping[str, int]
     host: Mapping[str, Any]
     timings: Mapping[str, float]
+    notes: Mapping[str, str] = field(default_factory=dict)
 
     def as_data(self) -> dict[str, Any]:
         return {"format": FORMAT, **to_plain(self)}
@@ -163,7 +165,10 @@ def _require_whole(record: Provenance) -> None:
     known = is_quality(record.quality) and record.source.name == record.shot
     if not (named and known and record.frames and isinstance(record.source.text, str)):
         raise ValueError
-    if not {"file", "key", "sha256"} <= set(record.movie):
+    if not {"file", "key", "sha256"} <= set(record.movie) or set(record.notes) not in (
+        set(),
+        {"file", "sha256"},
+    ):
         raise KeyError
 
 

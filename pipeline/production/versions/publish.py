@@ -2,6 +2,7 @@
 
     renders/published/<shot>/v001/frames/<shot>.0001.exr
     renders/published/<shot>/v001/<shot>.mp4
+    renders/published/<shot>/v001/notes.json          where the shot has notes
     renders/published/<shot>/v001/provenance.json
 
 They stay whatever becomes of the shot, its renders and the store.
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import getpass
+import hashlib
 import json
 import os
 import re
@@ -28,6 +30,7 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import lock_name, making, writing
 from pipeline.production.store.paths import published
 from pipeline.production.store.store import DAMAGED, Key, Store
+from pipeline.production.versions.notes_folder import NotesFolder
 from pipeline.production.versions.provenance import (
     FILE,
     VERSION,
@@ -40,11 +43,15 @@ from pipeline.production.versions.provenance import (
     records,
     stage_versions,
 )
+from pipeline.production.versions.review_notes import as_text
 from render.base.atomic_write import disk_errors
 from render.base.input_files import digest_of_file
 from render.movie.probe import probe_movie
 
 _DRAFT = ".draft."
+
+NOTES = "notes.json"
+"""The file of notes in the folder of a version."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +113,8 @@ class Release:
         version = self._version([place.name for place, _ in known])
         final = self._home / version
         if not dry:
-            freeze(self.store, self._record(version, keys), final, self.copy)
+            notes = self._notes()
+            freeze(self.store, self._record(version, keys, notes), final, self.copy, notes)
         return Published(version, final, before=False)
 
     def _version(self, taken: list[str]) -> str:
@@ -154,7 +162,12 @@ class Release:
                 f"published is made from the shot file of today; {self.command} makes it."
             )
 
-    def _record(self, version: str, keys: PictureKeys) -> Provenance:
+    def _notes(self) -> bytes:
+        """Return the file of the shot's notes; empty if it has none. Raises UsageError if it is damaged."""
+        notes = NotesFolder(self.store.root).notes(self.request.name)
+        return as_text(notes).encode() if notes else b""
+
+    def _record(self, version: str, keys: PictureKeys, notes: bytes) -> Provenance:
         request, root, movie = self.request, self.store.root, self._movie_key(keys)
         return Provenance(
             shot=request.name,
@@ -175,6 +188,7 @@ class Release:
             stages=stage_versions(),
             host=host(),
             timings=total_seconds(request, root, {n: keys[n].raw for n in request.angles}),
+            notes={"file": NOTES, "sha256": hashlib.sha256(notes).hexdigest()} if notes else {},
         )
 
     def _frame(self, number: int, keys: PictureKeys) -> FrameRecord:
@@ -226,8 +240,8 @@ def _user() -> str:
     return ""
 
 
-def freeze(store: Store, record: Provenance, final: Path, copy: bool = False) -> None:
-    """Lay the frames and the movie of a version at `final`, and its provenance beside them.
+def freeze(store: Store, record: Provenance, final: Path, copy: bool = False, notes: bytes = b"") -> None:
+    """Lay the frames and the movie of a version at `final`, and its provenance and notes beside them.
 
     Frames are links to the files of the store, which take no space. They are copies where links fail, and
     with `copy`. The movie is a copy: the store's stays writable, for Snakemake makes no protected file again.
@@ -243,6 +257,9 @@ def freeze(store: Store, record: Provenance, final: Path, copy: bool = False) ->
                 freeze_frame(source, draft / frame.file)
                 store.digests.add_copy(final / frame.file, source)
             _copy(store.path("movie", record.movie["key"]), draft / record.movie["file"])
+            if notes:
+                (draft / NOTES).write_bytes(notes)
+                _settle(draft / NOTES)
             text = json.dumps(record.as_data(), indent=1, ensure_ascii=False)
             (draft / FILE).write_text(text + "\n", encoding="utf-8")
             _settle(draft / FILE)

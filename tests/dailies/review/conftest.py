@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 from playwright.sync_api import Browser
+from playwright.sync_api import Page as Tab
 
 from tests.dailies.review.chromium import ChromiumError, fetch, running
+from tests.dailies.review.looker import Looker, Opened
 from tests.dailies.review.studio import NAME, Desk, furnish
 
 
@@ -35,3 +39,40 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Desk:
         code, words = made.command("review", NAME)
     assert code == 0, words
     return made
+
+
+@pytest.fixture(scope="module")
+def tab(browser: Browser) -> Iterator[Tab]:
+    context = browser.new_context(viewport={"width": 1200, "height": 720}, reduced_motion="reduce")
+    yield context.new_page()
+    context.close()
+
+
+@pytest.fixture
+def opened(tab: Tab, desk: Desk, tmp_path: Path) -> Iterator[Opened]:
+    """Opens the page; at the end nothing may have been complained of, and nothing asked of a network."""
+    complaints: list[str] = []
+    asked: list[str] = []
+    listeners: dict[str, Callable[[Any], None]] = {
+        "console": lambda m: complaints.append(m.text) if m.type in ("error", "warning") else None,
+        "pageerror": lambda error: complaints.append(str(error)),
+        "request": lambda request: asked.append(request.url),
+    }
+    for name, listener in listeners.items():
+        tab.on(name, listener)  # type: ignore[call-overload]
+
+    def open_page(page: Path | None = None, **said: object) -> Looker:
+        words = "&".join(f"{name}={value}" for name, value in {"a": "T010_tiny · draft", **said}.items())
+        tab.goto("about:blank")
+        tab.goto(f"{(page or desk.page()).as_uri()}#{words}")
+        looker = Looker(tab, tmp_path)
+        looker.wait("window.review")
+        looker.settled()
+        return looker
+
+    yield open_page
+    assert tab.evaluate("window.attacked") is None, "titles and messages are text"
+    for name, listener in listeners.items():
+        tab.remove_listener(name, listener)
+    assert [each for each in complaints if "GPU stall" not in each] == []  # reading a WebGL canvas back
+    assert [url for url in asked if not url.startswith(("file:", "blob:", "data:", "about:"))] == []

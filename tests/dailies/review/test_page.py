@@ -4,106 +4,15 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from playwright.sync_api import Browser
-from playwright.sync_api import Page as Tab
 
 from pipeline.dailies.review import view_3d
-from render.post.image import read_png
-from tests.dailies.review.chromium import wait_for
+from tests.dailies.review.looker import Opened
 from tests.dailies.review.studio import FAILED, LAST, MISSING, Desk, number_in
-
-
-@dataclass(frozen=True)
-class Looker:
-    """Somebody at the page."""
-
-    tab: Tab
-    scratch: Path
-
-    def press(self, *keys: str) -> None:
-        for key in keys:
-            self.tab.keyboard.press(key)
-
-    def ask(self, expression: str) -> Any:
-        return self.tab.evaluate(expression)
-
-    @property
-    def frame(self) -> int:
-        """The frame number that the page shows."""
-        return int(self.tab.input_value("#frame"))
-
-    def wait(self, condition: str) -> None:
-        wait_for(self.tab, condition, 20.0)
-
-    def settled(self) -> None:
-        """Wait until the pictures that are to be shown are there."""
-        self.wait("[review.a, review.b].every((s) => review.cache.isSettled(s.url(review.transport.frame)))")
-
-    def seen(self, selector: str = "#stage") -> NDArray[np.uint8]:
-        """(H, W, 3): an element as the display has it."""
-        file = self.scratch / "seen.png"
-        self.tab.locator(selector).screenshot(path=str(file))
-        return read_png(file)[..., :3]
-
-    def picture(self) -> NDArray[np.uint8]:
-        """The picture alone, without what is around it."""
-        self.settled()
-        at = {name: round(value) for name, value in self.ask("review.stage.places()[0]").items()}
-        return self.seen()[at["y"] : at["y"] + at["height"], at["x"] : at["x"] + at["width"]]
-
-    @property
-    def number(self) -> int:
-        """The frame's number as the picture itself tells it."""
-        return number_in(self.picture())
-
-
-Opened = Callable[..., Looker]
-
-
-@pytest.fixture(scope="module")
-def tab(browser: Browser) -> Iterator[Tab]:
-    context = browser.new_context(viewport={"width": 1200, "height": 720}, reduced_motion="reduce")
-    yield context.new_page()
-    context.close()
-
-
-@pytest.fixture
-def opened(tab: Tab, desk: Desk, tmp_path: Path) -> Iterator[Opened]:
-    """Opens the page; at the end nothing may have been complained of, and nothing asked of a network."""
-    complaints: list[str] = []
-    asked: list[str] = []
-    listeners: dict[str, Callable[[Any], None]] = {
-        "console": lambda m: complaints.append(m.text) if m.type in ("error", "warning") else None,
-        "pageerror": lambda error: complaints.append(str(error)),
-        "request": lambda request: asked.append(request.url),
-    }
-    for name, listener in listeners.items():
-        tab.on(name, listener)  # type: ignore[call-overload]
-
-    def open_page(page: Path | None = None, **said: object) -> Looker:
-        words = "&".join(f"{name}={value}" for name, value in {"a": "T010_tiny · draft", **said}.items())
-        tab.goto("about:blank")
-        tab.goto(f"{(page or desk.page()).as_uri()}#{words}")
-        looker = Looker(tab, tmp_path)
-        looker.wait("window.review")
-        looker.settled()
-        return looker
-
-    yield open_page
-    assert tab.evaluate("window.attacked") is None, "titles and messages are text"
-    for name, listener in listeners.items():
-        tab.remove_listener(name, listener)
-    assert [each for each in complaints if "GPU stall" not in each] == []  # reading a WebGL canvas back
-    assert [url for url in asked if not url.startswith(("file:", "blob:", "data:", "about:"))] == []
 
 
 def test_every_key_press_is_one_frame(opened: Opened) -> None:
@@ -316,14 +225,7 @@ def test_a_frame_is_typed_and_the_keys_play_again(opened: Opened) -> None:
 
 
 def test_axe_finds_nothing_serious(opened: Opened) -> None:
-    axe = (files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
     look = opened()
-    look.ask(f"(() => {{ {axe} }})()")
     for keys in (["w"], ["n", "d"], ["m"], ["g"], ["?"]):
         look.press(*keys)
-        found = look.ask("axe.run(document, {resultTypes: ['violations'], preload: false})")
-        bad = [
-            (each["id"], each["nodes"][0]["target"], each["nodes"][0]["failureSummary"])
-            for each in found["violations"]
-        ]
-        assert bad == [], keys
+        assert look.findings() == [], keys

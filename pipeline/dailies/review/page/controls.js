@@ -7,7 +7,7 @@ const MODE_NAMES = {
   grid: ["Grid", "All at once (G)"],
 };
 const SIZE_NAMES = { fit: ["Fit", "As large as fits (F)"], one: ["1:1", "A pixel for a pixel (Z)"] };
-const TABS = { measures: ["Measures", "P"], facts: ["Frame", "N"], mesh: ["Mesh", "M"] };
+const TABS = { notes: ["Notes", "Q"], measures: ["Measures", "P"], facts: ["Frame", "N"], mesh: ["Mesh", "M"] };
 const id = (name) => document.getElementById(name);
 
 class Controls {
@@ -117,6 +117,7 @@ class Controls {
     id("panel-button").setAttribute("aria-pressed", !id("panel").hidden);
     id("splitter").hidden = id("panel").hidden;
     this.drawFrame();
+    review.drawing.draw();
     const { inPoint, outPoint } = transport;
     id("about").textContent = a.note || a.about.title;
     id("range").textContent = transport.isLooped ? `Loop ${inPoint}–${outPoint}` : `${transport.first}–${transport.last}`;

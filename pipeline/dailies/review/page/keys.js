@@ -43,6 +43,41 @@ const KEYS = [
     ["", "", (r) => r.chooseNext("b", -1), ["Shift+ArrowUp"]],
     ["", "", (r) => r.chooseNext("b", 1), ["Shift+ArrowDown"]],
   ]],
+  ["Notes", [
+    ["A", "Note on this frame; with Shift on the loop", null, []],
+    ["", "", (r) => r.writeNote(), ["a"]],
+    ["", "", (r) => r.writeNote(true), ["A"]],
+    ["; '", "The note before, after", null, []],
+    ["", "", (r) => r.panels.notes.step(-1), [";"]],
+    ["", "", (r) => r.panels.notes.step(1), ["'"]],
+    ["R Delete", "Edit, delete the chosen note", null, []],
+    ["", "", (r) => r.panels.notes.edit(), ["r"]],
+    ["", "", (r) => r.panels.notes.remove(), ["Delete"]],
+    ["7 8 9", "It is open, to be changed, approved", null, []],
+    ["", "", (r) => r.panels.notes.setStatus("open"), ["7"]],
+    ["", "", (r) => r.panels.notes.setStatus("change"), ["8"]],
+    ["", "", (r) => r.panels.notes.setStatus("approved"), ["9"]],
+    ["B", "Draw; also 3 pen, 4 arrow, 5 rectangle, 6 text", (r) => r.drawing.toggle(), ["b"]],
+    ["", "", (r) => r.drawing.setTool("pen"), ["3"]],
+    ["", "", (r) => r.drawing.setTool("arrow"), ["4"]],
+    ["", "", (r) => r.drawing.setTool("rectangle"), ["5"]],
+    ["", "", (r) => r.drawing.setTool("text"), ["6"]],
+    ["Shift B", "The next ink", (r) => r.drawing.nextInk(), ["B"]],
+    ["{ }", "A thinner, thicker line", null, []],
+    ["", "", (r) => r.drawing.changeWidth(-1), ["{"]],
+    ["", "", (r) => r.drawing.changeWidth(1), ["}"]],
+    ["U", "Undo; with Shift redo; also Ctrl Z", null, []],
+    ["", "", (r) => r.notes.undo(), ["u", "Ctrl+z"]],
+    ["", "", (r) => r.notes.redo(), ["U", "Ctrl+Z", "Ctrl+y"]],
+    ["Backspace", "Erase the drawing of this frame", (r) => r.drawing.erase(), ["Backspace"]],
+    ["Y", "Onion skin; with Shift hide drawings", (r) => r.toggleOnion(), ["y"]],
+    ["", "", (r) => r.toggleInk(), ["Y"]],
+    ["Shift J T O", "Download notes as JSON, text, OTIO", null, []],
+    ["", "", (r) => downloadNotes(r, "json"), ["J"]],
+    ["", "", (r) => downloadNotes(r, "txt"), ["T"]],
+    ["", "", (r) => downloadNotes(r, "otio"), ["O"]],
+    ["Shift L", "Load a file of notes; or drop it", () => id("notes-file").click(), ["L"]],
+  ]],
   ["Looking", [
     ["F", "Fit; also double click", (r) => r.setSize("fit"), ["f"]],
     ["Z", "A pixel for a pixel", (r) => r.setSize("one"), ["z"]],
@@ -51,7 +86,9 @@ const KEYS = [
     ["", "", (r) => r.zoomBy(0.8), ["-"]],
     ["H", "Hide or show the panel", (r) => r.togglePanel(), ["h"]],
     ["Shift F", "Full screen", (r) => r.fullScreen(), ["F"]],
-    ["P N M", "Measures, frame, mesh", null, []],
+    ["Q P N M", "Notes, measures, frame, mesh", null, []],
+    ["", "", (r) => r.showTab("notes"), ["q"]],
+    ["", "", (r) => r.panels.notes.setScope(!r.panels.notes.showsAll), ["Q"]],
     ["", "", (r) => r.showTab("measures"), ["p"]],
     ["", "", (r) => r.showTab("facts"), ["n"]],
     ["", "", (r) => r.showTab("mesh"), ["m"]],
@@ -65,17 +102,23 @@ const ACTIONS = new Map(KEYS.flatMap(([, rows]) => rows.flatMap(([, , act, keys]
 
 function listenForKeys(review) {
   document.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented || id("help").open) return;
+    if (event.altKey || event.defaultPrevented || id("help").open) return;
     const { target } = event;
     if (target.matches("input[type=text], textarea")) return;
     if (target.matches("select, input[type=range]") && /^(Arrow|Home|End| $|Enter)/.test(event.key)) return;
     if (target.matches("button, summary, [role=tab]") && [" ", "Enter"].includes(event.key)) return;
-    const letter = event.key.length === 1 ? (event.key === "F" ? "F" : event.key.toLowerCase()) : event.key;
-    const act = ACTIONS.get(event.shiftKey && event.key.length > 1 ? `Shift+${event.key}` : letter);
+    const act = ACTIONS.get(nameOf(event));
     if (!act) return;
     event.preventDefault();
     act(review);
   });
+}
+
+/** The name of a key press in KEYS. Letters are small unless Shift means something else; Caps Lock does not. */
+function nameOf({ key, shiftKey, ctrlKey, metaKey }) {
+  if (ctrlKey || metaKey) return `Ctrl+${shiftKey ? key : key.toLowerCase()}`;
+  if (key.length > 1) return shiftKey ? `Shift+${key}` : key;
+  return shiftKey && ACTIONS.has(key) ? key : key.toLowerCase();
 }
 
 function showHelp() {

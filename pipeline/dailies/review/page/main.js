@@ -8,14 +8,21 @@ class Review {
     document.title = `${data.title} – review`;
     id("title").textContent = data.title;
     this.isAlone = Object.keys(data.shots).length === 1;
+    this.title = data.title;
+    this.shots = data.shots;
+    this.chosenNote = null;
     this.sequences = data.sequences.map((each, i) => new Sequence(each, i, data.shots[each.shot]));
     this.cache = new PictureCache((url) => this.#arrived(url));
     this.transport = new Transport((frame) => this.#isReady(frame), (what) => this.#changed(what));
     this.stage = new Stage(id("stage"), this.cache, (sequence) => this.strip.sheet(sequence));
+    this.notes = new NoteBook(data.page, data.notes, () => this.redraw(), (words) => this.tell(words, true));
+    this.ink = new InkLayer(id("ink"), this);
+    this.drawing = new Drawing(id("drawing"), this);
     this.mode = "a";
-    this.tab = "measures";
+    this.tab = this.notes.all.length ? "notes" : "measures";
     this.grid = new Grid(id("grid"), this, data.wedges);
     this.panels = {
+      notes: new NotesPanel(id("panel-notes"), this),
       measures: new MeasuresPanel(id("panel-measures"), this),
       facts: new FactsPanel(id("panel-facts"), this),
       mesh: new MeshPanel(id("panel-mesh"), this, data.three, data.hint),
@@ -24,13 +31,17 @@ class Review {
     this.controls = new Controls(this);
     new Splitter(id("splitter"), id("panel"));
     restoreFrom(this, location.hash);
-    new StagePointer(this.stage, () => this.redraw());
+    new StagePointer(this.stage, this.drawing, () => this.redraw());
+    acceptNotes(this, id("notes-file"));
     listenForKeys(this);
     new ResizeObserver(() => this.#resized()).observe(id("page"));
     new ResizeObserver(() => this.#resized()).observe(id("viewer"));
   }
 
   get hasGrid() { return this.grid.isUseful; }
+
+  /** The sequence that notes are written on. */
+  get shownSequence() { return this.mode === "b" ? this.b : this.a; }
 
   // What people ask for
 
@@ -108,6 +119,30 @@ class Review {
     this.redraw();
   }
 
+  /** Begin a note on the frame that is shown, or on all frames of the loop. */
+  writeNote(onLoop = false) {
+    const { frame, inPoint, outPoint } = this.transport;
+    this.panels.notes.write(...(onLoop ? [inPoint, outPoint] : [frame, frame]));
+  }
+
+  toggleOnion() {
+    this.ink.showsOnion = !this.ink.showsOnion;
+    this.redraw();
+  }
+
+  toggleInk() {
+    this.ink.isVisible = !this.ink.isVisible;
+    this.redraw();
+  }
+
+  /** Tell something over the picture for a while. */
+  tell(words, isFault = false) {
+    id("message").textContent = words;
+    id("message").classList.toggle("fault", isFault);
+    clearTimeout(this.telling);
+    this.telling = setTimeout(() => { id("message").textContent = ""; }, isFault ? 15000 : 6000);
+  }
+
   fullScreen() {
     if (document.fullscreenElement) document.exitFullscreen();
     else document.documentElement.requestFullscreen();
@@ -162,6 +197,7 @@ class Review {
   #drawPicture() {
     id("grid").hidden = this.mode !== "grid";
     id("stage").hidden = this.mode === "grid";
+    this.ink.draw();
     if (this.mode === "grid") return this.grid.draw();
     this.stage.draw();
     if (!this.drawn && this.cache.get(this.a.url(this.transport.frame))) {

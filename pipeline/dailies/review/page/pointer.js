@@ -1,14 +1,13 @@
 "use strict";
-// What a mouse, a pen or a finger does to the picture: pan, zoom, and draw the wipe.
+// What a mouse, a pen or a finger does to the picture: pan, zoom, draw the wipe, and draw notes.
 
 class StagePointer {
-  constructor(stage, changed) {
-    this.stage = stage;
-    this.changed = changed;
+  constructor(stage, drawing, changed) {
+    Object.assign(this, { stage, drawing, changed });
     const canvas = stage.canvas;
     canvas.addEventListener("pointerdown", (event) => this.#down(event));
     canvas.addEventListener("pointermove", (event) => this.#move(event));
-    for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => { this.drag = null; });
+    for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => this.#up());
     canvas.addEventListener("wheel", (event) => this.#wheel(event), { passive: false });
     canvas.addEventListener("dblclick", () => { stage.fit(); changed(); });
   }
@@ -25,11 +24,22 @@ class StagePointer {
   #down(event) {
     const at = this.#at(event);
     this.stage.canvas.setPointerCapture(event.pointerId);
-    this.drag = { wipe: this.#isAtWipe(at), at };
+    if (this.drawing.isOn && event.button === 0) this.drawing.down(at);
+    else this.drag = { wipe: this.#isAtWipe(at), at };
+  }
+
+  #up() {
+    this.drag = null;
+    this.drawing.up();
   }
 
   #move(event) {
     const at = this.#at(event), { stage, drag } = this;
+    if (this.drawing.isOn && !drag) {
+      stage.canvas.style.cursor = "crosshair";
+      this.drawing.move(at);
+      return;
+    }
     const hovers = drag ? drag.wipe : this.#isAtWipe(at);
     stage.canvas.style.cursor = hovers ? "ew-resize" : drag ? "grabbing" : "default";
     if (!drag) return;

@@ -2,6 +2,8 @@
 // The strip: all frames of A side by side, what is wrong with them, and where time is.
 
 const STRIP = { film: 46, bar: 5, ruler: 17 };
+const NOTE_LANES = 4;
+const STATUS_INKS = { open: "#7fb7e6", change: "#f0a24e", approved: "#86cf8e" };
 const STATE_INKS = { missing: "#6b6b6b", failed: "#e0705f", stale: "#d9b35c" };
 
 class Strip {
@@ -54,6 +56,10 @@ class Strip {
     const words = this.hover.appendChild(document.createElement("span"));
     words.textContent = `${frame}  ${sequence.timecode(frame)}${state === "done" ? "" : `  ${state}`}`;
     words.title = why;
+    for (const note of this.review.notes.of(sequence).filter(({ first, last }) => first <= frame && frame <= last)) {
+      const [line] = note.text.split("\n");
+      this.hover.append(part("div", `hover-note ${note.status}`, line.length > 60 ? `${line.slice(0, 60)}…` : line || "drawing"));
+    }
     this.hover.hidden = false;
     const half = this.hover.offsetWidth / 2, x = event.clientX - box.left;
     this.hover.style.left = `${Math.min(box.width - half - 4, Math.max(half + 4, x))}px`;
@@ -84,6 +90,7 @@ class Strip {
     this.#drawStates(context, cell, film, dots);
     this.#drawRange(context, cell, film);
     this.#drawRuler(context, cell, film + STRIP.bar * dots, dots);
+    this.#drawNotes(context, cell, dots);
     this.#drawHead(context, cell, film + STRIP.bar * dots, dots);
     this.#tell();
   }
@@ -116,6 +123,23 @@ class Strip {
       const inset = state === "done" ? 0.5 * bar : 0;
       context.fillRect(x, film + inset, cell > 4 ? width - 1 : width, bar - inset);
     });
+  }
+
+  /** Lines over the frames of notes in the colours of their statuses, and ends where they begin. */
+  #drawNotes(context, cell, dots) {
+    const numbers = this.#numbers(), ends = [];
+    for (const note of this.review.notes.of(this.review.a)) {
+      const from = numbers.findIndex((number) => number >= note.first), to = numbers.findLastIndex((number) => number <= note.last);
+      if (from < 0 || to < from) continue;
+      const free = ends.findIndex((end) => end < from), lane = Math.min(NOTE_LANES - 1, free < 0 ? ends.length : free);
+      ends[lane] = Math.max(to, ends[lane] ?? 0);
+      const x = from * cell, y = (2 + 7 * lane) * dots, width = Math.max(5 * dots, (to - from + 1) * cell - dots);
+      context.fillStyle = "rgba(0, 0, 0, 0.6)";
+      context.fillRect(x - dots, y - dots, width + 2 * dots, 7 * dots);
+      context.fillStyle = STATUS_INKS[note.status];
+      context.fillRect(x, y + dots, width, 3 * dots);
+      context.fillRect(x, y, 3 * dots, 5 * dots);
+    }
   }
 
   #drawRange(context, cell, film) {

@@ -1,0 +1,106 @@
+"use strict";
+// Notes as files: downloaded as JSON, text and OpenTimelineIO, and read from JSON.
+
+const MARKER_COLORS = { open: "BLUE", change: "ORANGE", approved: "GREEN" };
+
+/** `12` or `12–20`. */
+const framesOf = (note) => (note.first === note.last ? String(note.first) : `${note.first}–${note.last}`);
+/** `2026-11-23 21:10`, UTC. */
+const timeOf = (note) => note.modified.slice(0, 16).replace("T", " ");
+const authorOf = (note) => note.author || "no name";
+
+function download(name, content, type) {
+  const url = URL.createObjectURL(new Blob([content], { type }));
+  Object.assign(document.createElement("a"), { href: url, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(url), 10000);
+}
+
+/** Download all notes of the page; `form` is json, txt or otio. */
+function downloadNotes(review, form) {
+  const { notes, title } = review;
+  const content = { json: () => notes.file(), txt: () => notesText(notes.all), otio: () => notesTimeline(review, notes.all) }[form]();
+  const type = form === "txt" ? "text/plain" : "application/json";
+  download(`${title}.notes.${form}`, content, type);
+}
+
+/** Notes by shot and sequence: [[shot, sequence, notes]]. */
+function bySequence(notes) {
+  const groups = new Map();
+  for (const note of notes) {
+    const name = `${note.shot} · ${note.sequence}`;
+    if (!groups.has(name)) groups.set(name, [note.shot, note.sequence, []]);
+    groups.get(name)[2].push(note);
+  }
+  return [...groups.keys()].sort().map((name) => groups.get(name));
+}
+
+function notesText(notes) {
+  const parts = bySequence(notes).map(([shot, sequence, group]) => {
+    const entries = group.map((note) => {
+      const drawn = note.drawings.length ? `[${strokesOf(note)}]` : "";
+      const words = [note.text, drawn].filter(Boolean).join("\n").replaceAll("\n", "\n    ");
+      return `  ${framesOf(note)}  ${note.status}  ${authorOf(note)}  ${timeOf(note)} UTC\n    ${words}\n`;
+    });
+    return `${shot} · ${sequence}\n\n${entries.join("\n")}`;
+  });
+  return parts.join("\n") || "No notes.\n";
+}
+
+const strokesOf = (note) => `${note.drawings.length} ${note.drawings.length === 1 ? "stroke" : "strokes"}`;
+
+/** A timeline with a clip for every sequence that has notes, and a marker for every note. */
+function notesTimeline(review, notes) {
+  const clips = bySequence(notes).map(([shot, sequence, group]) => {
+    const about = review.shots[shot], rate = about?.fps ?? 24;
+    const numbers = about?.numbers ?? group.flatMap((note) => [note.first, note.last]);
+    const whole = rangeOf(Math.min(...numbers), Math.max(...numbers), rate);
+    return {
+      ...otioItem("Clip.2", `${shot} · ${sequence}`),
+      source_range: whole,
+      markers: group.map((note) => ({
+        ...otioItem("Marker.2", note.text.split("\n")[0].slice(0, 80) || note.status),
+        metadata: { flowsculpt: { ...note, history: undefined } },
+        color: MARKER_COLORS[note.status],
+        marked_range: rangeOf(note.first, note.last, rate),
+        comment: note.text,
+      })),
+      media_references: { DEFAULT_MEDIA: { ...otioItem("MissingReference.1", ""), available_range: whole } },
+      active_media_reference_key: "DEFAULT_MEDIA",
+    };
+  });
+  const track = { ...otioItem("Track.1", "notes"), kind: "Video", children: clips };
+  const stack = { ...otioItem("Stack.1", "tracks"), children: [track] };
+  return `${JSON.stringify({ ...otioItem("Timeline.1", review.title), global_start_time: null, tracks: stack }, null, 1)}\n`;
+}
+
+const otioItem = (schema, name) => ({ OTIO_SCHEMA: schema, name, metadata: {} });
+
+function rangeOf(first, last, rate) {
+  const time = (value) => ({ OTIO_SCHEMA: "RationalTime.1", value, rate });
+  return { OTIO_SCHEMA: "TimeRange.1", start_time: time(first), duration: time(last - first + 1) };
+}
+
+/** Merge files of notes that somebody chose or dropped, and tell what came of each. */
+async function loadNotes(review, files) {
+  for (const file of files) {
+    try {
+      const count = review.notes.merge(notesIn(await file.text()));
+      review.tell(`${file.name}: ${count} ${count === 1 ? "note" : "notes"} new or changed.`);
+    } catch (error) {
+      review.tell(`${file.name} is left out: ${error.message}.`, true);
+    }
+  }
+}
+
+/** Read notes from the file chooser, and from files that are dropped on the page. */
+function acceptNotes(review, chooser) {
+  chooser.addEventListener("change", async () => {
+    await loadNotes(review, [...chooser.files]);
+    chooser.value = "";
+  });
+  document.addEventListener("dragover", (event) => event.preventDefault());
+  document.addEventListener("drop", (event) => {
+    event.preventDefault();
+    loadNotes(review, [...event.dataTransfer.files]);
+  });
+}

@@ -1,0 +1,171 @@
+"use strict";
+// The notes of a page: kept by the browser, changed by people, and merged with those of others.
+
+class NoteBook {
+  /**
+   * `page` is the page's identity, `given` the notes that it was written with; `changed()` is called after
+   * every change, and `tell(words)` where the browser keeps nothing.
+   */
+  constructor(page, given, changed, tell) {
+    Object.assign(this, { changed, tell });
+    this.prefix = `flowsculpt.notes.1/${page}/`;
+    this.notes = new Map();
+    this.unsettled = new Set();  // ids of notes whose latest revision may still be replaced
+    this.undone = [];
+    this.done = [];
+    this.isSaved = true;
+    this.#take(mergedNotes(given, this.#kept()));
+    window.addEventListener("storage", (event) => this.#fromOtherTab(event));
+    window.addEventListener("beforeunload", (event) => { if (!this.isSaved) event.preventDefault(); });
+  }
+
+  /** Notes that are not deleted, by frames. */
+  get all() {
+    return [...this.notes.values()].filter((note) => !note.deleted).sort((one, other) => one.first - other.first || one.last - other.last);
+  }
+
+  get(id) { return this.notes.get(id); }
+
+  /** The notes of a sequence: those written on it, and those on the same picture of another one. */
+  of(sequence) {
+    return this.all.filter((note) => note.shot === sequence.shot && (
+      note.sequence === sequence.label || (note.picture !== "" && note.picture === sequence.fact(note.first, "key"))
+    ));
+  }
+
+  /** Begin a note; returns its id. */
+  add(sequence, first, last, fields = {}) {
+    const id = newId(), now = new Date().toISOString(), { author } = this;
+    const picture = sequence.fact(first, "key") ?? "";
+    this.notes.set(id, {
+      id, shot: sequence.shot, sequence: sequence.label, picture, first, last, status: "open", text: "", drawings: [],
+      author, created: now, modified: now, deleted: false, ...fields, history: [],
+    });
+    this.unsettled.add(id);
+    this.#save(id);
+    return id;
+  }
+
+  /** Change a note. What it said before is kept as history, unless the change follows another one of this visit. */
+  edit(id, fields) {
+    const note = this.notes.get(id), { author } = this;
+    const history = this.unsettled.has(id) ? note.history : [...note.history, revisionOf(note)];
+    const modified = new Date(Math.max(Date.now(), Date.parse(note.modified) + 1)).toISOString();
+    this.notes.set(id, { ...note, ...fields, author, modified, history });
+    this.unsettled.add(id);
+    this.#save(id);
+  }
+
+  /** Change drawings, or delete a note, so that it can be undone. */
+  editUndoably(id, fields) {
+    const note = this.notes.get(id);
+    const before = Object.fromEntries(Object.keys(fields).map((name) => [name, note[name]]));
+    this.done.push({ id, before, after: fields });
+    this.undone = [];
+    this.edit(id, fields);
+  }
+
+  undo() { this.#again(this.done, this.undone, "before"); }
+  redo() { this.#again(this.undone, this.done, "after"); }
+
+  #again(from, to, which) {
+    const step = from.pop();
+    if (!step) return;
+    to.push(step);
+    this.edit(step.id, step[which]);
+  }
+
+  /** Drop a note that was begun on this visit and says nothing. */
+  forget(id) {
+    this.notes.delete(id);
+    this.done = this.done.filter((step) => step.id !== id);
+    this.#store((storage) => storage.removeItem(this.prefix + id));
+    this.changed();
+  }
+
+  /** Take in notes of others; returns how many are new or changed. */
+  merge(notes) {
+    const count = this.#take(notes);
+    this.changed();
+    return count;
+  }
+
+  /** The notes as a file has them; what they say now will not be replaced any more. */
+  file() {
+    this.unsettled.clear();
+    this.isSaved = true;
+    return `${JSON.stringify({ format: NOTES_FORMAT, version: NOTES_VERSION, notes: mergedNotes([...this.notes.values()]) }, null, 1)}\n`;
+  }
+
+  get author() { return this.name ?? this.#store((storage) => storage.getItem("flowsculpt.author")) ?? ""; }
+
+  set author(name) {
+    this.name = name.replace(/[\x00-\x1f\x7f-\x9f]|\p{Surrogate}/gu, "").trim().slice(0, 200);
+    this.#store((storage) => storage.setItem("flowsculpt.author", this.name));
+  }
+
+  #take(notes) {
+    let count = 0;
+    for (const note of notes) {
+      const there = this.notes.get(note.id), [both] = mergedNotes([note], there ? [there] : []);
+      if (there && canonical(both) === canonical(there)) continue;
+      this.notes.set(note.id, both);
+      this.unsettled.delete(note.id);
+      this.#keep(both);
+      count += 1;
+    }
+    return count;
+  }
+
+  #save(id) {
+    this.#keep(this.notes.get(id));
+    this.changed();
+  }
+
+  #keep(note) {
+    this.#store((storage) => storage.setItem(this.prefix + note.id, JSON.stringify(note)), true);
+  }
+
+  /** What an earlier visit left; what is no note is passed over. */
+  #kept() {
+    const read = (storage) => Object.keys(storage).filter((key) => key.startsWith(this.prefix)).map((key) => storage.getItem(key));
+    return (this.#store(read) ?? []).flatMap(parsedNote);
+  }
+
+  #fromOtherTab({ key, newValue }) {
+    if (key?.startsWith(this.prefix) && newValue) this.merge(parsedNote(newValue));
+  }
+
+  /** Do something with the browser's storage, which may refuse; that it does is told once. */
+  #store(act, mustKeep = false) {
+    try {
+      return act(window.localStorage);
+    } catch {
+      if (mustKeep) {
+        this.isSaved = false;
+        if (!this.hasTold) this.tell("This browser keeps no notes: download them before you leave the page.");
+        this.hasTold = true;
+      }
+      return null;
+    }
+  }
+}
+
+/** A random UUID; `crypto.randomUUID` is only there on secure pages, and a folder is none everywhere. */
+function newId() {
+  const bytes = crypto.getRandomValues(new Uint8Array(16));
+  bytes[6] = (bytes[6] & 15) | 64;
+  bytes[8] = (bytes[8] & 63) | 128;
+  const digits = [...bytes].map((byte) => byte.toString(16).padStart(2, "0")).join("");
+  return digits.replace(/^(.{8})(.{4})(.{4})(.{4})(.{12})$/, "$1-$2-$3-$4-$5");
+}
+
+/** A list of the note in a text, or of none. */
+function parsedNote(text) {
+  try {
+    const note = JSON.parse(text);
+    return noteFault(note, "note") ? [] : [note];
+  } catch {
+    return [];
+  }
+}

@@ -1,0 +1,209 @@
+"""Notes of reviews: what a file of them holds, and the rule by which files are merged.
+
+A file is JSON: ``{"format": "flowsculpt notes", "version": 1, "notes": [...]}``. A note has an id, which is a
+UUID, and revisions: the latest stands in the note itself, earlier ones under `history`. A deleted note stays,
+and its latest revision says so. The page of `review` follows the same rule (page/note_merging.js).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
+
+from pipeline.errors import MissingInputError, UsageError, brief
+from pipeline.shot.yaml.lookup import MOST_LETTERS, NAME, is_there
+from render.base.atomic_write import machine_error
+
+FORMAT = "flowsculpt notes"
+VERSION = 1
+
+STATUSES = ("open", "change", "approved")
+
+UNITS = 10_000
+"""Units of a drawing to the width of its picture; heights are measured in the same unit."""
+
+_PRINTED = r"^[^\x00-\x08\x0b-\x1f\x7f-\x9f]*$"
+"""Text without control characters, by which a note could command a terminal; it may have tabs and lines."""
+
+FrameNumber = Annotated[int, Field(ge=-1_000_000, le=1_000_000)]
+Coordinate = Annotated[int, Field(ge=-100_000, le=100_000)]
+Line = Annotated[str, StringConstraints(max_length=400, pattern=r"^[^\x00-\x1f\x7f-\x9f]*$")]
+Text = Annotated[str, StringConstraints(max_length=20_000, pattern=_PRINTED)]
+Time = Annotated[
+    str,
+    StringConstraints(
+        pattern=r"^20[0-9]{2}-(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])"
+        r"T([01][0-9]|2[0-3]):[0-5][0-9]:[0-5][0-9]\.[0-9]{3}Z$"
+    ),
+]
+
+
+class _Document(BaseModel):
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+
+
+class NoteStroke(_Document):
+    """One stroke of a drawing over the picture of a frame."""
+
+    frame: FrameNumber
+    kind: Literal["pen", "arrow", "rectangle", "text"]
+    ink: Annotated[str, Field(pattern=r"^#[0-9a-f]{6}$", description="The colour, as #ffb000.")]
+    width: Annotated[int, Field(ge=1, le=1000, description="Of the line; the size of text is six times it.")]
+    points: Annotated[
+        tuple[Coordinate, ...],
+        Field(
+            min_length=2,
+            max_length=20_000,
+            description="x0, y0, x1, y1, … from the upper left corner of the picture, in ten-thousandths of "
+            "its width. An arrow ends at its second point; a rectangle has two opposite corners; text begins "
+            "at its one point.",
+        ),
+    ]
+    text: Annotated[Text, Field(description="The words of the kind text; else empty.")]
+
+    @model_validator(mode="after")
+    def _check_points(self) -> NoteStroke:
+        count = len(self.points)
+        if count % 2 or (self.kind != "pen" and count != {"text": 2}.get(self.kind, 4)):
+            raise ValueError(f"points: {count} numbers are no {self.kind}")
+        return self
+
+
+class NoteRevision(_Document):
+    """What a note says since one moment."""
+
+    shot: Annotated[str, Field(pattern=f"^{NAME}$", max_length=MOST_LETTERS)]
+    sequence: Annotated[Line, Field(description="The sequence's name on the page, as `v001 daily`.")]
+    picture: Annotated[
+        str,
+        Field(
+            pattern="^[0-9a-f]{0,64}$",
+            description="The key of the first frame's picture when the note was written; empty if unknown.",
+        ),
+    ]
+    first: Annotated[FrameNumber, Field(description="The first frame that the note is about.")]
+    last: Annotated[FrameNumber, Field(description="The last frame, inclusive.")]
+    status: Literal["open", "change", "approved"]
+    text: Text
+    drawings: Annotated[tuple[NoteStroke, ...], Field(max_length=2000)]
+    author: Annotated[Line, Field(description="The writer of this revision.")]
+    created: Annotated[Time, Field(description="UTC, the same in all revisions of a note.")]
+    modified: Annotated[Time, Field(description="UTC, when this revision was written.")]
+    deleted: Annotated[bool, Field(description="The note is deleted, and kept so that merging knows it.")]
+
+    @model_validator(mode="after")
+    def _check_frames(self) -> NoteRevision:
+        if self.first > self.last:
+            raise ValueError(f"first: {self.first} is after the last frame, {self.last}")
+        return self
+
+    @property
+    def order(self) -> tuple[str, str]:
+        """Revisions are sorted by their time; by all that they say where times are equal."""
+        fields = {name: getattr(self, name) for name in NoteRevision.model_fields}
+        return self.modified, json.dumps(fields, sort_keys=True, default=_plain, separators=(",", ":"))
+
+
+def _plain(stroke: NoteStroke) -> dict[str, Any]:
+    return stroke.model_dump(mode="json")
+
+
+class ReviewNote(NoteRevision):
+    """A note: its latest revision, and the earlier ones, the oldest first."""
+
+    id: Annotated[
+        str,
+        Field(
+            pattern="^[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}$", description="A UUID."
+        ),
+    ]
+    history: Annotated[tuple[NoteRevision, ...], Field(max_length=10_000)]
+
+    @property
+    def revisions(self) -> list[NoteRevision]:
+        """All revisions, in no order."""
+        latest = NoteRevision.model_construct(**{n: getattr(self, n) for n in NoteRevision.model_fields})
+        return [*self.history, latest]
+
+
+class NotesDocument(_Document):
+    """A file of notes."""
+
+    format: Literal["flowsculpt notes"]
+    version: Literal[1]
+    notes: tuple[ReviewNote, ...]
+
+
+def merged(*collections: Iterable[ReviewNote]) -> list[ReviewNote]:
+    """Return all notes of all collections, with all their revisions; the latest one of a note is shown.
+
+    The order of the collections does not matter, nor how often one is given.
+    """
+    revisions: dict[str, dict[tuple[str, str], NoteRevision]] = {}
+    for note in (note for notes in collections for note in notes):
+        revisions.setdefault(note.id, {}).update({each.order: each for each in note.revisions})
+    notes = []
+    for name, found in revisions.items():
+        *history, latest = (found[order] for order in sorted(found))
+        fields = {field: getattr(latest, field) for field in NoteRevision.model_fields}
+        notes.append(ReviewNote.model_construct(**fields, id=name, history=tuple(history)))
+    return sorted(notes, key=lambda note: (note.created, note.id))
+
+
+def as_data(notes: Iterable[ReviewNote]) -> dict[str, Any]:
+    """Return notes as a file holds them."""
+    dumped = [note.model_dump(mode="json") for note in notes]
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "notes": [{"id": note.pop("id"), **note} for note in dumped],
+    }
+
+
+def as_text(notes: Iterable[ReviewNote]) -> str:
+    """Return the text of a file of notes."""
+    return json.dumps(as_data(notes), indent=1, ensure_ascii=False) + "\n"
+
+
+def read_notes(path: Path) -> list[ReviewNote]:
+    """Return the notes of a file. Raises MissingInputError, UsageError, or MachineError if it is refused."""
+    if not is_there(path):
+        raise MissingInputError(f"{path}: no such file of notes; the page of flowsculpt review downloads one")
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise machine_error(path, error, "read") from None
+    try:
+        return merged(NotesDocument.model_validate_json(content).notes)
+    except ValidationError as error:
+        raise UsageError(f"{path}: {_fault(error)}") from None
+
+
+def _fault(error: ValidationError) -> str:
+    """Return the first fault of a file in words."""
+    first = error.errors(include_url=False)[0]
+    place, given = ".".join(map(str, first["loc"])), first.get("input")
+    if first["type"] == "json_invalid":
+        return f"this is no JSON, or was cut short ({first['ctx']['error']}); download the notes again"
+    if place == "version" and isinstance(given, int) and given > VERSION:
+        return (
+            f"version {given} of the format is newer than {VERSION}, which is read here; upgrade flowsculpt"
+        )
+    if place in ("", "format", "version", "notes"):
+        return (
+            f'this is no file of notes: it must begin with "format": "{FORMAT}", "version": {VERSION}, '
+            '"notes"; take one that the review page downloaded'
+        )
+    if first["type"] == "missing":
+        return f"{place} is missing; take the file as the review page downloaded it"
+    if first["type"] == "extra_forbidden":
+        return f"{place} is unknown in version {VERSION} of the format; remove it"
+    rule = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "string_pattern_mismatch":
+        rule = "the format allows no such text here"
+    value = "" if first["type"] == "value_error" else f" is {brief(json.dumps(given, default=str))}"
+    return f"{place}{value}: {rule[0].lower()}{rule[1:]}; take the file as the review page downloaded it"

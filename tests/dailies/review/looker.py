@@ -1,0 +1,75 @@
+"""Somebody at the review page, for tests in a browser."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from playwright.sync_api import Page as Tab
+
+from render.post.image import read_png
+from tests.dailies.review.chromium import wait_for
+from tests.dailies.review.studio import number_in
+
+
+@dataclass(frozen=True)
+class Looker:
+    """Somebody at the page."""
+
+    tab: Tab
+    scratch: Path
+
+    def press(self, *keys: str) -> None:
+        for key in keys:
+            self.tab.keyboard.press(key)
+
+    def ask(self, expression: str, given: Any = None) -> Any:
+        return self.tab.evaluate(expression, given)
+
+    @property
+    def frame(self) -> int:
+        """The frame number that the page shows."""
+        return int(self.tab.input_value("#frame"))
+
+    def wait(self, condition: str) -> None:
+        wait_for(self.tab, condition, 20.0)
+
+    def settled(self) -> None:
+        """Wait until the pictures that are to be shown are there."""
+        self.wait("[review.a, review.b].every((s) => review.cache.isSettled(s.url(review.transport.frame)))")
+
+    def seen(self, selector: str = "#stage") -> NDArray[np.uint8]:
+        """(H, W, 3): an element as the display has it."""
+        file = self.scratch / "seen.png"
+        self.tab.locator(selector).screenshot(path=str(file))
+        return read_png(file)[..., :3]
+
+    def picture(self) -> NDArray[np.uint8]:
+        """The picture alone, without what is around it."""
+        self.settled()
+        at = {name: round(value) for name, value in self.ask("review.stage.places()[0]").items()}
+        return self.seen()[at["y"] : at["y"] + at["height"], at["x"] : at["x"] + at["width"]]
+
+    @property
+    def number(self) -> int:
+        """The frame's number as the picture itself tells it."""
+        return number_in(self.picture())
+
+    def findings(self) -> list[tuple[str, Any, str]]:
+        """What axe finds on the page as it is now: rule, element and remedy."""
+        if not self.ask("Boolean(window.axe)"):
+            axe = (files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
+            self.ask(f"(() => {{ {axe} }})()")
+        found = self.ask("axe.run(document, {resultTypes: ['violations'], preload: false})")
+        return [
+            (each["id"], each["nodes"][0]["target"], each["nodes"][0]["failureSummary"])
+            for each in found["violations"]
+        ]
+
+
+Opened = Callable[..., Looker]

@@ -1,0 +1,237 @@
+"""Notes on the page: written, drawn and decided by keys, kept, downloaded, merged as Python does."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import opentimelineio
+import pytest
+from hypothesis import given, settings
+from playwright.sync_api import Browser
+
+from pipeline.production.versions.review_notes import NotesDocument, as_data, merged, read_notes
+from tests.dailies.review.chromium import wait_for
+from tests.dailies.review.looker import Looker, Opened
+from tests.dailies.review.note_cases import IDS, NOTES, TIMES, document, note, revision, stroke
+from tests.dailies.review.studio import Desk
+from tests.production.test_review_notes import WRONG
+
+ATTACK = "<img src=x onerror='window.attacked = 1'><script>window.attacked = 1</script>"
+
+
+@pytest.fixture
+def page(desk: Desk, tmp_path: Path) -> Callable[..., Path]:
+    """Copies the page, so that it begins without kept notes; `notes` are those it was written with."""
+
+    def copied(*notes: dict[str, Any]) -> Path:
+        folder = Path(shutil.copytree(desk.page().parent, tmp_path / "page"))
+        data = json.loads((folder / "data.js").read_text().removeprefix("window.reviewData = ").rstrip(";\n"))
+        said = json.dumps({**data, "page": str(tmp_path), "notes": list(notes)}).replace("<", "\\u003c")
+        (folder / "data.js").write_text(f"window.reviewData = {said};")
+        return folder / "index.html"
+
+    return copied
+
+
+def written(look: Looker, words: str, *, key: str = "a") -> None:
+    look.press(key)
+    look.tab.keyboard.type(words)
+    look.press("Control+Enter")
+
+
+def drawn(look: Looker, *points: tuple[float, float]) -> None:
+    """Drag over the picture, at shares of its width and height."""
+    box, place = look.tab.locator("#stage").bounding_box(), look.ask("review.stage.places()[0]")
+    assert box is not None
+    at = [
+        (box["x"] + place["x"] + x * place["width"], box["y"] + place["y"] + y * place["height"])
+        for x, y in points
+    ]
+    look.tab.mouse.move(*at[0])
+    look.tab.mouse.down()
+    for point in at[1:]:
+        look.tab.mouse.move(*point)
+    look.tab.mouse.up()
+
+
+def notes_of(look: Looker) -> list[dict[str, Any]]:
+    return list(look.ask("review.notes.all"))
+
+
+def downloaded(look: Looker, key: str) -> Path:
+    with look.tab.expect_download() as download:
+        look.press(key)
+    path = look.scratch / download.value.suggested_filename
+    download.value.save_as(path)
+    return path
+
+
+def test_notes_are_written_decided_and_kept_by_keys_alone(opened: Opened, page: Callable[..., Path]) -> None:
+    look, place = opened(at := page(), frame=3), at
+    look.press("q")
+    look.tab.get_by_label("Your name").fill("Ann")
+    look.press("Tab")
+    written(look, f"softer {ATTACK}")
+    look.press("8", "i", "ArrowRight", "ArrowRight", "o")
+    written(look, "good", key="Shift+A")
+    look.press("9", "\\", "Home", "a", "Escape")
+    facts = [(n["first"], n["last"], n["status"], n["author"], n["sequence"]) for n in notes_of(look)]
+    assert facts == [(3, 3, "change", "Ann", "draft"), (3, 5, "approved", "Ann", "draft")]
+    assert ATTACK in look.tab.inner_text("#panel-notes")
+    look = opened(place)
+    assert look.ask("review.tab") == "notes" and len(notes_of(look)) == 2
+    look.press("'", "'")
+    assert look.frame == 3
+    look.press("Delete")
+    assert len(notes_of(look)) == 1 and look.ask("review.notes.notes.size") == 2
+    look.press("u", "r")
+    look.tab.keyboard.type(" indeed")
+    look.press("Control+Enter")
+    (edited,) = (n for n in notes_of(look) if n["status"] == "approved")
+    assert edited["text"] == "good indeed" and [n["text"] for n in edited["history"]] == ["good"]
+    look.press("2")
+    assert "softer" not in look.tab.inner_text("#panel-notes"), "B has notes of its own"
+
+
+def test_drawings_lie_on_the_picture_at_any_size_and_on_their_frame(
+    opened: Opened, page: Callable[..., Path]
+) -> None:
+    look = opened(page(), frame=4)
+    plain = look.picture().astype(int)
+    look.press("3", "}", "}")
+    drawn(look, (0.1, 0.75), (0.5, 0.75), (0.9, 0.75))
+    amber = np.array([255, 176, 0])
+
+    def is_inked(x: float, y: float) -> bool:
+        seen = look.picture()
+        return bool(np.abs(seen[int(y * len(seen)), int(x * seen.shape[1])] - amber).max() < 40)
+
+    assert is_inked(0.3, 0.75) and not is_inked(0.3, 0.9)
+    points = notes_of(look)[0]["drawings"][0]["points"]
+    assert points[:2] == pytest.approx([1000, 0.75 * 10000 * 270 / 480], abs=25)
+    look.press("z")
+    assert is_inked(0.3, 0.75)
+    look.press("f", "ArrowRight")
+    assert not is_inked(0.3, 0.75)
+    look.press("y")
+    assert np.abs(look.picture()[int(0.75 * len(plain)), 300].astype(int)).max() > 40, "onion skin"
+    look.press("y", "ArrowLeft", "4")
+    drawn(look, (0.2, 0.3), (0.6, 0.6))
+    look.press("5")
+    drawn(look, (0.2, 0.6), (0.4, 0.9))
+    look.press("6")
+    drawn(look, (0.5, 0.65))
+    wait_for(look.tab, "document.activeElement.className === 'ink-words'", 5)
+    look.tab.keyboard.type(ATTACK)
+    look.press("Enter")
+    kinds = ["pen", "arrow", "rectangle", "text"]
+    assert [each["kind"] for each in notes_of(look)[0]["drawings"]] == kinds
+    look.press("u", "Control+z")
+    assert [each["kind"] for each in notes_of(look)[0]["drawings"]] == kinds[:2]
+    look.press("Shift+U", "Backspace", "Control+z")
+    assert [each["kind"] for each in notes_of(look)[0]["drawings"]] == kinds[:3]
+    look.press("Shift+Y")
+    assert np.abs(look.picture().astype(int) - plain).max() < 8, "hidden"
+    look.press("Shift+Y", "b")
+
+
+def test_downloads_are_read_by_python_and_by_opentimelineio(
+    opened: Opened, page: Callable[..., Path]
+) -> None:
+    gone = note(id=IDS[2], deleted=True)
+    look = opened(
+        page(note(text="Größe 𝛼\nline two"), note(id=IDS[1], status="change", first=4, last=4), gone)
+    )
+    assert read_notes(downloaded(look, "Shift+J")) == merged(
+        NotesDocument.model_validate_json(
+            json.dumps(document(*look.ask("[...review.notes.notes.values()]")))
+        ).notes
+    )
+    text = downloaded(look, "Shift+T").read_text()
+    assert "3–5  open  Ann  2026-11-21 09:00 UTC\n    Größe 𝛼\n    line two\n    [1 stroke]\n" in text
+    timeline = opentimelineio.adapters.read_from_file(str(downloaded(look, "Shift+O")))
+    (clip,) = timeline.tracks[0]
+    marks = [(m.marked_range.start_time.value, m.marked_range.duration.value, m.color) for m in clip.markers]
+    assert clip.name == "T010_tiny · draft" and marks == [(3, 3, "BLUE"), (4, 1, "ORANGE")]
+    assert clip.markers[0].comment == "Größe 𝛼\nline two"
+
+
+def test_files_of_others_are_merged_and_bad_ones_told_of(
+    opened: Opened, page: Callable[..., Path], tmp_path: Path
+) -> None:
+    look = opened(page(note()))
+    (tmp_path / "ben.json").write_text(
+        json.dumps(document(note(text="later", modified=TIMES[3]), note(id=IDS[1], text=ATTACK)))
+    )
+    look.tab.set_input_files("#notes-file", tmp_path / "ben.json")
+    look.wait("review.notes.all.length === 2")
+    assert "2 notes new or changed" in look.tab.inner_text("#message")
+    assert [each["text"] for each in look.ask(f"review.notes.get('{IDS[0]}').history")] == ["softer"]
+    refused = look.ask(
+        "(texts) => texts.filter((text) => "
+        "{ try { notesIn(text); return false; } catch { return true; } }).length",
+        [content for content, _ in WRONG.values() if "\udcff" not in content],
+    )
+    assert refused == len(WRONG) - 1
+    (tmp_path / "bad.json").write_text(json.dumps(document(note(status="done"))))
+    look.tab.set_input_files("#notes-file", tmp_path / "bad.json")
+    look.wait("document.getElementById('message').textContent.includes('bad.json is left out')")
+    assert 'notes.0.status is "done"' in look.tab.inner_text("#message")
+
+
+def test_the_page_merges_as_python_does(opened: Opened, page: Callable[..., Path]) -> None:
+    cases: list[tuple[list[dict[str, Any]], list[dict[str, Any]]]] = []
+
+    @settings(max_examples=60, deadline=None, derandomize=True, database=None)
+    @given(NOTES, NOTES)
+    def collect(one: list[dict[str, Any]], two: list[dict[str, Any]]) -> None:
+        cases.append((one, two))
+
+    collect()
+    found = opened(page()).ask("(cases) => cases.map(([a, b]) => mergedNotes(a, b))", cases)
+    for (one, two), theirs in zip(cases, found, strict=True):
+        both = (NotesDocument.model_validate_json(json.dumps(document(*part))).notes for part in (one, two))
+        assert theirs == as_data(merged(*both))["notes"]
+
+
+def test_a_note_on_a_picture_is_shown_with_all_its_sequences(
+    opened: Opened, page: Callable[..., Path]
+) -> None:
+    look = opened(page(note(sequence="gone", picture="ab")))
+    assert notes_of(look) and look.ask("review.notes.of(review.a).length") == 0
+    key = look.ask("review.a.fact(3, 'key')")
+    look.ask("(n) => review.notes.merge([n])", note(id=IDS[1], sequence="v001 draft", picture=key))
+    assert look.ask("review.notes.of(review.a).length") == 1
+    look.press("q", "Shift+Q")
+    assert "v001 draft" in look.tab.inner_text("#panel-notes")
+
+
+def test_refused_storage_is_told_once_and_notes_stay_until_the_page_is_left(
+    browser: Browser, page: Callable[..., Path], tmp_path: Path
+) -> None:
+    tab = browser.new_context(viewport={"width": 1200, "height": 720}).new_page()
+    tab.add_init_script(
+        "Object.defineProperty(window, 'localStorage', { get() { throw new Error('no'); } });"
+    )
+    tab.goto(page(note()).as_uri())
+    wait_for(tab, "window.review", 10)
+    look = Looker(tab, tmp_path)
+    told = look.tab.inner_text("#message")
+    assert "keeps no notes: download them" in told
+    look.ask("document.getElementById('message').textContent = ''")
+    written(look, "one")
+    assert look.tab.inner_text("#message") == "" and len(notes_of(look)) == 2
+    tab.context.close()
+
+
+def test_axe_finds_nothing_on_notes(opened: Opened, page: Callable[..., Path]) -> None:
+    others = [note(id=IDS[1], status="change", history=[revision()]), note(id=IDS[2], status="approved")]
+    look = opened(page(note(drawings=[stroke(frame=3)]), *others), frame=3)
+    for keys in (["'"], ["r"], ["Escape", "b"], ["Shift+Q", "?"]):
+        look.press(*keys)
+        assert look.findings() == [], keys
