@@ -25,6 +25,7 @@ class FileSurface(NamedTuple):
     tagged   int64 (K, 2): edges that the file itself marks as creases
     base     number of the first vertex and the first face in the file; None in formats without numbers, whose
              faces share no vertices
+    notes    lines to tell the user about what the file holds beside it
     """
 
     points: Points
@@ -33,6 +34,7 @@ class FileSurface(NamedTuple):
     groups: AnyArray
     tagged: AnyArray
     base: int | None = 0
+    notes: tuple[str, ...] = ()
 
     @property
     def shares_vertices(self) -> bool:

@@ -1,4 +1,4 @@
-"""Read meshes: OBJ, PLY, OFF and STL with their polygons, GLB and glTF by trimesh.
+"""Read meshes: OBJ, PLY, OFF and STL with their polygons, GLB and glTF by trimesh, USD by usd-core.
 
 trimesh cuts faces of more than four sides into fans, which is wrong for concave ones, and drops groups.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -21,7 +21,8 @@ from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.mesh.repair import repair_surface
 from pipeline.mesh.stl_files import read_stl
 from pipeline.mesh.triangle_mesh import TriangleMesh
-from render.base.input_files import read_input, require_input
+from pipeline.mesh.usd_files import USD_FORMATS, StagePart, is_usd, read_usd, stage_files
+from render.base.input_files import digest_of_file, read_input, require_input
 
 T = TypeVar("T")
 
@@ -51,6 +52,7 @@ class ImportedSurface:
     format    suffix of the file in capitals: `OBJ`
     vertices  number of vertices in the file; of merged ones where its faces share none, as in an STL
     faces     number of faces in the file
+    notes     lines about what was not read as other programs show it
     """
 
     mesh: PolygonMesh
@@ -58,20 +60,31 @@ class ImportedSurface:
     format: str
     vertices: int
     faces: int
+    notes: tuple[str, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Lines to tell the user: what was repaired, and the notes."""
+        return (*(f"repaired: {line}" for line in self.repairs), *self.notes)
 
 
-def read_surface(path: str | Path, repair: bool = True) -> ImportedSurface:
+def read_surface(path: str | Path, repair: bool = True, part: StagePart | None = None) -> ImportedSurface:
     """Read a surface: scenes are joined, polygons kept, coincident vertices merged, faults repaired.
 
     Merging joins the loose triangles of an STL and the seams of textured models into one surface; faces with
     fewer than three corners left are dropped, and so are unused vertices. Creases are the edges that an OBJ
-    tags as such, and those between faces of different objects, groups, smoothing groups or materials (P31).
+    tags as such, and those between faces of different objects, groups, smoothing groups or materials (P31);
+    in USD those with a sharpness, and those between meshes.
+
+    part  of a USD stage
 
     Raises MissingInputError where there is no such file, MeshError where it cannot be read or is not a
     finite, oriented manifold: without `repair` any such fault, with it those that cannot be repaired.
+    MachineError for USD without usd-core.
     """
     path = Path(path)
-    loaded = read_by_suffix(path, _READERS, "a mesh format")
+    readers = _READERS if part is None else dict.fromkeys(USD_FORMATS, lambda p: read_usd(p, part))
+    loaded = read_by_suffix(path, readers, "a mesh format")
     if len(loaded.corners) == 0:
         raise MeshError(f"{path}: it holds no faces; a surface needs at least one triangle")
     _require_cuttable(path, loaded)
@@ -81,7 +94,7 @@ def read_surface(path: str | Path, repair: bool = True) -> ImportedSurface:
         raise MeshError(f"{path}: {error}") from None
     suffix = path.suffix.lstrip(".").upper()
     vertices = len(loaded.points) if loaded.shares_vertices else len(mesh.vertices)
-    return ImportedSurface(mesh, repairs, suffix, vertices, len(loaded.offsets) - 1)
+    return ImportedSurface(mesh, repairs, suffix, vertices, len(loaded.offsets) - 1, loaded.notes)
 
 
 _FEW_CORNERS, _MOST_WORK = 64, 1.2e9
@@ -111,19 +124,52 @@ _READERS: dict[str, Callable[[Path], FileSurface]] = {
     "glb": read_gltf,
     "gltf": read_gltf,
     "off": reader_of(read_object_file),
+    **dict.fromkeys(USD_FORMATS, read_usd),
 }
 FORMATS = tuple(_READERS)
+"""Suffixes of readable mesh files."""
+
+_VARIANTS = ("gltf", "usda", "usdc", "usdz")
+"""Formats that messages leave out beside glb and usd."""
 
 FORMATS_WITH_Z_UP = ("stl",)
 """Formats most of whose files have z up; they come from printing and construction."""
 
 
 def usual_up(path: Path) -> str:
-    """Return the axis, y or z, that points up in most files of the format that a path's suffix names."""
-    return "z" if path.suffix.lower().lstrip(".") in FORMATS_WITH_Z_UP else "y"
+    """Return the axis, y or z, that points up: what a USD stage says, or what is usual in the file's format.
+
+    Raises as `model_files` for USD.
+    """
+    up = model_files(path).up if is_usd(path) else None
+    return up or ("z" if path.suffix.lower().lstrip(".") in FORMATS_WITH_Z_UP else "y")
 
 
-"""Suffixes of readable mesh files."""
+class ModelFiles(NamedTuple):
+    """The files that a model is read from.
+
+    digest  SHA-256 of their contents
+    files   SHA-256 of each, by its path: the model's own file and, of a USD stage, its other layers
+    up      axis that points up, y or z; None in formats that do not say it
+    """
+
+    digest: str
+    files: tuple[tuple[Path, str], ...]
+    up: str | None = None
+
+
+def model_files(path: Path) -> ModelFiles:
+    """Return the files of a model, and their digests.
+
+    Raises MissingInputError where one is missing; for USD also MeshError where it cannot be read, and
+    MachineError without usd-core.
+    """
+    if not is_usd(path):
+        digest = digest_of_file(path)
+        return ModelFiles(digest, ((path, digest),))
+    stage = read_by_suffix(path, dict.fromkeys(USD_FORMATS, stage_files), "a USD stage")
+    others = [(layer, digest) for layer, digest in stage.digests.items() if layer != path.absolute()]
+    return ModelFiles(stage.digest, ((path, stage.digests[path.absolute()]), *others), stage.up)
 
 
 def read_by_suffix(path: Path, readers: Mapping[str, Callable[[Path], T]], kind: str) -> T:
@@ -136,7 +182,7 @@ def read_by_suffix(path: Path, readers: Mapping[str, Callable[[Path], T]], kind:
     if suffix not in readers:
         raise MeshError(
             f"{path}: {path.suffix or 'no suffix'} is not {kind}; "
-            f"use one of {', '.join(name for name in readers if name != 'gltf')}"  # glb has it in one file
+            f"use one of {', '.join(name for name in readers if name not in _VARIANTS)}"
         )
     if not size:
         raise MeshError(f"{path}: the file is empty. Copy or export it again.")

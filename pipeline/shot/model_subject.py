@@ -6,12 +6,14 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.mesh import PolygonMesh, TriangleMesh
 from pipeline.mesh.read import ImportedSurface, read_surface
+from pipeline.mesh.usd_files import StagePart, is_usd
 from pipeline.shot.subject import OMIT_DEFAULT, Subject
 from render.base.serialise import NOT_PLAIN
 
@@ -21,7 +23,7 @@ _TO_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 _MOST_SIZES_AWAY = 1000.0
 """Distance from the origin over size: renderers hold coordinates to 1/16 million of that distance."""
 
-_latest: dict[tuple[Path, str, bool], ImportedSurface] = {}
+_latest: dict[tuple[Any, ...], ImportedSurface] = {}
 """The surface that was read last: a run reads its model for the mesh, its polygons and its repairs."""
 
 
@@ -32,21 +34,28 @@ class Model(Subject):
     It is repaired, turned, and then scaled about the origin or fitted, with the middle of its bounding box at
     the origin, where flows act. The stage is beneath its lowest point by itself.
 
-    digest  SHA-256 of the file
-    scale   factor on all coordinates
-    up      the axis of the file that points up: y or z
-    rotate  angles about x, then y, then z, radians
-    fit     its largest extent, scene units, in place of `scale`
-    repair  True repairs what is not sound; False refuses it
+    digest     SHA-256 of the file, and of the other layers of a USD stage
+    scale      factor on all coordinates
+    path       of the file
+    files      digests of all files that it is read from, by path
+    up         the axis of the file that points up: y or z
+    rotate     angles about x, then y, then z, radians
+    fit        its largest extent, scene units, in place of `scale`
+    repair     True repairs what is not sound; False refuses it
+    prim       path of the prim of a USD stage whose meshes are read; None for its default prim
+    time_code  time of a USD stage; None for its first
     """
 
     digest: str
     scale: float = 1.0
     path: Path = field(default=Path(), metadata=NOT_PLAIN)
+    files: tuple[tuple[Path, str], ...] = field(default=(), metadata=NOT_PLAIN, compare=False)
     up: str = field(default="y", metadata=OMIT_DEFAULT)
     rotate: tuple[float, float, float] = field(default=(0.0, 0.0, 0.0), metadata=OMIT_DEFAULT)
     fit: float | None = field(default=None, metadata=OMIT_DEFAULT)
     repair: bool = field(default=True, metadata=OMIT_DEFAULT)
+    prim: str | None = field(default=None, metadata=OMIT_DEFAULT)
+    time_code: float | None = field(default=None, metadata=OMIT_DEFAULT)
 
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
         mesh = self.imported().mesh.triangulated()
@@ -62,7 +71,7 @@ class Model(Subject):
         known = _latest.get(self._read_from)
         if known is None:
             return ()
-        return tuple(f"model repaired: {line}" for line in known.repairs) + self._distance_notes(known)
+        return tuple(f"model {line}" for line in known.warnings) + self._distance_notes(known)
 
     def _distance_notes(self, imported: ImportedSurface) -> tuple[str, ...]:
         distance, size = _distance_and_size(imported.mesh)
@@ -92,14 +101,15 @@ class Model(Subject):
     def imported(self) -> ImportedSurface:
         """Return the surface as its file says. Raises MissingInputError or MeshError."""
         if self._read_from not in _latest:
-            surface = read_surface(self.path, self.repair)
+            part = StagePart(self.prim, self.time_code) if is_usd(self.path) else None
+            surface = read_surface(self.path, self.repair, part)
             _latest.clear()
             _latest[self._read_from] = surface
         return _latest[self._read_from]
 
     @property
-    def _read_from(self) -> tuple[Path, str, bool]:
-        return self.path, self.digest, self.repair
+    def _read_from(self) -> tuple[Any, ...]:
+        return self.path, self.digest, self.repair, self.prim, self.time_code
 
     def _placed(self, points: Points) -> Points:
         """Return points (V, 3) of the file where the shot has them."""

@@ -13,6 +13,7 @@ import numpy as np
 from pipeline.mesh import PolygonMesh
 from pipeline.mesh.parts import find_small_parts
 from pipeline.mesh.read import usual_up
+from pipeline.mesh.usd_files import is_usd
 from pipeline.shot.model_subject import Model
 
 FIT = 2.0
@@ -51,7 +52,7 @@ def model_template(file: Path, reference: str) -> ModelTemplate:
     Raises MissingInputError or MeshError for a file that is no model.
     """
     imported = Model("", path=file).imported()
-    mesh, is_z_up = imported.mesh, usual_up(file) == "z"
+    mesh, is_z_up = imported.mesh, not is_usd(file) and usual_up(file) == "z"
     size = mesh.bounds[1] - mesh.bounds[0]
     fitted = mesh.with_vertices(mesh.vertices * (FIT / size.max()))
     usual = usual_edge(fitted)
@@ -63,7 +64,9 @@ def model_template(file: Path, reference: str) -> ModelTemplate:
     facts = [
         f"{file.name}: {imported.vertices} vertices, {imported.faces} faces, {extents} in its own units."
     ]
-    if is_z_up:
+    if is_usd(file):
+        facts.append(f"Its stage has {usual_up(file)} up, which is heeded. prim: /World/Chair reads a part.")
+    elif is_z_up:
         facts.append("Most STL files have z up. If the model lies on its back, write up: y.")
     else:
         facts.append(
@@ -74,7 +77,7 @@ def model_template(file: Path, reference: str) -> ModelTemplate:
         facts=tuple(facts),
         edges=_about_edges(usual, length),
         max_edge_length=length,
-        notes=(*(f"model repaired: {line}" for line in imported.repairs), *parts),
+        notes=(*(f"model {line}" for line in imported.warnings), *parts),
     )
 
 

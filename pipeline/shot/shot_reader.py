@@ -44,6 +44,7 @@ CHECKS = (
     motion_checks.splits,
     subject_checks.solid,
     subject_checks.size,
+    subject_checks.stage,
     picture_checks.clear_look,
     picture_checks.measurable,
     bsdf_problems,
@@ -98,7 +99,9 @@ def _read(source: YamlSource, allow_code: bool) -> Shot:
     assert clock is not None, "without problems there is a clock"
     motion = _motion(document, clock, source.path.parent)
     subject, files = motion.subject, dict(parse_context.digests)
-    if isinstance(subject, Model | CloudOfFile | NetOfFile):
+    if isinstance(subject, Model):
+        files |= dict(subject.files)
+    elif isinstance(subject, CloudOfFile | NetOfFile):
         files[subject.path] = subject.digest
     return Shot(
         name=source.path.stem,

@@ -34,7 +34,8 @@ rate: 24  # frames per second, that of all its shots
 """
 
 MODELS = """\
-Mesh files for shots: OBJ, PLY, STL, OFF or GLB. A shot in the folder above names one by its path from there:
+Mesh files for shots: OBJ, PLY, STL, OFF, GLB or USD. A shot in the folder above names one by its path from
+there:
 
     subject: {model: models/bunny.obj}
 """

@@ -11,6 +11,7 @@ import numpy as np
 from pipeline.errors import MeshError, MissingInputError, UsageError, shortened, suggestion
 from pipeline.mesh.control_net import LEAST, Lattice
 from pipeline.mesh.points import read_net, read_points
+from pipeline.mesh.usd_files import is_usd
 from pipeline.shot.documents.fields import LARGEST, is_number
 from pipeline.shot.point_subjects import NETS, NetOfSolid, radii_of
 from pipeline.shot.subject import SOLIDS, Measure, Solid
@@ -60,6 +61,17 @@ def size(source: YamlSource) -> Iterator[Problem]:
             "fit and scale both set the size of the model. Write fit: 2 for a largest extent of 2 units, or "
             "scale for a factor on the file's coordinates, and leave the other out.",
         )
+
+
+def stage(source: YamlSource) -> Iterator[Problem]:
+    """Check that settings of USD stages are not given to models of other formats."""
+    name = source.get("subject", "model")
+    for setting in ("prim", "time_code"):
+        if isinstance(name, str) and not is_usd(name) and source.get("subject", setting) is not None:
+            yield (
+                ("subject", setting),
+                f"{setting} is for models of USD; this one is {shortened(Path(name).suffix)}. Leave it out.",
+            )
 
 
 def solid(source: YamlSource) -> Iterator[Problem]:

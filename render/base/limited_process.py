@@ -35,8 +35,8 @@ class ParserError(Exception):
     """The reason why a file cannot be parsed, in one line."""
 
 
-def answer_of(module: str, path: Path) -> bytes:
-    """Return what a module answers about the path of a file; it calls `serve` where it is run.
+def answer_of(module: str, path: Path, *options: str) -> bytes:
+    """Return what a module answers about the path of a file, and options; it calls `serve` where it is run.
 
     Raises ParserError where it refuses, crashes, or takes too long or too much memory; MachineError where
     no process can be started.
@@ -46,7 +46,7 @@ def answer_of(module: str, path: Path) -> bytes:
     try:
         done = subprocess.run(
             [sys.executable, "-m", module],
-            input=json.dumps([seconds, str(path.absolute())]).encode(),
+            input=json.dumps([seconds, str(path.absolute()), *options]).encode(),
             env=environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -80,14 +80,14 @@ def answer_about_content(module: str, path: Path, digest: str, library: str) -> 
     return answer
 
 
-def serve(answer: Callable[[str], bytes]) -> None:
-    """Answer about the path on stdin within limits. What libraries print goes to stderr."""
+def serve(answer: Callable[..., bytes]) -> None:
+    """Answer about the path, and options, on stdin within limits. What libraries print goes to stderr."""
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
-    seconds, path = json.loads(sys.stdin.buffer.read())
+    seconds, path, *options = json.loads(sys.stdin.buffer.read())
     _limit(seconds)
     try:
-        result = _PARSED + answer(path)
+        result = _PARSED + answer(path, *options)
     except MemoryError:
         result = _REFUSED + b"its reader needed too much memory"
     except Exception as error:  # parsers raise anything

@@ -21,6 +21,7 @@ _BOX = "subject: {solid: box}\nresample: {max_edge_length: 0.5}\n"
 SHOTS = {
     "model": _SHOT + "subject: {model: FILE, fit: 2}\nresample: {max_edge_length: 0.5}\n",
     "scene": _SHOT + "subject: {model: FILE, fit: 2}\nresample: {max_edge_length: 0.5}\n",
+    "stage": _SHOT + "subject: {model: FILE, fit: 2}\nresample: {max_edge_length: 0.5}\n",
     "points": _SHOT + "subject: {cloud: FILE}\n",
     "net": _SHOT + "subject: {net: FILE, columns: 4}\n",
     "field": _SHOT + _BOX + "flows: [{sampled: {file: FILE}}]\n",

@@ -7,6 +7,7 @@ worker process, which also calls what `render.base.limited_process` would start,
 from __future__ import annotations
 
 import argparse
+import io
 import multiprocessing
 import os
 import resource
@@ -27,6 +28,9 @@ from tests.fuzz.mutations import mutated
 from tests.fuzz.samples import samples
 
 MOST_SECONDS, MOST_BYTES, MOST_WORDS = 5.0, 512 << 20, 1200
+CRASHING = ("stage",)
+"""Kinds whose library may crash on a damaged file; the message then says so."""
+
 PATIENCE = 60.0
 """Seconds until a worker is ended; `MOST_SECONDS` are of its CPU."""
 
@@ -49,8 +53,6 @@ def _model(path: Path) -> None:
 
 def _scene(path: Path) -> None:
     """Read glTF as `read_gltf` does, but in this process."""
-    import io
-
     import numpy as np
 
     from pipeline.errors import MeshError
@@ -67,6 +69,28 @@ def _scene(path: Path) -> None:
         if not len(surface.corners):
             raise MeshError("it holds no faces")
         repair_surface(surface).mesh.triangulated()
+
+
+def _stage(path: Path) -> None:
+    """Read USD as `read_surface` does, but in this process; a crash there is a message to users."""
+    import json
+
+    import numpy as np
+
+    from pipeline.errors import MeshError
+    from pipeline.mesh.file_surface import FileSurface
+    from pipeline.mesh.repair import repair_surface
+    from pipeline.mesh.usd_reader import answer
+    from render.base.input_files import parsing
+
+    with parsing(path, "a stage", ""):
+        answer(str(path), "facts", "")
+        head, _, content = answer(str(path), "surface", "[null, null]").partition(b"\n")
+        fault = json.loads(head).get("fault") or json.loads(head).get("missing")
+        if fault:
+            raise MeshError(fault)
+        with np.load(io.BytesIO(content)) as arrays:
+            repair_surface(FileSurface(**arrays)).mesh.triangulated()
 
 
 def _points(path: Path) -> None:
@@ -150,6 +174,7 @@ def _flow(path: Path) -> None:
 READERS: dict[str, Callable[[Path], None]] = {
     "model": _model,
     "scene": _scene,
+    "stage": _stage,
     "points": _points,
     "net": _net,
     "field": _field,
@@ -257,6 +282,9 @@ class Worker:
         except EOFError:
             self._process.join()
             code = self._process.exitcode or 0
+            if kind in CRASHING:
+                self._start()
+                return Attempt("", "its reader crashed")
             fault = f"crash {signal.Signals(-code).name if code < 0 else code}"
         self.close()
         self._start()

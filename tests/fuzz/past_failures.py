@@ -125,6 +125,40 @@ _LAUGHS = (
     + "]>"
 )
 
+
+def _usda(body: str, head: str = "") -> str:
+    return f'#usda 1.0\n(\n    defaultPrim = "A"\n{head})\n{body}\n'
+
+
+_MESH = (
+    'def Mesh "A" { int[] faceVertexCounts = %s\n int[] faceVertexIndices = %s\n'
+    " point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]\n%s }"
+)
+
+
+def _doubled_instances(levels: int) -> str:
+    """Return a stage whose prims refer twice to the one before, as instances: 2^levels meshes."""
+    parts = [_MESH.replace('"A"', '"p0"') % ("[3]", "[0, 1, 2]", "")]
+    twice = '\ndef "%s" (\n instanceable = true\n references = </p%d>\n) { }\n'
+    for k in range(levels):
+        parts.append(f'def Xform "p{k + 1}" {{ {twice % ("a", k)}\n {twice % ("b", k)} }}')
+    return _usda("\n".join(parts) + f'\ndef "A" (references = </p{levels}>) {{ }}')
+
+
+def _usdz(layer: str) -> bytes:
+    """Return a package whose layer is compressed, which USD does not allow."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a.usda", layer)
+    return file.getvalue()
+
+
+def _with_pipe(path: Path) -> None:
+    """Write a stage with a layer that is a named pipe, which nobody ever writes to."""
+    os.mkfifo(path.with_name("pipe.usda"))
+    path.write_text(_usda('def "A" (references = @./pipe.usda@) { }'))
+
+
 PAST_FAILURES = (  # one line each, however long
     PastFailure("model", "a.obj", os.mkfifo, "it is a named pipe; it must be a regular file"),
     PastFailure("model", "b.obj", lambda path: path.symlink_to("/dev/zero"), "it is a device"),
@@ -209,6 +243,91 @@ PAST_FAILURES = (  # one line each, however long
         _bytes(_scene(accessors=[{"componentType": 5126, "count": 10**9, "type": "VEC3"}])),
         "cannot be read",
     ),
+    PastFailure("stage", "pipe_layer.usda", _with_pipe, "pipe.usda: it is a named pipe"),
+    PastFailure("stage", "text.usdc", _bytes(_usda(_MESH % ("[3]", "[0, 1, 2]", ""))), "cannot be read"),
+    PastFailure("stage", "words.usd", _bytes("a chair"), "cannot be read"),
+    PastFailure(
+        "stage",
+        "missing.usda",
+        _bytes(_usda('def "A" (references = @./gone.usda@) { }')),
+        "gone.usda: there is no such file",
+    ),
+    PastFailure(
+        "stage",
+        "absolute.usda",
+        _bytes(_usda('def "A" (payload = @/proc/kmsg@</root>) { }')),
+        "cannot be read",
+    ),
+    PastFailure(
+        "stage",
+        "sublayer.usda",
+        _bytes(_usda('def "A" { }', "    subLayers = [@/dev/zero@]\n")),
+        "it is a device",
+    ),
+    PastFailure(
+        "stage",
+        "network.usda",
+        _bytes(_usda('def "A" (references = @http://127.0.0.1:9/a.usda@) { }')),
+        "there is no such file",
+    ),
+    PastFailure(
+        "stage", "self.usda", _bytes(_usda('def "A" (references = @./self.usda@</A>) { }')), "do not compose"
+    ),
+    PastFailure(
+        "stage",
+        "cycle.usda",
+        _bytes(_usda('def "A" (references = </B>) { }\ndef "B" (references = </A>) { }')),
+        "do not compose",
+    ),
+    PastFailure(
+        "stage", "layers.usda", _bytes(_usda("", "    subLayers = [@./layers.usda@]\n")), "do not compose"
+    ),
+    PastFailure("stage", "doubled.usda", _bytes(_doubled_instances(15)), "it has over 20000 meshes"),
+    PastFailure(
+        "stage",
+        "counts.usda",
+        _bytes(_usda(_MESH % ("[2147483647, 2147483647]", "[0, 1, 2]", ""))),
+        "faceVertexCounts ask for 4294967294 corners, and faceVertexIndices has 3",
+    ),
+    PastFailure(
+        "stage", "negative.usda", _bytes(_usda(_MESH % ("[-3]", "[0, 1, 2]", ""))), "ask for -3 corners"
+    ),
+    PastFailure(
+        "stage",
+        "index.usda",
+        _bytes(_usda(_MESH % ("[3]", "[0, 1, 2147483647]", ""))),
+        "/A: face 0 names vertex 2147483647; the mesh has 3 points",
+    ),
+    PastFailure(
+        "stage",
+        "creases.usda",
+        _bytes(
+            _usda(_MESH % ("[3]", "[0, 1, 2]", "int[] creaseIndices = [9, 1]\n int[] creaseLengths = [2]\n"))
+        ),
+        "creaseSharpnesses do not fit",
+    ),
+    PastFailure(
+        "stage",
+        "type.usda",
+        _bytes(_usda('def Mesh "A" { string points = "abc"\n int[] faceVertexCounts = [3]\n }')),
+        "/A: points is not of type point3f[]",
+    ),
+    PastFailure(
+        "stage",
+        "instancer.usda",
+        _bytes(
+            _usda(
+                'def PointInstancer "A" { rel prototypes = </A>\n int[] protoIndices = [0]\n'
+                " point3f[] positions = [(0, 0, 0)]\n }"
+            )
+        ),
+        "is a point instancer within 8 others",
+    ),
+    PastFailure("stage", "deep.usda", _bytes(_usda('def "A" { ' * 100_000)), "its reader crashed"),
+    PastFailure(
+        "stage", "brackets.usda", _bytes(_usda('def "A" { int a = ' + "[" * 100_000)), "cannot be read"
+    ),
+    PastFailure("stage", "bomb.usdz", _bytes(_usdz("#usda 1.0\n" + " " * (1 << 28))), "cannot be read"),
     PastFailure("picture", "wide.png", _bytes(_png(60_000, 60_000)), "picture"),
     PastFailure("picture", "large.png", _bytes(_png(16_000, 16_000)), "16000 × 16000 pixels"),
     PastFailure("sound", "slow.wav", _bytes(_wav(1)), "it has 1 samples a second"),

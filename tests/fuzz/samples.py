@@ -11,6 +11,7 @@ import av
 import numpy as np
 import OpenImageIO as oiio
 import trimesh
+from pxr import Sdf, UsdUtils
 
 FLOW = """\
 import math
@@ -66,6 +67,64 @@ t crease 2/1/0 0 1 2.5
 """
 
 
+STAGE = """\
+#usda 1.0
+(
+    defaultPrim = "World"
+    startTimeCode = 2
+    endTimeCode = 3
+    upAxis = "Z"
+)
+
+class Xform "part"
+{
+    def Mesh "box"
+    {
+        uniform token orientation = "leftHanded"
+        int[] faceVertexCounts = [4, 4, 4, 4, 4]
+        int[] faceVertexIndices = [2, 3, 1, 0, 5, 7, 6, 4, 1, 5, 4, 0, 6, 7, 3, 2, 4, 6, 2, 0]
+        point3f[] points = [
+            (-1, -1, -1), (-1, -1, 1), (-1, 1, -1), (-1, 1, 1), (1, -1, -1), (1, -1, 1), (1, 1, -1), (1, 1, 1)
+        ]
+        int[] creaseIndices = [4, 6, 7]
+        int[] creaseLengths = [3]
+        float[] creaseSharpnesses = [10]
+        int[] holeIndices = [2]
+        uniform token subdivisionScheme = "none"
+    }
+}
+
+def Xform "World"
+{
+    double3 xformOp:translate = (1, 2, 3)
+    double3 xformOp:translate.timeSamples = { 1: (0, 0, 0), 4: (0, 0, 9) }
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+
+    def "one" (
+        instanceable = true
+        references = </part>
+    )
+    {
+    }
+
+    def PointInstancer "many"
+    {
+        rel prototypes = <proto>
+        int[] protoIndices = [0, 0]
+        point3f[] positions = [(9, 0, 0), (18, 0, 0)]
+        quath[] orientations = [(1, 0, 0, 0), (0, 1, 0, 0)]
+        float3[] scales = [(1, 1, 1), (-1, 2, 1)]
+
+        def Xform "proto" (
+            payload = </part>
+        )
+        {
+        }
+    }
+}
+"""
+
+
 class Sample(NamedTuple):
     """kind: the reader that takes it, one of `files.READERS`."""
 
@@ -79,7 +138,8 @@ def samples(folder: Path) -> list[Sample]:
     made = [
         Sample(kind, folder / name) for kind, name, content in _contents() if _write(folder / name, content)
     ]
-    return made + [Sample(kind, path) for kind, path in (*_pictures(folder), *_sounds(folder))]
+    others = (*_stages(folder), *_pictures(folder), *_sounds(folder))
+    return made + [Sample(kind, path) for kind, path in others]
 
 
 def _write(path: Path, content: bytes) -> bool:
@@ -97,6 +157,7 @@ def _contents() -> Iterator[tuple[str, str, bytes]]:
     yield "model", "text.stl", ball.export(file_type="stl_ascii").encode()
     yield "model", "ball.off", ball.export(file_type="off").encode()
     yield "scene", "ball.glb", trimesh.Scene([ball, trimesh.creation.box()]).export(file_type="glb")
+    yield "stage", "box.usda", STAGE.encode()
     yield "flow", "flow.py", FLOW.encode()
     yield "view", "view.ocio", VIEW.encode()
     points = np.random.default_rng(0).normal(size=(24, 3))
@@ -160,6 +221,14 @@ def _rectilinear() -> str:
         f'<DataArray type="Float32" Name="u" NumberOfComponents="3" format="ascii">{values}</DataArray>\n'
         "</PointData></Piece></RectilinearGrid></VTKFile>"
     )
+
+
+def _stages(folder: Path) -> Iterator[tuple[str, Path]]:
+    text = str(folder / "box.usda")
+    Sdf.Layer.FindOrOpen(text).Export(str(folder / "box.usdc"))
+    UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(text), str(folder / "box.usdz"))
+    for name in ("box.usdc", "box.usdz"):
+        yield "stage", folder / name
 
 
 def _pictures(folder: Path) -> Iterator[tuple[str, Path]]:

@@ -15,10 +15,10 @@ from pipeline.cli.output import exit_with, print_error, print_result, progress_b
 from pipeline.dailies.delivery.timeline import MEDIA, Timeline
 from pipeline.dailies.interchange.model_export import MODELS, ModelExport, require_still
 from pipeline.dailies.interchange.print_model import LONGEST_SIDE
-from pipeline.dailies.interchange.usd_clips import require_usd
 from pipeline.dailies.interchange.usd_export import UsdExport
 from pipeline.errors import FrameError, UsageError
 from pipeline.frames import FrameRange
+from pipeline.mesh.usd_files import require_usd
 from pipeline.production.execution import openjd
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import mesh_states

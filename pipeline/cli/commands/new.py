@@ -59,7 +59,8 @@ def new(
         typer.Option(
             "--model",
             metavar="FILE",
-            help="Show this model: OBJ, PLY, STL, OFF or GLB. It is fitted, with edges that suit its detail.",
+            help="Show this model: OBJ, PLY, STL, OFF, GLB or USD. It is fitted, "
+            "with edges that suit its detail.",
         ),
     ] = None,
 ) -> None:

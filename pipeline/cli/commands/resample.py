@@ -41,7 +41,7 @@ REFUSALS = {
 def resample(
     common: Common,
     source: Annotated[
-        Path, typer.Argument(metavar="IN", help="The mesh to read: OBJ, PLY, STL, OFF or GLB.")
+        Path, typer.Argument(metavar="IN", help="The mesh to read: OBJ, PLY, STL, OFF, GLB or USD.")
     ],
     target: Annotated[Path, typer.Argument(metavar="OUT", help=f"Where to write it: {', '.join(WRITERS)}.")],
     max_edge_length: Annotated[
@@ -100,8 +100,8 @@ def resample(
     thresholds = Thresholds(max_edge_length, min_edge_length, math.radians(hard_angle_degrees))
     imported = read_surface(source)
     before = imported.mesh
-    for line in imported.repairs:
-        print_warning(f"{source}: repaired: {line}")
+    for line in imported.warnings:
+        print_warning(f"{source}: {line}")
     if common.dry_run:
         facts = {"in": str(source), "out": str(target), "vertices": len(before.vertices)}
         print_result(

@@ -18,7 +18,7 @@ from render.scene.quality import DEFAULT_QUALITY
 def turntable(
     common: Common,
     subject: Annotated[
-        str, typer.Argument(metavar="SHOT|MESHFILE", help="A shot, or an OBJ, PLY, STL, OFF or GLB.")
+        str, typer.Argument(metavar="SHOT|MESHFILE", help="A shot, or an OBJ, PLY, STL, OFF, GLB or USD.")
     ],
     options: ShotOptions,
     at: Annotated[int | None, at_option("The frame of the shot. Default: its first.")] = None,

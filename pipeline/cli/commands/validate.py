@@ -105,7 +105,9 @@ def _check(name: str, settings: tuple[str, ...], first_frames: FirstFrames) -> _
             check.add_error(ShotError(line))
         else:
             check.warnings.append(line)
-    check.notes += [f"{name}: model repaired: {line}" for line in check.first.repairs] if check.first else []
+    if check.first:
+        check.notes += [f"{name}: model repaired: {line}" for line in check.first.repairs]
+        check.notes += [f"{name}: model: {line}" for line in check.first.notes]
     return check
 
 

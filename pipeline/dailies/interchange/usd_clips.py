@@ -5,9 +5,7 @@ A stage reads the clip of a frame only while it shows that frame, so a frame tha
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,28 +13,16 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.dailies.interchange.exported_frame import ExportedFrame
-from pipeline.errors import MachineError
 from render.base.atomic_write import cannot_write
 
 if TYPE_CHECKING:  # USD is an optional package, and takes a moment to import
     from pxr import Sdf
-
-PACKAGE = "usd-core"
 
 SCULPTURE = "sculpture"
 """Name of the prim that clips move."""
 
 SHARPNESS = 10.0
 """Sharpness of a crease that stays sharp however finely a surface is subdivided."""
-
-
-def require_usd() -> None:
-    """Raise MachineError where the package that writes USD is not installed."""
-    if find_spec("pxr") is None:
-        raise MachineError(
-            f"USD files need the package {PACKAGE} (209 MB), which is not installed; install it for the "
-            f"Python of flowsculpt: {sys.executable} -m pip install {PACKAGE}"
-        )
 
 
 class SampledAttribute(NamedTuple):

@@ -44,6 +44,7 @@ class FirstFrame:
     memory     bytes of one mesh frame
     longest    maximum edge length, units; None where it is a formula, or where nothing is resampled
     exceeds    True if the vertices are more than the shot allows
+    notes      what was not read as other programs show it, a line for each
     """
 
     subject: str
@@ -54,6 +55,7 @@ class FirstFrame:
     memory: int
     longest: float | None
     exceeds: bool = False
+    notes: tuple[str, ...] = ()
 
     @cached_property
     def middle(self) -> Points:
@@ -70,6 +72,7 @@ class FirstFrame:
         return {
             "subject": self.subject,
             "repairs": list(self.repairs),
+            "notes": list(self.notes),
             "extent": self.extent,
             "middle": [float(x) for x in self.middle],
             "vertices": self.vertices,
@@ -118,6 +121,7 @@ def _first_frame(motion: Motion) -> FirstFrame:
         BYTES_OF_VERTEX * estimated,
         longest,
         exceeds,
+        _notes(motion),
     )
 
 
@@ -125,7 +129,16 @@ def _computed(motion: Motion, longest: float | None) -> FirstFrame:
     frame = next(animate(motion))
     points, faces = frame.mesh.vertices, frame.mesh.faces
     memory = sum(values.nbytes for values in frame.to_arrays().values())
-    return FirstFrame(_subject(motion), _repairs(motion), len(points), points, faces, memory, longest)
+    return FirstFrame(
+        _subject(motion),
+        _repairs(motion),
+        len(points),
+        points,
+        faces,
+        memory,
+        longest,
+        notes=_notes(motion),
+    )
 
 
 def longest_edge(motion: Motion) -> float | None:
@@ -146,6 +159,10 @@ def estimated_vertices(mesh: TriangleMesh, max_edge_length: float) -> int:
 
 def _repairs(motion: Motion) -> tuple[str, ...]:
     return motion.subject.imported().repairs if isinstance(motion.subject, Model) else ()
+
+
+def _notes(motion: Motion) -> tuple[str, ...]:
+    return motion.subject.imported().notes if isinstance(motion.subject, Model) else ()
 
 
 def _subject(motion: Motion) -> str:

@@ -140,7 +140,7 @@ class AttractionDocument(FlowParameters):
         elif self.curve is not None:
             self._target = Target.curve(np.array(self.curve), self.closed)
         else:
-            file = ParseContext.of(info).file(str(self.mesh))
+            file = ParseContext.of(info).mesh(str(self.mesh))
             self._target = as_finding(lambda: Target.surface(read_mesh(file), float(self.scale)))
         return self
 

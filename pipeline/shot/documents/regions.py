@@ -101,7 +101,7 @@ class CylinderDocument(CapsuleDocument):
 class MeshDocument(Document):
     """The inside of the closed surface in a file; `mesh: stone.obj` is `mesh: {file: stone.obj}`."""
 
-    file: str = Field(description="an OBJ, PLY, STL, OFF or GLB beside the shot file")
+    file: str = Field(description="an OBJ, PLY, STL, OFF, GLB or USD beside the shot file")
     centre: PlaceField = Field(ORIGIN, description="position of its origin (units)")
     scale: PositiveField = Field(1.0, description="factor on its coordinates")
 
@@ -118,7 +118,7 @@ class MeshDocument(Document):
 
     @model_validator(mode="after")
     def _is_closed(self, info: ValidationInfo) -> Self:
-        path = ParseContext.of(info).file(self.file)
+        path = ParseContext.of(info).mesh(self.file)
         self._surface = as_finding(lambda: ClosedSurface.of(read_mesh(path), str(path)))
         return self
 

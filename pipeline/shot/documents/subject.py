@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field
 
 from pipeline.mesh.control_net import LEAST
+from pipeline.mesh.read import model_files
 from pipeline.shot.documents.fields import (
     DEGREE,
     MAPPING_IS_SECOND,
@@ -93,10 +94,14 @@ def _require_angles(value: Any) -> Any:
 class ModelDocument(Document):
     example = "{model: FILE.obj}"
 
-    model: str = Field(description="an OBJ, PLY, STL, OFF or GLB beside the shot file")
+    model: str = Field(description="an OBJ, PLY, STL, OFF, GLB or USD beside the shot file")
     scale: Positive = Field(1.0, description="factor on all coordinates; or use fit")
     fit: Positive | None = optional("its largest extent, centred on the origin (units)")
-    up: Literal["y", "z"] = Field("y", description="the axis of the file that points up")
+    prim: str | None = optional("of a USD stage: the path of the prim to read, as /World/Chair")
+    time_code: float | None = optional("of a USD stage: when to read it, in place of its start")
+    up: Literal["y", "z"] | None = optional(
+        "the axis of the file that points up: y, or what a USD stage says"
+    )
     rotate: Annotated[list[Degrees], BeforeValidator(_require_angles), Field(min_length=3, max_length=3)] = (
         Field(ORIGIN, description="about x, then y, then z (degrees)")
     )
@@ -105,16 +110,19 @@ class ModelDocument(Document):
     )
 
     def build(self, folder: Path) -> Model:
-        path = folder / self.model
+        files = model_files(folder / self.model)
         x, y, z = (DEGREE * angle for angle in self.rotate)
         return Model(
-            digest=digest_of_file(path),
+            digest=files.digest,
             scale=float(self.scale),
-            path=path,
-            up=self.up,
+            path=folder / self.model,
+            files=files.files,
+            up=self.up or files.up or "y",
             rotate=(x, y, z),
             fit=None if self.fit is None else float(self.fit),
             repair=self.repair == "on",
+            prim=self.prim,
+            time_code=None if self.time_code is None else float(self.time_code),
         )
 
 

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ValidationError, ValidationInfo
 from pydantic_core import PydanticCustomError
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, reason_of
+from pipeline.mesh.read import model_files
 from pipeline.shot.yaml.bracket_mistakes import LOST
 from pipeline.shot.yaml.lookup import is_folder, is_there, shown
 from pipeline.shot.yaml.messages import problems_of
@@ -51,6 +52,15 @@ class ParseContext:
         """Return the path of a file, and note its digest. Raises a finding where it is not there."""
         path = self._path(name)
         self.digests[path] = as_finding(lambda: digest_of_file(path))
+        return path
+
+    def mesh(self, name: str) -> Path:
+        """Return the path of a mesh file, and note its digest and those of the layers of a USD stage.
+
+        Raises a finding where one is not there or cannot be read.
+        """
+        path = self._path(name)
+        self.digests.update(as_finding(lambda: model_files(path)).files)
         return path
 
     def _path(self, name: str) -> Path:

@@ -110,6 +110,20 @@ def test_the_validators_of_usd_find_nothing(root):
     assert findings(root / FOLDER / f"{NAME}.usda") == []
 
 
+def test_exported_frames_come_back_as_models_to_the_last_bit(root, stage, tmp_path):
+    source = root / FOLDER / f"{NAME}.usda"
+    for frame in (1, 5):
+        part = f"prim: /{NAME}/sculpture, time_code: {frame}"
+        text = f"title: A\nframes: 1-2\nsubject: {{model: {source}, {part}}}\nresample: off\nflows: []\n"
+        model = read_shot(tmp_path / "a.yaml", text)
+        read, arrays, time = model.motion.mesh_at_rest(), stored(root, frame), float(frame)
+        assert np.array_equal(read.vertices, arrays["vertices"].astype(np.float32).astype(np.float64))
+        assert np.array_equal(read.faces, arrays["faces"])
+        creases = np.array(sculpture(stage).GetCreaseIndicesAttr().Get(time)).reshape(-1, 2)
+        assert len(creases) and np.array_equal(np.unique(creases, axis=0), np.unique(read.creases, axis=0))
+        assert len(model.files) == 8  # the stage, its manifest and six clips
+
+
 def test_every_frame_is_the_mesh_that_was_simulated(root, stage):
     mesh, counts = sculpture(stage), set()
     shot = read_shot(root / "shots" / f"{NAME}.yaml")

@@ -1,0 +1,139 @@
+"""Models in USD stages (.usd, .usda, .usdc, .usdz), which usd-core reads in a process of its own.
+
+USD is C++ that may crash on a damaged file, and it prints what it warns of; see `usd_reader`, the program of
+that process.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import sys
+from dataclasses import dataclass
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.errors import MachineError, MeshError, MissingInputError
+from pipeline.mesh.file_surface import FileSurface
+from render.base.disk_cache import cache_path, load_answer, store_answer
+from render.base.input_files import digest_of_file
+from render.base.limited_process import answer_of
+
+USD_FORMATS = ("usd", "usda", "usdc", "usdz")
+
+PACKAGE, EXTRA = "usd-core", "usd"
+
+_VERSION = 1
+"""Goes up when `usd_reader.facts` answers otherwise about the same files."""
+
+
+def require_usd() -> None:
+    """Raise MachineError where the package that reads and writes USD is not installed."""
+    if find_spec("pxr") is None:
+        raise MachineError(
+            f"USD files need the package {PACKAGE} (209 MB), the extra [{EXTRA}], which is not installed; "
+            f"install it for the Python of flowsculpt: {sys.executable} -m pip install {PACKAGE}"
+        )
+
+
+def is_usd(path: str | Path) -> bool:
+    """Tell whether the suffix of a path names a format of USD."""
+    return Path(path).suffix.lower().lstrip(".") in USD_FORMATS
+
+
+@dataclass(frozen=True)
+class StagePart:
+    """The part of a stage that is a model, and when.
+
+    prim       path of the prim whose meshes are read; None for the stage's default prim, or all of it
+    time_code  time of the stage; None for its first
+    """
+
+    prim: str | None = None
+    time_code: float | None = None
+
+
+@dataclass(frozen=True)
+class StageFiles:
+    """The layers of a stage: its own file, and all files that it names by references, payloads and so on.
+
+    up       axis of the stage that points up: y or z
+    digests  SHA-256 of each file, by absolute path
+    """
+
+    up: str
+    digests: dict[Path, str]
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the stage's own file, or of the digests of all its files."""
+        all_of_them = list(self.digests.values())
+        if len(all_of_them) == 1:
+            return all_of_them[0]
+        return hashlib.sha256("\n".join(all_of_them).encode()).hexdigest()
+
+
+def stage_files(path: Path) -> StageFiles:
+    """Return the files of a stage. The disk cache keeps their names while their contents are the same.
+
+    Raises MachineError without usd-core, MissingInputError where a file is missing, ParserError or MeshError
+    where USD cannot read one.
+    """
+    require_usd()
+    own = digest_of_file(path)
+    cached = cache_path("parsed", ["usd", str(_VERSION), version(PACKAGE), str(path.absolute()), own])
+    known = load_answer(cached) or {}
+    stored: dict[str, str] = known.get("digests", {})
+    if stored and all(_digest(Path(name)) == digest for name, digest in stored.items()):
+        return StageFiles(known["up"], {Path(name): digest for name, digest in stored.items()})
+    answer, _ = _answer("facts", path, StagePart())
+    digests = {path: own} | {Path(name): digest_of_file(Path(name)) for name in answer["files"]}
+    store_answer(
+        cached, {"up": answer["up"], "digests": {str(p.absolute()): digest for p, digest in digests.items()}}
+    )
+    return StageFiles(answer["up"], {p.absolute(): digest for p, digest in digests.items()})
+
+
+def read_usd(path: Path, part: StagePart = StagePart()) -> FileSurface:
+    """Read the meshes of a stage as one surface, in the coordinates and units of the stage.
+
+    Edges between meshes are creases, and so are the creases of each. Raises as `stage_files`, and MeshError
+    where there is no such prim, or no mesh.
+    """
+    require_usd()
+    answer, content = _answer("surface", path, part)
+    with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+        return FileSurface(
+            points=arrays["points"],
+            offsets=arrays["offsets"],
+            corners=arrays["corners"],
+            groups=arrays["groups"],
+            tagged=arrays["tagged"],
+            base=0 if answer["meshes"] == 1 else None,
+            notes=tuple(answer["notes"]),
+        )
+
+
+def _digest(path: Path) -> str:
+    """Return the digest of a file; empty where it cannot be read."""
+    try:
+        return digest_of_file(path)
+    except MissingInputError:
+        return ""
+
+
+def _answer(question: str, path: Path, part: StagePart) -> tuple[dict[str, Any], bytes]:
+    """Return what `usd_reader` answers: facts, and the arrays of a surface as npz."""
+    options = json.dumps([part.prim, part.time_code])
+    head, _, content = answer_of("pipeline.mesh.usd_reader", path, question, options).partition(b"\n")
+    answer: dict[str, Any] = json.loads(head)
+    if "missing" in answer:
+        raise MissingInputError(f"{path}: {answer['missing']}")
+    if "fault" in answer:
+        raise MeshError(answer["fault"])
+    return answer, content

@@ -1,0 +1,229 @@
+"""Program that reads USD stages for `usd_files`, within the limits of `render.base.limited_process`.
+
+It answers with a line of JSON, and for a surface with arrays as npz. Layers are looked for, and checked to be
+regular files, before USD opens any.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import textwrap
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.errors import FlowsculptError, MeshError, MissingInputError, brief, suggestion
+from pipeline.mesh.usd_meshes import StageMeshes
+from render.base.input_files import require_input
+from render.base.limited_process import MEMORY, allow_memory, serve
+
+if TYPE_CHECKING:  # USD is an optional package, and takes a moment to import
+    from pxr import Sdf, Usd
+
+MOST_BYTES = 1 << 30
+"""Size of the largest layer."""
+
+_MOST_LAYERS = 10_000
+
+_ADDRESSES = 16 << 30
+"""Bytes of addresses that USD may reserve on starting; it uses a hundredth of them."""
+
+
+def answer(path: str, question: str, options: str) -> bytes:
+    """Return the answer to `facts` or `surface` about the stage at a path.
+
+    options  prim and time code as JSON; null for those of the stage
+    """
+    _load_usd()
+    from pxr import Tf
+
+    try:
+        allow_memory(MEMORY // 4 + 40 * require_input(Path(path), MOST_BYTES))
+        layers = StageLayers(path)
+        layers.open_all()
+        allow_memory(MEMORY + 40 * layers.size)
+        stage = _opened(path)
+        if question == "facts":
+            return json.dumps({"up": _up(stage), "files": list(layers.files)}).encode()
+        return _surface(stage, *json.loads(options))
+    except MissingInputError as error:
+        return json.dumps({"missing": str(error)}).encode()
+    except FlowsculptError as error:
+        return json.dumps({"fault": str(error)}).encode()
+    except Tf.ErrorException as error:
+        raise ValueError(_first_words(error)) from None
+
+
+def _load_usd() -> None:
+    """Import USD and let it reserve addresses; limit memory afterwards.
+
+    USD reserves over a gigabyte of addresses when it makes its first paths, and crashes where it cannot.
+    """
+    os.environ["PXR_WORK_THREAD_LIMIT"] = "1"  # each thread reserves more
+    allow_memory(_ADDRESSES)
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.CreateInMemory()
+    mesh = UsdGeom.Mesh.Define(stage, "/mesh")
+    mesh.CreatePointsAttr([(0.0, 0.0, 0.0)])
+    UsdGeom.XformCache().GetLocalToWorldTransform(mesh.GetPrim())
+
+
+@dataclass
+class StageLayers:
+    """The files of a stage, found without composing it.
+
+    files  absolute paths of the layers beside the stage's own
+    size   of all layers, bytes
+    """
+
+    root: str
+    files: dict[str, None] = field(default_factory=dict)
+    size: int = 0
+
+    def open_all(self) -> None:
+        """Find all layers. Raises MissingInputError, or MeshError for too many of them."""
+        self.size = require_input(Path(self.root), MOST_BYTES)
+        seen, waiting = {self.root}, [self.root]
+        while waiting:
+            name = waiting.pop()
+            for layer in _layers_named_in(name):
+                if layer in seen:
+                    continue
+                self._require_file(layer, name)
+                seen.add(layer)
+                waiting.append(layer)
+                if len(seen) > _MOST_LAYERS:
+                    raise MeshError(f"it refers to over {_MOST_LAYERS} layers. Flatten the stage.")
+
+    def _require_file(self, layer: str, named_in: str) -> None:
+        """Note the file that holds a layer. Raises MissingInputError where it is no regular file."""
+        from pxr import Ar
+
+        package, inner = Ar.SplitPackageRelativePathOuter(layer)
+        file = package if inner else layer
+        if file == self.root or file in self.files:
+            return
+        try:
+            self.size += require_input(Path(file), MOST_BYTES)
+        except FlowsculptError as error:
+            raise MissingInputError(f"its layer {Path(named_in).name} refers to {error}") from None
+        self.files[file] = None
+
+
+def _layers_named_in(name: str) -> Iterator[str]:
+    """Yield the absolute paths of the layers that a layer refers to."""
+    from pxr import Sdf
+
+    layer = Sdf.Layer.FindOrOpen(name)
+    if layer is None:
+        raise ValueError(f"{Path(name).name} is no layer of USD")
+    for asset in (*layer.GetCompositionAssetDependencies(), *_clips_of(layer)):
+        if asset:
+            yield layer.ComputeAbsolutePath(asset)
+
+
+def _clips_of(layer: Sdf.Layer) -> Iterator[str]:
+    """Yield the files that the value clips of a layer's prims name."""
+    from pxr import Sdf
+
+    paths: list[Sdf.Path] = []
+    layer.Traverse(Sdf.Path.absoluteRootPath, paths.append)
+    for path in paths:
+        spec = layer.GetPrimAtPath(path) if path.IsPrimPath() else None
+        sets = spec.GetInfo("clips") if spec is not None and spec.HasInfo("clips") else {}
+        for clips in sets.values():
+            if clips.get("templateAssetPath"):
+                raise MeshError(f"{path} names its value clips by a template. Flatten the stage at a frame.")
+            yield from (asset.path for asset in clips.get("assetPaths") or ())
+            manifest = clips.get("manifestAssetPath")
+            if manifest is not None:
+                yield manifest.path
+
+
+def _opened(path: str) -> Usd.Stage:
+    """Open a stage. Raises MeshError where its layers do not compose."""
+    from pxr import Usd
+
+    stage = Usd.Stage.Open(path)
+    errors = stage.GetCompositionErrors()
+    if errors:
+        more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
+        raise MeshError(f"its layers do not compose{more}: {_one_line(str(errors[0]))}")
+    return stage
+
+
+def _up(stage: Usd.Stage) -> str:
+    from pxr import UsdGeom
+
+    return "z" if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else "y"
+
+
+def _surface(stage: Usd.Stage, prim: str | None, time_code: float | None) -> bytes:
+    """Return the meshes of a prim as one surface: a line of JSON, and an npz."""
+    from pxr import Usd
+
+    start = _start(stage, prim)
+    if time_code is not None:
+        time = Usd.TimeCode(time_code)
+    elif stage.HasAuthoredTimeCodeRange():
+        time = Usd.TimeCode(stage.GetStartTimeCode())
+    else:
+        time = Usd.TimeCode.EarliestTime()
+    meshes = StageMeshes(time)
+    meshes.add(start)
+    if not meshes.parts:
+        where = "it" if start.IsPseudoRoot() else f"its prim {start.GetPath()}"
+        others = f" Left out: {meshes.omitted_words}." if meshes.omitted else ""
+        raise MeshError(
+            f"{where} holds no mesh that is active, visible and of purpose default or render.{others} "
+            f"{_remedy(stage)}"
+        )
+    file = io.BytesIO()
+    arrays: dict[str, Any] = dict(meshes.arrays())
+    np.savez(file, **arrays)
+    facts = {"meshes": len(meshes.parts), "notes": meshes.notes()}
+    return json.dumps(facts).encode() + b"\n" + file.getvalue()
+
+
+def _start(stage: Usd.Stage, prim: str | None) -> Usd.Prim:
+    """Return the prim whose meshes are read. Raises MeshError where there is none of that path."""
+    from pxr import Sdf
+
+    if prim is None:
+        default = stage.GetDefaultPrim()
+        return default if default else stage.GetPseudoRoot()
+    named = stage.GetPrimAtPath(prim) if Sdf.Path.IsValidPathString(prim) and prim[:1] == "/" else None
+    if not named:
+        known = [str(other.GetPath()) for other in stage.Traverse()]
+        raise MeshError(f"it has no prim {brief(prim)}. {suggestion(prim, known) if known else ''}".rstrip())
+    return named
+
+
+def _remedy(stage: Usd.Stage) -> str:
+    """Return a sentence that names prims with meshes, where the stage has some."""
+    from pxr import UsdGeom
+
+    meshes = [str(prim.GetPath()) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
+    if not meshes:
+        return "Convert it to meshes in the program that made it."
+    return f"Write prim: {brief(meshes[0])}, which is a mesh."
+
+
+def _first_words(error: Any) -> str:
+    """Return the first of the errors that USD collected."""
+    said = [part.commentary for part in error.args if hasattr(part, "commentary")]
+    return _one_line(said[0] if said else str(error))
+
+
+def _one_line(text: str) -> str:
+    return textwrap.shorten(text, 200, placeholder="…")
+
+
+if __name__ == "__main__":
+    serve(answer)
