@@ -84,7 +84,7 @@ setup: .venv/ready
 # Blender as a module, 820 MB, for Python 3.11 alone: for the tests of its compositor, of what it reads of exported
 # shots, and the comparison with Cycles.
 blender: .venv/ready-cycles
-	$(BIN)/python -m pytest tests/render/test_blender.py tests/dailies/interchange/test_blender.py
+	$(BIN)/python -m pytest tests/render/test_blender.py tests/dailies/interchange/test_blender.py tests/flow/test_vdb_recipes.py
 
 .venv/ready-cycles: .venv/ready-dev benchmarks/requirements-cycles.txt
 	rm -rf .venv/cycles
