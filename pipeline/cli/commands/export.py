@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from ruamel.yaml import YAML
 
 from pipeline.cli.execution import execute, report_notes, report_plan
+from pipeline.cli.farm_files import FOR_FARMS, FarmFiles
 from pipeline.cli.options import Common, Frames, PictureOptions, Quality, output_option, require_one_of
 from pipeline.cli.output import exit_with, print_error, print_result, progress_bars
 from pipeline.dailies.delivery.timeline import MEDIA, Timeline
@@ -17,22 +17,16 @@ from pipeline.dailies.interchange.model_export import MODELS, ModelExport, requi
 from pipeline.dailies.interchange.print_model import LONGEST_SIDE
 from pipeline.dailies.interchange.usd_export import UsdExport
 from pipeline.errors import FrameError, UsageError
-from pipeline.frames import FrameRange
 from pipeline.mesh.usd_files import require_usd
-from pipeline.production.execution import openjd
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import mesh_states
 from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.profile import Share
 from pipeline.production.request.lookup import FILM, find_edit
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import writing
-from pipeline.production.store.remote_url import store_url
-from render.base.atomic_write import atomic_write, disk_errors
 from render.base.plural import plural
 from render.scene.quality import DEFAULT_QUALITY
 
-FOR_FARMS = ("openjd", "plan")
 FORMATS = ("usd", *MODELS, *FOR_FARMS, "otio")
 
 
@@ -44,7 +38,7 @@ def export(
             metavar="FORMAT",
             help="usd: the sculpture with its motion, camera and lights; ply, obj: a mesh file for each "
             "frame; glb, stl: a mesh file of one frame; openjd: Open Job Description, plan: what tasks read, "
-            "both for render managers; otio: OpenTimelineIO, for editors.",
+            "both for render managers; kubernetes: manifests of Jobs; otio: OpenTimelineIO, for editors.",
         ),
     ],
     options: PictureOptions,
@@ -52,14 +46,15 @@ def export(
         list[str] | None,
         typer.Argument(
             metavar="SHOT|EDIT",
-            help="A shot, by name or path; openjd, plan: several, or an edit. otio: an edit, by default the "
-            "film. It may stand before the format.",
+            help="A shot, by name or path; openjd, kubernetes, plan: several, or an edit. otio: an edit, by "
+            "default the film. It may stand before the format.",
         ),
     ] = None,
     output: Annotated[
         Path | None,
         output_option(
-            "openjd, plan, otio: a file. Else a folder; default: renders/SHOT/usd or models.", "PATH"
+            "openjd, plan, otio: a file. Else a folder; default: kubernetes, renders/SHOT/usd or models.",
+            "PATH",
         ),
     ] = None,
     media: Annotated[
@@ -68,6 +63,9 @@ def export(
     size: Annotated[
         float, typer.Option(min=1.0, max=10_000.0, metavar="MM", help="stl: the longest side, millimetres.")
     ] = LONGEST_SIDE,
+    image: Annotated[
+        str | None, typer.Option(metavar="NAME", help="kubernetes: the container image of the pods.")
+    ] = None,
     frames: Frames = None,
     quality: Quality = DEFAULT_QUALITY,
 ) -> None:
@@ -92,6 +90,10 @@ def export(
     `flowsculpt export plan A010_cube -o plan.json` writes the plan alone, whose parts `flowsculpt task` does
     on the workers of any render manager.
 
+    `flowsculpt export kubernetes A010_cube --image registry/flowsculpt:1 --store s3://bucket/show` writes
+    kubernetes/: a ConfigMap with the plan, indexed Jobs whose pods do its tasks, and run.sh, which creates
+    them with kubectl one level after the other.
+
     `flowsculpt export otio showreel -q final` writes showreel.otio: clips, dissolves, cards and sound of
     shots/showreel.yaml. Clips refer to frames, relative to the file, or to files that `flowsculpt deliver`
     wrote: `--media prores4444`.
@@ -104,13 +106,10 @@ def export(
     if len(names) > 1 and form not in FOR_FARMS:
         raise UsageError(f"export {form} takes one {'edit' if form == 'otio' else 'shot'}, not {len(names)}")
     if form in FOR_FARMS:
-        file = _farm_file(form, output)
+        files = FarmFiles.named(form, output, image)
         plan = project.whole(_require_names(names, form), quality, frames)
         report_notes(plan, set())
-        if form == "plan":
-            _plan_file(common, plan, file)
-        else:
-            _job(common, plan, "+".join(names), file)
+        files.write(common, plan, "+".join(names))
     elif form == "otio":
         _timeline(common, project, quality, names[0] if names else FILM.stem, output, media, frames)
     else:
@@ -192,52 +191,3 @@ def _timeline(
         Timeline(cut, requests, common.root, media, place).write()
     done = f"{place}: {plural(cut.length, 'frame')}, {common.done('written')}."
     print_result(done, {"timeline": str(place), "frames": cut.length, "media": media}, common.json)
-
-
-ENDINGS = {"plan": (".json",), "openjd": (".yaml", ".yml", ".json")}
-"""Endings of the files of formats for farms."""
-
-
-def _farm_file(form: str, output: Path | None) -> Path:
-    """Return the file of a format for farms. Raises UsageError for a name with another ending."""
-    if output is None:
-        return Path("plan.json" if form == "plan" else "template.yaml")
-    endings = ENDINGS[form]
-    if output.suffix not in endings:
-        what, known = "a plan" if form == "plan" else "a template", " or ".join(endings)
-        raise UsageError(f"{output}: {what}'s name ends in {known}; call it {output.stem}{endings[0]}")
-    return output
-
-
-def _plan_file(common: Common, plan: Plan, output: Path) -> None:
-    if not common.dry_run:
-        with disk_errors(output):
-            output.parent.mkdir(parents=True, exist_ok=True)
-            common.root.mkdir(parents=True, exist_ok=True)
-            plan.write(output)
-    tasks: dict[str, set[int]] = {}
-    shots = {request.name for request in plan.requests}
-    for job in plan.jobs:
-        shot = "" if len(shots) == 1 or job.stage == "film" else f"{plan.requests[job.requests[0]].name}/"
-        tasks.setdefault(shot + job.stage, set()).update(job.frames)
-    frames = {task: sorted(numbers) for task, numbers in tasks.items()}
-    words = ", ".join(f"{task}:{FrameRange.of(numbers)}" for task, numbers in frames.items())
-    facts = {"plan": str(output), "tasks": frames, "targets": list(plan.targets)}
-    print_result(f"{output}: {common.done('written')}. Tasks: {words}.", facts, common.json)
-
-
-def _job(common: Common, plan: Plan, name: str, output: Path) -> None:
-    beside = output.with_name(f"{output.name}.plan.json")
-    share = common.profile.share or Share.of({})
-    made = openjd.template(plan, beside.name, common.root, name, share.threads, store_url())
-    if not common.dry_run:
-        with disk_errors(output):
-            output.parent.mkdir(parents=True, exist_ok=True)
-            common.root.mkdir(parents=True, exist_ok=True)  # a worker that does not see it says so
-            plan.write(beside)
-            with atomic_write(output) as draft, draft.open("w", encoding="utf-8") as file:
-                yaml = YAML()
-                yaml.width = 100
-                yaml.dump(made, file)
-    facts = {"template": str(output), "plan": str(beside), "targets": list(plan.targets)}
-    print_result(f"{output}, {beside}: {common.done('written')}.", facts, common.json)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from pipeline.production.execution import job_resources
+from pipeline.production.execution.task import BY_FRAMES
 from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.stages import STAGES
 
@@ -21,9 +22,6 @@ STEPS = {
     "Film": ("film",),
 }
 """The stages of each step, in the order in which a task does them."""
-
-IN_CHUNKS = ("Render", "Finish")
-"""Steps whose tasks make some frames each."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ class FarmStep:
     def frames(self) -> tuple[int, ...]:
         """The frames that its tasks share out, ascending; none where one task does it all."""
         numbers = {number for job in self.jobs for number in job.frames}
-        return tuple(sorted(numbers)) if self.kind in IN_CHUNKS else ()
+        return tuple(sorted(numbers)) if STEPS[self.kind][0] in BY_FRAMES else ()
 
     @property
     def task(self) -> str:

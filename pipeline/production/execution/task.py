@@ -8,30 +8,79 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.errors import MissingInputError, UsageError, suggestion
+from pipeline.errors import MachineError, MissingInputError, UsageError, suggestion
 from pipeline.frames import FrameRange
 from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.store.remote_url import store_url
+from pipeline.production.store.store import Store
+from pipeline.production.store.uploads import upload_missed
+from render.base.plural import plural
+
+BY_FRAMES = ("render", "finish")
+"""The stages whose frames several workers may share out."""
 
 
-def do(root: Path, plan_file: Path, tasks: Sequence[str], threads: int | None = None) -> int:
+@dataclass(frozen=True)
+class Part:
+    """One of so many equal parts of the frames of a task, which neighbours in time are dealt into.
+
+    number  from 0 on, as array jobs count
+    """
+
+    number: int
+    count: int
+
+    @classmethod
+    def parse(cls, text: str) -> Part:
+        """Read `0/8`. Raises UsageError."""
+        number, _, count = text.partition("/")
+        if not (number.isdecimal() and count.isdecimal() and int(number) < int(count)):
+            raise UsageError(
+                f"--part {text}: it is no part of a whole; write its number, from 0 on, and how many there "
+                "are, such as 0/8 for the first of eight"
+            )
+        return cls(int(number), int(count))
+
+    def of(self, frames: Sequence[int]) -> Sequence[int]:
+        """Return the part of frames; none where there are fewer frames than parts before it."""
+        first, end = (n * len(frames) // self.count for n in (self.number, self.number + 1))
+        return frames[first:end]
+
+
+def do(
+    root: Path, plan_file: Path, tasks: Sequence[str], threads: int | None = None, part: Part | None = None
+) -> int:
     """Do tasks of a plan in a root, one after the other until one fails; return its exit code, or 0.
 
     tasks    names of stages, `simulate`, of frames of a stage, `render:1-8`, with a shot `A010_cube/render`
     threads  by default those of the plan, and of this machine for some frames of a job
+    part     the part to do of the frames that the tasks name
 
     Raises MissingInputError where the root or the plan is not there, UsageError for a file that is no plan
-    and for a task that is not in it.
+    and for a task that is not in it, MachineError where the remote store does not take what was made.
     """
     from pipeline.production.tasks.worker import main
 
     plan_file = plan_file.absolute()
-    jobs = list(_jobs(_plan(plan_file), plan_file, tasks))
+    jobs = list(_jobs(_plan(plan_file), plan_file, tasks, part))
     _enter(root)
     codes = (main(str(plan_file), job, insist=True, threads=threads) for job in jobs)
-    return next(filter(None, codes), 0)
+    code = next(filter(None, codes), 0)
+    _upload_rest(root)
+    return code
+
+
+def _upload_rest(root: Path) -> None:
+    """Upload what the remote store did not take at first: workers on other disks see it nowhere else."""
+    store = Store(root)
+    if unsent := upload_missed(store).unsent:
+        raise MachineError(
+            f"{store.url}: it did not take {plural(unsent, 'file')}, which other workers would miss; "
+            "do the task again once it answers: what is made stays in this root"
+        )
 
 
 def _enter(root: Path) -> None:
@@ -55,29 +104,33 @@ def _plan(file: Path) -> Plan:
         raise UsageError(f"{file}: it is no plan; flowsculpt export plan SHOT writes one") from None
 
 
-def _jobs(plan: Plan, file: Path, tasks: Sequence[str]) -> Iterator[str]:
-    """Yield the names of the plan's jobs, or of parts of them, that tasks stand for."""
+def _jobs(plan: Plan, file: Path, tasks: Sequence[str], part: Part | None) -> Iterator[str]:
+    """Yield the names of the plan's jobs, or of some frames of them, that tasks stand for."""
     for task in tasks:
         if any(job.name == task for job in plan.jobs):
             yield task
             continue
         chosen, frames = _named(plan, file, task)
-        if not frames:
+        if part is not None and chosen[0].stage not in BY_FRAMES:
+            raise UsageError(
+                f"--part: {task} is one task; only {' and '.join(BY_FRAMES)} are done in parts. Leave it out"
+            )
+        if not frames and part is None:
             yield from (job.name for job in chosen)
             continue
-        asked = FrameRange.parse(frames).numbers
-        planned = {number for job in chosen for number in job.frames}
+        planned = sorted({number for job in chosen for number in job.frames})
+        asked = FrameRange.parse(frames).numbers if frames else planned
         if others := [number for number in asked if number not in planned]:
-            known = FrameRange.of(sorted(planned))
+            known = FrameRange.of(planned)
             raise UsageError(
                 f"{task}: frames {FrameRange.of(others)} are not in {file.name}, which has {known}; "
                 "export the plan again for more"
             )
-        yield from parts(chosen, asked)
+        yield from _some_frames(chosen, asked if part is None else part.of(asked))
 
 
-def parts(jobs: Sequence[Job], frames: Sequence[int]) -> Iterator[str]:
-    """Yield the names of the parts of jobs of one stage that make frames, in the order of these."""
+def _some_frames(jobs: Sequence[Job], frames: Sequence[int]) -> Iterator[str]:
+    """Yield the names of those parts of jobs of one stage that make frames, in the order of these."""
     for place in dict.fromkeys(job.requests[0] for job in jobs):
         of_request = [job for job in jobs if job.requests[0] == place]
         known = {number for job in of_request for number in job.frames}
