@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import uuid
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,3 +75,14 @@ def on_slurm(project, slurm: Farm):
     """A project whose working folder holds a profile for this SLURM."""
     quick_profile(project.path)
     return project
+
+
+@pytest.fixture
+def store(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """The address of an S3 store that every process finds."""
+    from tests.production.store.s3 import BUCKET, CREDENTIALS, serving  # a second, which few tests need
+
+    with serving() as server:
+        for name, value in {**CREDENTIALS, "AWS_ENDPOINT_URL": server.url}.items():
+            monkeypatch.setenv(name, value)
+        yield f"s3://{BUCKET}/{uuid.uuid4().hex}"

@@ -19,9 +19,9 @@ from pipeline.errors import UsageError
 from pipeline.production.execution.kubernetes import KubernetesJob
 from pipeline.production.execution.project import Project
 from tests.conftest import commanded
-from tests.production.farm.test_separate_disks import NAME, QUALITY, store
 
-__all__ = ["store"]  # a fixture
+NAME = "T010_tiny"
+QUALITY = "draft.scale10"
 
 VERSION = "1.33"
 

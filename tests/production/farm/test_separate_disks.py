@@ -4,25 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import uuid
-from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
-from tests.production.store.s3 import BUCKET, CREDENTIALS, serving
+from tests.production.store.s3 import BUCKET
 
 NAME = "T010_tiny"
 QUALITY = "draft.scale10"
-
-
-@pytest.fixture
-def store(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """The address of an S3 store that every process finds."""
-    with serving() as server:
-        for name, value in {**CREDENTIALS, "AWS_ENDPOINT_URL": server.url}.items():
-            monkeypatch.setenv(name, value)
-        yield f"s3://{BUCKET}/{uuid.uuid4().hex}"
 
 
 def task(plan: Path, root: Path, store: str, *words: str) -> subprocess.CompletedProcess[str]:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 
 from pipeline.production.execution.project import Project
 from pipeline.production.store.paths import STATE
+from pipeline.production.store.uploads import missed_uploads
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.meshes import simulate
 from tests.production.snakemake import snakemake
@@ -92,6 +94,24 @@ class TestFilms:
         assert far == near
         tasks = [job["Comment"].split("_")[1] for job in slurm.jobs()[before:]]
         assert sorted(set(tasks)) == ["finish", "render", "simulate"]
+
+    def test_nodes_upload_what_they_make_and_another_root_makes_none_of_it_again(
+        self, on_slurm, slurm, store, tmp_path_factory
+    ):
+        before = len(slurm.jobs())
+        words = ("film", "-q", QUALITY, "--store", store)
+        far = on_slurm.run("--json", *words, "--profile", "slurm")
+        assert far.code == 0, far.err
+        assert json.loads(far.out)["warnings"] == [] and missed_uploads(on_slurm.path) == []
+        assert len(slurm.jobs()) == before + 3
+        other = on_slurm.copy(tmp_path_factory.mktemp("other") / "root")
+        for made in ("renders", STATE):
+            shutil.rmtree(other.path / made)
+        again = other.run("--json", *words, "--profile", "slurm")
+        assert again.code == 0 and json.loads(again.out)["made"] == {}, again.err
+        assert len(slurm.jobs()) == before + 3
+        movies = [root / "renders/film" / QUALITY / "film.mp4" for root in (on_slurm.path, other.path)]
+        assert movies[0].read_bytes() == movies[1].read_bytes()
 
     def test_snakemake_asks_slurm_for_the_same_as_the_command(self, on_slurm, slurm, tmp_path_factory):
         other = on_slurm.copy(tmp_path_factory.mktemp("other") / "root")
