@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Indices, Vectors
+from pipeline.arrays import AnyArray, Faces, Floats, Indices, Vectors
 from pipeline.dailies.interchange.exported_frame import ExportedFrame
 from pipeline.dailies.interchange.usd_materials import preview_surface
 from pipeline.mesh import TriangleMesh
@@ -26,6 +26,7 @@ def write_ply(path: Path, frame: ExportedFrame) -> None:
     velocity_x …    float, scene units per second
     rest_x …        float, scene units
     red green blue  uchar, sRGB, where colours vary
+    linear_red …    float, the same colours, linear Rec.709
     radius          float, of a point cloud
 
     Raises MachineError where the disk refuses.
@@ -37,6 +38,8 @@ def write_ply(path: Path, frame: ExportedFrame) -> None:
         attributes |= dict(
             zip(("red", "green", "blue"), _bytes(srgb_of_linear(frame.colours)).T, strict=True)
         )
+        names = ("linear_red", "linear_green", "linear_blue")
+        attributes |= dict(zip(names, frame.colours.astype(np.float32).T, strict=True))
     if frame.radii is not None:
         attributes["radius"] = frame.radii.astype(np.float32)
     write_mesh(TriangleMesh(frame.points, frame.faces, attributes), path)
@@ -45,8 +48,8 @@ def write_ply(path: Path, frame: ExportedFrame) -> None:
 def write_obj(path: Path, frame: ExportedFrame) -> None:
     """Write text with a normal for each corner, texture coordinates where there are any, and colours.
 
-    Colours stand after the coordinates of a vertex, in sRGB. Numbers have nine digits, which hold float32.
-    Raises MachineError where the disk refuses.
+    Colours stand after the coordinates of a vertex, in sRGB; creases as tags of OpenSubdiv, which our reader
+    reads. Numbers have nine digits, which hold float32. Raises MachineError where the disk refuses.
     """
     points = frame.points
     if frame.colours is not None:
@@ -60,19 +63,21 @@ def write_obj(path: Path, frame: ExportedFrame) -> None:
     corners.append(frame.corner_normals)
     corner = " %d/%d/%d" if frame.texture is not None else " %d//%d"
     lines.append(_lines("f" + 3 * corner, np.stack(corners, axis=2).reshape(len(frame.faces), -1) + 1))
+    lines += [f"t crease 2/1/0 {a} {b} 10\n" for a, b in frame.creases.tolist()]
     with disk_errors(path):
         path.write_text("".join(lines), encoding="ascii")
 
 
 def write_glb(path: Path, frame: ExportedFrame, look: Material) -> None:
-    """Write a surface with normals, colours, material, and the attributes _VELOCITY and _REST.
+    """Write a surface with normals, material, texture coordinates, colours, _VELOCITY and _REST, all float32.
 
-    Vertices at creases are split, for glTF has one normal a vertex. Raises MachineError where the disk
-    refuses.
+    Vertices are split at creases and at seams of texture coordinates, for glTF has one normal and one pair of
+    coordinates a vertex. Raises MachineError where the disk refuses.
     """
     import trimesh
 
-    source = normal_vertices(frame)
+    corner, faces = _split_corners(frame)
+    source, normal = frame.faces.reshape(-1)[corner], frame.corner_normals.reshape(-1)[corner]
     surface = preview_surface(look)
     opacity = () if surface.opacity == 1.0 else {"alphaMode": "BLEND"}
     is_varied = frame.colours is not None
@@ -82,24 +87,46 @@ def write_glb(path: Path, frame: ExportedFrame, look: Material) -> None:
         roughnessFactor=surface.roughness,
         **dict(opacity),
     )
-    visual = trimesh.visual.TextureVisuals(material=material)
+    attributes = {"_VELOCITY": frame.velocities[source], "_REST": frame.rest[source]}
     if frame.colours is not None:
-        opaque = np.full((len(source), 1), 255, np.uint8)
-        visual.vertex_attributes["color"] = np.hstack([_bytes(frame.colours[source]), opaque])
+        attributes["_COLOR_0"] = np.hstack([frame.colours[source], np.ones((len(source), 1))])
+    if frame.texture is not None:  # glTF counts downwards
+        attributes["_TEXCOORD_0"] = frame.texture.reshape(-1, 2)[corner] * (1.0, -1.0) + (0.0, 1.0)
     model = trimesh.Trimesh(
         frame.points[source],
-        frame.corner_normals,
-        vertex_normals=frame.normals,
-        visual=visual,
-        vertex_attributes={
-            "_VELOCITY": frame.velocities[source].astype(np.float32),
-            "_REST": frame.rest[source].astype(np.float32),
-        },
+        faces,
+        vertex_normals=frame.normals[normal],
+        visual=trimesh.visual.TextureVisuals(material=material),
+        vertex_attributes={name: values.astype(np.float32) for name, values in attributes.items()},
         process=False,
     )
-    content = bytes(model.export(file_type="glb", include_normals=True))
+    content = model.export(file_type="glb", include_normals=True, tree_postprocessor=_name_attributes)
     with disk_errors(path):
-        path.write_bytes(content)
+        path.write_bytes(bytes(content))
+
+
+def _name_attributes(tree: dict[str, Any]) -> None:
+    """Give colours and texture coordinates their names in glTF; trimesh rounds what it knows to 8 bits."""
+    for mesh in tree["meshes"]:
+        for primitive in mesh["primitives"]:
+            for name in ("COLOR_0", "TEXCOORD_0"):
+                if f"_{name}" in primitive["attributes"]:
+                    primitive["attributes"][name] = primitive["attributes"].pop(f"_{name}")
+
+
+def _split_corners(frame: ExportedFrame) -> tuple[Indices, Faces]:
+    """Return vertices (N,), each a corner of a face, and faces (F, 3) of them.
+
+    Corners with the same normal, and so the same vertex, and the same texture coordinates are one vertex.
+    """
+    normals = frame.corner_normals.reshape(-1)
+    if frame.texture is None:
+        some_corner: Indices = np.zeros(len(frame.normals), np.int32)
+        some_corner[normals] = np.arange(len(normals), dtype=np.int32)
+        return some_corner, frame.corner_normals
+    rows = np.column_stack([normals, frame.texture.reshape(-1, 2)])
+    _, corner, vertex = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    return corner.astype(np.int32), vertex.astype(np.int32).reshape(-1, 3)
 
 
 def normal_vertices(frame: ExportedFrame) -> Indices:

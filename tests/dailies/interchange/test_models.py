@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import meshio
 import numpy as np
@@ -17,7 +18,6 @@ from pxr import Sdf
 from pipeline.arrays import Floats
 from pipeline.dailies.interchange.exported_frame import ExportedFrame
 from pipeline.dailies.interchange.mesh_files import (
-    normal_vertices,
     point_normals,
     write_glb,
     write_obj,
@@ -29,7 +29,8 @@ from pipeline.dailies.interchange.wall_thickness import wall_thickness
 from pipeline.errors import MeshError
 from pipeline.mesh import TriangleMesh, box, icosphere
 from pipeline.mesh.normals import split_at_creases
-from pipeline.mesh.read import read_mesh
+from pipeline.mesh.points import read_points
+from pipeline.mesh.read import read_mesh, read_surface
 from pipeline.mesh.write import write_mesh
 from render.scene.materials import LOOKS
 from render.scene.textures import linear_of_srgb, srgb_of_linear
@@ -131,7 +132,7 @@ def test_the_obj_has_a_normal_and_texture_coordinates_for_each_corner(
 ) -> None:
     path = place / "a.obj"
     write_obj(path, frame)
-    rows: dict[str, list[list[str]]] = {"v": [], "vt": [], "vn": [], "f": []}
+    rows: dict[str, list[list[str]]] = {"v": [], "vt": [], "vn": [], "f": [], "t": []}
     for line in path.read_text().splitlines():
         kind, *words = line.split()
         rows[kind].append(words)
@@ -146,6 +147,7 @@ def test_the_obj_has_a_normal_and_texture_coordinates_for_each_corner(
         assert np.array_equal(single(read), single(frame.texture))
     if frame.colours is not None:
         assert np.allclose(linear_of_srgb(vertices[:, 3:]), frame.colours, atol=1e-7)
+    assert len(rows["t"]) == len(frame.creases)
     theirs = trimesh.load(path, process=False, maintain_order=True)
     assert np.allclose(np.sort(theirs.bounds, axis=0), [frame.points.min(axis=0), frame.points.max(axis=0)])
     assert len(theirs.faces) == len(frame.faces)
@@ -156,15 +158,91 @@ def test_the_obj_has_a_normal_and_texture_coordinates_for_each_corner(
 def test_the_glb_holds_normals_velocities_and_rest_positions(place: Path, frame: ExportedFrame) -> None:
     path = place / "a.glb"
     write_glb(path, frame, LOOKS["chrome"])
+    scene = gltf_arrays(path)
+    corners, faces = scene["indices"].reshape(-1), frame.faces.reshape(-1)
+    expected = {
+        "POSITION": frame.points[faces],
+        "NORMAL": frame.normals[frame.corner_normals.reshape(-1)],
+        "_VELOCITY": frame.velocities[faces],
+        "_REST": frame.rest[faces],
+    }
+    if frame.colours is not None:
+        expected["COLOR_0"] = np.hstack([frame.colours[faces], np.ones((len(faces), 1))])
+    if frame.texture is not None:
+        expected["TEXCOORD_0"] = frame.texture.reshape(-1, 2) * (1.0, -1.0) + (0.0, 1.0)
+    assert scene.keys() == {"indices", *expected}
+    for name, values in expected.items():
+        assert np.array_equal(scene[name][corners], single(values)), name
+    if frame.texture is None:
+        assert len(scene["POSITION"]) == len(frame.normals)
     (model,) = trimesh.load(path, process=False).geometry.values()
-    source = normal_vertices(frame)
-    assert np.array_equal(single(model.vertices), single(frame.points[source]))
-    assert np.array_equal(model.faces, frame.corner_normals)
-    assert np.allclose(model.vertex_normals, frame.normals, atol=1e-6)
-    assert np.array_equal(model.vertex_attributes["_VELOCITY"], single(frame.velocities[source]))
-    assert np.array_equal(model.vertex_attributes["_REST"], single(frame.rest[source]))
+    assert np.array_equal(single(model.vertices[model.faces]), single(frame.points[frame.faces]))
     material = model.visual.material
     assert (material.metallicFactor, material.roughnessFactor) == (1.0, pytest.approx(0.04))
+
+
+def gltf_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """Return the attributes of the one mesh in a GLB as they are stored, and the indices of its faces."""
+    content = path.read_bytes()
+    length = int.from_bytes(content[12:16], "little")
+    tree, binary = json.loads(content[20 : 20 + length]), content[28 + length :]
+    (mesh,) = tree["meshes"]
+    (primitive,) = mesh["primitives"]
+    arrays = {}
+    for name, number in {"indices": primitive["indices"], **primitive["attributes"]}.items():
+        accessor = tree["accessors"][number]
+        view = tree["bufferViews"][accessor["bufferView"]]
+        kind = {5126: "<f4", 5125: "<u4", 5121: "u1"}[accessor["componentType"]]
+        columns = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}[accessor["type"]]
+        start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        values = np.frombuffer(binary, kind, columns * accessor["count"], start)
+        arrays[name] = values.reshape(-1, columns)
+    return arrays
+
+
+@settings(max_examples=15, deadline=None)
+@given(frames(), st.sampled_from(["ply", "obj", "stl"]))
+def test_models_read_what_was_exported_to_the_last_bit_of_float32(
+    place: Path, frame: ExportedFrame, form: str
+) -> None:
+    path = place / f"again.{form}"
+    if form == "stl":
+        write_mesh(TriangleMesh(frame.points, frame.faces), path)
+    else:
+        (write_ply if form == "ply" else write_obj)(path, frame)
+    read = read_surface(path)
+    assert read.repairs == ()
+    mesh = read.mesh.triangulated()
+    assert np.array_equal(single(mesh.vertices[mesh.faces]), single(frame.points[frame.faces]))
+    if form != "stl":
+        assert np.array_equal(mesh.faces, frame.faces)
+    if form == "obj":
+        assert edges(mesh.creases) == edges(frame.creases)
+    if form == "ply":
+        attributes = read_points(path).attributes
+        for name, values in (("velocity", frame.velocities), ("rest", frame.rest)):
+            columns = np.stack([attributes[f"{name}_{axis}"] for axis in "xyz"], axis=1)
+            assert np.array_equal(columns, single(values))
+        if frame.colours is not None:
+            channels = [attributes[f"linear_{channel}"] for channel in ("red", "green", "blue")]
+            assert np.array_equal(np.stack(channels, axis=1), single(frame.colours))
+
+
+def edges(pairs: NDArray[Any]) -> set[tuple[int, ...]]:
+    return {tuple(sorted(pair)) for pair in pairs.tolist()}
+
+
+@settings(max_examples=3, deadline=None)
+@given(frames())
+def test_a_glb_is_read_as_the_surface_before_its_vertices_were_split(
+    place: Path, frame: ExportedFrame
+) -> None:
+    path = place / "again.glb"
+    write_glb(path, frame, LOOKS["clay"])
+    read = read_surface(path)
+    mesh = read.mesh.triangulated()
+    assert len(mesh.vertices) == len(frame.points) and read.repairs == ()
+    assert np.array_equal(single(mesh.vertices[mesh.faces]), single(frame.points[frame.faces]))
 
 
 def still(mesh: TriangleMesh) -> ExportedFrame:
