@@ -57,5 +57,6 @@ def _row(note: ReviewNote) -> tuple[str, ...]:
     frames = str(note.first) if note.first == note.last else f"{note.first}-{note.last}"
     drawn = [f"({plural(len(note.drawings), 'stroke')})"] if note.drawings else []
     words = " ".join([*map(readable, note.text.split("\n")), *drawn])
+    writers = dict.fromkeys(each.author or "–" for each in ((note.history or (note,))[0], note))
     when = note.modified[:16].replace("T", " ")
-    return note.sequence, frames, note.status, note.author or "–", when, words
+    return note.sequence, frames, note.status, ", ".join(writers), when, words

@@ -21,6 +21,7 @@ from pipeline.dailies.review.view_3d import as_script
 from pipeline.dailies.sheets import panels
 from pipeline.mesh import TriangleMesh, box, icosphere
 from render.post.image import read_png
+from tests.dailies.review.note_cases import IDS, document, note
 from tests.dailies.review.studio import FAILED, FAULT, LAST, MISSING, NAME, TITLE, Desk, number_in
 
 
@@ -74,6 +75,20 @@ def test_a_second_time_nothing_is_made_and_the_same_is_written(copy: Desk) -> No
     before, data = files_in(folder), (folder / "data.js").read_bytes()
     code, _ = copy.command("review", NAME)
     assert (code, files_in(folder), (folder / "data.js").read_bytes()) == (0, before, data)
+
+
+def test_notes_of_several_reviewers_are_on_the_page_from_the_start(copy: Desk) -> None:
+    for name, words in (("ann", "softer"), ("ben", "</script><script>window.attacked = 1</script>")):
+        given = note(id=IDS[name == "ben"], shot=NAME, author=name, text=words)
+        (copy.root / f"{name}.json").write_text(json.dumps(document(given)))
+    code, said = copy.command("review", NAME, "--notes", "ann.json", "--notes", "ben.json")
+    assert code == 0 and "4 sequences, 54 pictures, 2 notes." in said
+    assert [each["author"] for each in data_of(copy)["notes"]] == ["ann", "ben"]
+    assert "</script>" not in (copy.page().parent / "data.js").read_text()
+    assert (copy.root / "notes" / f"{NAME}.json").is_file()
+    before = copy.page().parent.joinpath("data.js").read_bytes()
+    assert copy.command("review", NAME, "--notes", "gone.json")[0] == 3
+    assert copy.page().parent.joinpath("data.js").read_bytes() == before
 
 
 def test_pictures_that_are_no_more_shown_leave_the_page(copy: Desk) -> None:

@@ -7,7 +7,8 @@ const MARKER_COLORS = { open: "BLUE", change: "ORANGE", approved: "GREEN" };
 const framesOf = (note) => (note.first === note.last ? String(note.first) : `${note.first}–${note.last}`);
 /** `2026-11-23 21:10`, UTC. */
 const timeOf = (note) => note.modified.slice(0, 16).replace("T", " ");
-const authorOf = (note) => note.author || "no name";
+/** Who wrote a note and, if it is somebody else, who changed it last. */
+const authorOf = (note) => [...new Set([(note.history[0] ?? note).author, note.author].map((name) => name || "no name"))].join(", ");
 
 function download(name, content, type) {
   const url = URL.createObjectURL(new Blob([content], { type }));

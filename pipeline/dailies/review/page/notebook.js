@@ -46,10 +46,11 @@ class NoteBook {
     return id;
   }
 
-  /** Change a note. What it said before is kept as history, unless the change follows another one of this visit. */
+  /** Change a note. What it said before is kept as history, unless the same person changes it again on this visit. */
   edit(id, fields) {
     const note = this.notes.get(id), { author } = this;
-    const history = this.unsettled.has(id) ? note.history : [...note.history, revisionOf(note)];
+    const isReplaced = this.unsettled.has(id) && note.author === author;
+    const history = isReplaced ? note.history : [...note.history, revisionOf(note)];
     const modified = new Date(Math.max(Date.now(), Date.parse(note.modified) + 1)).toISOString();
     this.notes.set(id, { ...note, ...fields, author, modified, history });
     this.unsettled.add(id);
