@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from pipeline.cli.options import Common, Crossings, ShotOptions, Shots, quality_option, require_one_of
-from pipeline.cli.output import print_result, print_warning, progress_bars
+from pipeline.cli.output import print_result, print_warning, progress_bars, size
 from pipeline.dailies.review.page import ReviewPage
 from pipeline.dailies.review.sequences import Search
 from pipeline.dailies.review.view_3d import HINT, three_js
@@ -48,6 +48,10 @@ def review(
     models: Annotated[
         int, typer.Option(min=0, metavar="N", help="Mesh frames of each shot for the 3-D view.")
     ] = 24,
+    layers: Annotated[
+        int,
+        typer.Option(min=0, metavar="N", help="Frames of each sequence with linear layers for the probe."),
+    ] = 0,
     crossings: Crossings = False,
     notes: NotesFiles = None,
 ) -> None:
@@ -70,7 +74,7 @@ def review(
     added = folder.add(notes or (), common.dry_run)
     written = merged(*(folder.notes(shot.request.name) for shot in material))
     title = _title(name, [shot.request.name for shot in material])
-    page = ReviewPage(title, project.store, material, form, models, common.cores, crossings, written)
+    page = ReviewPage(title, project.store, material, form, models, common.cores, crossings, written, layers)
     if common.dry_run:
         counts = {"sequences": len(page.sequences), "pictures": sum(len(s.pictures) for s in page.sequences)}
     else:
@@ -82,6 +86,10 @@ def review(
     shown = f"{plural(counts['sequences'], 'sequence')}, {plural(counts['pictures'], 'picture')}"
     live = sum(not note.deleted for note in written)
     shown += f", {plural(live, 'note')}" if live else ""
+    if counts.get("frames_with_layers"):
+        shown += (
+            f", layers of {plural(counts['frames_with_layers'], 'frame')} ({size(counts['layer_bytes'])})"
+        )
     words = f"{page.index}:{verb} {shown}."
     missing = {f"{s.shot} {s.label}": sorted(s.states()) for s in page.sequences if s.states()}
     facts = {

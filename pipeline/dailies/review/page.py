@@ -5,6 +5,7 @@ renders/review/<name>/page/…         its scripts and style
 renders/review/<name>/data.js        the sequences and the measures
 renders/review/<name>/pictures/…     frames and sheets of thumbnails, by keys
 renders/review/<name>/models/…       meshes, by keys
+renders/review/<name>/layers/…       linear layers of some frames, by keys
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from typing import Any
 
 from pipeline.dailies.measures import TIMED_STAGES, limits_of, measured
 from pipeline.dailies.review import view_3d
+from pipeline.dailies.review.layers import LayerWriter
 from pipeline.dailies.review.proxies import Proxies, ProxyWriter
 from pipeline.dailies.review.sequences import PictureSequence, ShotMaterial
 from pipeline.production.planning.timings import LatestTimings
@@ -39,6 +41,7 @@ class ReviewPage:
     form       file format of pictures: jpeg, or png, which is lossless
     crossings  count those of every frame
     notes      what reviewers wrote, to be shown from the start
+    layers     most frames of each sequence whose layers the page has
     """
 
     name: str
@@ -49,6 +52,7 @@ class ReviewPage:
     threads: int
     crossings: bool = False
     notes: Sequence[ReviewNote] = ()
+    layers: int = 0
 
     @property
     def folder(self) -> Path:
@@ -65,7 +69,7 @@ class ReviewPage:
     @property
     def steps(self) -> int:
         """The number of times that `write` calls `tell`."""
-        pictures = sum(len(sequence.pictures) for sequence in self.sequences)
+        pictures = sum(len(each.pictures) + min(self.layers, len(each.pictures)) for each in self.sequences)
         return pictures + sum(len(material.request.angles) for material in self.shots)
 
     def write(self, tell: Tell = lambda: None) -> dict[str, int]:
@@ -74,7 +78,7 @@ class ReviewPage:
         Raises MachineError if the disk refuses.
         """
         with disk_errors(self.folder):
-            for name in ("pictures", "models", "page"):
+            for name in ("pictures", "models", "layers", "page"):
                 (self.folder / name).mkdir(parents=True, exist_ok=True)
         shots = {material.request.name: self._shot(material, tell) for material in self.shots}
         sequences = [self._sequence(sequence, tell) for sequence in self.sequences]
@@ -100,7 +104,15 @@ class ReviewPage:
         sheets = {sequence["sheet"]["file"] for sequence in sequences if sequence["sheet"]}
         _keep(self.folder / "pictures", pictures | sheets)
         _keep(self.folder / "models", models)
-        return {"sequences": len(sequences), "pictures": len(pictures), "models": len(models)}
+        layers = {file for each in sequences for files in each["layers"].values() for file in files.values()}
+        _keep(self.folder / "layers", layers)
+        return {
+            "sequences": len(sequences),
+            "pictures": len(pictures),
+            "models": len(models),
+            "frames_with_layers": sum(len(each["layers"]) for each in sequences),
+            "layer_bytes": sum((self.folder / "layers" / file).stat().st_size for file in layers),
+        }
 
     def _write(self, path: Path, content: bytes) -> None:
         """Write a file unless it has this content."""
@@ -139,6 +151,9 @@ class ReviewPage:
             "files": [proxies.files.get(number) for number in sequence.numbers],
             "states": {number: list(state) for number, state in states.items()},
             "sheet": writer.sheet(proxies),
+            "layers": LayerWriter(self.store, self.folder / "layers", self.layers, self.threads).write(
+                sequence, tell
+            ),
             "facts": {"numbers": readable, **tabled([sequence.pictures[n].header for n in readable])},
             "seconds": self._seconds(sequence, proxies),
         }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -73,6 +73,7 @@ class PictureSequence:
     faults    frames that failed or are stale: the state and the reason
     seconds   seconds of rendering by frame and part, where they are known
     note      the note of a published version
+    raws      rendered frames, whose AOVs the finished ones do not have, where they are there
     """
 
     shot: str
@@ -86,6 +87,7 @@ class PictureSequence:
     faults: Mapping[int, tuple[str, str]]
     seconds: Mapping[int, Mapping[str, float]]
     note: str = ""
+    raws: Mapping[int, Path] = field(default_factory=dict)
 
     @cached_property
     def pictures(self) -> Mapping[int, PictureFile]:
@@ -211,6 +213,7 @@ class Search:
             display=_display(request),
             faults=faults,
             seconds=render_seconds(request, self.project.root),
+            raws={n: self.project.root / request.place("raw", n) for n in request.angles},
         )
 
     def _versions(self, name: str) -> Iterator[PictureSequence]:

@@ -78,7 +78,7 @@ def test_notes_are_written_decided_and_kept_by_keys_alone(opened: Opened, page: 
     look.press("Tab")
     written(look, f"softer {ATTACK}")
     look.press("8", "i", "ArrowRight", "ArrowRight", "o")
-    written(look, "good", key="Shift+A")
+    written(look, "good", key="Shift+N")
     look.press("9", "\\", "Home", "a", "Escape")
     facts = [(n["first"], n["last"], n["status"], n["author"], n["sequence"]) for n in notes_of(look)]
     assert facts == [(3, 3, "change", "Ann", "draft"), (3, 5, "approved", "Ann", "draft")]
@@ -135,9 +135,9 @@ def test_drawings_lie_on_the_picture_at_any_size_and_on_their_frame(
     assert [each["kind"] for each in notes_of(look)[0]["drawings"]] == kinds[:2]
     look.press("Shift+U", "Backspace", "Control+z")
     assert [each["kind"] for each in notes_of(look)[0]["drawings"]] == kinds[:3]
-    look.press("Shift+Y")
+    look.press("Shift+H")
     assert np.abs(look.picture().astype(int) - plain).max() < 8, "hidden"
-    look.press("Shift+Y", "b")
+    look.press("Shift+H", "b")
 
 
 def test_downloads_are_read_by_python_and_by_opentimelineio(

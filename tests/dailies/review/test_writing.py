@@ -72,6 +72,7 @@ def test_a_page_has_what_was_rendered_and_the_cells_of_wedges(desk: Desk) -> Non
 
 def test_a_second_time_nothing_is_made_and_the_same_is_written(copy: Desk) -> None:
     folder = copy.page().parent
+    copy.command("review", NAME)  # a page knows the folder that it was written to
     before, data = files_in(folder), (folder / "data.js").read_bytes()
     code, _ = copy.command("review", NAME)
     assert (code, files_in(folder), (folder / "data.js").read_bytes()) == (0, before, data)

@@ -20,6 +20,7 @@ class Controls {
     this.#tabs();
     id("swap").append(icon("swap"));
     id("swap").addEventListener("click", () => review.swap());
+    id("viewing-button").addEventListener("click", () => review.viewing.toggle());
     id("help-button").addEventListener("click", () => review.help());
     id("skip").addEventListener("click", () => review.toggleSkipped());
     const isAlone = review.sequences.length === 1;
@@ -118,6 +119,7 @@ class Controls {
     id("splitter").hidden = id("panel").hidden;
     this.drawFrame();
     review.drawing.draw();
+    review.viewing.draw();
     const { inPoint, outPoint } = transport;
     id("about").textContent = a.note || a.about.title;
     id("range").textContent = transport.isLooped ? `Loop ${inPoint}–${outPoint}` : `${transport.first}–${transport.last}`;

@@ -134,7 +134,7 @@ class Drawing {
     for (const [name, [words, key]] of Object.entries(TOOLS)) this.buttons[name] = add(name, `${words} (${key})`, () => this.setTool(name));
     this.#gap();
     for (const [ink, name] of Object.entries(INKS)) {
-      const button = add("dot", `Ink ${name} (Shift B: the next)`, () => this.#setInk(ink));
+      const button = add("dot", `Ink ${name} (Shift I: the next)`, () => this.#setInk(ink));
       button.classList.add("ink");
       button.style.color = ink;
       this.buttons[ink] = button;

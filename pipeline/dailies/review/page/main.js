@@ -27,6 +27,7 @@ class Review {
       facts: new FactsPanel(id("panel-facts"), this),
       mesh: new MeshPanel(id("panel-mesh"), this, data.three, data.hint),
     };
+    this.viewing = new Viewing(id("viewing"), this);
     this.strip = new Strip(id("strip"), this);
     this.controls = new Controls(this);
     new Splitter(id("splitter"), id("panel"));
@@ -191,6 +192,7 @@ class Review {
     this.strip.draw();
     this.panels[this.tab].draw();
     this.controls.drawFrame();
+    this.viewing.draw();
     if (!this.transport.playing) rememberSoon(this);
   }
 

@@ -18,6 +18,7 @@ class Stage {
     this.zoom = null;  // pixels of the display to a pixel of the picture; null: as large as fits
     this.pan = { x: 0, y: 0 };  // of the picture's middle from the stage's, in pixels of the display
     this.frame = 1;
+    this.sourceOf = () => null;  // what is drawn instead of a picture's file: a layer, as it is to be seen
   }
 
   get needsB() { return this.mode !== "a"; }
@@ -130,7 +131,7 @@ class Stage {
 
   #bitmap(sequence) {
     const url = sequence.url(this.frame);
-    return url === null ? null : this.cache.get(url);
+    return this.sourceOf(sequence, this.frame) ?? (url === null ? null : this.cache.get(url));
   }
 
   /** What stands for a picture that is still being read: its small one, where the sheet has it. */

@@ -1,0 +1,154 @@
+"""Layers of some frames for the page: beauty, AOVs and light groups as half floats, and display pixels.
+
+A page in a local folder may not read pixels of picture files, but it may run scripts: each layer of a frame
+is a script that calls the page's `reviewLayer`.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.dailies.review.sequences import PictureFile, PictureSequence
+from pipeline.production.store.store import DAMAGED, Store, key_of
+from render.base.errors import RenderError
+from render.post.colour import quantise, to_display
+from render.post.image import read_exr, read_header
+
+FORMAT = 1
+
+DISPLAY = "picture"
+"""The layer of display values, 8 bits: the picture as the page's JPEG or PNG shows it."""
+
+LIGHT = ("beauty", "denoised", "noise")
+"""Layers shown by the shot's exposure through the display's curve, as are those of light groups."""
+
+REFLECTANCE = ("albedo", "denoise_albedo")
+"""Layers shown through the display's curve; others are data."""
+
+LARGEST_HALF = 65504.0
+
+
+@dataclass(frozen=True)
+class LayerWriter:
+    """Writes the layers of at most `most` frames of each sequence into the page's folder of layers."""
+
+    store: Store
+    folder: Path
+    most: int
+    threads: int
+
+    def chosen(self, sequence: PictureSequence) -> list[int]:
+        """Return the frames, evenly spaced, with the first and the last of those that can be read."""
+        numbers = sorted(sequence.pictures)
+        indices = np.linspace(0, len(numbers) - 1, min(self.most, len(numbers))).round().astype(int)
+        return [numbers[index] for index in dict.fromkeys(indices.tolist())]
+
+    def write(self, sequence: PictureSequence, tell: Callable[[], None]) -> dict[int, dict[str, str]]:
+        """Write layers unless they are there; return the names of files by frame and layer."""
+
+        def written(number: int) -> tuple[int, dict[str, str]]:
+            files = self._write(sequence, number)
+            tell()
+            return number, files
+
+        with ThreadPoolExecutor(self.threads) as pool:
+            return {number: files for number, files in pool.map(written, self.chosen(sequence)) if files}
+
+    def _write(self, sequence: PictureSequence, number: int) -> dict[str, str]:
+        """Write the layers of one frame, and return their files; none if the picture is damaged."""
+        picture = sequence.pictures[number]
+        try:
+            self.store.digests.check(picture.path)
+            arrays = dict(read_exr(picture.path)[0].arrays)
+            display = sequence.display
+            shown = quantise(to_display(arrays["beauty"], display.exposure, "srgb", display.view))
+            arrays = {
+                "beauty": arrays.pop("beauty"),
+                **arrays,
+                **_raw_layers(sequence, number, picture, arrays),
+            }
+        except (*DAMAGED, RenderError, ValueError):
+            return {}
+        files = {}
+        for name, values in {DISPLAY: shown, **arrays}.items():
+            file = f"{key_of('layer', FORMAT, sequence.still_key('png', number), name)}.js"
+            if not self.store.is_whole(self.folder / file):
+                write = partial(_write_script, file=file, name=name, values=values, exposure=display.exposure)
+                self.store.write(self.folder / file, write)
+            files[name] = file
+        return files
+
+
+def _raw_layers(
+    sequence: PictureSequence, number: int, picture: PictureFile, present: dict[str, Any]
+) -> dict[str, Any]:
+    """Return the AOVs of the rendered frame that the finished one was made from, if it is there."""
+    path = sequence.raws.get(number)
+    if path is None or not path.is_file():
+        return {}
+    try:
+        if read_header(path).get("key") != picture.header.get("raw_key"):
+            return {}
+        arrays = read_exr(path)[0].arrays
+    except RenderError:
+        return {}
+    return {name: arrays[name] for name in sorted(arrays) if name not in present}
+
+
+def _write_script(draft: Path, file: str, name: str, values: NDArray[Any], exposure: float) -> None:
+    draft.write_text(as_script(file, name, values, exposure))
+
+
+def as_script(file: str, name: str, values: NDArray[Any], exposure: float = 0.0) -> str:
+    """Return a call of the page's `reviewLayer` with a layer, (H, W) or (H, W, C).
+
+    Channels lie one after another as 16 bits, half floats or display steps; each value is the difference
+    from the one to its left, modulo 2^16; then all lower bytes, all upper ones; deflate; base64.
+
+    low, high  shown as black and white; vectors have zero in the middle
+    exposure   stops, of layers of light
+    """
+    planes = np.moveaxis(values.reshape(*values.shape[:2], -1), 2, 0)
+    if name == DISPLAY:
+        kind, bits, low, high = "display", planes.astype("<u2"), 0.0, 255.0
+    else:
+        is_light = name in LIGHT or name.startswith("light_")
+        kind = "light" if is_light or name in REFLECTANCE else "data"
+        bits = np.clip(planes, -LARGEST_HALF, LARGEST_HALF).astype("<f2").view("<u2")
+        low, high = _range(planes) if kind == "data" else (0.0, 2.0**-exposure if is_light else 1.0)
+    differences = np.diff(bits, axis=2, prepend=np.uint16(0)).astype("<u2")
+    swapped = np.ascontiguousarray(differences.view(np.uint8).reshape(-1, 2).T)
+    data = {
+        "kind": kind,
+        "width": values.shape[1],
+        "height": values.shape[0],
+        "channels": len(planes),
+        "low": low,
+        "high": high,
+        "data": base64.b64encode(zlib.compress(swapped.tobytes(), 6)).decode("ascii"),
+    }
+    return f"reviewLayer({json.dumps(file)}, {json.dumps(data)});\n"
+
+
+def _range(planes: NDArray[Any]) -> tuple[float, float]:
+    """Return the values of a data layer that are shown as black and white."""
+    finite = planes[np.isfinite(planes)]
+    if not finite.size:
+        return 0.0, 1.0
+    low, high = float(finite.min()), float(finite.max())
+    if len(planes) > 1 and low < 0.0:
+        low, high = -max(-low, high), max(-low, high)
+    elif low >= 0.0 and high <= 1.0:
+        low, high = 0.0, 1.0
+    return low, high if high > low else low + 1.0

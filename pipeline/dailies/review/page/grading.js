@@ -1,0 +1,123 @@
+"use strict";
+// Layers as pictures: exposure, gamma, one channel, and false colour, by the graphics card or in a loop.
+
+const CHANNELS = ["rgb", "red", "green", "blue", "luminance"];
+const CLIPPED = { over: [1, 0.16, 0.1], under: [0.1, 0.35, 1], none: [1, 0, 1] };
+const LUMINANCE = [0.2126, 0.7152, 0.0722];
+
+const VERTEX_SHADER = `#version 300 es
+void main() { gl_Position = vec4(vec2[3](vec2(-1, -1), vec2(3, -1), vec2(-1, 3))[gl_VertexID], 0, 1); }`;
+
+const FRAGMENT_SHADER = `#version 300 es
+precision highp float;
+precision highp int;
+uniform highp sampler2D layer;
+uniform vec2 range;
+uniform float gain, power;
+uniform int channel, kind;
+uniform bool clipping;
+uniform float height;
+out vec4 shown;
+vec3 toLinear(vec3 c) { return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), step(0.04045, c)); }
+vec3 toDisplay(vec3 c) { return mix(c * 12.92, 1.055 * pow(max(c, 0.0), vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c)); }
+void main() {
+  vec3 c = texelFetch(layer, ivec2(gl_FragCoord.x, height - gl_FragCoord.y), 0).rgb;
+  bvec3 isNone = isnan(c);
+  c = (c - range.x) / (range.y - range.x);
+  if (kind == 0) c = toLinear(c);
+  c *= gain;
+  if (channel == 4) c = vec3(dot(c, vec3(0.2126, 0.7152, 0.0722)));
+  else if (channel > 0) c = vec3(channel == 1 ? c.r : channel == 2 ? c.g : c.b);
+  if (kind < 2) c = toDisplay(c);
+  vec3 seen = pow(clamp(c, 0.0, 1.0), vec3(power));
+  if (clipping && any(isNone)) seen = vec3(1, 0, 1);
+  else if (clipping && max(c.r, max(c.g, c.b)) > 0.995) seen = vec3(1, 0.16, 0.1);
+  else if (clipping && max(c.r, max(c.g, c.b)) < 0.002) seen = vec3(0.1, 0.35, 1);
+  shown = vec4(seen, 1);
+}`;
+
+const KINDS = { display: 0, light: 1, data: 2 };
+
+/** Draws layers into canvases of their size. */
+class Grader {
+  constructor() {
+    this.settings = { exposure: 0, gamma: 1, channel: "rgb", clipping: false };
+    this.canvas = document.createElement("canvas");
+    this.gl = this.canvas.getContext("webgl2", { antialias: false, depth: false, preserveDrawingBuffer: true });
+    if (this.gl) this.#prepare();
+    this.drawn = new WeakMap();  // layer -> {state, canvas}
+  }
+
+  /** The layer as a canvas that shows it by these settings. */
+  graded(layer) {
+    const state = JSON.stringify(this.settings), last = this.drawn.get(layer);
+    if (last?.state === state) return last.canvas;
+    const { width, height } = layer, canvas = last?.canvas ?? document.createElement("canvas");
+    Object.assign(canvas, { width, height });
+    const context = canvas.getContext("2d", { alpha: false });
+    if (this.gl && !this.gl.isContextLost()) context.drawImage(this.#byCard(layer), 0, 0);
+    else context.putImageData(new ImageData(this.inLoop(layer), width, height), 0, 0);
+    this.drawn.set(layer, { state, canvas });
+    return canvas;
+  }
+
+  #prepare() {
+    const { gl } = this, program = gl.createProgram();
+    for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX_SHADER], [gl.FRAGMENT_SHADER, FRAGMENT_SHADER]]) {
+      const shader = gl.createShader(kind);
+      gl.shaderSource(shader, text);
+      gl.compileShader(shader);
+      gl.attachShader(program, shader);
+    }
+    gl.linkProgram(program);
+    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) {
+      this.gl = null;
+      return;
+    }
+    gl.useProgram(program);
+    this.place = (name) => gl.getUniformLocation(program, name);
+    gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
+    for (const name of ["MIN", "MAG"]) gl.texParameteri(gl.TEXTURE_2D, gl[`TEXTURE_${name}_FILTER`], gl.NEAREST);
+  }
+
+  #byCard(layer) {
+    const { gl, place, settings } = this, { width, height, low, high, kind } = layer;
+    Object.assign(this.canvas, { width, height });
+    gl.viewport(0, 0, width, height);
+    const isDisplay = kind === "display";
+    const texels = isDisplay ? Float32Array.from(layer.bits) : layer.bits;
+    gl.texImage2D(gl.TEXTURE_2D, 0, isDisplay ? gl.RGBA32F : gl.RGBA16F, width, height, 0, gl.RGBA, isDisplay ? gl.FLOAT : gl.HALF_FLOAT, texels);
+    gl.uniform2f(place("range"), low, high);
+    gl.uniform1f(place("gain"), 2 ** settings.exposure);
+    gl.uniform1f(place("power"), 1 / settings.gamma);
+    gl.uniform1f(place("height"), height);
+    gl.uniform1i(place("channel"), CHANNELS.indexOf(settings.channel));
+    gl.uniform1i(place("kind"), KINDS[kind]);
+    gl.uniform1i(place("clipping"), settings.clipping);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    return this.canvas;
+  }
+
+  /** The same without a graphics card: red, green, blue and alpha of all pixels, 8 bits. */
+  inLoop(layer) {
+    const { exposure, gamma, channel, clipping } = this.settings, { bits, low, high, kind } = layer;
+    const gain = 2 ** exposure, chosen = CHANNELS.indexOf(channel), pixels = new Uint8ClampedArray(bits.length);
+    for (let i = 0; i < bits.length; i += 4) {
+      let c = [0, 1, 2].map((k) => (kind === "display" ? bits[i + k] : fromHalf(bits[i + k])));
+      const isNone = c.some(Number.isNaN);
+      c = c.map((value) => (value - low) / (high - low)).map((value) => gain * (kind === "display" ? toLinear(value) : value));
+      if (chosen === 4) c.fill(c.reduce((sum, value, k) => sum + LUMINANCE[k] * value, 0));
+      else if (chosen > 0) c.fill(c[chosen - 1]);
+      if (kind !== "data") c = c.map(toDisplay);
+      const most = Math.max(...c);
+      let seen = c.map((value) => Math.min(1, Math.max(0, value)) ** (1 / gamma));
+      if (clipping && (isNone || most > 0.995 || most < 0.002)) seen = CLIPPED[isNone ? "none" : most > 0.995 ? "over" : "under"];
+      for (let k = 0; k < 3; k++) pixels[i + k] = 255 * seen[k];
+      pixels[i + 3] = 255;
+    }
+    return pixels;
+  }
+}
+
+const toLinear = (value) => (value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4);
+const toDisplay = (value) => (value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055);

@@ -1,0 +1,151 @@
+"use strict";
+// How pictures are looked at: which layer, exposure, gamma, channel, false colour; and saving what is seen.
+
+const CHANNEL_NAMES = {
+  rgb: ["RGB", "Shift C"], red: ["R", "Shift R"], green: ["G", "Shift G"], blue: ["B", "Shift B"], luminance: ["Y", "Shift Y"],
+};
+const LAYER_OF_PICTURE = "picture";
+
+class Viewing {
+  constructor(element, review) {
+    Object.assign(this, { element, review, isOn: false, layer: LAYER_OF_PICTURE });
+    this.grader = new Grader();
+    this.layers = new LayerCache(() => review.redraw());
+    this.probe = new Probe(id("probe"), review, this);
+    this.#build();
+  }
+
+  /** Tell whether pictures are shown otherwise than their files are. */
+  get isNeutral() {
+    const { exposure, gamma, channel, clipping } = this.grader.settings;
+    return this.layer === LAYER_OF_PICTURE && !exposure && gamma === 1 && channel === "rgb" && !clipping;
+  }
+
+  /** The canvas to show for a frame: null where the file is to be shown, or nothing is there yet. */
+  source(sequence, frame) {
+    if (this.isNeutral) return null;
+    const layer = this.layerOf(sequence, frame, this.layer);
+    return layer && this.grader.graded(layer);
+  }
+
+  /** A layer of a frame, or null while it is read, or where the page has none. */
+  layerOf(sequence, frame, name) { return this.layers.get(sequence.layers[frame]?.[name]); }
+
+  /** The names of the layers of the frame that is shown. */
+  get names() { return Object.keys(this.review.shownSequence.layers[this.review.transport.frame] ?? {}); }
+
+  // What people ask for
+
+  set(fields) {
+    Object.assign(this.grader.settings, fields);
+    this.toggle(true);
+  }
+
+  expose(stops) { this.set({ exposure: Math.min(10, Math.max(-10, this.grader.settings.exposure + stops)) }); }
+
+  changeGamma(steps) {
+    this.set({ gamma: Math.min(4, Math.max(0.2, +(this.grader.settings.gamma + 0.1 * steps).toFixed(2))) });
+  }
+
+  setLayer(name) {
+    this.layer = name;
+    this.toggle(true);
+  }
+
+  nextLayer() {
+    const names = this.names.length ? this.names : [LAYER_OF_PICTURE];
+    this.setLayer(names[(names.indexOf(this.layer) + 1) % names.length]);
+  }
+
+  /** Show alpha, or go back to the picture. */
+  toggleAlpha() { this.setLayer(this.layer === "alpha" ? LAYER_OF_PICTURE : "alpha"); }
+
+  reset() {
+    Object.assign(this.grader.settings, { exposure: 0, gamma: 1, channel: "rgb", clipping: false });
+    this.layer = LAYER_OF_PICTURE;
+    this.review.redraw();
+  }
+
+  toggle(isOn = !this.isOn) {
+    this.isOn = isOn;
+    if (!isOn) this.reset();
+    this.review.redraw();
+  }
+
+  /** Download the frame that is shown as PNG, in the size of its picture, with drawings or without. */
+  save(withNotes) {
+    const { review } = this, { transport: { frame }, shownSequence: sequence } = review;
+    const layer = this.layerOf(sequence, frame, this.layer);
+    if (!layer) return review.tell(this.#without(sequence, frame), true);
+    const [width, height] = sequence.size, canvas = Object.assign(document.createElement("canvas"), { width, height });
+    const context = canvas.getContext("2d");
+    context.drawImage(this.grader.graded(layer), 0, 0, width, height);
+    if (withNotes) review.ink.drawOver(context, sequence, { x: 0, y: 0, width, height }, frame);
+    const name = `${sequence.shot}.${sequence.label.replace(/[^\w.-]+/g, "_")}.${String(frame).padStart(4, "0")}${withNotes ? ".notes" : ""}.png`;
+    return canvas.toBlob((blob) => download(name, blob, "image/png"));
+  }
+
+  /** What to do about a frame without layers, or with a layer that is still being read. */
+  #without(sequence, frame) {
+    const files = sequence.layers[frame], frames = Object.keys(sequence.layers).map(Number);
+    if (files?.[this.layer] && this.layers.entries.get(files[this.layer]) === null) return "The layer is being read; try again.";
+    if (files) return `Frame ${frame} has no layer ${this.layer}; it has ${Object.keys(files).join(", ")}.`;
+    if (!frames.length) return "This page has no layers: flowsculpt review --layers 8 stores them for eight frames.";
+    const nearest = frames.reduce((best, each) => (Math.abs(each - frame) < Math.abs(best - frame) ? each : best));
+    return `Frame ${frame} has no layers on this page; the nearest that has is ${nearest}.`;
+  }
+
+  // Its bar
+
+  #build() {
+    const { review } = this;
+    this.list = Object.assign(document.createElement("select"), { title: "Layer (Shift V: the next)" });
+    this.list.setAttribute("aria-label", "Layer");
+    this.list.addEventListener("change", () => this.setLayer(this.list.value));
+    this.channels = Object.entries(CHANNEL_NAMES).map(([channel, [words, key]]) => {
+      const button = toggle(words, `${channel === "rgb" ? "All channels" : `Only ${channel}`} (${key})`, () => this.set({ channel }));
+      return Object.assign(button, { channel });
+    });
+    const channels = part("div", "segments", ...this.channels);
+    channels.setAttribute("role", "group");
+    channels.setAttribute("aria-label", "Channel");
+    this.exposure = this.#slider("Exposure", "Stops (Page Up, Page Down)", -6, 6, 0.25, (exposure) => this.set({ exposure }));
+    this.gamma = this.#slider("Gamma", "Gamma (Shift Page Up, Page Down)", 0.2, 3, 0.1, (gamma) => this.set({ gamma }));
+    this.clipping = toggle("Clipping", "Red where white, blue where black, magenta where no number (Shift K)", () => this.set({ clipping: !this.grader.settings.clipping }));
+    this.probing = toggle("Probe", "Values under the pointer (Shift P)", () => this.probe.toggle());
+    this.words = part("p", "viewing-words");
+    this.element.append(part("div", "viewing-row", this.list, channels, this.exposure.label, this.gamma.label, this.clipping, this.probing,
+      toggle("Save", "Save this frame as PNG, with drawings (Shift S), without (Shift W)", () => this.save(true)),
+      toggle("Reset", "Show pictures as they are (0)", () => this.reset())), this.words);
+    review.stage.sourceOf = (sequence, frame) => this.source(sequence, frame);
+  }
+
+  #slider(words, title, min, max, step, act) {
+    const field = Object.assign(document.createElement("input"), { type: "range", min, max, step, title });
+    const value = part("output", "");
+    field.setAttribute("aria-label", words);
+    field.addEventListener("input", () => act(+field.value));
+    return { field, value, label: part("label", "inline", words, field, value) };
+  }
+
+  draw() {
+    const { settings } = this.grader, { review } = this, frame = review.transport.frame;
+    id("viewing-button").setAttribute("aria-pressed", this.isOn);
+    this.element.hidden = !this.isOn;
+    this.probe.draw();
+    if (!this.isOn) return;
+    const names = [...new Set([LAYER_OF_PICTURE, ...this.names, this.layer])];
+    if (names.join() !== this.listed) this.list.replaceChildren(...names.map((name) => new Option(name, name)));
+    this.listed = names.join();
+    this.list.value = this.layer;
+    for (const button of this.channels) button.setAttribute("aria-pressed", settings.channel === button.channel);
+    this.exposure.field.value = settings.exposure;
+    this.exposure.value.textContent = `${settings.exposure < 0 ? "−" : "+"}${Math.abs(settings.exposure).toFixed(2)}`;
+    this.gamma.field.value = settings.gamma;
+    this.gamma.value.textContent = settings.gamma.toFixed(1);
+    this.clipping.setAttribute("aria-pressed", settings.clipping);
+    this.probing.setAttribute("aria-pressed", this.probe.isOn);
+    const isMissing = !review.shownSequence.layers[frame]?.[this.layer];
+    this.words.textContent = isMissing ? this.#without(review.shownSequence, frame) : "";
+  }
+}
