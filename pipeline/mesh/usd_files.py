@@ -36,8 +36,8 @@ def require_usd() -> None:
     """Raise MachineError where the package that reads and writes USD is not installed."""
     if find_spec("pxr") is None:
         raise MachineError(
-            f"USD files need the package {PACKAGE} (209 MB), the extra [{EXTRA}], which is not installed; "
-            f"install it for the Python of flowsculpt: {sys.executable} -m pip install {PACKAGE}"
+            f"USD files need the package {PACKAGE} (209 MB), which is not installed; install the extra "
+            f"[{EXTRA}], or it alone for the Python of flowsculpt: {sys.executable} -m pip install {PACKAGE}"
         )
 
 

@@ -226,7 +226,7 @@ def test_without_usd_core_the_message_names_the_extra(
 ) -> None:
     (tmp_path / "a.usd").write_text("#usda 1.0\n")
     monkeypatch.setattr(usd_files, "find_spec", lambda name: None)
-    with pytest.raises(MachineError, match=r"the package usd-core .*, the extra \[usd\], which is not inst"):
+    with pytest.raises(MachineError, match=r"usd-core .* is not installed; install the extra \[usd\]"):
         read_mesh(tmp_path / "a.usd")
 
 
