@@ -73,7 +73,7 @@ class YamlSource:
         """
         text = text_of(path) if text is None else text
         try:
-            return cls._from_node(path, _composed(text), text.splitlines())
+            return cls._from_node(path, composed(text), text.splitlines())
         except YAMLError as error:
             raise ShotError(f"{path}:{syntax_fault(error, text)}") from None
         except RecursionError:
@@ -211,7 +211,7 @@ class _Reader:
         if not isinstance(node, ScalarNode):
             return None
         self._note_text(node, where)
-        return _scalar(node)
+        return scalar(node)
 
     def _count(self, node: Node, depth: int) -> None:
         """Raise ShotError where the values, of aliases again each time, become too many or too deep."""
@@ -242,7 +242,7 @@ class _Reader:
             if not isinstance(key_node, ScalarNode):
                 self._note_mistakes([(key_node, "a list or mapping is no name; names are text.")], where)
                 continue
-            key = _scalar(key_node)
+            key = scalar(key_node)
             if key in values:
                 line = self.places[(*where, key)][0]
                 problem = (
@@ -275,14 +275,14 @@ class _Scanner(RoundTripScanner):
         super().fetch_flow_collection_start(TokenClass, to_push)
 
 
-def _composed(text: str) -> Node | None:
+def composed(text: str) -> Node | None:
     """Return the tree of nodes of a text. Raises YAMLError, and RecursionError for one too deep."""
     yaml = YAML()
     yaml.Scanner = _Scanner
     return yaml.compose(text)
 
 
-def _scalar(node: ScalarNode) -> Any:
+def scalar(node: ScalarNode) -> Any:
     """Convert a scalar by the core schema of YAML 1.2; quoted ones are text."""
     text = node.value.replace(_FOLD, "") if node.style == ">" else node.value
     kind = str(node.tag).rpartition(":")[2]

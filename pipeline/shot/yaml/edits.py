@@ -1,0 +1,260 @@
+"""Edits of a shot file's text: values are set, removed and renamed, and nothing else moves.
+
+Only the characters of the edited value are replaced, at the positions of ruamel's nodes; comments, order,
+blank lines and quotes stay. The new text is parsed again and compared with the same edits of the data, so an
+edit arrives as it was meant or is refused.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal
+
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+
+from pipeline.errors import ShotError
+from pipeline.shot.yaml.edited_text import TextMapping, entry_end, node_end, replaced
+from pipeline.shot.yaml.flow_style import flow_style
+from pipeline.shot.yaml.plain_text import dotted
+from pipeline.shot.yaml.source import Where, YamlSource, composed, scalar
+
+TimeOf = Callable[[Any], float | None]
+"""Returns the time of a key in seconds; None for what is no time."""
+
+
+@dataclass(frozen=True)
+class ValueEdit:
+    """One change of a file.
+
+    kind   `set` replaces or adds `value`, `remove` takes a name out of its mapping, `rename` gives it the
+           name `value`, such as another time of a key
+    where  the path: names of mappings and indices of lists
+    """
+
+    kind: Literal["set", "remove", "rename"]
+    where: Where
+    value: Any = None
+
+
+@lru_cache(maxsize=4)
+def parsed(path: Path, text: str) -> YamlSource:
+    """Return the source of a text, which is only read. Raises ShotError where it is not YAML."""
+    return YamlSource.read(path, text)
+
+
+@lru_cache(maxsize=4)
+def _tree(text: str) -> Node:
+    root = composed(text)
+    assert root is not None, "a file that was read is not empty"
+    return root
+
+
+def edited(path: Path, text: str, edits: Iterable[ValueEdit], time_of: TimeOf, verify: bool = True) -> str:
+    """Return the text of a shot file after edits, which are made in order.
+
+    time_of  gives the order of keys: a new one is sorted in
+    verify   whether the text is compared with the edits; a text that is not written need not be
+
+    Raises ShotError where the file has no such place, or where the edit would lose a comment or change
+    another value too.
+    """
+    for edit in edits:
+        before = parsed(path, text)
+        wanted = _edited_data(before, edit)
+        changed = _Editor(before, text, time_of).apply(edit)
+        try:
+            arrived = not verify or parsed(path, changed).data == wanted
+        except ShotError:
+            arrived = False
+        if not arrived:
+            raise _refused(before, edit.where, "is written in a form that cannot be edited in place")
+        text = changed
+    return text
+
+
+def _refused(source: YamlSource, where: Where, fact: str) -> ShotError:
+    return ShotError(f"{source.place(where)}: {dotted(where)} {fact}. Edit it in the file.")
+
+
+def _edited_data(source: YamlSource, edit: ValueEdit) -> Any:
+    """Return the data of a file after an edit."""
+    data = copy.deepcopy(source.data)
+    *steps, last = edit.where
+    holder = data
+    for depth, step in enumerate(steps):
+        if isinstance(holder, dict) and edit.kind == "set" and holder.get(step) is None:
+            holder[step] = {}
+        try:
+            holder = holder[step]
+        except (KeyError, IndexError, TypeError):
+            raise _missing(source, edit.where, depth) from None
+    fits = isinstance(holder, dict) or (isinstance(holder, list) and isinstance(last, int))
+    in_list = isinstance(holder, list) and isinstance(last, int) and 0 <= last < len(holder)
+    if not fits or (isinstance(holder, list) and not (in_list and edit.kind == "set")):
+        raise _missing(source, edit.where, len(steps))
+    if edit.kind == "set":
+        holder[last] = copy.deepcopy(edit.value)
+    elif last not in holder:
+        raise _missing(source, edit.where, len(steps))
+    else:
+        value = holder.pop(last)
+        if edit.kind == "rename":
+            if edit.value in holder:
+                raise _refused(
+                    source, edit.where, f"cannot be renamed to {edit.value}, which is there already"
+                )
+            holder[edit.value] = value
+    return data
+
+
+def _missing(source: YamlSource, where: Where, depth: int) -> ShotError:
+    place, name = source.place(where[:depth]), dotted(where[:depth]) or "the file"
+    return ShotError(f"{place}: {name} has no {where[depth]} that could be edited. Write it in the file.")
+
+
+@dataclass
+class _Editor:
+    """Applies one edit to a text."""
+
+    source: YamlSource
+    text: str
+    time_of: TimeOf
+
+    def apply(self, edit: ValueEdit) -> str:
+        if edit.kind == "set":
+            return self._set(edit.where, edit.value)
+        nodes = self._nodes(edit.where)
+        parent = nodes[-2]
+        assert isinstance(parent, MappingNode), "the data has a mapping here"
+        mapping = TextMapping(self.text, parent)
+        index = mapping.index(edit.where[-1])
+        if edit.kind == "remove":
+            return self._removed(mapping, index, edit.where)
+        return self._renamed(mapping, index, edit)
+
+    def _removed(self, mapping: TextMapping, index: int, where: Where) -> str:
+        text = mapping.without(index)
+        if text is None:
+            raise _refused(self.source, where, "is the only entry here, or has comments within")
+        return text
+
+    def _renamed(self, mapping: TextMapping, index: int, edit: ValueEdit) -> str:
+        names = [name for i, name in enumerate(mapping.names) if i != index]
+        if self._position(edit.where, names, edit.value) == index:
+            return replaced(self.text, *mapping.key_span(index), flow_style(edit.value))
+        value = mapping.value_text(index)
+        if "\n" in value:
+            raise _refused(self.source, edit.where, "is written over several lines")
+        self.text = self._removed(mapping, index, edit.where)
+        return self._inserted((*edit.where[:-1], edit.value), value)
+
+    def _set(self, where: Where, value: Any) -> str:
+        """Return the text with a value replaced or added."""
+        nodes = self._nodes(where)
+        if len(nodes) <= len(where):
+            depth = len(nodes)  # of the first name that is not there
+            for name in reversed(where[depth:]):
+                value = {name: value}
+            return self._inserted(where[:depth], flow_style(value))
+        node = nodes[-1]
+        if isinstance(node, MappingNode) and isinstance(value, dict) and value and node.value:
+            return self._merged(where, node, value)
+        if isinstance(node, SequenceNode) and isinstance(value, list) and len(value) == len(node.value):
+            for index, item in enumerate(value):
+                self.text = self._set((*where, index), item)
+            return self.text
+        start, end = self._span(nodes[-2], node)
+        former = self.text[start:end]
+        if isinstance(node, MappingNode | SequenceNode) and not node.flow_style:
+            raise _refused(self.source, where, "is written over several lines")
+        if "\n" in former and ("#" in former or former[:1] in "|>"):
+            raise _refused(self.source, where, "is written over several lines")
+        words = flow_style(value, former[:1])
+        return replaced(self.text, start, end, f" {words}" if start == end else words)
+
+    def _merged(self, where: Where, node: MappingNode, value: dict[Any, Any]) -> str:
+        """Return the text with the entries of one mapping made those of another, one by one."""
+        there = [scalar(key) for key, _ in node.value]
+        for name, item in value.items():
+            if name not in there or self._data((*where, name)) != item:
+                self.text = self._set((*where, name), item)
+        for name in there:
+            if name not in value:
+                self.text = self.apply(ValueEdit("remove", (*where, name)))
+        return self.text
+
+    def _data(self, where: Where) -> Any:
+        return self.source.get(*where)
+
+    def _inserted(self, where: Where, words: str) -> str:
+        """Return the text with a new entry in a mapping that is there, or in an empty value."""
+        *parents, name = where
+        nodes = self._nodes(tuple(parents))
+        node, entry = nodes[-1], f"{flow_style(name)}: {words}"
+        if isinstance(node, MappingNode) and (node.value or node.flow_style):
+            mapping = TextMapping(self.text, node)
+            return mapping.with_entry(self._position(where, mapping.names, name), entry)
+        if self._is_empty(node):
+            start, end = self._span(nodes[-2], node)
+            return replaced(self.text, start, end, f" {{{entry}}}" if start == end else f"{{{entry}}}")
+        raise _refused(self.source, where[:-1], "is no mapping")
+
+    def _span(self, parent: Node, node: Node) -> tuple[int, int]:
+        """Return start and end of a value; both are behind the colon of a name without one."""
+        if node.start_mark.index < node.end_mark.index or not isinstance(parent, MappingNode):
+            return node.start_mark.index, node_end(self.text, node)
+        end = next(entry_end(self.text, key, value) for key, value in parent.value if value is node)
+        return end, end
+
+    def _is_empty(self, node: Node) -> bool:
+        return isinstance(node, ScalarNode) and scalar(node) is None
+
+    def _position(self, where: Where, names: list[Any], name: Any) -> int:
+        """Return where a name goes among others: last, and in order among the times of keys."""
+        if where[-2:-1] != ("keys",):
+            return len(names)
+        time = self.time_of(name)
+        times = [self.time_of(other) for other in names]
+        if time is None or any(other is None for other in times):
+            return len(names)
+        return sum(1 for other in times if other is not None and other < time + math.ulp(time))
+
+    def _nodes(self, where: Where) -> list[Node]:
+        """Return the nodes along a path from the top, as far as they are there."""
+        root = _tree(self.text)
+        nodes, node = [root], root
+        for step in where:
+            inner = self._step(node, step)
+            if inner is None:
+                break
+            node = inner
+            nodes.append(node)
+        if any(_shared(root, node) for node in nodes):
+            raise _refused(self.source, where, "is written once for several places (an alias)")
+        return nodes
+
+    def _step(self, node: Node, step: Any) -> Node | None:
+        if isinstance(node, MappingNode):
+            return next((value for key, value in node.value if scalar(key) == step), None)
+        if isinstance(node, SequenceNode) and isinstance(step, int) and 0 <= step < len(node.value):
+            inner: Node = node.value[step]
+            return inner
+        return None
+
+
+def _shared(root: Node, wanted: Node) -> bool:
+    """Tell whether a node stands in several places of a tree."""
+    found, waiting = 0, [root]
+    while waiting:
+        node = waiting.pop()
+        found += node is wanted
+        if isinstance(node, MappingNode):
+            waiting += [value for _, value in node.value]
+        elif isinstance(node, SequenceNode):
+            waiting += node.value
+    return found > 1
