@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import Row, Target, keep, show
-from pipeline.dailies.preview.live_server import LiveFeed, Message
+from pipeline.dailies.preview.live_feed import LiveFeed, Message
 from pipeline.dailies.preview.live_session import LiveSession
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.dailies.preview.surface_stream import SurfaceStream

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 import webbrowser
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -22,9 +21,12 @@ from pipeline.cli.output import (
     print_warning,
 )
 from pipeline.dailies.preview.animatic import Animatic, FrameCallback, FramedSurfaces
-from pipeline.dailies.preview.live_server import LiveFeed, serving
+from pipeline.dailies.preview.live_feed import LiveFeed
+from pipeline.dailies.preview.live_server import serving
 from pipeline.dailies.preview.live_session import LiveSession, files_of, stamp, wait_for_edit
+from pipeline.dailies.preview.shot_editor import ShotEditor
 from pipeline.dailies.preview.sketch import Sketch
+from pipeline.dailies.preview.staging import actions_of
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.production.request.lookup import find_shot
@@ -54,7 +56,7 @@ def preview(
         ),
     ] = None,
     live: Annotated[
-        bool, typer.Option("--live", help="Open a page that shows frames while they are simulated.")
+        bool, typer.Option("--live", help="Open a page that shows the shot, follows its edits and edits it.")
     ] = False,
     watch: Annotated[
         bool, typer.Option("--watch", help="Draw again whenever the shot file is saved, until Ctrl-C.")
@@ -74,8 +76,9 @@ def preview(
     --at 22 --edges` a still with its faces. Frames that are not simulated yet are simulated for the picture
     only; `flowsculpt simulate` stores meshes.
 
-    `flowsculpt preview A010_cube --live --watch` opens a page that follows the simulation frame by frame.
-    After each save it goes on from the first frame that the edit changed. Ctrl-C ends it.
+    `flowsculpt preview A010_cube --live` opens a page on this machine that shows frames while they are
+    simulated. Values, keys, camera and flows are edited there, which writes the shot file. After each edit,
+    also one of a text editor, simulation goes on from the first frame that changed. Ctrl-C ends it.
     """
     if at is not None and frames is not None:
         raise UsageError("--at is for a still and --frames for a movie; give one of them")
@@ -100,7 +103,8 @@ def preview(
     make_folder_of(target)
     with SurfaceStream(store) as stream:
         if live:
-            _serve(common, read, stream, target, path, watch, port, browser)
+            editor = ShotEditor(path, tuple(options.settings or ()), options.allow_code)
+            _serve(common, read, stream, target, editor, port, browser)
         else:
             _redraw(common, read, stream, target, {path, *files_of(sketch.request.source)})
 
@@ -150,27 +154,22 @@ def _serve(
     read: Callable[[], Sketch],
     stream: SurfaceStream,
     movie: Path,
-    shot: Path,
-    watch: bool,
+    editor: ShotEditor,
     port: int,
     browser: bool,
 ) -> None:
-    """Show the shot on a live page, and after each edit if `watch`; until Ctrl-C."""
+    """Show the shot on a live page, and after each edit; until Ctrl-C."""
     feed = LiveFeed()
 
     def write_movie(surfaces: FramedSurfaces) -> None:
         _report_movie(common, movie, surfaces.movie(movie, lambda stage, number: None))
 
-    session = LiveSession(read, feed, stream, write_movie, {shot})
-    with serving(feed, port) as address:
-        err.print(f"Live at {address} – Ctrl-C ends it.", markup=False)
+    session = LiveSession(read, feed, stream, write_movie, {editor.path})
+    with serving(feed, port, actions_of(editor, session)) as address:
+        err.print(f"Live at {address} – Ctrl-C ends it.", markup=False, soft_wrap=True)
         if browser:
             webbrowser.open(address)
-        if watch:
-            session.follow()
-        session.show_once()
-        while True:  # serve the page until Ctrl-C
-            time.sleep(3600.0)
+        session.follow()
 
 
 def _report_movie(common: Common, movie: Path, frames: int) -> None:

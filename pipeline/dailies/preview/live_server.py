@@ -1,39 +1,69 @@
-"""The live page: its pictures and messages, and a server for browsers on this machine alone."""
+"""A server of the live page for browsers on this machine, and for the one page that knows its token.
+
+The address holds a random token. A request must name this machine as its host and, to change anything, this
+page as its origin; its body is JSON of bounded size.
+"""
 
 from __future__ import annotations
 
 import json
 import queue
 import re
+import secrets
 import socket
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from typing import Any
 
-from pipeline.errors import MachineError
+from pipeline.dailies.preview.live_feed import LiveFeed
+from pipeline.dailies.preview.shot_editor import StaleError
+from pipeline.errors import FlowsculptError, MachineError
 
 ADDRESS = "127.0.0.1"
 
-PAGE = {
-    "/": ("page.html", "text/html; charset=utf-8"),
-    "/page.js": ("page.js", "text/javascript; charset=utf-8"),
-    "/page.css": ("page.css", "text/css; charset=utf-8"),
-}
+SCRIPTS = (
+    *("api.js", "shot.js", "projection.js", "film.js", "follow.js", "fields.js", "values.js", "timeline.js"),
+    *("curve_plot.js", "handles.js", "orbit.js", "keys.js", "main.js"),
+)
 
-_PICTURE = re.compile(r"/frames/(\d{1,9})/(\d{1,9})\.jpg(?:\?\d+)?")
+SCRIPT, STYLE = "text/javascript; charset=utf-8", "text/css; charset=utf-8"
+
+PREVIEW, REVIEW = "pipeline.dailies.preview", "pipeline.dailies.review"
+"""Packages that hold files of the page: colours and type are those of the review page."""
+
+PAGE = {
+    "": (PREVIEW, "page.html", "text/html; charset=utf-8"),
+    "style.css": (REVIEW, "style.css", STYLE),
+    "icons.js": (REVIEW, "icons.js", SCRIPT),
+    "page.css": (PREVIEW, "page.css", STYLE),
+    **{name: (PREVIEW, name, SCRIPT) for name in SCRIPTS},
+}
+"""Package, file and type by the paths below the token."""
+
+_PICTURE = re.compile(r"frames/(\d{1,9})/(\d{1,9})\.jpg(?:\?\d+)?")
+
+TOKEN_BYTES = 24
+"""Random bytes of the token in the address."""
+
+MOST_BYTES = 65536
+"""Size of the largest body of a request."""
+
+Action = Callable[[Mapping[str, Any]], dict[str, Any]]
+"""Answers a request of the page, from JSON to JSON. Raises FlowsculptError."""
 
 HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
     "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
     "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
 }
 """Headers of every answer: the page runs its own scripts alone, and pages of other sites show none of it."""
@@ -49,20 +79,23 @@ MOST_CONNECTIONS = 64
 
 
 @contextmanager
-def serving(feed: LiveFeed, port: int = 0) -> Iterator[str]:
-    """Serve the page until the end of the context, and yield its address. Port 0 is any free one.
+def serving(feed: LiveFeed, port: int = 0, actions: Mapping[str, Action] | None = None) -> Iterator[str]:
+    """Serve the page until the end of the context, and yield its address.
+
+    port     0 is any free one
+    actions  answers by the names of requests, such as `edit`
 
     Raises MachineError if the port is taken.
     """
     try:
-        server = _Server((ADDRESS, port), partial(_Handler, feed))
+        server = _Server((ADDRESS, port), partial(_Handler, feed, actions or {}))
     except OSError as error:
         raise MachineError(
             f"port {port} of this machine cannot be used ({error.strerror}); leave --port out for a free one"
         ) from error
     threading.Thread(target=server.serve_forever, daemon=True).start()
     try:
-        yield f"http://{ADDRESS}:{server.server_port}/"
+        yield f"http://{ADDRESS}:{server.server_port}/{server.token}/"
     finally:
         server.shutdown()
         server.server_close()
@@ -75,6 +108,7 @@ class _Server(ThreadingHTTPServer):
     request_queue_size = MOST_CONNECTIONS
 
     def __init__(self, *arguments: Any) -> None:
+        self.token = secrets.token_urlsafe(TOKEN_BYTES)
         self.waiting: dict[socket.socket, float] = {}
         self._open = threading.BoundedSemaphore(MOST_CONNECTIONS)
         super().__init__(*arguments)
@@ -108,8 +142,10 @@ class _Server(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     server: _Server
 
-    def __init__(self, feed: LiveFeed, request: Any, client_address: Any, server: Any) -> None:
-        self._feed = feed
+    def __init__(
+        self, feed: LiveFeed, actions: Mapping[str, Action], request: Any, client_address: Any, server: Any
+    ) -> None:
+        self._feed, self._actions = feed, actions
         super().__init__(request, client_address, server)
 
     def setup(self) -> None:
@@ -118,42 +154,100 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         self.server.waiting.pop(self.connection, None)
-        if not self._is_local():
-            self.send_error(403, "this page is for browsers on this machine")
-        elif self.path in PAGE:
-            name, kind = PAGE[self.path]
-            self._send(files(__package__).joinpath("page", name).read_bytes(), kind)
-        elif self.path == "/events":
+        name = self._below_token()
+        if name is None:
+            return
+        if name in PAGE:
+            package, file, kind = PAGE[name]
+            self._send(files(package).joinpath("page", file).read_bytes(), kind)
+        elif name == "events":
             self._stream()
-        elif (picture := self._picture()) is not None:
+        elif (picture := self._picture(name)) is not None:
             self._send(picture, "image/jpeg")
         else:
             self.send_error(404)
 
-    def _picture(self) -> bytes | None:
-        """Return the requested picture, if there is one."""
-        match = _PICTURE.fullmatch(self.path)
-        return None if match is None else self._feed.picture(int(match[1]), int(match[2]))
+    def do_POST(self) -> None:
+        name = self._below_token()
+        if name is None:
+            return
+        if self.headers.get("Origin") not in self._origins():
+            self.send_error(403, "only the page itself may change anything")
+        elif name not in self._actions:
+            self.send_error(404)
+        elif (asked := self._body()) is not None:
+            self.server.waiting.pop(self.connection, None)
+            self._answer(self._actions[name], asked)
 
-    def log_message(self, *arguments: object) -> None:
-        """Log nothing."""
+    def _below_token(self) -> str | None:
+        """Return the path below the token; None where the request is refused, which it is then told."""
+        if not self._is_local():
+            self.send_error(403, "this page is for browsers on this machine")
+            return None
+        token, slash, name = self.path.removeprefix("/").partition("/")
+        if not slash or not secrets.compare_digest(token.encode(), self.server.token.encode()):
+            self.send_error(404, "open the address that flowsculpt has printed")
+            return None
+        return name
 
     def _is_local(self) -> bool:
         """Tell whether a request names this machine and comes from our page, or from nobody else's.
 
         Scripts of a site whose name was bound to this machine name another host.
         """
-        host = self.headers.get("Host", "").rsplit(":", 1)[0]
         site = self.headers.get("Sec-Fetch-Site", "none")
-        return host in (ADDRESS, "localhost") and (site in ("none", "same-origin") or self.path == "/")
+        is_page = self.path.count("/") == 2 and self.path.endswith("/")
+        hosts = [origin.removeprefix("http://") for origin in self._origins()]
+        return self.headers.get("Host") in hosts and (site in ("none", "same-origin") or is_page)
+
+    def _origins(self) -> list[str]:
+        return [f"http://{host}:{self.server.server_port}" for host in (ADDRESS, "localhost")]
+
+    def _picture(self, name: str) -> bytes | None:
+        """Return the requested picture, if there is one."""
+        match = _PICTURE.fullmatch(name)
+        return None if match is None else self._feed.picture(int(match[1]), int(match[2]))
+
+    def _body(self) -> dict[str, Any] | None:
+        """Return the JSON object of a request; None where it is refused, which it is then told."""
+        length = self.headers.get("Content-Length", "")
+        if self.headers.get_content_type() != "application/json":
+            self.send_error(415, "a request is JSON")
+        elif not re.fullmatch(r"\d{1,9}", length):
+            self.send_error(411)
+        elif int(length) > MOST_BYTES:
+            self.send_error(413, f"a request has at most {MOST_BYTES} bytes")
+        else:
+            try:
+                asked = json.loads(self.rfile.read(int(length)), parse_constant=_refuse_constant)
+            except (ValueError, RecursionError):
+                asked = None
+            if isinstance(asked, dict):
+                return asked
+            self.send_error(400, "a request is a JSON object")
+        return None
+
+    def _answer(self, action: Action, asked: Mapping[str, Any]) -> None:
+        try:
+            status, answer = 200, action(asked)
+        except StaleError as error:
+            status, answer = 409, {"error": str(error)}
+        except MachineError as error:
+            status, answer = 507, {"error": str(error)}
+        except FlowsculptError as error:
+            status, answer = 422, {"error": str(error)}
+        self._send(json.dumps(answer, allow_nan=False).encode(), "application/json", status)
+
+    def log_message(self, *arguments: object) -> None:
+        """Log nothing."""
 
     def end_headers(self) -> None:
         for name, value in HEADERS.items():
             self.send_header(name, value)
         super().end_headers()
 
-    def _send(self, content: bytes, kind: str) -> None:
-        self.send_response(200)
+    def _send(self, content: bytes, kind: str, status: int = 200) -> None:
+        self.send_response(status)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(content)))
         self.end_headers()
@@ -178,85 +272,6 @@ class _Handler(BaseHTTPRequestHandler):
             self._feed.unsubscribe(messages)
 
 
-Message = dict[str, Any]
-
-LATEST = 2
-"""Takes whose pictures are kept: the page shows the last one while the next is drawn."""
-
-
-@dataclass(eq=False)
-class LiveFeed:
-    """Pictures and messages for browsers; safe to use from several threads.
-
-    session  identifies this process, for a page that stayed open after another one ended
-
-    A *take* is one state of the shot file; takes are numbered. Each of its pictures may come twice: the
-    second time from the camera that was framed by the whole shot.
-    """
-
-    session: int = field(default_factory=time.time_ns)
-    _lock: threading.Lock = field(default_factory=threading.Lock)
-    _subscribers: list[queue.SimpleQueue[Message]] = field(default_factory=list)
-    _pictures: dict[tuple[int, int], bytes] = field(default_factory=dict)
-    _drawn: dict[tuple[int, int], int] = field(default_factory=dict)
-    _begun: Message = field(default_factory=dict)
-    _said: Message = field(default_factory=dict)
-
-    def begin(self, shot: str, first: int, last: int, fps: float, size: tuple[int, int]) -> int:
-        """Begin a take and return its number."""
-        with self._lock:
-            take = self._begun.get("take", 0) + 1
-            self._begun = {
-                "event": "begin",
-                "session": self.session,
-                "take": take,
-                "shot": shot,
-                "first": first,
-                "last": last,
-                "fps": fps,
-                "size": list(size),
-            }
-            for place in [place for place in self._pictures if place[0] <= take - LATEST]:
-                del self._pictures[place], self._drawn[place]
-            self._send(self._begun)
-            return int(take)
-
-    def show(self, take: int, frame: int, jpeg: bytes) -> None:
-        """Show a picture."""
-        with self._lock:
-            place = take, frame
-            self._pictures[place] = jpeg
-            self._drawn[place] = self._drawn.get(place, 0) + 1
-            self._send(self._frame(place))
-
-    def say(self, words: str, trouble: bool = False) -> None:
-        """Show a message: what is going on, or, as `trouble`, what is wrong."""
-        with self._lock:
-            self._said = {"event": "say", "words": words, "trouble": trouble}
-            self._send(self._said)
-
-    def picture(self, take: int, frame: int) -> bytes | None:
-        with self._lock:
-            return self._pictures.get((take, frame))
-
-    def subscribe(self) -> queue.SimpleQueue[Message]:
-        """Return a queue with all that the page shows now, to which every later message is added."""
-        messages: queue.SimpleQueue[Message] = queue.SimpleQueue()
-        with self._lock:
-            shown = [self._frame(place) for place in self._pictures if place[0] == self._begun.get("take")]
-            for message in (self._begun, *shown, self._said):
-                if message:
-                    messages.put(message)
-            self._subscribers.append(messages)
-        return messages
-
-    def unsubscribe(self, messages: queue.SimpleQueue[Message]) -> None:
-        with self._lock:
-            self._subscribers.remove(messages)
-
-    def _frame(self, place: tuple[int, int]) -> Message:
-        return {"event": "frame", "take": place[0], "frame": place[1], "drawn": self._drawn[place]}
-
-    def _send(self, message: Message) -> None:
-        for messages in self._subscribers:
-            messages.put(message)
+def _refuse_constant(word: str) -> Any:
+    """Refuse NaN and infinite numbers, which Python's JSON would read."""
+    raise ValueError(word)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -9,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.animation import FrameProgress
+from pipeline.arrays import AnyArray
 from pipeline.dailies.preview.animatic import SIZES, FramedSurfaces, framings_of, size_for
-from pipeline.dailies.preview.live_server import LiveFeed
+from pipeline.dailies.preview.live_feed import LiveFeed
 from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError
@@ -19,6 +21,10 @@ from pipeline.production.render_inputs.shading import STEP, flow_cache_data
 from pipeline.production.request.keys import speed_data
 from pipeline.production.request.shot_source import ShotSource
 from render.post.image import jpeg_bytes
+from render.scene.camera import Camera
+
+READY = "Up to date."
+"""What the page says when it shows the whole shot."""
 
 
 class EditedError(Exception):
@@ -27,10 +33,19 @@ class EditedError(Exception):
 
 @dataclass(frozen=True)
 class Drawn:
-    """A picture, and the recipe that it was drawn from."""
+    """A picture, the recipe that it was drawn from, and what draws it.
+
+    key  of its surface
+    """
 
     recipe: tuple[Any, ...]
     jpeg: bytes
+    sketch: Sketch
+    framing: Framing
+
+    @property
+    def key(self) -> str:
+        return str(self.recipe[0])
 
 
 @dataclass(eq=False)
@@ -40,6 +55,7 @@ class LiveSession:
     read     reads the shot
     done     called when the whole shot is shown with the cameras of the render
     watched  paths whose changes are edits
+    focus    the frame that the page shows: of frames that only have to be drawn again it comes first
     """
 
     read: Callable[[], Sketch]
@@ -47,13 +63,11 @@ class LiveSession:
     stream: SurfaceStream
     done: Callable[[FramedSurfaces], None]
     watched: set[Path]
+    focus: int | None = None
     _before: Stamp = frozenset()
     _drawn: dict[int, Drawn] = field(default_factory=dict)
     _framings: Mapping[int, Framing] = field(default_factory=dict)
-
-    def show_once(self) -> None:
-        """Show the shot as it is. Raises FlowsculptError."""
-        self._show(lambda: None)
+    _rests_until: float = 0.0
 
     def follow(self) -> None:
         """Show the shot now and after each save, until the process is interrupted."""
@@ -61,14 +75,29 @@ class LiveSession:
             self._before = stamp(self.watched)
             try:
                 self._show(self._require_unedited)
-                self.feed.say("Save the shot file to see what changes.")
+                self.feed.say(READY)
             except EditedError:
                 continue
             except FlowsculptError as error:
                 self.feed.say(str(error), trouble=True)
             wait_for_edit(self.watched, self._before)
 
+    def hold(self) -> None:
+        """Rest for a moment, so that pictures of a drag come at once."""
+        self._rests_until = time.monotonic() + REST_SECONDS
+
+    def drawn(self, number: int) -> Drawn | None:
+        """Return the latest picture of a frame, if its surface is still there."""
+        drawn = self._drawn.get(number)
+        return drawn if drawn and self.stream.knows(drawn.sketch.request, number) else None
+
+    def arrays(self, drawn: Drawn, number: int) -> dict[str, AnyArray]:
+        """Return the arrays of a frame that is drawn."""
+        return self.stream.arrays(drawn.sketch.request, number)
+
     def _require_unedited(self) -> None:
+        while time.monotonic() < self._rests_until:
+            time.sleep(REST_SECONDS / 10)
         if stamp(self.watched) != self._before:
             raise EditedError
 
@@ -92,10 +121,13 @@ class LiveSession:
 
         self.stream.callback = within_frame
         known = request.framings(self.stream.store) or self._framings
+        is_simulated = all(self.stream.knows(request, number) for number in numbers)
         for number in self.stream.play(request, numbers):
             check()
             if number == numbers[0]:
                 sketch = replace(sketch, closed=is_closed(self.stream.arrays(request, number)))
+            if is_simulated:
+                continue  # the frames are drawn at once with their new cameras
             framing = known.get(number) or framings_of(request, self.stream, [number])[number]
             self._draw(
                 take_number, FramedSurfaces(sketch, self.stream, {number: framing}), [number], size, check
@@ -103,7 +135,8 @@ class LiveSession:
         self._framings = request.framings(self.stream.store) or framings_of(request, self.stream, numbers)
         surfaces = FramedSurfaces(sketch, self.stream, self._framings)
         self.feed.say("Framing …")
-        self._draw(take_number, surfaces, numbers, size, check)
+        focus = numbers[0] if self.focus is None else self.focus
+        self._draw(take_number, surfaces, sorted(numbers, key=lambda n: abs(n - focus)), size, check)
         self.feed.say("Writing the movie …")
         self.done(surfaces)
         self.feed.say("Done.")
@@ -124,11 +157,32 @@ class LiveSession:
             if drawn is None or drawn.recipe != recipe:
                 stale.append(number)
             elif self.feed.picture(take, number) is not drawn.jpeg:
-                self.feed.show(take, number, drawn.jpeg)
+                framing = surfaces.framings[number]
+                self._drawn[number] = replace(drawn, sketch=surfaces.sketch, framing=framing)
+                self.feed.show(take, number, drawn.jpeg, projection(surfaces, number))
         for number, picture in zip(stale, surfaces.pictures(stale, size, "srgb"), strict=True):
             check()
-            self._drawn[number] = Drawn(recipes[number], jpeg_bytes(picture))
-            self.feed.show(take, number, self._drawn[number].jpeg)
+            jpeg = jpeg_bytes(picture)
+            self._drawn[number] = Drawn(recipes[number], jpeg, surfaces.sketch, surfaces.framings[number])
+            self.feed.show(take, number, self._drawn[number].jpeg, projection(surfaces, number))
+
+
+def projection(surfaces: FramedSurfaces, number: int) -> dict[str, Any]:
+    """Return a frame's camera as the page projects points by it; see `Camera.project`."""
+    return camera_data(surfaces.framings[number].camera, surfaces.sketch.request.aspect)
+
+
+def camera_data(camera: Camera, aspect: float) -> dict[str, Any]:
+    """Return a camera as plain data: origin, axes right, up and forward, half the width at depth 1."""
+    half = math.tan(camera.field_of_view / 2.0)
+    axes = camera.axes().tolist()
+    return {
+        "origin": list(camera.origin),
+        "target": list(camera.target),
+        "axes": axes,
+        "half": half,
+        "aspect": aspect,
+    }
 
 
 def files_of(source: ShotSource) -> set[Path]:
@@ -150,6 +204,9 @@ def _recipe(surfaces: FramedSurfaces, number: int) -> tuple[Any, ...]:
         (sketch.flow, flows, sketch.edges, sketch.burn_in),
     )
 
+
+REST_SECONDS = 0.4
+"""Time after a picture of a drag in which nothing else is computed."""
 
 POLL_SECONDS = 0.1
 """Seconds between checks for an edit."""

@@ -229,6 +229,10 @@ class SurfaceStream:
             if failure is not None:
                 raise failure
 
+    def knows(self, request: RenderRequest, number: int) -> bool:
+        """Tell whether the surface of a frame is there without simulation."""
+        return _key(request, number) in self.surfaces
+
     def arrays(self, request: RenderRequest, number: int) -> dict[str, AnyArray]:
         """Return the arrays of a frame that was played."""
         return dict(self.surfaces.get(_key(request, number)))

@@ -1,0 +1,233 @@
+"use strict";
+// The controls of one value each. What they set goes through the shot's edits, at the current frame where it has keys.
+
+const make = (tag, properties = {}, ...inner) => {
+  const element = Object.assign(document.createElement(tag), properties);
+  element.append(...inner);
+  return element;
+};
+
+/** A step of 1, 2 or 5 times a power of ten for about so many steps over a span. */
+function stepOf(span, many = 200) {
+  const rough = span / many || 0.01, power = 10 ** Math.floor(Math.log10(rough));
+  return power * ([1, 2, 5].find((each) => each * power >= rough * 0.999) ?? 10);
+}
+
+/** The range of a slider: between the bounds of a value if it has both, else wide enough around it. */
+function rangeOf(value, number) {
+  const { low, high } = value, reach = Math.max(2 * Math.abs(number), value.unit === "degrees" ? 90 : 1);
+  if (low !== null && high !== null && high - low <= 3600) return [low, high];
+  return [low ?? -reach, Math.min(high ?? reach, reach)];
+}
+
+class Field {
+  constructor(page, value, name) {
+    Object.assign(this, { page, value });
+    this.row = make("div", { className: "field" });
+    this.row.dataset.path = nameOf(value.where);
+    this.label = make("span", { className: "name", textContent: name });
+    this.row.append(this.label);
+    this.name = name;
+    this.words = `${name}${value.unit ? `, ${value.unit}` : ""}`;
+    this.gestures = 0;
+  }
+
+  /** Take the value of a new state of the file. */
+  take(value) {
+    this.value = value;
+    this.row.classList.toggle("given", value.is_given);
+    const from = value.file ? ` From ${value.file.split("/").at(-1)}; an edit is written into this shot.` : "";
+    this.row.title = `${nameOf(value.where)}: ${value.description}${value.unit ? ` (${value.unit})` : ""}.${from}`;
+    this.draw();
+  }
+
+  get frame() { return this.page.film.at; }
+  get now() { return this.page.shot.at(this.value, this.frame); }
+
+  changes(given) { return this.page.shot.change(this.value, given, this.frame); }
+
+  show(given) { this.page.follow.show(this.changes(given)); }
+  set(given, gesture = "") { return this.page.follow.end(this.changes(given), gesture); }
+
+  draw() {}
+
+  /** The button that turns a constant into keys, and sets or removes the key of the current frame. */
+  addKeyButton() {
+    this.key = make("button", { type: "button", className: "key", textContent: "◆" });
+    this.key.addEventListener("click", () => this.toggleKey());
+    this.row.append(this.key);
+  }
+
+  get keyHere() { return this.value.curve?.keys.find((key) => Math.abs(key.frame - this.frame) < 1e-6); }
+
+  toggleKey() {
+    const { value } = this, { where } = value;
+    if (!value.curve) this.page.shot.edit([{ kind: "set", where, value: { keys: { [this.frame]: this.now } } }]);
+    else if (!this.keyHere) this.page.shot.edit(this.changes(this.#roundedNow()));
+    else if (value.curve.keys.length > 1) this.page.shot.edit([{ kind: "remove", where: [...where, "keys", this.keyHere.time] }]);
+    else this.page.shot.edit([{ kind: "set", where, value: this.now }]);
+  }
+
+  #roundedNow() {
+    const { now } = this, round = (number) => rounded(number, stepOf(Math.max(1, Math.abs(number)), 1000));
+    return Array.isArray(now) ? now.map(round) : round(now);
+  }
+
+  drawKey() {
+    if (!this.key) return;
+    const { curve } = this.value, isKeyed = Boolean(curve?.keys.length);
+    this.key.hidden = Boolean(curve && curve.formula !== null);
+    this.key.classList.toggle("keyed", isKeyed);
+    this.key.textContent = isKeyed && !this.keyHere ? "◇" : "◆";
+    this.key.setAttribute("aria-pressed", Boolean(this.keyHere));
+    const words = !curve ? "Give it keys, the first at this frame" : this.keyHere ? "Remove the key of this frame" : "Set a key at this frame";
+    this.key.title = words;
+    this.key.setAttribute("aria-label", `${this.name}: ${words}`);
+  }
+
+  /** A field for a number: Enter sets, arrows step, Escape gives up. */
+  numberInput(label, get, set, show, step) {
+    const input = make("input", { type: "text", inputMode: "decimal", autocomplete: "off" });
+    input.setAttribute("aria-label", label);
+    const typed = () => (input.value.trim() === "" ? NaN : Number(input.value.trim().replace(",", ".").replace("−", "-")));
+    input.addEventListener("focus", () => { this.gestures += 1; input.select(); });
+    input.addEventListener("change", () => {
+      if (Number.isFinite(typed())) set(typed(), "");
+      else if (input.value.trim()) this.page.refused(`${this.name}: ${input.value.trim().slice(0, 40)} is no number. Write one, such as 0.5.`);
+      input.value = written(get());
+    });
+    input.addEventListener("keydown", (event) => {
+      if (event.key === "Escape") input.value = written(get());
+      const way = { ArrowUp: 1, ArrowDown: -1 }[event.key];
+      if (event.key === "Escape" || event.key === "Enter") input.blur();
+      if (!way) return;
+      event.preventDefault();
+      const each = step() * (event.shiftKey ? 10 : 1), next = rounded(get() + way * each, each);
+      input.value = written(next);
+      set(next, `${nameOf(this.value.where)} ${this.gestures}`);
+    });
+    input.show = show;
+    return input;
+  }
+}
+
+
+/** A number as a field shows it. */
+function written(number) { return String(+Number(number).toPrecision(6)); }
+
+class NumberValue extends Field {
+  constructor(page, value, name) {
+    super(page, value, name);
+    const number = Number(page.shot.at(value, page.film.at));
+    [this.low, this.high] = rangeOf(value, number);
+    this.slider = make("input", { type: "range" });
+    this.slider.setAttribute("aria-label", this.words);
+    this.input = this.numberInput(`${this.words}, number`, () => this.now, (to, gesture) => this.set(this.#fit(to), gesture), null, () => this.step);
+    this.row.append(this.slider, this.input);
+    if (value.can_change || value.curve) this.addKeyButton();
+    this.slider.addEventListener("input", () => { this.input.value = written(this.#slid); this.show(this.#slid); });
+    this.slider.addEventListener("change", () => this.set(this.#slid));
+    this.take(value);
+  }
+
+  get step() { return this.value.form === "whole" ? 1 : stepOf(this.high - this.low); }
+  get #slid() { return this.#fit(rounded(Number(this.slider.value), this.step)); }
+  #fit(number) { return this.value.form === "whole" ? Math.round(number) : number; }
+
+  draw() {
+    const number = Number(this.now);
+    if (number > this.high) this.high = number;
+    if (number < this.low) this.low = number;
+    const isFormula = this.value.curve && this.value.curve.formula !== null;
+    Object.assign(this.slider, { min: this.low, max: this.high, step: this.step, value: number, disabled: isFormula });
+    if (this.value.low === 0 && this.low === 0 && this.step < number) this.slider.min = this.value.form === "whole" ? 0 : this.step;
+    this.input.disabled = isFormula;
+    if (document.activeElement !== this.input || !this.page.follow.drags) this.input.value = written(number);
+    this.drawKey();
+  }
+}
+
+class VectorValue extends Field {
+  constructor(page, value, name) {
+    super(page, value, name);
+    const three = make("span", { className: "three" });
+    this.inputs = ["x", "y", "z"].map((axis, i) => {
+      const set = (to, gesture) => this.set(this.now.map((old, k) => (k === i ? to : rounded(old, 1e-4))), gesture);
+      return this.numberInput(`${this.words}, ${axis}`, () => this.now[i], set, null, () => 0.05);
+    });
+    three.append(...this.inputs);
+    this.row.append(three);
+    if (value.can_change || value.curve) this.addKeyButton();
+    this.take(value);
+  }
+
+  draw() {
+    const isFormula = this.value.curve && this.value.curve.formula !== null;
+    this.inputs.forEach((input, i) => {
+      input.disabled = isFormula;
+      input.value = written(this.now[i]);
+    });
+    this.drawKey();
+  }
+}
+
+class NameValue extends Field {
+  constructor(page, value, name) {
+    super(page, value, name);
+    this.list = make("select");
+    this.list.setAttribute("aria-label", this.words);
+    for (const each of value.names) this.list.append(new Option(each.replaceAll("_", " "), each));
+    this.list.addEventListener("change", () => this.set(this.list.value));
+    this.row.append(this.list);
+    this.take(value);
+  }
+
+  draw() { this.list.value = this.value.value; }
+}
+
+class SwitchValue extends Field {
+  constructor(page, value, name) {
+    super(page, value, name);
+    this.box = make("input", { type: "checkbox" });
+    this.box.setAttribute("aria-label", this.words);
+    this.box.addEventListener("change", () => this.set(this.box.checked));
+    this.row.append(this.box);
+    this.take(value);
+  }
+
+  draw() { this.box.checked = this.value.value; }
+}
+
+class FormulaValue extends Field {
+  constructor(page, value, name) {
+    super(page, value, name);
+    const texts = Array.isArray(value.curve.formula) ? value.curve.formula : [value.curve.formula];
+    const holder = make("span", { className: texts.length > 1 ? "three" : "unit" });
+    this.inputs = texts.map((_, i) => {
+      const input = make("input", { type: "text", className: "formula", spellcheck: false, autocomplete: "off" });
+      input.setAttribute("aria-label", `${this.words}, formula${texts.length > 1 ? ` ${"xyz"[i]}` : ""}`);
+      input.addEventListener("change", () => {
+        const where = [...this.value.where, "formula", ...(texts.length > 1 ? [i] : [])];
+        this.page.shot.edit([{ kind: "set", where, value: input.value }]);
+      });
+      return input;
+    });
+    holder.append(...this.inputs);
+    this.row.append(holder);
+    this.take(value);
+  }
+
+  draw() {
+    const { formula } = this.value.curve;
+    this.inputs.forEach((input, i) => { input.value = Array.isArray(formula) ? formula[i] : formula; });
+  }
+}
+
+/** The field of a value. */
+function fieldOf(page, value, name) {
+  if (value.curve && value.curve.formula !== null) return new FormulaValue(page, value, name);
+  if (value.form === "axis") return typeof value.value === "string" ? new NameValue(page, value, name) : new VectorValue(page, value, name);
+  if (value.form === "name") return new NameValue(page, value, name);
+  if (value.form === "switch") return new SwitchValue(page, value, name);
+  return value.is_vector ? new VectorValue(page, value, name) : new NumberValue(page, value, name);
+}

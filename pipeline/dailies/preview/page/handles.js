@@ -1,0 +1,145 @@
+"use strict";
+// Handles in the picture: the centre, the axis and the radius of each flow and region, at the current frame.
+
+const CLOSED_TO = ["placed", "mirrored"]; // whose flows have places of their own
+const RING = 48;
+
+class Handles {
+  constructor(page, layer) { Object.assign(this, { page, layer, isShown: true }); }
+
+  /** The flows and regions that have a place: by the path of each its centre, axis and radius. */
+  get places() {
+    const found = new Map();
+    for (const value of this.page.shot.state?.values ?? []) {
+      const { where } = value, name = where.at(-1);
+      if (where[0] !== "flows" || where.some((part) => CLOSED_TO.includes(part)) || !["centre", "axis", "normal", "radius"].includes(name)) continue;
+      const key = nameOf(where.slice(0, -1));
+      found.set(key, { ...found.get(key), where: where.slice(0, -1), [name === "normal" ? "axis" : name]: value });
+    }
+    return [...found.values()].filter((place) => place.centre || place.axis);
+  }
+
+  toggle() {
+    this.isShown = !this.isShown;
+    this.draw();
+  }
+
+  draw() {
+    if (dragOf.isActive) return;
+    const focused = this.layer.contains(document.activeElement) ? document.activeElement.dataset.handle : null;
+    this.layer.replaceChildren();
+    const projection = this.page.projection;
+    if (!this.isShown || !projection || !this.page.shot.state || (this.page.film.playing && !this.page.film.follows)) return;
+    for (const place of this.places) this.#drawPlace(place, projection);
+    if (focused) this.layer.querySelector(`[data-handle="${CSS.escape(focused)}"]`)?.focus();
+  }
+
+  #now(value) { return this.page.shot.at(value, this.page.film.at); }
+
+  #drawPlace(place, projection) {
+    const centre = place.centre ? this.#now(place.centre) : [0, 0, 0], at = projection.point(centre);
+    if (!at) return;
+    const axis = place.axis ? unitOf(this.#now(place.axis)) : null, radius = place.radius ? this.#now(place.radius) : null;
+    const title = titleOf(groupOf([...place.where, ""]))[0], around = this.layer.appendChild(svg("g"));
+    if (radius > 0) this.#ring(place, centre, axis, radius, projection, title, around);
+    if (axis) this.#axis(place, centre, axis, radius > 0 ? radius : 90 * projection.unit(at.depth), projection, title, around);
+    if (place.centre) this.#centre(place.centre, centre, at, projection, title, around);
+  }
+
+  #group(holder, name, label, value) {
+    const group = holder.appendChild(svg("g", { tabindex: 0, role: "slider", "aria-label": label, "aria-valuenow": 0, "aria-valuetext": value }));
+    group.dataset.handle = name;
+    return group;
+  }
+
+  /** Wire a handle: `given(dx, dy)` is what its value becomes for a drag, from event to event. */
+  #wire(group, value, given, keyed, draw) {
+    const edits = (to) => this.page.shot.change(value, to, this.page.film.at);
+    dragOf(group, {
+      move: (event, begun) => { const to = given(event, begun); draw?.(to); this.page.follow.show(edits(to)); },
+      end: (event, begun) => this.page.follow.end(edits(given(event, begun))),
+      cancel: () => this.page.follow.cancel(),
+    });
+    group.addEventListener("keydown", (event) => {
+      const dx = { ArrowLeft: -1, ArrowRight: 1 }[event.key] ?? 0, dy = { ArrowUp: -1, ArrowDown: 1 }[event.key] ?? 0;
+      if (!dx && !dy) return;
+      event.preventDefault();
+      event.stopPropagation();
+      const many = event.shiftKey ? 5 : 1;
+      this.page.shot.edit(edits(keyed(dx * many, dy * many)), `handle ${group.dataset.handle}`);
+    });
+  }
+
+  #centre(value, centre, at, projection, title, around) {
+    const group = this.#group(this.layer, nameOf(value.where), `Centre of ${title}`, centre.map(written).join(", "));
+    const dot = group.appendChild(svg("circle", { class: "spot", cx: at.x, cy: at.y, r: 6 }));
+    const words = around.appendChild(svg("text", { x: at.x + 10, y: at.y - 8 }));
+    words.textContent = title;
+    const step = projection.unit(at.depth);
+    const moved = (dx, dy) => plus(centre, projection.shift(dx, dy, at.depth)).map((part) => rounded(part, 10 * step));
+    const draw = (to) => {
+      const spot = projection.point(to);
+      if (!spot) return;
+      dot.setAttribute("cx", spot.x);
+      dot.setAttribute("cy", spot.y);
+      around.setAttribute("transform", `translate(${spot.x - at.x} ${spot.y - at.y})`);
+    };
+    this.#wire(group, value, (event, begun) => moved(event.clientX - begun.clientX, event.clientY - begun.clientY), (dx, dy) => moved(8 * dx, 8 * dy), draw);
+  }
+
+  #axis(place, centre, axis, size, projection, title, around) {
+    const from = projection.point(centre), to = projection.point(plus(centre, axis, size));
+    if (!from || !to) return;
+    const group = this.#group(around, nameOf(place.axis.where), `Axis of ${title}`, axis.map(written).join(", "));
+    group.append(svg("line", { class: "shade", x1: from.x, y1: from.y, x2: to.x, y2: to.y }));
+    const stem = group.appendChild(svg("line", { class: "stem", x1: from.x, y1: from.y, x2: to.x, y2: to.y }));
+    const tip = group.appendChild(svg("rect", { class: "tip", x: to.x - 5, y: to.y - 5, width: 10, height: 10, rx: 2 }));
+    const isNear = dot(axis, projection.camera.axes[2]) < 0;
+    const aimed = (event) => {
+      const box = this.layer.getBoundingClientRect();
+      return this.#written(sphereHit(projection, event.clientX - box.left, event.clientY - box.top, centre, size, isNear));
+    };
+    const draw = (given) => {
+      const end = projection.point(plus(centre, vectorOf(given), size));
+      if (!end) return;
+      stem.setAttribute("x2", end.x); stem.setAttribute("y2", end.y);
+      tip.setAttribute("x", end.x - 5); tip.setAttribute("y", end.y - 5);
+    };
+    const turned = (dx, dy) => this.#written(unitOf(plus(plus(axis, projection.camera.axes[0], 0.06 * dx), projection.camera.axes[1], -0.06 * dy)));
+    this.#wire(group, place.axis, aimed, turned, draw);
+  }
+
+  /** An axis as the file has it: a letter within three degrees of x, y or z, else a vector. */
+  #written(axis) {
+    const i = axis.findIndex((part) => part > Math.cos((3 * Math.PI) / 180));
+    return i < 0 ? axis.map((part) => rounded(part, 0.01)) : "xyz"[i];
+  }
+
+  #ring(place, centre, axis, radius, projection, title, around) {
+    const normal = axis ?? projection.camera.axes[2], first = unitOf(cross(normal, Math.abs(normal[1]) < 0.9 ? [0, 1, 0] : [1, 0, 0])), second = cross(normal, first);
+    const path = (size) => {
+      const points = Array.from({ length: RING }, (_, i) => projection.point(plus(plus(centre, first, size * Math.cos((2 * Math.PI * i) / RING)), second, size * Math.sin((2 * Math.PI * i) / RING))));
+      return points.every(Boolean) ? `M${points.map((point) => `${point.x.toFixed(1)} ${point.y.toFixed(1)}`).join("L")}Z` : "";
+    };
+    const group = this.#group(around, nameOf(place.radius.where), `Radius of ${title}`, written(radius)), d = path(radius);
+    group.append(svg("path", { class: "shade", d }));
+    const rim = group.appendChild(svg("path", { class: "rim", d }));
+    group.append(svg("path", { class: "grip", d }));
+    const at = projection.point(centre), { layer } = this;
+    const sized = (event, begun) => {
+      const box = layer.getBoundingClientRect(), away = (each) => Math.hypot(each.clientX - box.left - at.x, each.clientY - box.top - at.y);
+      return Math.max(1e-3, rounded((radius * away(event)) / Math.max(4, away(begun)), 10 * projection.unit(at.depth)));
+    };
+    this.#wire(group, place.radius, sized, (dx, dy) => Math.max(1e-3, rounded(radius * (1 + 0.05 * (dx - dy)), radius / 100)), (size) => rim.setAttribute("d", path(size)));
+  }
+}
+
+const unitOf = (vector) => vector.map((part) => part / (length(vector) || 1));
+const vectorOf = (axis) => (typeof axis === "string" ? ["x", "y", "z"].map((name) => +(name === axis)) : unitOf(axis));
+
+/** The direction from a sphere's centre to where a pixel's ray meets it; to where it comes nearest if it misses. */
+function sphereHit(projection, x, y, centre, size, isNear) {
+  const ray = projection.ray(x, y), away = minus(centre, projection.camera.origin), along = dot(away, ray);
+  const miss = minus(ray.map((part) => part * along), away), under = size * size - dot(miss, miss);
+  return unitOf(under > 0 ? plus(miss, ray, (isNear ? -1 : 1) * Math.sqrt(under)) : miss);
+}

@@ -1,0 +1,84 @@
+"use strict";
+// The shot file as the server tells it: its values by their paths, and edits of them.
+
+const nameOf = (where) => where.join(".");
+
+class Shot {
+  constructor(page) {
+    this.page = page;
+    this.state = null;
+    this.values = new Map();
+    this.last = Promise.resolve();
+  }
+
+  get(where) { return this.values.get(nameOf(where)); }
+
+  /** Read the file anew. */
+  refresh() { return this.#next(() => ask("state", { frame: this.page.film.at }), false); }
+
+  /** Write edits. Those with the same gesture, one after another, are undone together. A drag names the text that it
+   *  began with; other edits are of the text that the page shows. */
+  edit(edits, gesture = "", digest = "") {
+    return this.#next(() => ask("edit", { digest: digest || this.state.digest, edits, gesture, frame: this.page.film.at }));
+  }
+
+  undo() { return this.state?.can_undo && this.#next(() => ask("undo", { digest: this.state.digest, frame: this.page.film.at })); }
+  redo() { return this.state?.can_redo && this.#next(() => ask("redo", { digest: this.state.digest, frame: this.page.film.at })); }
+
+  /** Requests go one after another, for each names the text that the one before has made. */
+  #next(request, isEdit = true) {
+    this.last = this.last.then(async () => {
+      try {
+        this.#take(await request());
+        if (isEdit) this.page.refused("");
+      } catch (error) {
+        if (!(error instanceof RefusedError)) throw error;
+        if (isEdit) {
+          this.page.refused(error.message);
+          this.page.film.endTrial();
+          await ask("state", {}).then((state) => this.#take(state), () => this.page.draw());
+        }
+      }
+    });
+    return this.last;
+  }
+
+  #take(state) {
+    this.state = state;
+    this.values = new Map(state.values.map((value) => [nameOf(value.where), value]));
+    this.page.draw();
+  }
+
+  /** The value at a frame: of a curve by its samples, three numbers of a vector or an axis. */
+  at(value, frame) {
+    if (value.form === "axis" && typeof value.value === "string") return ["x", "y", "z"].map((name) => +(name === value.value));
+    if (!value.curve) return value.value;
+    const { frames, values } = value.curve, last = frames.length - 1;
+    const place = Math.min(last, Math.max(0, ((frame - frames[0]) / (frames[last] - frames[0] || 1)) * last));
+    const i = Math.min(last - 1, Math.floor(place)), share = last ? place - i : 0;
+    const row = last ? values[i].map((start, k) => start + share * (values[i + 1][k] - start)) : values[0];
+    return value.is_vector ? row : row[0];
+  }
+
+  /** The edits that give a value something new at a frame: of keys the key there, which may be new. */
+  change(value, given, frame) {
+    if (!value.curve) return [{ kind: "set", where: value.where, value: given }];
+    if (value.curve.formula !== null) return [];
+    const key = value.curve.keys.find((each) => Math.abs(each.frame - frame) < 1e-6);
+    const where = [...value.where, "keys", key ? key.time : frame];
+    if (key && isDetailed(value, key)) where.push("value");
+    return [{ kind: "set", where, value: given }];
+  }
+}
+
+/** Whether the file writes a key as a mapping with an easing or handles of its own. */
+function isDetailed(value, key) {
+  const written = value.value.keys?.[key.time];
+  return written !== null && typeof written === "object" && !Array.isArray(written);
+}
+
+/** A number in as many digits as a drag of this length deserves. */
+function rounded(number, step) {
+  const digits = Math.max(0, Math.min(9, Math.ceil(-Math.log10(Math.abs(step) || 1)) + 1));
+  return +number.toFixed(digits);
+}

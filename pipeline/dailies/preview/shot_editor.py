@@ -1,0 +1,259 @@
+"""The shot file as the live page edits it: what can be set, edits with undo and redo, and refusals.
+
+A page names the digest of the text that it shows. Where the file has another one by now, nothing is written.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from pathlib import Path
+from threading import RLock
+from typing import Any
+
+from pipeline.errors import ShotError, UsageError
+from pipeline.shot.clock import Clock
+from pipeline.shot.settable_values import settable_values
+from pipeline.shot.shot_reader import read_clock, read_shot
+from pipeline.shot.yaml.edits import ValueEdit, edited, parsed
+from pipeline.shot.yaml.inheritance import inherited_files
+from pipeline.shot.yaml.lookup import text_of
+from pipeline.shot.yaml.plain_text import dotted
+from pipeline.shot.yaml.source import YamlSource
+from render.base.atomic_write import atomic_write
+from render.base.input_files import read_input
+
+MOST_STEPS = 200
+"""Edits that can be undone."""
+
+MOST_EDITS, DEEPEST_PATH = 64, 24
+"""Values that one request may change, and steps of a path."""
+
+
+_NUMBER = re.compile(r"-?\d{1,12}(\.\d{1,12})?")
+
+
+class StaleError(UsageError):
+    """Raised where the file is not what the page has read."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """The text before and after an edit; edits of one gesture, such as a drag, are one step."""
+
+    before: str
+    after: str
+    gesture: str
+
+
+@dataclass(eq=False)
+class ShotEditor:
+    """Edits one shot file; safe to use from several threads, of which one writes at a time.
+
+    path        the shot file
+    settings    values of the command line, which replace those of the file and cannot be edited
+    allow_code  whether the shot may run the Python files that it names
+    """
+
+    path: Path
+    settings: tuple[str, ...] = ()
+    allow_code: bool = False
+    _lock: RLock = field(default_factory=RLock)
+    _done: list[Step] = field(default_factory=list)
+    _undone: list[Step] = field(default_factory=list)
+
+    def state(self) -> dict[str, Any]:
+        """Return digest, values and whether there is something to undo, as plain data.
+
+        Raises ShotError and MissingInputError where the file is not a valid shot.
+        """
+        with self._lock:
+            text = text_of(self.path)
+            self._forget_others(text)
+            return self._state(text)
+
+    def edit(self, digest: str, edits: Sequence[ValueEdit], gesture: str = "") -> dict[str, Any]:
+        """Write edits into the file and return the new state.
+
+        digest   of the text that the page shows
+        gesture  edits with the same name, one after another, are undone together; empty for an edit alone
+
+        Raises StaleError where the file has another text, ShotError where the shot would not be valid, and
+        MachineError where the disk refuses. The file then is as it was.
+        """
+        with self._lock:
+            before = self._current(digest)
+            after = self._edited(before, edits)
+            state = self._state(after)
+            if after != before:
+                self._write(after)
+                self._note(Step(before, after, gesture))
+            return {**state, **self._can()}
+
+    def undo(self, digest: str) -> dict[str, Any]:
+        """Write the text before the last edit and return the state. Raises what `edit` raises."""
+        return self._move(digest, self._done, self._undone, "undo")
+
+    def redo(self, digest: str) -> dict[str, Any]:
+        """Write the text after the last edit that was undone and return the state."""
+        return self._move(digest, self._undone, self._done, "redo")
+
+    def trial(self, digest: str, edits: Sequence[ValueEdit]) -> str:
+        """Return the text with edits and write nothing. Raises what `edit` raises, but for the disk."""
+        with self._lock:
+            before = self._current(digest)
+        return self._edited(before, edits, verify=False)
+
+    def _edited(self, text: str, edits: Sequence[ValueEdit], verify: bool = True) -> str:
+        source = parsed(self.path, text)
+        for edit in edits:
+            self._require_own(source, edit)
+        clock, _ = read_clock(source)
+        time_of = partial(_seconds, clock)
+        return edited(self.path, text, edits, time_of, verify)
+
+    def _require_own(self, source: YamlSource, edit: ValueEdit) -> None:
+        """Refuse an edit of a value that a setting replaces, or that another file gives in part."""
+        name = dotted(edit.where)
+        for setting in self.settings:
+            given = setting.partition("=")[0].strip()
+            if name == given or name.startswith(f"{given}.") or given.startswith(f"{name}."):
+                raise ShotError(f"--set {setting}: this replaces {name} of the file. Start again without it.")
+        for depth, step in enumerate(edit.where):
+            is_within = isinstance(step, int) or "keys" in edit.where[:depth]
+            if is_within and source.get(*edit.where[:depth]) is None:
+                place = source.place(edit.where[:depth])
+                raise ShotError(
+                    f"{place}: {dotted(edit.where[:depth])} comes from a file that this shot extends. "
+                    "Edit it there, or write it here."
+                )
+
+    def _state(self, text: str) -> dict[str, Any]:
+        """Return the state of a text. Raises ShotError where it is not a valid shot."""
+        beside = inherited_files(self.path, text)
+        read_shot(self.path, text, self.settings, beside, self.allow_code)
+        clock, values = settable_values(self.path, text, self.settings, beside)
+        return {
+            "digest": digest_of(text),
+            "shot": self.path.stem,
+            "first": clock.frames.first,
+            "last": clock.frames.last,
+            "fps": float(clock.rate.fps),
+            "values": [_plain(asdict(value)) for value in values],
+            **self._can(),
+        }
+
+    def _can(self) -> dict[str, bool]:
+        return {"can_undo": bool(self._done), "can_redo": bool(self._undone)}
+
+    def _current(self, digest: str) -> str:
+        text = text_of(self.path)
+        self._forget_others(text)
+        if digest_of(text) != digest:
+            raise StaleError(
+                f"{self.path}: the file was changed meanwhile; nothing was written. The page shows it as it "
+                "is now: edit it again."
+            )
+        return text
+
+    def _forget_others(self, text: str) -> None:
+        """Forget all steps where the file was changed by others, whose edits they would undo."""
+        known = self._done[-1].after if self._done else self._undone[-1].before if self._undone else text
+        if known != text:
+            self._done.clear()
+            self._undone.clear()
+
+    def _note(self, step: Step) -> None:
+        last = self._done[-1] if self._done else None
+        if step.gesture and last is not None and last.gesture == step.gesture and not self._undone:
+            self._done[-1] = Step(last.before, step.after, step.gesture)
+        else:
+            self._done.append(step)
+        del self._done[:-MOST_STEPS]
+        self._undone.clear()
+
+    def _move(self, digest: str, taken: list[Step], given: list[Step], verb: str) -> dict[str, Any]:
+        with self._lock:
+            self._current(digest)
+            if not taken:
+                raise UsageError(f"{self.path}: there is nothing to {verb}")
+            step = taken[-1]
+            text = step.before if verb == "undo" else step.after
+            state = self._state(text)
+            self._write(text)
+            given.append(taken.pop())
+            return {**state, **self._can()}
+
+    def _write(self, text: str) -> None:
+        """Replace the file, or the file that a link leads to.
+
+        Raises MachineError; the file is then as it was.
+        """
+        target = self.path.resolve()
+        newline = "\r\n" if b"\r\n" in read_input(target) else "\n"
+        with atomic_write(target) as draft:
+            draft.write_text(text, encoding="utf-8", newline=newline)
+            shutil.copymode(target, draft)
+
+
+def _seconds(clock: Clock | None, key: Any) -> float | None:
+    return None if clock is None else clock.seconds(key)
+
+
+def digest_of(text: str) -> str:
+    """Return the SHA-256 of a text, in hexadecimal digits."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def edits_in(items: Any) -> list[ValueEdit]:
+    """Return the edits that a request lists, as `{"kind": "set", "where": [...], "value": ...}`.
+
+    Raises UsageError where they have another form.
+    """
+    if not isinstance(items, list) or not 0 < len(items) <= MOST_EDITS:
+        raise UsageError(f"edits must be a list of 1 to {MOST_EDITS}")
+    return [_edit_in(item) for item in items]
+
+
+def _edit_in(item: Any) -> ValueEdit:
+    if not isinstance(item, dict) or not {"kind", "where"} <= item.keys() <= {"kind", "where", "value"}:
+        raise UsageError("an edit has kind, where and value")
+    kind, where, value = item["kind"], item["where"], item.get("value")
+    if kind not in ("set", "remove", "rename"):
+        raise UsageError("the kind of an edit is set, remove or rename")
+    is_path = isinstance(where, list) and 0 < len(where) <= DEEPEST_PATH and all(map(_is_step, where))
+    if not is_path or (kind == "rename" and not _is_step(value)):
+        raise UsageError("the path of an edit is a list of names and numbers")
+    return ValueEdit(kind, tuple(where), value if kind == "rename" else _with_times(value))
+
+
+def _with_times(value: Any) -> Any:
+    """Return data whose names of numbers are numbers, as times of keys are: JSON has names of text only."""
+    if isinstance(value, dict):
+        return {_number_or_text(name): _with_times(item) for name, item in value.items()}
+    return [_with_times(item) for item in value] if isinstance(value, list) else value
+
+
+def _number_or_text(name: str) -> Any:
+    if not _NUMBER.fullmatch(name):
+        return name
+    return float(name) if "." in name else int(name)
+
+
+def _is_step(step: Any) -> bool:
+    return isinstance(step, str | int | float) and not isinstance(step, bool)
+
+
+def _plain(value: Any) -> Any:
+    """Return data that JSON can say: infinite bounds are null."""
+    if isinstance(value, Mapping):
+        return {name: _plain(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and abs(value) == float("inf"):
+        return None
+    return value

@@ -1,0 +1,58 @@
+"""What the live page can ask for: the state of the shot file, edits, undo, redo and pictures of a drag.
+
+Every request and every answer is a JSON object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pipeline.dailies.preview.live_server import Action
+from pipeline.dailies.preview.live_session import LiveSession
+from pipeline.dailies.preview.shot_editor import ShotEditor, edits_in
+from pipeline.dailies.preview.trial_pictures import TrialPictures
+from pipeline.errors import UsageError
+
+
+def actions_of(editor: ShotEditor, session: LiveSession) -> dict[str, Action]:
+    """Return the page's requests by name. Each may name the `frame` that the page shows."""
+
+    pictures = TrialPictures(editor, session)
+
+    def state(asked: Mapping[str, Any]) -> dict[str, Any]:
+        _note_frame(session, asked)
+        return editor.state()
+
+    def edit(asked: Mapping[str, Any]) -> dict[str, Any]:
+        _note_frame(session, asked)
+        return editor.edit(_text(asked, "digest"), edits_in(asked.get("edits")), _text(asked, "gesture", ""))
+
+    def undo(asked: Mapping[str, Any]) -> dict[str, Any]:
+        _note_frame(session, asked)
+        return editor.undo(_text(asked, "digest"))
+
+    def redo(asked: Mapping[str, Any]) -> dict[str, Any]:
+        _note_frame(session, asked)
+        return editor.redo(_text(asked, "digest"))
+
+    def follow(asked: Mapping[str, Any]) -> dict[str, Any]:
+        frame = asked.get("frame")
+        if not isinstance(frame, int):
+            raise UsageError("frame must be a number")
+        return pictures.picture(_text(asked, "digest"), edits_in(asked.get("edits")), frame)
+
+    return {"state": state, "edit": edit, "undo": undo, "redo": redo, "follow": follow}
+
+
+def _note_frame(session: LiveSession, asked: Mapping[str, Any]) -> None:
+    frame = asked.get("frame")
+    if isinstance(frame, int):
+        session.focus = frame
+
+
+def _text(asked: Mapping[str, Any], name: str, default: str | None = None) -> str:
+    value = asked.get(name, default)
+    if not isinstance(value, str) or len(value) > 100:
+        raise UsageError(f"{name} must be a text of at most 100 characters")
+    return value

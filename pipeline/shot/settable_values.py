@@ -1,0 +1,247 @@
+"""Everything in a shot that an editor can set: numbers, vectors, names and curves, with units and bounds.
+
+The paths are those of the shot file, so that an editor can say nothing that the file could not.
+"""
+
+from __future__ import annotations
+
+import math
+import typing
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel
+
+from pipeline.shot.clock import Clock
+from pipeline.shot.documents.curves import KeyDocument, Keyed, OverTime, OverTimeTriple, curve_of
+from pipeline.shot.documents.fields import is_number
+from pipeline.shot.documents.shot import ShotDocument
+from pipeline.shot.shot_reader import read_clock, with_speed
+from pipeline.shot.yaml.inheritance import inherited
+from pipeline.shot.yaml.schema_walk import choices, field_names, members
+from pipeline.shot.yaml.source import Where, YamlSource
+from pipeline.shot.yaml.validation import ParseContext
+
+SECTIONS = ("flows", "subject", "resample", "camera", "shutter", "look", "lights", "stage", "smooth", "speed")
+"""Entries of a shot whose values are listed, in the order of the list."""
+
+MOST_SAMPLES = 480
+"""Samples of a curve over the shot, at most; two in a frame."""
+
+
+@dataclass(frozen=True)
+class SettableValue:
+    """One value of a shot as its file has it.
+
+    form         `number`, `whole` (an integer), `vector` (three numbers), `axis` (x, y, z or a vector),
+                 `name`, `switch` or `curve` (keys or a formula)
+    low, high    bounds of a number; infinite where there are none
+    names        what a name can be
+    is_given     False for a default, which the file leaves out
+    file         name of the file that gives it; empty for the shot's own file and for defaults
+    is_vector    True if a curve, or a constant in place of which a curve can stand, has three components
+    can_change   True if keys or a formula can stand there
+    """
+
+    where: Where
+    form: str
+    value: Any
+    unit: str
+    description: str
+    low: float
+    high: float
+    names: tuple[str, ...]
+    is_given: bool
+    file: str
+    can_change: bool
+    is_vector: bool
+    curve: SampledCurve | None = None
+
+
+@dataclass(frozen=True)
+class SampledCurve:
+    """Keys or a formula over the shot.
+
+    frames   (N,) of the samples; where `speed` re-times the flow, frames of the flow's own time
+    values   (N, K), three columns for a place
+    keys     as the file has them, each with `time`, `frame`, `value`, `ease`, `left` and `right`
+    formula  the text or texts, None for keys
+    """
+
+    frames: list[float]
+    values: list[list[float]]
+    keys: list[dict[str, Any]]
+    ease: str
+    before: str
+    after: str
+    formula: Any
+
+
+def settable_values(
+    path: Path, text: str, settings: tuple[str, ...] = (), beside: Mapping[str, str] | None = None
+) -> tuple[Clock, list[SettableValue]]:
+    """Return the clock of a valid shot file and its values, in the order of SECTIONS.
+
+    Arguments are those of `read_shot`, which reports mistakes; raises pydantic's errors where there are any.
+    """
+    source = inherited(path, text, settings, beside)
+    clock, _ = read_clock(source)
+    assert clock is not None, "read_shot has accepted the file"
+    clock, _ = with_speed(clock, source.get("speed"))
+    context = {"clock": clock, "parse_context": ParseContext(path.parent)}
+    document = ShotDocument.model_validate(source.data, context=context)
+    walk = _Walk(source, clock)
+    fields = field_names([ShotDocument])
+    return clock, [
+        found
+        for name in SECTIONS
+        for found in walk.values(getattr(document, name), (name,), fields[name], _description(document, name))
+    ]
+
+
+@dataclass(frozen=True)
+class _Walk:
+    """Lists the values of documents."""
+
+    source: YamlSource
+    clock: Clock
+
+    def values(self, value: Any, where: Where, kind: Any, description: str) -> Iterator[SettableValue]:
+        """Yield the values within a part of a document.
+
+        kind         its annotation
+        description  what it is, with its unit in parentheses
+        """
+        if isinstance(value, BaseModel) and not isinstance(value, Keyed | OverTime | OverTimeTriple):
+            yield from self._document(value, where)
+        elif isinstance(value, list) and any(isinstance(item, BaseModel) for item in value):
+            for index, item in enumerate(value):
+                yield from self.values(item, (*where, index), None, "")
+        elif isinstance(value, dict):
+            for name, item in value.items():
+                yield from self.values(item, (*where, name), None, description)
+        elif (found := self._value(value, where, kind, description)) is not None:
+            yield found
+
+    def _document(self, document: BaseModel, where: Where) -> Iterator[SettableValue]:
+        fields = field_names([type(document)])
+        units = {p.name: p.doc for p in getattr(document, "own", ())}
+        for name, field in type(document).model_fields.items():
+            word = field.alias or name
+            value = getattr(document, name)
+            description = field.description or ""
+            if word in units:
+                doc = units[word]
+                description = f"{doc.text} ({doc.unit})" if doc.unit else doc.text
+            is_given = name in document.model_fields_set and self.source.get(*where, word) is not None
+            is_leaf = not isinstance(value, BaseModel | dict) and value is not None
+            if is_given or (is_leaf and isinstance(self.source.get(*where), dict | None)):
+                yield from self.values(value, (*where, word), fields[word], description)
+
+    def _value(self, value: Any, where: Where, kind: Any, description: str) -> SettableValue | None:
+        raw = self.source.get(*where)
+        form = _form(value, kind)
+        if form is None:
+            return None
+        words, _, unit = description.rpartition(" (")
+        has_unit = description.endswith(")") and bool(words)
+        low, high = _bounds(kind)
+        file = self.source.others.get(where, "") if raw is not None else ""
+        curve = self._curve(value, where) if form == "curve" else None
+        kinds = list(members(kind)) if kind is not None else []
+        return SettableValue(
+            where,
+            form,
+            raw if raw is not None else value,
+            unit[:-1] if has_unit else "",
+            words if has_unit else description,
+            low,
+            high,
+            choices(kind) if kind is not None else (),
+            raw is not None,
+            file,
+            any(_is_keyed(member) for member in kinds),
+            form == "vector" or (curve is not None and len(curve.values[0]) == 3),
+            curve,
+        )
+
+    def _curve(self, value: Keyed[Any] | OverTime | OverTimeTriple, where: Where) -> SampledCurve:
+        """Return a curve at up to two times in a frame, by its own clock."""
+        first, last = self.clock.frames.first, self.clock.frames.last
+        frames = np.linspace(first, last, max(2, min(MOST_SAMPLES, 2 * (last - first) + 1)))
+        curve = curve_of(value, self.clock)
+        values = [list(curve.at(self.clock.time(float(frame)))) for frame in frames]
+        keys = []
+        if isinstance(value, Keyed):
+            for time, key in value.keys.items():
+                item = key if isinstance(key, KeyDocument) else KeyDocument(value=key)
+                seconds = self.clock.seconds(time) or 0.0
+                keys.append(
+                    {
+                        "time": time,
+                        "frame": round(first + seconds * float(self.clock.rate.fps), 6),
+                        "value": item.value if isinstance(item.value, list) else [item.value],
+                        "ease": item.ease,
+                        "left": self._handle(item.left),
+                        "right": self._handle(item.right),
+                    }
+                )
+            return SampledCurve(frames.tolist(), values, keys, value.ease, value.before, value.after, None)
+        return SampledCurve(frames.tolist(), values, keys, "", "hold", "hold", value.formula)
+
+    def _handle(self, handle: list[Any] | None) -> list[Any] | None:
+        """Return a handle as frames and values, relative to its key."""
+        if handle is None:
+            return None
+        seconds = self.clock.length(handle[0]) or 0.0
+        offset = handle[1] if isinstance(handle[1], list) else [handle[1]]
+        return [round(seconds * float(self.clock.rate.fps), 6), offset]
+
+
+def _form(value: Any, kind: Any) -> str | None:
+    """Return the form of a value; None for one that is not listed."""
+    if isinstance(value, Keyed | OverTime | OverTimeTriple):
+        return "curve"
+    if isinstance(value, bool):
+        return "switch"
+    names = choices(kind) if kind is not None else ()
+    if isinstance(value, str):
+        return "axis" if names == ("x", "y", "z") else "name" if names else None
+    if is_number(value):
+        return "whole" if isinstance(value, int) and int in set(members(kind)) - {float} else "number"
+    if isinstance(value, list) and len(value) == 3 and all(map(is_number, value)):
+        return "axis" if names == ("x", "y", "z") else "vector"
+    return None
+
+
+def _is_keyed(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, Keyed | OverTime | OverTimeTriple)
+
+
+def _description(document: BaseModel, name: str) -> str:
+    return type(document).model_fields[name].description or ""
+
+
+def _bounds(kind: Any) -> tuple[float, float]:
+    """Return the lowest and highest number that an annotation allows."""
+    low, high = [-math.inf], [math.inf]
+    waiting = [kind]
+    while waiting:
+        part = waiting.pop()
+        if typing.get_origin(part) is Annotated:
+            rules = [each for rule in part.__metadata__ for each in (rule, *getattr(rule, "metadata", ()))]
+            low += _limits(rules, ("ge", "gt"))
+            high += _limits(rules, ("le", "lt"))
+            waiting.append(part.__origin__)
+        elif not isinstance(part, type):
+            waiting += typing.get_args(part)
+    return float(max(low)), float(min(high))
+
+
+def _limits(rules: list[Any], names: tuple[str, str]) -> list[float]:
+    """Return the numbers that rules such as `Field(ge=0)` have under some names."""
+    limits = [getattr(rule, name, None) for rule in rules for name in names]
+    return [float(limit) for limit in limits if limit is not None and is_number(limit)]
