@@ -15,6 +15,7 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.flow.easing import BEZIER, EASINGS, BezierSegment, Handle, automatic_slope, kinks
 from pipeline.flow.parameters import Curve, Number, Values, Vector, number_at
+from pipeline.flow.sound_curve import SoundCurve
 from pipeline.formula import TIME, Expression
 from pipeline.formula.syntax import time_values
 
@@ -182,6 +183,8 @@ def elapsed(speed: Number, time: float) -> float:
         return speed * time
     if time < 0:
         return time * number_at(speed, 0.0)
+    if isinstance(speed, SoundCurve):
+        return speed.integral(time)
     if not isinstance(speed, Keyframes):
         return math.fsum(_integrals(speed, 0.0, time))
     first, last = speed.times[0], speed.times[-1]

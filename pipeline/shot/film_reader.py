@@ -9,13 +9,12 @@ from typing import Any
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError, suggestion
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.documents.fields import is_number
-from pipeline.shot.documents.film import FilmDocument, SoundDocument
-from pipeline.shot.shot import Card, Clip, Film, Shot, SoundTrack
+from pipeline.shot.documents.film import FilmDocument
+from pipeline.shot.shot import Card, Clip, Film, Shot
 from pipeline.shot.shot_reader import read_rate, read_shot
 from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, is_there, name_fault, shown
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from pipeline.shot.yaml.validation import Checks, unforeseen, validated
-from render.base.input_files import digest_of_file
 from render.base.plural import plural
 
 SOUNDS = (".wav", ".flac", ".aif", ".aiff", ".mp3", ".m4a", ".ogg", ".opus")
@@ -80,7 +79,7 @@ def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
         rate=FrameRate.of(document.rate),
         title_seconds=float(document.title_seconds),
         credits_seconds=float(document.credits_seconds),
-        sound=_sound_track(document.sound, path.parent),
+        sound=None if document.sound is None else document.sound.build(path.parent),
         path=path,
     )
 
@@ -125,14 +124,6 @@ def _card(entry: dict[str, Any]) -> Card | None:
     ):
         return None
     return Card(title, subtitle, float(seconds), _frame_count(entry.get("dissolve")))
-
-
-def _sound_track(document: SoundDocument | None, folder: Path) -> SoundTrack | None:
-    if document is None:
-        return None
-    file = (folder / document.file).absolute()
-    values = document.model_dump(exclude={"file"})
-    return SoundTrack(file, digest_of_file(file), **{name: float(value) for name, value in values.items()})
 
 
 def _frame_count(value: Any) -> int:

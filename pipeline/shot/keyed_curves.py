@@ -15,7 +15,7 @@ from pipeline.arrays import Floats
 from pipeline.flow.keyframes import Keyframes
 from pipeline.flow.parameters import Curve
 from pipeline.shot.clock import Clock
-from pipeline.shot.documents.curves import Keyed, OverTime, OverTimeTriple, curve_of
+from pipeline.shot.documents.curves import curve_of, is_changing
 from pipeline.shot.documents.shot import ShotDocument
 from pipeline.shot.shot_reader import read_shot
 from pipeline.shot.yaml.inheritance import inherited
@@ -57,8 +57,8 @@ def curves_of(path: str | Path, settings: Iterable[str] = ()) -> list[KeyedCurve
 
 
 def _changing(value: Any, names: tuple[str, ...], unit: str) -> Iterator[tuple[tuple[str, ...], str, Any]]:
-    """Yield path, unit and value of what has keys or a formula over time within a part of a document."""
-    if isinstance(value, Keyed | OverTime | OverTimeTriple):
+    """Yield path, unit and value of what changes over time within a part of a document."""
+    if is_changing(value):
         yield names, unit, value
     elif isinstance(value, BaseModel):
         units = {p.name: p.doc.unit for p in getattr(value, "own", ())}

@@ -13,6 +13,7 @@ from pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.fields import is_number
 from pipeline.shot.documents.flow_documents import DOCUMENTS
+from pipeline.shot.yaml.plain_text import dotted
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from render.base.plural import plural
 
@@ -164,6 +165,19 @@ def tolerance(source: YamlSource) -> Iterator[Problem]:
             "tolerance is for the error that integrator: adaptive estimates, and rk4 estimates none. "
             "Write integrator: adaptive, or take it out.",
         )
+
+
+def sounds(source: YamlSource) -> Iterator[Problem]:
+    """Check that flows follow sounds only where their time is the film's, which the sound has too."""
+    if source.get("speed") in (None, 1):
+        return
+    for where, mapping in source.mappings():
+        if where[:1] == ("flows",) and "audio" in mapping:
+            yield (
+                where,
+                f"{dotted(where)} follows a sound, and speed re-times the flow, so that it would not move "
+                "when the sound is heard. Remove speed, or let speed follow the sound.",
+            )
 
 
 def ratio(source: YamlSource) -> Iterator[Problem]:

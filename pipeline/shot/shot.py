@@ -85,10 +85,30 @@ class Picture:
 
 
 @dataclass(frozen=True)
+class SoundTrack:
+    """A sound file under a shot or a film.
+
+    digest             SHA-256 of the file
+    start              second of the shot or film at which it begins; a negative start cuts its beginning
+    gain               decibels
+    fade_in, fade_out  seconds
+    """
+
+    file: Path = field(metadata=NOT_PLAIN)
+    digest: str
+    start: float = 0.0
+    gain: float = 0.0
+    fade_in: float = 0.0
+    fade_out: float = 0.0
+
+
+@dataclass(frozen=True)
 class Shot:
     """One shot of a film. `name` is the file's, without its ending.
 
-    files  the files that it was read from except shot files, and the SHA-256 of their contents
+    files   the files that it was read from except shot files, and the SHA-256 of their contents
+    sounds  what is heard while it plays
+    notes   remarks on its sounds, for the user
     """
 
     name: str
@@ -98,6 +118,8 @@ class Shot:
     intent: str = ""
     path: Path | None = field(default=None, metadata=NOT_PLAIN)
     files: tuple[tuple[Path, str], ...] = field(default=(), metadata=NOT_PLAIN)
+    sounds: tuple[SoundTrack, ...] = field(default=(), metadata=NOT_PLAIN)
+    notes: tuple[str, ...] = field(default=(), metadata=NOT_PLAIN)
 
     @property
     def heading(self) -> str:
@@ -142,24 +164,6 @@ class Card:
     def length(self, rate: FrameRate) -> int:
         """Return the length in frames at the film's rate, rounded."""
         return round(self.seconds * float(rate.fps))
-
-
-@dataclass(frozen=True)
-class SoundTrack:
-    """The sound file of a film.
-
-    digest             SHA-256 of the file
-    start              second of the film at which it begins; a negative start cuts its beginning
-    gain               decibels
-    fade_in, fade_out  seconds
-    """
-
-    file: Path = field(metadata=NOT_PLAIN)
-    digest: str
-    start: float = 0.0
-    gain: float = 0.0
-    fade_in: float = 0.0
-    fade_out: float = 0.0
 
 
 @dataclass(frozen=True)

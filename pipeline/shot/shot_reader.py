@@ -23,10 +23,11 @@ from pipeline.shot.documents.curves import NumberField, number
 from pipeline.shot.documents.lights_and_stage import StageDocument
 from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.shot import ShotDocument
+from pipeline.shot.documents.sound import SoundDocument
 from pipeline.shot.model_subject import Model
 from pipeline.shot.motion import Motion
 from pipeline.shot.point_subjects import CloudOfFile, ControlNet, NetOfFile
-from pipeline.shot.shot import AovSelection, Picture, Shot
+from pipeline.shot.shot import AovSelection, Picture, Shot, SoundTrack
 from pipeline.shot.subject import Subject
 from pipeline.shot.yaml.inheritance import inherited
 from pipeline.shot.yaml.lookup import name_fault, shown
@@ -52,6 +53,7 @@ CHECKS = (
     motion_checks.resample,
     subject_checks.points,
     motion_checks.tolerance,
+    motion_checks.sounds,
     picture_checks.dimmed,
     picture_checks.light_groups,
     picture_checks.noise_threshold,
@@ -87,7 +89,7 @@ def read_shot(
 
 def _read(source: YamlSource, allow_code: bool) -> Shot:
     clock, problems = read_clock(source)
-    retimed, faults = (None, []) if clock is None else with_speed(clock, source.get("speed"))
+    retimed, faults = (None, []) if clock is None else with_speed(clock, source)
     checks = Checks(source, [*problems, *faults])
     checks.run(motion_checks.keys, retimed)
     for check in CHECKS:
@@ -111,7 +113,22 @@ def _read(source: YamlSource, allow_code: bool) -> Shot:
         picture=_picture(document, clock, subject),
         path=source.path,
         files=tuple(sorted(files.items())),
+        sounds=_sounds(document, parse_context),
+        notes=tuple(dict.fromkeys(parse_context.notes)),
     )
+
+
+def _sounds(document: ShotDocument, context: ParseContext) -> tuple[SoundTrack, ...]:
+    """Return what is heard: the shot's sound, or each file that values follow, from its earliest start."""
+    if isinstance(document.sound, SoundDocument):
+        return (document.sound.build(context.folder),)
+    if document.sound == "off":
+        return ()
+    starts: dict[str, tuple[float, Path]] = {}
+    for path, start in context.sounds:
+        digest = context.digests[path]
+        starts[digest] = min(starts.get(digest, (start, path)), (start, path))
+    return tuple(SoundTrack(path.absolute(), digest, start) for digest, (start, path) in starts.items())
 
 
 def read_clock(source: YamlSource) -> tuple[Clock | None, list[Problem]]:
@@ -135,14 +152,15 @@ def read_rate(source: YamlSource) -> tuple[FrameRate | None, list[Problem]]:
         return None, [(("rate",), str(error))]
 
 
-def with_speed(clock: Clock, speed: Any) -> tuple[Clock, list[Problem]]:
+def with_speed(clock: Clock, source: YamlSource) -> tuple[Clock, list[Problem]]:
     """Return the clock with the speed of the file, and the problem with it between half frames.
 
     The keys of flows go by the speed, so it is read before the rest of the file. The document reports a speed
     that is no valid number; the clock is returned without it.
     """
     try:
-        parsed = _SPEED.validate_python(speed, context={"clock": clock})
+        context = {"clock": clock, "parse_context": ParseContext(source.path.parent)}
+        parsed = _SPEED.validate_python(source.get("speed"), context=context)
         retimed = dataclasses.replace(clock, speed=number(parsed, clock))
     except (ValidationError, AssertionError):
         return clock, []

@@ -63,19 +63,20 @@ def answer_of(module: str, path: Path, *options: str) -> bytes:
     raise ParserError("its reader crashed or ran out of memory")
 
 
-def answer_about_content(module: str, path: Path, digest: str, library: str) -> str:
+def answer_about_content(module: str, path: Path, digest: str, library: str, *options: str) -> str:
     """Return what a module answers about the path of a file; the disk cache stores it by content.
 
     digest   of the file's content
     library  the package that reads it; another version is asked again
+    options  what else the module is told
 
     Raises as `answer_of`.
     """
-    known = cache_path("parsed", [module, library, version(library), digest])
+    known = cache_path("parsed", [module, library, version(library), digest, *options])
     stored = load_answer(known)
     if stored is not None and isinstance(stored.get("answer"), str):
         return str(stored["answer"])
-    answer = answer_of(module, path).decode()
+    answer = answer_of(module, path, *options).decode()
     store_answer(known, {"answer": answer})
     return answer
 

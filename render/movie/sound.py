@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -123,30 +124,67 @@ def _read(file: Path) -> Iterator[Samples]:
     try:
         yield from _decoded(file)
     except Exception as error:  # damaged files raise errors of FFmpeg, of numpy and others
-        raise _unreadable(file, _reason(error)) from None
+        raise unreadable(file, reading_error(error)) from None
 
 
 def _decoded(file: Path) -> Iterator[Samples]:
-    """Decode a sound file. imageio reads no files without pictures, so FFmpeg does."""
+    """Decode a sound file as stereo of 48 kHz."""
+    with opened_sound(file) as (container, stream):
+        layout = "mono" if stream.channels == 1 else "stereo"  # FFmpeg makes one channel in two quieter
+        for samples in resampled(container, stream, layout, RATE):
+            yield np.broadcast_to(samples, (2, samples.shape[1]))
+
+
+@contextmanager
+def opened_sound(file: Path) -> Iterator[tuple[Any, Any]]:
+    """Open a sound file; yield FFmpeg's container and its first stream of sound.
+
+    imageio reads no files without pictures, so FFmpeg does. Raises ValueError where there is no sound in it,
+    and errors of FFmpeg: call it in a process of its own (`render.base.limited_process`).
+    """
+    _require_whole(file)
     with av.open(str(file), options=_CONTAINERS) as container:
         if not container.streams.audio:
             raise ValueError("it holds none")
         stream = container.streams.audio[0]
         if not _SLOWEST <= stream.rate <= _FASTEST:
             raise ValueError(f"it has {stream.rate} samples a second")
-        layout = "mono" if stream.channels == 1 else "stereo"  # FFmpeg makes one channel in two quieter
-        resampler = av.AudioResampler(format="fltp", layout=layout, rate=RATE)
-        for frame in itertools.chain(container.decode(stream), [None]):
-            for part in resampler.resample(frame):
-                samples = np.asarray(part.to_ndarray(), dtype=np.float32)
-                yield np.broadcast_to(samples, (2, samples.shape[1]))
+        yield container, stream
 
 
-def _reason(error: Exception) -> str:
+def resampled(container: Any, stream: Any, layout: Any, rate: int) -> Iterator[NDArray[np.float32]]:
+    """Yield the samples (channels, N) of a stream in a layout of channels, at a rate in samples per second.
+
+    Raises ValueError for samples that are not finite, and errors of FFmpeg.
+    """
+    resampler, count = av.AudioResampler(format="fltp", layout=layout, rate=rate), 0
+    for frame in itertools.chain(container.decode(stream), [None]):
+        for part in resampler.resample(frame):
+            samples = np.asarray(part.to_ndarray(), dtype=np.float32)
+            if not np.isfinite(samples).all():
+                bad = count + int(np.argmin(np.isfinite(samples).all(axis=0)))
+                raise ValueError(f"its sample at {bad / rate:.4g} s is not a finite number")
+            count += samples.shape[1]
+            yield samples
+
+
+def _require_whole(file: Path) -> None:
+    """Raise ValueError for a WAV file that ends before its header says; FFmpeg would read it as shorter."""
+    with file.open("rb") as opened:
+        header = opened.read(8)
+    size = int.from_bytes(header[4:], "little")
+    is_streamed = size in (0, 2**32 - 1)  # the length was unknown when the header was written
+    if header[:4] == b"RIFF" and not is_streamed and size + 8 > file.stat().st_size + 1:
+        raise ValueError(f"it is cut off: it has {file.stat().st_size} bytes of {size + 8}")
+
+
+def reading_error(error: Exception) -> str:
+    """Return the reason of an error while sound is read, in one line."""
     return str(error.strerror) if isinstance(error, av.error.FFmpegError) else reason_of(error)
 
 
-def _unreadable(file: Path, reason: object) -> BadInputError:
+def unreadable(file: Path, reason: object) -> BadInputError:
+    """Return the error of a sound file that cannot be read, for a reason."""
     return BadInputError(f"{file}: cannot be read as sound ({reason}); save it as WAV or FLAC")
 
 
@@ -156,14 +194,14 @@ def _count_samples(file: Path, _modified: int, _size: int) -> int:
     try:
         return int(answer_about_content("render.movie.sound", file, digest_of_file(file), "av"))
     except ParserError as error:
-        raise _unreadable(file, error) from None
+        raise unreadable(file, error) from None
 
 
 def _counted(file: str) -> bytes:
     try:
         count = sum(part.shape[1] for part in _decoded(Path(file)))
     except Exception as error:
-        raise ValueError(_reason(error)) from None
+        raise ValueError(reading_error(error)) from None
     if not count:
         raise ValueError("it holds none")
     return str(count).encode()

@@ -39,6 +39,7 @@ from pipeline.shot.documents.fields import (
     one_of,
     optional,
 )
+from pipeline.shot.documents.sound import FromSound, FromSoundTriple
 from pipeline.shot.yaml.validation import bad_curve, finding
 
 SAFE_AREAS = {"action": 0.035, "title": 0.05}
@@ -46,7 +47,7 @@ SAFE_AREAS = {"action": 0.035, "title": 0.05}
 
 FieldOfView = Annotated[Positive, Field(lt=180)]
 FieldOfViewField = Annotated[
-    FieldOfView | Keyed[FieldOfView] | OverTime,
+    FieldOfView | Keyed[FieldOfView] | OverTime | FromSound,
     CURVE,
     within(Bounds(math.ulp(0.0), math.nextafter(180.0, 0.0), "above 0 and below 180")),
 ]
@@ -54,8 +55,8 @@ FieldOfViewField = Annotated[
 SafeArea = Annotated[str, one_of(SAFE_AREAS, "safe area")]
 Margin = Annotated[float, Field(ge=0, lt=0.5)]
 MarginField = Annotated[
-    Margin | Keyed[Margin] | OverTime | SafeArea,
-    ByForm(lambda value: 3 if isinstance(value, str) and not is_written_number(value) else curve_form(value)),
+    Margin | Keyed[Margin] | OverTime | FromSound | SafeArea,
+    ByForm(lambda value: 4 if isinstance(value, str) and not is_written_number(value) else curve_form(value)),
     within(Bounds(0.0, math.nextafter(0.5, 0.0), "at 0 or above and below 0.5")),
 ]
 
@@ -63,13 +64,15 @@ MarginField = Annotated[
 def _focus_form(value: Any) -> int:
     """Return which member of `FocusField` a focus is: a distance, a place or `subject`."""
     if isinstance(value, str) and not is_written_number(value):
-        return 6
+        return 8
     kind = curve_form(value)
     if kind == 1 and isinstance(value.get("keys"), dict):
         first = next(iter(value["keys"].values()), None)
         value = first.get("value") if isinstance(first, dict) else first
     elif kind == 2:
         value = value["formula"]
+    elif kind == 3:
+        value = value.get("gain")
     return 2 * kind + isinstance(value, list)
 
 
@@ -80,6 +83,8 @@ FocusField = Annotated[
     | Annotated[Keyed[Triple], within(ANYWHERE)]
     | Annotated[OverTime, within(ABOVE_0)]
     | Annotated[OverTimeTriple, within(ANYWHERE)]
+    | Annotated[FromSound, within(ABOVE_0)]
+    | Annotated[FromSoundTriple, within(ANYWHERE)]
     | Annotated[str, one_of(("subject",), "thing to focus on")],
     ByForm(_focus_form),
 ]
@@ -165,7 +170,7 @@ class CameraDocument(Document):
         )
 
 
-def _number(value: float | Keyed[Any] | OverTime | None, clock: Clock) -> Number | None:
+def _number(value: float | Keyed[Any] | OverTime | FromSound | None, clock: Clock) -> Number | None:
     return None if value is None else number(value, clock)
 
 
@@ -174,7 +179,7 @@ def _focus(value: Any, clock: Clock) -> Number | VectorParameter | None:
         return None
     first = next(iter(value.keys.values())) if isinstance(value, Keyed) else value
     first = first.value if isinstance(first, KeyDocument) else first
-    is_place = isinstance(first, list | OverTimeTriple)
+    is_place = isinstance(first, list | OverTimeTriple | FromSoundTriple)
     return place(value, clock) if is_place else number(value, clock)
 
 

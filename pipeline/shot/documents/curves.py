@@ -1,8 +1,8 @@
-"""Values that change over time in a shot file: a constant, keys, or a formula."""
+"""Values that change over time in a shot file: a constant, keys, a formula, or the level of a sound."""
 
 import math
 import re
-from typing import Annotated, Any, Generic, NamedTuple, TypeVar, cast, get_args
+from typing import Annotated, Any, Generic, NamedTuple, TypeGuard, TypeVar, cast, get_args
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
@@ -10,6 +10,7 @@ from pipeline.errors import UsageError, shortened
 from pipeline.flow.easing import BEZIER, EASINGS, Handle
 from pipeline.flow.keyframes import Extrapolation, FormulaCurve, Keyframes
 from pipeline.flow.parameters import Curve, Number, Values, VectorParameter
+from pipeline.flow.sound_curve import SoundCurve
 from pipeline.formula import TIME, Expression, FormulaError
 from pipeline.shot.clock import TIME_PATTERN, Clock
 from pipeline.shot.documents.fields import (
@@ -29,6 +30,7 @@ from pipeline.shot.documents.fields import (
     optional,
     vector,
 )
+from pipeline.shot.documents.sound import FromSound, FromSoundTriple
 from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.validation import bad_curve, bad_value
 
@@ -103,6 +105,12 @@ class OverTimeTriple(Document):
     )
 
 
+Changing = Keyed[Any] | OverTime | OverTimeTriple | FromSound | FromSoundTriple
+"""What changes over time."""
+
+_CHANGING = (Keyed, OverTime, OverTimeTriple, FromSound, FromSoundTriple)
+
+
 class Bounds(NamedTuple):
     """The range of a value, and the rule as a message says it."""
 
@@ -125,7 +133,7 @@ def within(bounds: Bounds) -> AfterValidator:
 
     def check(value: Any, info: ValidationInfo) -> Any:
         clock: Clock | None = (info.context or {}).get("clock")
-        if clock is None or not isinstance(value, Keyed | OverTime | OverTimeTriple):
+        if clock is None or not is_changing(value):
             return value
         fault = _curve_fault(value, clock, bounds)
         if fault:
@@ -135,18 +143,26 @@ def within(bounds: Bounds) -> AfterValidator:
     return AfterValidator(check)
 
 
+def is_changing(value: Any) -> TypeGuard[Changing]:
+    """Tell whether a parsed value changes over time."""
+    return isinstance(value, _CHANGING)
+
+
 def sampled_frames(clock: Clock) -> list[float]:
     """Return the half frames at which curves are checked: all of them, or MOST_SAMPLES of a long shot."""
     halves = 2 * (clock.frames.last - clock.frames.first) + 1
     return [clock.frames.first + i / 2 for i in range(0, halves, -(-halves // MOST_SAMPLES))]
 
 
-def _curve_fault(value: Keyed[Any] | OverTime | OverTimeTriple, clock: Clock, bounds: Bounds) -> str | None:
+def _curve_fault(value: Changing, clock: Clock, bounds: Bounds) -> str | None:
     """Return the message about the first half frame at which a curve is out of bounds or not finite."""
     if isinstance(value, Keyed) and (bounds is ANYWHERE or None in map(clock.seconds, value.keys)):
         return None
-    times = [clock.time(frame) for frame in sampled_frames(clock)]
     curve = curve_of(value, clock)
+    if isinstance(curve, SoundCurve):
+        times = curve.times(clock.duration)
+    else:
+        times = [clock.time(frame) for frame in sampled_frames(clock)]
     try:
         rows = curve.over(times).tolist() if isinstance(curve, FormulaCurve) else map(curve.at, times)
         for time, row in zip(times, rows, strict=True):
@@ -165,8 +181,8 @@ NotNegative = Annotated[Real, Field(ge=0)]
 
 
 def curve_form(value: Any) -> int:
-    """Return which member of a union a value is: 0 a constant, 1 keys, 2 a formula."""
-    return 0 if not isinstance(value, dict) else 2 if "formula" in value else 1
+    """Return which member of a union a value is: 0 a constant, 1 keys, 2 a formula, 3 a sound."""
+    return 0 if not isinstance(value, dict) else 2 if "formula" in value else 3 if "audio" in value else 1
 
 
 CURVE = ByForm(curve_form)
@@ -207,36 +223,44 @@ def _by_frame(keys: list[Any]) -> str:
 
 CURVE_FORM = BeforeValidator(_require_form)
 
-NumberField = Annotated[Real | Keyed[Real] | OverTime, CURVE, within(ANYWHERE), CURVE_FORM]
-PositiveField = Annotated[Positive | Keyed[Positive] | OverTime, CURVE, within(ABOVE_0), CURVE_FORM]
-NotNegativeField = Annotated[
-    NotNegative | Keyed[NotNegative] | OverTime, CURVE, within(NOT_BELOW_0), CURVE_FORM
+NumberField = Annotated[Real | Keyed[Real] | OverTime | FromSound, CURVE, within(ANYWHERE), CURVE_FORM]
+PositiveField = Annotated[
+    Positive | Keyed[Positive] | OverTime | FromSound, CURVE, within(ABOVE_0), CURVE_FORM
 ]
-WeightField = Annotated[ZeroToOne | Keyed[ZeroToOne] | OverTime, CURVE, within(FROM_0_TO_1), CURVE_FORM]
-PlaceField = Annotated[Triple | Keyed[Triple] | OverTimeTriple, CURVE, within(ANYWHERE), CURVE_FORM]
+NotNegativeField = Annotated[
+    NotNegative | Keyed[NotNegative] | OverTime | FromSound, CURVE, within(NOT_BELOW_0), CURVE_FORM
+]
+WeightField = Annotated[
+    ZeroToOne | Keyed[ZeroToOne] | OverTime | FromSound, CURVE, within(FROM_0_TO_1), CURVE_FORM
+]
+PlaceField = Annotated[
+    Triple | Keyed[Triple] | OverTimeTriple | FromSoundTriple, CURVE, within(ANYWHERE), CURVE_FORM
+]
 
 
-def number(parameter: float | Keyed[Any] | OverTime, clock: Clock, unit: float = 1.0) -> Number:
+def number(parameter: float | Keyed[Any] | OverTime | FromSound, clock: Clock, unit: float = 1.0) -> Number:
     """Return a parsed scalar as flows take it; `unit` converts the file's unit to the code's."""
-    if isinstance(parameter, Keyed | OverTime):
+    if isinstance(parameter, Keyed | OverTime | FromSound):
         return curve_of(parameter, clock, unit)
     return float(parameter) * unit
 
 
 def place(
-    parameter: list[float] | Keyed[Any] | OverTimeTriple, clock: Clock, unit: float = 1.0
+    parameter: list[float] | Keyed[Any] | OverTimeTriple | FromSoundTriple, clock: Clock, unit: float = 1.0
 ) -> VectorParameter:
     """Return a parsed vector as flows take it."""
-    if isinstance(parameter, Keyed | OverTimeTriple):
+    if isinstance(parameter, Keyed | OverTimeTriple | FromSoundTriple):
         return curve_of(parameter, clock, unit)
     x, y, z = vector(parameter)
     return unit * x, unit * y, unit * z
 
 
-def curve_of(value: Keyed[Any] | OverTime | OverTimeTriple, clock: Clock, unit: float = 1.0) -> Curve:
-    """Return keys or a formula as a curve; `unit` converts the file's unit to the code's."""
+def curve_of(value: Changing, clock: Clock, unit: float = 1.0) -> Curve:
+    """Return keys, a formula or a sound as a curve; `unit` converts the file's unit to the code's."""
     if isinstance(value, Keyed):
         return _keyframes(value, clock, unit)
+    if isinstance(value, FromSound | FromSoundTriple):
+        return value.curve(unit)
     texts = [value.formula] if isinstance(value, OverTime) else value.formula
     return FormulaCurve(tuple(texts), float(clock.rate.fps), clock.frames.first, unit)
 

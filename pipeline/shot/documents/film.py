@@ -7,6 +7,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from pipeline.shot.documents.fields import ByForm, Document, optional
 from pipeline.shot.documents.shot import Rate, require_range
+from pipeline.shot.documents.sound import SoundDocument
 from pipeline.shot.yaml.messages import number_in
 from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.synonyms import synonym
@@ -28,7 +29,6 @@ def _frame_count(value: Any) -> Any:
 
 
 DissolveFrames = Annotated[int, BeforeValidator(_frame_count), Field(ge=0, le=1000)]
-Seconds = Annotated[float, Field(ge=0, le=86400)]
 
 
 ClipFrames = Annotated[str, BeforeValidator(require_range)]
@@ -67,20 +67,6 @@ class CardDocument(Document):
     subtitle: str = Field("", description="words below them")
     seconds: Annotated[float, Field(gt=0, le=60)] = Field(2.0, description="its duration (s)")
     dissolve: DissolveFrames = Field(0, description="overlap with the entry before (frames)")
-
-
-class SoundDocument(Document):
-    """The sound of a film."""
-
-    example = "{file: music.wav}"
-
-    file: str = Field(description="beside this file: WAV, FLAC, or another format that FFmpeg reads")
-    start: Annotated[float, Field(ge=-86400, le=86400)] = Field(
-        0.0, description="when it begins in the film; a negative start cuts its beginning (s)"
-    )
-    gain: Annotated[float, Field(ge=-60, le=24)] = Field(0.0, description="louder above 0, softer below (dB)")
-    fade_in: Seconds = Field(0.0, description="duration of the fade at its beginning (s)")
-    fade_out: Seconds = Field(0.0, description="duration of the fade at its end or the film's (s)")
 
 
 _ENTRY = ByForm(lambda value: 0 if not isinstance(value, dict) else 2 if "card" in value else 1)

@@ -3,6 +3,7 @@
 Angles are degrees in the file and radians in the code.
 """
 
+import math
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Any, Self
 
@@ -15,7 +16,18 @@ from pipeline.resample import Curvature, DistanceToCamera, ThresholdFormula, Thr
 from pipeline.resample.sizing_field import FORMULA_NAMES
 from pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, Threshold
 from pipeline.shot.clock import Clock
-from pipeline.shot.documents.curves import Keyed, NotNegative, PlaceField, PositiveField, number, place
+from pipeline.shot.documents.curves import (
+    ABOVE_0,
+    NOT_BELOW_0,
+    Bounds,
+    Keyed,
+    NotNegative,
+    PlaceField,
+    PositiveField,
+    number,
+    place,
+    within,
+)
 from pipeline.shot.documents.fields import (
     DEGREE,
     MAPPING_IS_SECOND,
@@ -29,10 +41,12 @@ from pipeline.shot.documents.fields import (
     one_of,
     optional,
 )
+from pipeline.shot.documents.sound import FromSound
 from pipeline.shot.motion import Resampling
 from pipeline.shot.yaml.validation import bad_value
 
 HardAngle = Annotated[float, Field(gt=0, lt=180)]
+_ANGLES = Bounds(math.ulp(0.0), math.nextafter(180.0, 0.0), "above 0 and below 180")
 ThresholdText = Annotated[NumberOrText, formula_over(FORMULA_NAMES)]
 
 
@@ -137,11 +151,22 @@ class ActiveLengthDocument(Document):
         return self
 
 
-_FORM = ByForm(lambda value: 0 if not isinstance(value, dict) else 1 if "keys" in value else 2)
+def _form(value: Any) -> int:
+    """Return which member of a threshold's union a value is."""
+    return 0 if not isinstance(value, dict) else 1 if "keys" in value else 3 if "audio" in value else 2
 
-LengthField = Annotated[Positive | Keyed[Positive] | ActiveLengthDocument, _FORM]
-ShortestField = Annotated[NotNegative | Keyed[NotNegative] | ActiveLengthDocument, _FORM]
-HardAngleField = Annotated[HardAngle | Keyed[HardAngle] | ActiveAngleDocument, _FORM]
+
+_FORM = ByForm(_form)
+
+LengthField = Annotated[
+    Positive | Keyed[Positive] | ActiveLengthDocument | Annotated[FromSound, within(ABOVE_0)], _FORM
+]
+ShortestField = Annotated[
+    NotNegative | Keyed[NotNegative] | ActiveLengthDocument | Annotated[FromSound, within(NOT_BELOW_0)], _FORM
+]
+HardAngleField = Annotated[
+    HardAngle | Keyed[HardAngle] | ActiveAngleDocument | Annotated[FromSound, within(_ANGLES)], _FORM
+]
 
 
 class CreaseRegionDocument(Document):
@@ -221,7 +246,9 @@ class ResampleDocument(Document):
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
 
-def _length(value: float | Keyed[Any] | ActiveLengthDocument, clock: Clock, hard_angle: float) -> Threshold:
+def _length(
+    value: float | Keyed[Any] | ActiveLengthDocument | FromSound, clock: Clock, hard_angle: float
+) -> Threshold:
     """Return a parsed length; curvature takes edges beyond `hard_angle` as creases."""
     if not isinstance(value, ActiveLengthDocument):
         return _keyed(number(value, clock))
@@ -234,7 +261,7 @@ def _length(value: float | Keyed[Any] | ActiveLengthDocument, clock: Clock, hard
     return Curvature(float(sizes.tolerance), float(sizes.finest), float(sizes.coarsest), hard_angle)
 
 
-def _angle(value: float | Keyed[Any] | ActiveAngleDocument, clock: Clock) -> Threshold:
+def _angle(value: float | Keyed[Any] | ActiveAngleDocument | FromSound, clock: Clock) -> Threshold:
     if isinstance(value, ActiveAngleDocument):
         return ThresholdFormula(value.formula, unit=DEGREE)
     return _keyed(number(value, clock, DEGREE))

@@ -35,6 +35,7 @@ from pipeline.shot.documents.lights_and_stage import (
 from pipeline.shot.documents.look import LookDocument
 from pipeline.shot.documents.quality import QualitiesDocument
 from pipeline.shot.documents.resampling import ResampleDocument
+from pipeline.shot.documents.sound import SoundField
 from pipeline.shot.documents.subject import SubjectDocument
 from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.validation import ParseContext, as_finding, bad_value, finding
@@ -244,6 +245,9 @@ class ShotDocument(Document):
         "off", description="the light of emitters as layers: off, each, or groups of lights by name"
     )
     stage: StageField = Field("cyclorama", description="the ground below the subject, by name or spelt out")
+    sound: SoundField | None = optional(
+        "what is heard in movies; by default the sounds that values follow; off for none"
+    )
     shutter: ShutterDocument | None = optional("exposure of a frame in time: motion blur")
     aovs: AovsField = Field(default_factory=list, description="AOVs by name, or by name with half or float")
     layers: Layers | None = optional(
