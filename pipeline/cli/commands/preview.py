@@ -30,7 +30,7 @@ from pipeline.dailies.preview.staging import actions_of
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.production.request.lookup import find_shot
-from pipeline.production.request.model_notes import new_notes
+from pipeline.production.request.shot_notes import new_notes
 from pipeline.production.store.store import Store
 from render.base.plural import plural
 from render.graphics.burn_in import BurnIn

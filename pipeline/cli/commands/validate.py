@@ -92,6 +92,7 @@ def _check(name: str, settings: tuple[str, ...], first_frames: FirstFrames) -> _
     except FlowsculptError as error:
         check.add_error(error)
         return check
+    check.notes += [f"{name}: {line}" for line in shot.notes]
     check.notes += [flow.advice for flow in python_flows(shot.motion.flow)]
     try:
         check.first = first_frames.of(shot.motion)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from fractions import Fraction
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +12,7 @@ import numpy as np
 
 from pipeline.dailies.delivery.source import DeliverySource, FrameFormat, LabelledFrame, opaque
 from pipeline.errors import MachineError
-from pipeline.production.request.edit import AudioTrack
+from pipeline.production.request.audio import AudioClip, AudioTrack, samples_of
 from pipeline.production.stages import DELIVER
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.atomic_write import disk_errors
@@ -23,7 +22,7 @@ from render.movie.codecs import Encode
 from render.movie.encode import write_movie
 from render.movie.planes import Frame
 from render.movie.sequences import prefetch, timecode
-from render.movie.sound import Samples, blocks
+from render.movie.sound import Samples
 from render.post.colour import quantise
 
 SLATES = ("head", "apart")
@@ -121,18 +120,21 @@ class Delivery:
         return self._slate_frames if self.options.slate == "head" else 0
 
     @property
-    def _audio(self) -> AudioTrack | None:
-        return self.options.audio or (self.source.edit.audio if self.source.edit else None)
+    def _sounds(self) -> tuple[AudioClip, ...]:
+        """What is heard: a sound of its own, or those of the frames."""
+        if self.options.audio is None:
+            return self.source.sounds
+        return (AudioClip((self.options.audio,), 0, self.source.count),)
 
     def _key(self, encode: Encode, part: str) -> Key:
         """Return the key of a file: everything but its path."""
-        source, options, audio = self.source, self.options, self._audio
+        source, options = self.source, self.options
         facts = [list(fact) for fact in source.facts]
         return key_of(
             DELIVER.recipe,
             [part, options.slate, list(options.burn_in.fields) if options.burn_in else None],
             asdict(encode),
-            audio.content if audio and encode.container.audio_codec else None,
+            [clip.content for clip in self._sounds] or None if encode.container.audio_codec else None,
             [str(source.rate), list(source.size), source.start, source.count],
             [source.has_coverage, source.name],
             [source.title, source.subtitle, facts] if options.slate else None,
@@ -173,11 +175,8 @@ class Delivery:
 
     def _sound(self) -> Iterator[Samples] | None:
         """Return the sound under the frames and the slate before them."""
-        if self._audio is None:
-            return None
-        sound, rate = self._audio.sound(), self.source.rate.fps
-        start = sound.start + float(self._leader / rate)
-        return blocks(replace(sound, start=start), Fraction(self.source.count + self._leader) / rate)
+        clips = [clip.later(self._leader) for clip in self._sounds]
+        return samples_of(clips, self.source.count + self._leader, self.source.rate)
 
 
 def _counted(frames: Iterator[Frame], passed: Callable[[], None]) -> Iterator[Frame]:

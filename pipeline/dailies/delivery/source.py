@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pipeline.dailies.relighting.relit_frames import relit_version
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRange, FrameRate
+from pipeline.production.request.audio import AudioClip
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
@@ -165,7 +166,7 @@ class DeliverySource:
     content       plain data of everything that decides the frames
     lost          frames that cards stand for, shot by shot
     has_coverage  True if the subject's coverage is known in all of them
-    edit          of a film; None for a shot
+    sounds        what is heard while they play
     frames        reads the frames in a format
     poster        reads one of them, for the slate
     """
@@ -182,7 +183,7 @@ class DeliverySource:
     content: list[Any]
     lost: tuple[str, ...]
     has_coverage: bool
-    edit: Edit | None
+    sounds: tuple[AudioClip, ...]
     frames: Callable[[FrameFormat], Iterator[LabelledFrame]]
     poster: Callable[[FrameFormat], LabelledFrame]
 
@@ -213,7 +214,7 @@ def shot_source(
         content=reader.content(numbers),
         lost=lost,
         has_coverage=all(reader.has_coverage(n) for n in finished),
-        edit=None,
+        sounds=request.sounds,
         frames=lambda form: (reader.read(n, form) for n in numbers),
         poster=lambda form: reader.read(finished[len(finished) // 2], form),
     )
@@ -262,7 +263,7 @@ def film_source(
         content=[to_plain(edit.items), *(reader.content(reader.request.requested) for reader in readers)],
         lost=lost,
         has_coverage=all(reader.has_coverage(n) for reader, n in finished),
-        edit=edit,
+        sounds=edit.sounds,
         frames=frames,
         poster=lambda form: poster.read(number, form),
     )

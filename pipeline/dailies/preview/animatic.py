@@ -25,6 +25,7 @@ from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FrameError
 from pipeline.production.render_inputs.framing import AHEAD, Framer, Framing, frame_all, with_stage_in_view
 from pipeline.production.render_inputs.view_geometry import BoundingSpheres, Extent
+from pipeline.production.request.audio import samples_of
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Store
 from render.movie.codecs import PLAYBLAST
@@ -178,7 +179,8 @@ def write_playblast(
             tell("drawing", number)
 
     start = timecode(numbers[0], rate)
-    store.write(path, lambda draft: write_movie(draft, told(), rate, PLAYBLAST, start))
+    sound = samples_of(request.sounds, len(numbers), request.shot.rate)
+    store.write(path, lambda draft: write_movie(draft, told(), rate, PLAYBLAST, start, sound))
     return len(numbers)
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.errors import FlowsculptError, FrameError
+from pipeline.errors import FlowsculptError
 from pipeline.frames import FrameRate
+from pipeline.production.request.audio import AudioClip, AudioTrack, sound_of_frames
 from pipeline.production.request.crop_and_scale import movie_bits
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.shot_source import ShotSummary
@@ -18,7 +19,6 @@ from pipeline.production.stages import FILM
 from pipeline.production.store import paths
 from pipeline.production.store.store import Key, key_of
 from pipeline.shot.yaml.lookup import text_of
-from render.base.input_files import digest_of_file
 from render.base.serialise import from_plain, to_plain
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from pipeline.production.request.render_request import RenderRequest
     from pipeline.shot import Film
     from pipeline.shot.shot import Card, Clip
-    from render.movie.sound import Sound
 
 
 @dataclass(frozen=True)
@@ -46,49 +45,18 @@ class EditItem:
 
 
 @dataclass(frozen=True)
-class AudioTrack:
-    """The sound of a film: a file as it was when the film was planned, and how it lies in the film.
-
-    start    seconds into the film; below 0 its beginning is left out
-    gain     decibels
-    fade_in, fade_out  seconds
-    """
-
-    file: str
-    digest: str
-    start: float = 0.0
-    gain: float = 0.0
-    fade_in: float = 0.0
-    fade_out: float = 0.0
-
-    @property
-    def content(self) -> dict[str, Any]:
-        """All that decides the sound, which the place of the file does not."""
-        return {name: value for name, value in asdict(self).items() if name != "file"}
-
-    @property
-    def is_unchanged(self) -> bool:
-        path = Path(self.file)
-        return path.is_file() and digest_of_file(path) == self.digest
-
-    def sound(self) -> Sound:
-        """Return the sound. Raises FrameError where the file was changed."""
-        from render.movie.sound import Sound
-
-        path = Path(self.file)
-        if not self.is_unchanged:
-            raise FrameError(f"{path} was changed while the film was made; run again")
-        return Sound(path, self.start, self.gain, self.fade_in, self.fade_out)
-
-
-@dataclass(frozen=True)
 class Edit:
-    """Name, items, rate and sound of a film; the shots of its clips are the plan's, in order."""
+    """Name, items, rate and sound of a film; the shots of its clips are the plan's, in order.
+
+    audio  the film's own sound, in place of those of its shots
+    clips  the sounds of its shots, if it has none of its own
+    """
 
     name: str
     items: tuple[EditItem, ...]
     rate: str
     audio: AudioTrack | None = None
+    clips: tuple[AudioClip, ...] = ()
 
     @classmethod
     def of(cls, film: Film, name: str) -> Edit:
@@ -107,9 +75,26 @@ class Edit:
         title = Card(film.title, film.subtitle, film.title_seconds if film.title else 0.0)
         credits = Card(first, " · ".join(others), film.credits_seconds if film.credits else 0.0)
         items = [item(entry) for entry in (title, *film.entries, credits)]
-        sound = film.sound
-        audio = None if sound is None else AudioTrack(**{**vars(sound), "file": str(sound.file)})
-        return cls(name, tuple(item for item in items if item.frames), str(film.rate), audio)
+        audio = None if film.sound is None else AudioTrack.of(film.sound)
+        edit = cls(name, tuple(item for item in items if item.frames), str(film.rate), audio)
+        return edit if audio else replace(edit, clips=tuple(edit._sounds_of_shots(film)))
+
+    def _sounds_of_shots(self, film: Film) -> Iterator[AudioClip]:
+        """Yield the sounds of the film's clips where they stand, with their dissolves."""
+        first = 0
+        for item, after in zip(self.items, (*self.items[1:], None), strict=True):
+            first -= item.dissolve
+            if item.clip is not None:
+                clip = film.clips[item.clip]
+                tracks, frames = tuple(map(AudioTrack.of, clip.shot.sounds)), clip.frames.numbers
+                for sound in sound_of_frames(tracks, clip.shot.frames.numbers, frames, first):
+                    yield replace(sound, rise=item.dissolve, fall=after.dissolve if after else 0)
+            first += item.frames
+
+    @property
+    def sounds(self) -> tuple[AudioClip, ...]:
+        """All that is heard: its own sound, or those of its shots."""
+        return self.clips if self.audio is None else (AudioClip((self.audio,), 0, self.length),)
 
     @property
     def frame_rate(self) -> FrameRate:
@@ -127,7 +112,9 @@ class Edit:
         """Return the key of the film's movie, whatever its name, by `keys` of its clips' frames."""
         frames = [known[n].frame for clip, known in zip(requests, keys, strict=True) for n in clip.requested]
         shown_as = [request.shown_as for request in requests]
-        audio = None if self.audio is None else self.audio.content
+        audio: Any = None if self.audio is None else self.audio.content
+        if self.clips:
+            audio = [clip.content for clip in self.clips]
         bits = movie_bits(requests[0].quality_name)
         return key_of(FILM.recipe, to_plain(self.items), self.rate, audio, frames, shown_as, bits)
 
@@ -137,24 +124,30 @@ class ResolvedEdit:
     """An edit with its shots looked up.
 
     clips  for each clip the path of its shot file and the frames that it shows
-    shots  for each clip the frames and the rate of its shot: all that an edit needs of it
+    shots  for each clip the frames, the rate and the sounds of its shot: all that an edit needs of it
     """
 
     edit: Edit
     clips: tuple[tuple[Path, tuple[int, ...]], ...]
-    shots: tuple[tuple[tuple[int, ...], str], ...]
+    shots: tuple[tuple[tuple[int, ...], str, tuple[AudioTrack, ...]], ...]
 
     @classmethod
     def of(cls, film: Film, name: str) -> ResolvedEdit:
         clips = [(clip.shot.path, clip.frames.numbers) for clip in film.clips]
-        shots = [(clip.shot.frames.numbers, str(clip.shot.rate)) for clip in film.clips]
+        shots = [
+            (shot.frames.numbers, str(shot.rate), tuple(map(AudioTrack.of, shot.sounds)))
+            for shot in film.shots
+        ]
         absolute = tuple((path.absolute(), frames) for path, frames in clips if path is not None)
         return cls(Edit.of(film, name), absolute, tuple(shots))
 
     def is_current(self, summary_of: Callable[[Path], ShotSummary]) -> bool:
         """Tell whether shots and sound are as they were. Raises what reading a shot raises."""
         summaries = (summary_of(path) for path, _ in self.clips)
-        same = all((s.frames, s.rate) == shot for s, shot in zip(summaries, self.shots, strict=True))
+        same = all(
+            (summary.frames, summary.rate, summary.sounds) == shot
+            for summary, shot in zip(summaries, self.shots, strict=True)
+        )
         return same and (self.edit.audio is None or self.edit.audio.is_unchanged)
 
 

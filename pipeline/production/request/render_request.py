@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.frames import FrameRange
+from pipeline.production.request.audio import AudioClip, sound_of_frames
 from pipeline.production.request.crop_and_scale import base_of, movie_bits, quality_named
 from pipeline.production.request.keys import CameraFile, PictureKeys, appearance, cameras_key
 from pipeline.production.request.planning_cache import PlanningCache
@@ -328,6 +329,14 @@ class RenderRequest:
     def still_key(self, form: str, frame: Key) -> Key:
         return key_of(STAGES[form].recipe, frame, self.shown_as)
 
+    @property
+    def sounds(self) -> tuple[AudioClip, ...]:
+        """The sound of its movie; turntables have none."""
+        if self.turntable is not None:
+            return ()
+        return sound_of_frames(self.source.summary.sounds, sorted(self.angles), sorted(self.requested))
+
     def movie_key(self, frames: list[Key]) -> Key:
         rate, bits = self.source.summary.rate, movie_bits(self.quality_name)
-        return key_of(ASSEMBLE.recipe, frames, rate, self.shown_as, bits)
+        sounds = [[sound.content for sound in self.sounds]] if self.sounds else []
+        return key_of(ASSEMBLE.recipe, frames, rate, self.shown_as, bits, *sounds)

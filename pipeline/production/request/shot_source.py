@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FlowsculptError, MissingInputError, UsageError
+from pipeline.production.request.audio import AudioTrack
 from pipeline.production.request.planning_cache import NO_CACHE, PlanningCache
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Key, key_of
@@ -33,6 +34,7 @@ class ShotSummary:
     listings         folders of these files, and digests of the names in them: a name with * may match more
     runs_python      True if its flows are Python files of the user's
     rate, shown_as   frames per second; the display transform, plain data
+    sounds           what is heard while it plays
     meshes, normals  keys by frame
     """
 
@@ -42,6 +44,7 @@ class ShotSummary:
     frames: tuple[int, ...]
     rate: str
     shown_as: Mapping[str, Any]
+    sounds: tuple[AudioTrack, ...]
     meshes: Mapping[int, Key]
     normals: Mapping[int, Key]
 
@@ -58,6 +61,7 @@ class ShotSummary:
             frames=shot.frames.numbers,
             rate=str(shot.rate),
             shown_as=shot.picture.display_data(),
+            sounds=tuple(map(AudioTrack.of, shot.sounds)),
             meshes=meshes,
             normals=normals_keys(shot, meshes),
         )

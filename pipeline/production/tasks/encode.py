@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.frames import FrameRate
+from pipeline.production.request.audio import AudioClip, samples_of
 from pipeline.production.request.crop_and_scale import movie_bits
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.keys import PictureKeys
@@ -21,7 +22,6 @@ from render.movie.codecs import movie_encode
 from render.movie.encode import write_movie
 from render.movie.planes import Frame
 from render.movie.sequences import ClipFrames, dissolve, mix_frames, prefetch
-from render.movie.sound import Samples, blocks
 from render.post.colour import quantise, to_display
 from render.post.image import write_jpeg, write_png
 
@@ -34,7 +34,8 @@ def assemble(context: Context) -> bool:
     keys, numbers = context.picture_keys(request), sorted(request.requested)
     key = request.movie_key([keys[n].frame for n in numbers])
     rate = FrameRate.of(request.source.summary.rate)
-    return _movie(context, key, request.movie_path, _shown(context, request, keys, numbers), rate)
+    frames = _shown(context, request, keys, numbers)
+    return _movie(context, key, request.movie_path, frames, rate, (request.sounds, len(numbers)))
 
 
 def film(context: Context) -> bool:
@@ -50,9 +51,8 @@ def film(context: Context) -> bool:
 
     size = first.quality.width, first.quality.height
     frames = dissolve(list(cut_together(edit, size, shown, lambda frame: frame)), mix_frames)
-    sound = None if edit.audio is None else blocks(edit.audio.sound(), edit.length / rate.fps)
     target = edit.path(first.quality_name)
-    return _movie(context, edit.key(requests, keys), target, frames, rate, sound)
+    return _movie(context, edit.key(requests, keys), target, frames, rate, (edit.sounds, edit.length))
 
 
 def _movie(
@@ -61,12 +61,17 @@ def _movie(
     target: Path,
     frames: Iterator[Frame],
     rate: FrameRate,
-    sound: Iterator[Samples] | None = None,
+    sounds: tuple[Sequence[AudioClip], int],
 ) -> bool:
+    """Write a movie with its sounds, which come with the number of its frames."""
     reported = _reported(context, prefetch(frames))
     encode = movie_encode(movie_bits(context.request.quality_name))
+
+    def write(path: Path) -> None:
+        write_movie(path, reported, rate.fps, encode, sound=samples_of(*sounds, rate))
+
     try:
-        context.make("movie", key, target, lambda p: write_movie(p, reported, rate.fps, encode, sound=sound))
+        context.make("movie", key, target, write)
     except FlowsculptError as error:
         context.fail(error)
         return False

@@ -23,7 +23,7 @@ from pipeline.production.render_inputs.shading import Shading, radii
 from pipeline.production.render_inputs.view_geometry import BoundingSpheres, rotate_y
 from pipeline.production.request.framing_inputs import note_framing
 from pipeline.production.request.keys import thresholds_at
-from pipeline.production.request.model_notes import new_notes
+from pipeline.production.request.shot_notes import new_notes
 from pipeline.production.store import readers
 from pipeline.production.store.readers import write_npz
 from pipeline.production.tasks.job import Context

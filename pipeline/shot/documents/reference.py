@@ -132,14 +132,14 @@ def _describe_flows(properties: Schema, definitions: Schema) -> None:
 def _extracted_needs(value: Schema, definitions: Schema) -> Schema:
     """Remove the needs of the documents that a name can hold, for those may inherit; return them.
 
-    Keys and formulas keep theirs: they replace others as a whole.
+    Keys, formulas and sounds keep theirs: they replace others as a whole.
     """
     forms = [definitions[_name(form["$ref"])] for form in value.get("anyOf", [value]) if "$ref" in form]
     needs = [
         {word: form.pop(word)}
         for form in forms
         for word in ("required", "oneOf")
-        if word in form and not {"keys", "formula"} & set(form.get("required", ()))
+        if word in form and not {"keys", "formula", "audio"} & set(form.get("required", ()))
     ]
     return {"if": {"type": "object"}, "then": {"anyOf": needs}} if needs else {}
 

@@ -1,4 +1,4 @@
-"""Notes on the model of a shot, each told once: what was repaired in its file, and a place far away."""
+"""Notes on the model and the sounds of a shot, each told once: what was repaired, and where a sound ends."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ if TYPE_CHECKING:
 
 
 def new_notes(request: RenderRequest) -> Sequence[str]:
-    """Return the notes on a model that this process read, unless its content has had the same before."""
-    notes, cache = request.shot.motion.subject.notes, request.source.cache
-    told_of = "notes on a model", request.source.summary.inputs, notes
+    """Return the notes on the files of a shot, unless the same contents have had the same notes before."""
+    shot, cache = request.shot, request.source.cache
+    notes = (*shot.motion.subject.notes, *shot.notes)
+    told_of = "notes on files", request.source.summary.inputs, notes
     if not notes or cache.get(*told_of):
         return ()
     if cache.root is not None:

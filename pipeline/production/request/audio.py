@@ -1,0 +1,125 @@
+"""The sound of movies: files as they were when the work was planned, and where they are heard."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.errors import FrameError
+from pipeline.frames import FrameRate
+from render.base.input_files import digest_of_file
+
+if TYPE_CHECKING:
+    from pipeline.shot.shot import SoundTrack
+    from render.movie.mix import Segment
+    from render.movie.sound import Samples, Sound
+
+
+@dataclass(frozen=True)
+class AudioTrack:
+    """The sound of a shot or a film: a file as it was when the work was planned, and its place.
+
+    start    seconds into the shot or film; below 0 its beginning is left out
+    gain     decibels
+    fade_in, fade_out  seconds
+    """
+
+    file: str
+    digest: str
+    start: float = 0.0
+    gain: float = 0.0
+    fade_in: float = 0.0
+    fade_out: float = 0.0
+
+    @classmethod
+    def of(cls, track: SoundTrack) -> AudioTrack:
+        return cls(**{**vars(track), "file": str(track.file)})
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """All that decides the sound, which the place of the file does not."""
+        return {name: value for name, value in asdict(self).items() if name != "file"}
+
+    @property
+    def is_unchanged(self) -> bool:
+        path = Path(self.file)
+        return path.is_file() and digest_of_file(path) == self.digest
+
+    def sound(self) -> Sound:
+        """Return the sound. Raises FrameError where the file was changed."""
+        from render.movie.sound import Sound
+
+        path = Path(self.file)
+        if not self.is_unchanged:
+            raise FrameError(f"{path} was changed while the film was made; run again")
+        return Sound(path, self.start, self.gain, self.fade_in, self.fade_out)
+
+
+@dataclass(frozen=True)
+class AudioClip:
+    """Sounds under a run of frames of a movie.
+
+    tracks     their starts count from the first frame of the shot, or of the film
+    first      frames of the movie before the run
+    frames     the length of the run
+    skipped    frames of the shot before those in the run
+    rise, fall  frames over which it comes and goes: dissolves
+    """
+
+    tracks: tuple[AudioTrack, ...]
+    first: int
+    frames: int
+    skipped: int = 0
+    rise: int = 0
+    fall: int = 0
+
+    @property
+    def content(self) -> list[Any]:
+        """All that decides the sound, plain data."""
+        tracks = [track.content for track in self.tracks]
+        return [tracks, self.first, self.frames, self.skipped, self.rise, self.fall]
+
+    def later(self, frames: int) -> AudioClip:
+        """Return the clip so many frames later."""
+        return replace(self, first=self.first + frames)
+
+    def segment(self, rate: FrameRate) -> Segment:
+        """Return what is mixed. Raises FrameError where a file was changed."""
+        from render.movie.mix import Segment
+
+        skipped = float(self.skipped / rate.fps)
+        sounds = [track.sound() for track in self.tracks]
+        moved = tuple(replace(sound, start=sound.start - skipped) for sound in sounds)
+        first, frames, rise, fall = (
+            Fraction(count) / rate.fps for count in (self.first, self.frames, self.rise, self.fall)
+        )
+        return Segment(moved, first, frames, rise, fall)
+
+
+def sound_of_frames(
+    tracks: tuple[AudioTrack, ...], shot: Sequence[int], shown: Sequence[int], first: int = 0
+) -> tuple[AudioClip, ...]:
+    """Return the sound of frames of a shot that are shown one after another; none if they skip or turn back.
+
+    shot   all frames of the shot, ascending
+    shown  those in the movie
+    first  frames of the movie before them
+    """
+    if not tracks or list(shown) != list(range(shown[0], shown[0] + len(shown))):
+        return ()
+    return (AudioClip(tracks, first, len(shown), skipped=shown[0] - shot[0]),)
+
+
+def samples_of(clips: Sequence[AudioClip], frames: int, rate: FrameRate) -> Iterator[Samples] | None:
+    """Return the sound under a movie of so many frames, in blocks; None without clips.
+
+    Raises FrameError where a file was changed, and as `render.movie.sound.require_sound` does.
+    """
+    if not clips:
+        return None
+    from render.movie.mix import mixed
+
+    return mixed([clip.segment(rate) for clip in clips], Fraction(frames) / rate.fps)
