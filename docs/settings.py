@@ -35,8 +35,8 @@ FILM = """
 
 `shots/film.yaml`, and others beside it: the shots of a film in their order."""
 
-OVER_TIME = ("Keyed", "Key", "OverTime")
-_OVER_TIME = re.compile(r"Keyed\d*|OverTime|OverTimeTriple|Key\d+")
+OVER_TIME = ("Keyed", "Key", "OverTime", "FromSound", "FromSoundTriple")
+_OVER_TIME = re.compile(r"Keyed\d*|OverTime|OverTimeTriple|FromSound|FromSoundTriple|Key\d+")
 """Definitions that differ in the bounds of their values alone; those of OVER_TIME are written out."""
 
 LIMITS = {-1e12, 1e12, 1e11, 1e-9}
@@ -133,7 +133,11 @@ def page() -> str:
     for name in OVER_TIME:
         lines += sections.section(f"### {title(name)}", sections.definitions[name])
     clips = SchemaPage(film)
-    return "\n".join([*lines, FILM, *clips.section("### Film", film), *clips.named_sections()]) + "\n"
+    film_sections = [
+        *clips.section("### Film", film),
+        *clips.named_sections(frozenset({"Sound"})),
+    ]  # a shot's
+    return "\n".join([*lines, FILM, *film_sections]) + "\n"
 
 
 def _flow(sections: SchemaPage, name: str, entry: Schema) -> Iterator[str]:
@@ -175,7 +179,8 @@ def _plain(number: float) -> str:
 def _default(value: Any) -> str:
     if value in (None, "", []) or isinstance(value, dict):
         return ""
-    return f"`{value if isinstance(value, str) else json.dumps(value).replace('.0', '')}`"
+    text = value if isinstance(value, str) else re.sub(r"\.0(?!\d)", "", json.dumps(value))
+    return f"`{text}`"
 
 
 def title(name: str) -> str:

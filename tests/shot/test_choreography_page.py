@@ -13,14 +13,15 @@ from pipeline.shot import read_shot
 from pipeline.shot.documents.flows import FlowDocument
 from pipeline.shot.documents.regions import SHAPES
 
-PAGE = (Path(__file__).parents[2] / "docs" / "choreography.md").read_text(encoding="utf-8")
+PROJECT = Path(__file__).parents[2]
+PAGE = (PROJECT / "docs" / "choreography.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
 HEAD = "title: Page\nframes: 1-96\nsubject: {solid: box}\nresample: {max_edge_length: 0.25}\n"
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=range(len(EXAMPLES)))
 def test_an_example_of_the_page_is_a_good_shot(example: str) -> None:
-    motion = read_shot("page.yaml", HEAD + example).motion
+    motion = read_shot(PROJECT / "shots" / "page.yaml", HEAD + example).motion
     assert all(motion.step_data(number) for number in (2, 50, 96))
 
 
