@@ -89,6 +89,7 @@ class ReviewPage:
             "notes": as_data(self.notes)["notes"],
             "shots": shots,
             "sequences": sequences,
+            "sources": self._sources,
             "wedges": self._wedges(),
             "three": "three.js" if three_js else None,
             "hint": "" if three_js else view_3d.HINT,
@@ -146,6 +147,7 @@ class ReviewPage:
             "label": sequence.label,
             "quality": sequence.quality,
             "note": sequence.note,
+            "source": None if sequence.shot_text is None else self._sources.index(sequence.shot_text),
             "size": list(proxies.size),
             "numbers": list(sequence.numbers),
             "files": [proxies.files.get(number) for number in sequence.numbers],
@@ -171,6 +173,11 @@ class ReviewPage:
             if parts and n in proxies.files
         }
         return {stage: frames for stage, frames in seconds.items() if frames}
+
+    @cached_property
+    def _sources(self) -> list[str]:
+        """The texts of shot files, each once."""
+        return list(dict.fromkeys(each.shot_text for each in self.sequences if each.shot_text is not None))
 
     @cached_property
     def _latest(self) -> LatestTimings:

@@ -17,6 +17,7 @@ from pipeline.production.planning.timings import render_seconds
 from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.stages import STAGES
 from pipeline.production.store.history import History
 from pipeline.production.store.paths import Folders, published
@@ -74,6 +75,7 @@ class PictureSequence:
     seconds   seconds of rendering by frame and part, where they are known
     note      the note of a published version
     raws      rendered frames, whose AOVs the finished ones do not have, where they are there
+    source    the shot file that it is rendered from, and what it rests on
     """
 
     shot: str
@@ -88,6 +90,7 @@ class PictureSequence:
     seconds: Mapping[int, Mapping[str, float]]
     note: str = ""
     raws: Mapping[int, Path] = field(default_factory=dict)
+    source: ShotSource | None = None
 
     @cached_property
     def pictures(self) -> Mapping[int, PictureFile]:
@@ -98,6 +101,15 @@ class PictureSequence:
                 header = read_header(path)
                 pictures[number] = PictureFile(path, str(header["key"]), header)
         return pictures
+
+    @property
+    def shot_text(self) -> str | None:
+        """The quality, the settings and the shot files in one text, by which sequences are compared."""
+        if self.source is None:
+            return None
+        head = [f"# quality {self.quality}", *(f"# --set {setting}" for setting in self.source.settings)]
+        files = [(self.source.path.name, self.source.text), *sorted(self.source.beside)]
+        return "\n".join([*head, *(f"# {Path(name).name}\n{text.rstrip()}" for name, text in files)])
 
     def states(self) -> dict[int, tuple[str, str]]:
         """Return by frame the state and the reason of frames that are missing, failed or stale."""
@@ -193,6 +205,7 @@ class Search:
             display=_display(request),
             faults=stale,
             seconds={},
+            source=request.source,
         )
 
     def _sequence(self, request: RenderRequest, kind: str, label: str) -> PictureSequence:
@@ -214,6 +227,7 @@ class Search:
             faults=faults,
             seconds=render_seconds(request, self.project.root),
             raws={n: self.project.root / request.place("raw", n) for n in request.angles},
+            source=request.source,
         )
 
     def _versions(self, name: str) -> Iterator[PictureSequence]:
@@ -232,6 +246,7 @@ class Search:
                     faults={},
                     seconds={number: frame.seconds for number, frame in record.frames.items()},
                     note=record.note,
+                    source=record.source,
                 )
 
     def _display_of(self, record: Provenance) -> PictureDisplay:

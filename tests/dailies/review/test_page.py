@@ -229,3 +229,25 @@ def test_axe_finds_nothing_serious(opened: Opened) -> None:
     for keys in (["w"], ["n", "d"], ["m"], ["g"], ["?"]):
         look.press(*keys)
         assert look.findings() == [], keys
+
+
+def test_the_differences_of_shot_files_stand_beside_the_picture(opened: Opened) -> None:
+    look = opened(a="T010_tiny · look chrome · draft", b="T010_tiny · look glaze · draft", frame=2)
+    look.press("Shift+D")
+    assert look.tab.locator("#panel-shot .less").all_inner_texts() == ["−# --set look=chrome"]
+    assert look.tab.locator("#panel-shot .more").all_inner_texts() == ["+# --set look=glaze"]
+    assert "2 lines differ" in look.tab.inner_text("#panel-shot") and look.findings() == []
+    look.tab.select_option("#choose-b", label="draft")
+    assert look.tab.locator("#panel-shot .more").count() == 0
+    look.tab.select_option("#choose-a", label="draft")
+    assert "resample: {max_edge_length: 0.5}" in look.tab.inner_text("#panel-shot")
+
+
+def test_differing_lines_are_the_fewest_that_tell_two_texts_apart(opened: Opened) -> None:
+    look = opened()
+    cases = [("abcd", "abxd"), ("", "ab"), ("abcabba", "cbabac"), ("same", "same"), ("x", "")]
+    for one, other in cases:
+        lines = look.ask("([a, b]) => differences([...a], [...b])", [one, other])
+        assert "".join(line for sign, line in lines if sign != "+") == one
+        assert "".join(line for sign, line in lines if sign != "−") == other
+    assert len(look.ask("differences([...'abcabba'], [...'cbabac']).filter(([sign]) => sign !== ' ')")) == 5

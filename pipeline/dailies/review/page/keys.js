@@ -116,6 +116,7 @@ const KEYS = [
     ["", "", (r) => r.showTab("measures"), ["p"]],
     ["", "", (r) => r.showTab("facts"), ["n"]],
     ["", "", (r) => r.showTab("mesh"), ["m"]],
+    ["Shift D", "Shot file, and how that of B differs", (r) => r.showTab("shot"), ["D"]],
     ["E", "Triangles of the mesh", (r) => r.panels.mesh.setLines(!r.panels.mesh.lines), ["e"]],
     ["C", "The shot's camera in the mesh view", (r) => r.panels.mesh.follow(), ["c"]],
     ["?", "These keys", (r) => r.help(), ["?"]],
@@ -162,5 +163,5 @@ function showHelp() {
   const close = toggle("Close", "Close (Esc)", () => dialog.close());
   dialog.append(close);
   dialog.showModal();
-  close.focus();
+  close.focus({ preventScroll: true });
 }

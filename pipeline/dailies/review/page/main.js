@@ -25,6 +25,7 @@ class Review {
       notes: new NotesPanel(id("panel-notes"), this),
       measures: new MeasuresPanel(id("panel-measures"), this),
       facts: new FactsPanel(id("panel-facts"), this),
+      shot: new ShotPanel(id("panel-shot"), this, data.sources),
       mesh: new MeshPanel(id("panel-mesh"), this, data.three, data.hint),
     };
     this.viewing = new Viewing(id("viewing"), this);
