@@ -7,13 +7,14 @@ that see the root, or share a remote store. They take no lock on the shot: each 
 from __future__ import annotations
 
 import os
+import platform
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import MachineError, MissingInputError, UsageError, suggestion
 from pipeline.frames import FrameRange
-from pipeline.production.planning.plan import Job, Plan
+from pipeline.production.planning.plan import Job, Plan, versions_here
 from pipeline.production.store.remote_url import store_url
 from pipeline.production.store.store import Store
 from pipeline.production.store.uploads import upload_missed
@@ -60,17 +61,35 @@ def do(
     part     the part to do of the frames that the tasks name
 
     Raises MissingInputError where the root or the plan is not there, UsageError for a file that is no plan
-    and for a task that is not in it, MachineError where the remote store does not take what was made.
+    and for a task that is not in it, MachineError where this worker has other versions of packages than the
+    machine that planned, or the remote store does not take what was made.
     """
     from pipeline.production.tasks.worker import main
 
     plan_file = plan_file.absolute()
-    jobs = list(_jobs(_plan(plan_file), plan_file, tasks, part))
+    plan = _plan(plan_file)
+    jobs = list(_jobs(plan, plan_file, tasks, part))
+    _require_versions(plan)
     _enter(root)
     codes = (main(str(plan_file), job, insist=True, threads=threads) for job in jobs)
     code = next(filter(None, codes), 0)
     _upload_rest(root)
     return code
+
+
+def _require_versions(plan: Plan) -> None:
+    """Raise MachineError where this worker would give its files other keys than the machine that planned."""
+    here = versions_here()
+    others = [
+        f"{name} {here[name]} (planned with {version})"
+        for name, version in plan.versions.items()
+        if here.get(name, version) != version
+    ]
+    if others:
+        raise MachineError(
+            f"{platform.node()} has {', '.join(others)}: where it was planned, what it makes would count as "
+            "missing. Install the same version of flowsculpt and its packages on both, from requirements.lock"
+        )
 
 
 def _upload_rest(root: Path) -> None:

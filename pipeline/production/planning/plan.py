@@ -104,6 +104,7 @@ class Plan:
     force     stages whose jobs ignore stored results and replace them
     farm      whether jobs run on a farm's nodes
     host      the machine that made the plan
+    versions  those that keys hold, of stages and packages, where the plan was made
     """
 
     requests: tuple[RenderRequest, ...]
@@ -120,6 +121,7 @@ class Plan:
     farm: bool = False
     name: str = field(default_factory=lambda: f"{time.strftime(TIME_FORMAT)}-{os.getpid()}")
     host: str = field(default_factory=platform.node)
+    versions: Mapping[str, str] = field(default_factory=lambda: versions_here())
 
     def named_last(self, root: Path) -> Plan:
         """Return the plan under a name after those of all runs under `root`, whatever the clock was set to.
@@ -248,6 +250,16 @@ class Plan:
     def frame_counts(self) -> Counter[str]:
         """Return how many frames the jobs of each stage make."""
         return Counter(job.stage for job in self.jobs for _ in job.frames)
+
+
+def versions_here() -> dict[str, str]:
+    """Return the versions that keys hold: of stages, as `render's results`, and of packages by name."""
+    return {
+        f"{stage.name}'s results" if part == "version" else part: str(value)
+        for stage in STAGES.values()
+        for part, value in stage.recipe.items()
+        if part != "stage"
+    }
 
 
 def done_file(stage: str, shot: str, quality: str, frames: Sequence[int], key: str) -> str:

@@ -4,10 +4,14 @@ import json
 import platform
 import subprocess
 import sys
+from dataclasses import replace
+from importlib.metadata import version
 
 import pytest
 
+from pipeline.production.execution.project import Project
 from render.mitsuba.engine import works
+from tests.conftest import commanded
 
 NAME = "T010_tiny"
 QUALITY = "draft.scale10"
@@ -39,10 +43,19 @@ def test_a_worker_without_the_variant_of_the_plan_ends_with_the_environments_exi
     assert written.code == 0 and written.err == ""  # the machine that plans needs no GPU
     if works("cuda_ad_rgb"):
         pytest.skip("this machine has a GPU")
-    assert project.run("task", "plan.json", "simulate", "smooth_normals", "frame_camera").code == 0
     done = project.run("task", "plan.json", "render:1-2")
     assert done.code == 4 and done.err.count("\n") == 1
     assert f"{platform.node()} cannot render with cuda_ad_rgb, the variant of this plan" in done.err
+
+
+def test_a_worker_with_other_packages_is_refused_before_it_makes_what_counts_as_missing(project, monkeypatch):
+    monkeypatch.chdir(project.path)
+    plan = Project(project.path, 1).whole([NAME], QUALITY)
+    assert plan.versions["numba"] == version("numba")
+    replace(plan, versions={**plan.versions, "numba": "0.1"}).write(project.path / "plan.json")
+    code, said = commanded(project.path, "task", "plan.json", "simulate")
+    assert code == 4 and f"has numba {version('numba')} (planned with 0.1)" in said
+    assert not (project.path / "renders").exists()
 
 
 @pytest.mark.parametrize(
