@@ -15,6 +15,8 @@ COMMANDS = {
     "ls": "status",
     "check": "validate",
     "lint": "validate",
+    "annotate": "review",
+    "comments": "notes",
     "create": "new",
     "init": "new --show",
     "encode": "deliver",

@@ -42,7 +42,7 @@ def notes(
     live = sorted((note for note in found if not note.deleted), key=lambda note: (note.sequence, note.first))
     listing = table("sequence", "frames", "status", "by", "time (UTC)", "note")
     for note in live:
-        listing.add_row(*(word.replace("[", r"\[") for word in _row(note)))
+        listing.add_row(*(readable(word).replace("[", r"\[") for word in _row(note)))
     words = (
         listing if live else f"{name} has no notes; flowsculpt review {name} writes the page to take them."
     )
@@ -56,7 +56,7 @@ def notes(
 def _row(note: ReviewNote) -> tuple[str, ...]:
     frames = str(note.first) if note.first == note.last else f"{note.first}-{note.last}"
     drawn = [f"({plural(len(note.drawings), 'stroke')})"] if note.drawings else []
-    words = " ".join([*map(readable, note.text.split("\n")), *drawn])
+    words = " ".join([*note.text.split("\n"), *drawn])
     writers = dict.fromkeys(each.author or "–" for each in ((note.history or (note,))[0], note))
     when = note.modified[:16].replace("T", " ")
     return note.sequence, frames, note.status, ", ".join(writers), when, words

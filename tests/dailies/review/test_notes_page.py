@@ -13,6 +13,7 @@ import opentimelineio
 import pytest
 from hypothesis import given, settings
 from playwright.sync_api import Browser
+from pydantic import ValidationError
 
 from pipeline.production.versions.review_notes import NotesDocument, as_data, merged, read_notes
 from tests.dailies.review.chromium import wait_for
@@ -197,6 +198,48 @@ def test_the_page_merges_as_python_does(opened: Opened, page: Callable[..., Path
     for (one, two), theirs in zip(cases, found, strict=True):
         both = (NotesDocument.model_validate_json(json.dumps(document(*part))).notes for part in (one, two))
         assert theirs == as_data(merged(*both))["notes"]
+
+
+ODD = [
+    None,
+    True,
+    -1,
+    0,
+    10**7,
+    "",
+    "x" * 20_001,
+    "#FFB000",
+    "3",
+    "a\nb",
+    "\x7f",
+    "𝛼" * 400,
+    [],
+    [1],
+    {},
+    TIMES[0],
+]
+
+
+def test_the_page_takes_the_files_that_python_takes_and_no_others(
+    opened: Opened, page: Callable[..., Path]
+) -> None:
+    cases = [note(**{name: odd}) for name in note() for odd in ODD]
+    cases += [note(drawings=[stroke(**{name: odd})]) for name in stroke() for odd in ODD]
+    cases += [note(history=[revision(**{name: odd})]) for name in revision() for odd in ODD]
+    texts = [json.dumps(document(case)) for case in cases]
+    ours = []
+    for text in texts:
+        try:
+            ours.append(len(NotesDocument.model_validate_json(text).notes) == 1)
+        except ValidationError:
+            ours.append(False)
+    theirs = opened(page()).ask(
+        "(texts) => texts.map((text) => "
+        "{ try { return notesIn(text).length === 1; } catch { return false; } })",
+        texts,
+    )
+    assert [case for case, one, other in zip(cases, ours, theirs, strict=True) if one != other] == []
+    assert 20 < sum(ours) < len(ours) - 200
 
 
 def test_a_note_on_a_picture_is_shown_with_all_its_sequences(

@@ -148,7 +148,7 @@ class Drawing {
     add("erase", "Erase this frame's drawing (Backspace)", () => this.erase());
     this.onion = add("onion", "Onion skin: drawings of the frames before and after (Y)", () => review.toggleOnion());
     this.#gap();
-    add("close", "End drawing (B)", () => this.toggle(false));
+    add("close", "End drawing (B or Esc)", () => this.toggle(false));
   }
 
   #setInk(ink) {

@@ -58,6 +58,7 @@ const KEYS = [
     ["", "", (r) => r.panels.notes.setStatus("change"), ["8"]],
     ["", "", (r) => r.panels.notes.setStatus("approved"), ["9"]],
     ["B", "Draw; also 3 pen, 4 arrow, 5 rectangle, 6 text", (r) => r.drawing.toggle(), ["b"]],
+    ["", "", (r) => r.drawing.toggle(false), ["Escape"]],
     ["", "", (r) => r.drawing.setTool("pen"), ["3"]],
     ["", "", (r) => r.drawing.setTool("arrow"), ["4"]],
     ["", "", (r) => r.drawing.setTool("rectangle"), ["5"]],

@@ -1,7 +1,7 @@
 "use strict";
 // Layers of frames: linear half floats and display values, whose pixels a page in a folder may read.
 
-const MOST_LAYERS = 24;  // decoded ones that are kept
+const LAYER_BYTES = 512e6;  // of decoded ones that are kept
 
 /** Layers by their files; `arrived()` is called when one can be shown. */
 class LayerCache {
@@ -18,7 +18,15 @@ class LayerCache {
       this.entries.set(file, null);
       script(`layers/${file}`).catch(() => this.#settle(file, false));
     }
-    return this.entries.get(file) || null;
+    const layer = this.entries.get(file);
+    if (layer) this.#put(file, layer);
+    return layer || null;
+  }
+
+  /** Keep an entry as the one that was used last. */
+  #put(file, layer) {
+    this.entries.delete(file);
+    this.entries.set(file, layer);
   }
 
   async #decode(file, { data, ...about }) {
@@ -31,10 +39,12 @@ class LayerCache {
   }
 
   #settle(file, layer) {
-    this.entries.delete(file);
-    this.entries.set(file, layer);  // the latest last
-    const old = [...this.entries.keys()].filter((key) => this.entries.get(key));
-    for (const key of old.slice(0, Math.max(0, old.length - MOST_LAYERS))) this.entries.delete(key);
+    this.#put(file, layer);
+    let bytes = 0;
+    for (const [key, each] of [...this.entries].reverse()) {
+      if (each) bytes += each.bits.byteLength;
+      if (each && bytes > LAYER_BYTES) this.entries.delete(key);
+    }
     this.arrived();
   }
 }

@@ -193,7 +193,8 @@ class Strip {
     const { transport, a } = this.review, [state] = a.state(transport.frame);
     const facts = { valuemin: transport.first, valuemax: transport.last, valuenow: transport.frame };
     for (const [name, value] of Object.entries(facts)) this.element.setAttribute(`aria-${name}`, value);
-    const words = state === "done" ? "" : `, ${state}`;
+    const count = this.review.notes.of(a).filter(({ first, last }) => first <= transport.frame && transport.frame <= last).length;
+    const words = (state === "done" ? "" : `, ${state}`) + (count ? `, ${count} ${count === 1 ? "note" : "notes"}` : "");
     this.element.setAttribute("aria-valuetext", `frame ${transport.frame} of ${transport.last}${words}`);
   }
 }
