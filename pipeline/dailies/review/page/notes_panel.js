@@ -117,12 +117,16 @@ class NotesPanel {
     if (!this.list.contains(document.activeElement) || !document.activeElement.matches("textarea, input")) this.#list();
   }
 
-  /** Draw the cards again where anything on them has changed. */
+  /** Draw the cards again where anything on them has changed, and tell those of the frame that is shown. */
   #list() {
     const notes = this.#notes(), { frame } = this.review.transport;
-    const state = JSON.stringify([notes.map((note) => [note.id, note.modified, note.first <= frame && frame <= note.last]), this.review.chosenNote, this.edited, this.review.a.index, this.showsAll]);
-    if (state === this.state) return;
+    const state = JSON.stringify([notes.map((note) => [note.id, note.modified]), this.review.chosenNote, this.edited, this.review.a.index, this.showsAll]);
+    if (state !== this.state) this.#buildCards(notes);
     this.state = state;
+    notes.forEach((note, i) => this.list.children[i].classList.toggle("here", note.first <= frame && frame <= note.last));
+  }
+
+  #buildCards(notes) {
     const focused = document.activeElement?.closest?.("[data-note]")?.dataset.note;
     this.list.replaceChildren(...notes.map((note) => this.#card(note)));
     if (!notes.length) this.list.append(part("li", "notes-none", this.showsAll ? "No notes on this page yet." : "No notes on this sequence yet."));
@@ -130,11 +134,10 @@ class NotesPanel {
   }
 
   #card(note) {
-    const { review } = this, isChosen = note.id === review.chosenNote, { frame } = review.transport;
+    const { review } = this, isChosen = note.id === review.chosenNote;
     const card = part("li", `note-card ${note.status}`);
     card.dataset.note = note.id;
     card.classList.toggle("chosen", isChosen);
-    card.classList.toggle("here", note.first <= frame && frame <= note.last);
     const frames = toggle(framesOf(note), `Go to frame ${note.first}`, () => this.#goTo(note));
     frames.className = "note-frames";
     if (isChosen) frames.setAttribute("aria-current", "true");
