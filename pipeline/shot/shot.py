@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +48,25 @@ class AovSelection:
 
 
 @dataclass(frozen=True)
+class FrameOverride:
+    """What some frames have in place of their shot's.
+
+    look, lights  None for the shot's
+    qualities     settings by the names of qualities and of fields of `Quality`
+    """
+
+    frames: FrameRange
+    look: Material | None = None
+    lights: LightRig | None = None
+    qualities: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    @property
+    def is_seen(self) -> bool:
+        """True if the frames look otherwise than those beside them; quality alone changes their noise."""
+        return self.look is not None or self.lights is not None
+
+
+@dataclass(frozen=True)
 class Picture:
     """All that decides how the meshes of a shot look.
 
@@ -56,6 +75,7 @@ class Picture:
     dicing      longest segment of an edge in pixels, in place of `tessellate`; None is off
     hide_facets edges are cut as each picture needs, so that outlines show no corners
     qualities   `render.scene.quality.QUALITIES` with the shot's own settings
+    overrides   frames with a look, lights or quality of their own; no frame is in two
     aovs        the AOVs that the shot names
     layers      whose channel names the layers of finished frames have, one of `quality.CONVENTIONS`; None
                 for frames that hold light and alpha alone
@@ -73,6 +93,20 @@ class Picture:
     shutter: Shutter = field(default_factory=Shutter)
     aovs: AovSelection = field(default_factory=AovSelection)
     layers: str | None = None
+    overrides: tuple[FrameOverride, ...] = ()
+
+    def overridden(self, override: FrameOverride) -> Picture:
+        """Return the picture of the frames of an override; the exposure is the shot's."""
+        lights = override.lights and replace(override.lights, exposure=self.lights.exposure)
+        settings = override.qualities
+        return replace(
+            self,
+            look=override.look or self.look,
+            lights=lights or self.lights,
+            qualities={
+                name: replace(quality, **settings.get(name, {})) for name, quality in self.qualities.items()
+            },
+        )
 
     @property
     def working_space(self) -> WorkingSpace:

@@ -15,12 +15,13 @@ from pipeline.flow import Sequence, Streamlines
 from pipeline.flow.streamlines import DEFAULT_TOLERANCE
 from pipeline.frames import FrameRate
 from pipeline.mesh.control_net import PIECES
-from pipeline.shot import motion_checks, picture_checks, subject_checks
+from pipeline.shot import motion_checks, override_checks, picture_checks, subject_checks
 from pipeline.shot.camera import Shutter
 from pipeline.shot.clock import Clock, parse_frames, parse_rate
 from pipeline.shot.documents.bsdf import bsdf_problems
 from pipeline.shot.documents.curves import NumberField, number
 from pipeline.shot.documents.lights_and_stage import StageDocument
+from pipeline.shot.documents.overrides import built_lights, built_look
 from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.shot import ShotDocument
 from pipeline.shot.documents.sound import SoundDocument
@@ -33,8 +34,8 @@ from pipeline.shot.yaml.inheritance import inherited
 from pipeline.shot.yaml.lookup import name_fault, shown
 from pipeline.shot.yaml.source import Problem, YamlSource
 from pipeline.shot.yaml.validation import Checks, ParseContext, unforeseen, validated
-from render.scene.lights import LIGHTS, LightRig
-from render.scene.materials import LOOKS, Material
+from render.scene.lights import LightRig
+from render.scene.materials import Material
 from render.scene.quality import QUALITIES
 from render.scene.stage import STAGES, Stage
 
@@ -57,6 +58,7 @@ CHECKS = (
     picture_checks.dimmed,
     picture_checks.light_groups,
     picture_checks.noise_threshold,
+    override_checks.overrides,
 )
 """Checks beyond the form of single values. Each looks at the raw data, so that no mistake hides another."""
 
@@ -205,13 +207,15 @@ def _grouped(lights: LightRig, groups: str | dict[str, list[str]]) -> LightRig:
 
 
 def _picture(document: ShotDocument, clock: Clock, subject: Subject) -> Picture:
-    lights, smooth = document.lights, document.smooth
-    look = LOOKS[document.look] if isinstance(document.look, str) else document.look.build()
+    smooth = document.smooth
+    look = built_look(document.look)
+    grouped = partial(_grouped, groups=document.light_groups)
     is_plain = smooth.tessellate is None and smooth.dicing is None and not isinstance(subject, ControlNet)
     return Picture(
         look=look,
         camera=document.camera.build(clock),
-        lights=_grouped(LIGHTS[lights] if isinstance(lights, str) else lights.build(), document.light_groups),
+        lights=grouped(built_lights(document.lights)),
+        overrides=tuple(override.build(grouped) for override in document.overrides),
         stage=_stage(document.stage, look),
         view=dataclasses.replace(document.view.build(), working_space=document.working_space),
         tessellate=smooth.tessellate or (PIECES if isinstance(subject, ControlNet) else 1),

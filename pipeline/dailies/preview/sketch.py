@@ -61,7 +61,7 @@ class Sketch:
         display: str,
     ) -> NDArray[Any]:
         """Draw a frame as uint8 (H, W, 3). Raises FrameError where the flow fails."""
-        picture = self.request.shot.picture
+        picture = self.request.picture(number)
         setup = StageSetup(picture.lights, picture.stage, framing.placement, picture.view.for_previews())
         shape = shape_of(arrays, picture.look)._replace(closed=self.closed)
         raster = preview(shape, setup, framing.camera, size, display, Edges() if self.edges else None)

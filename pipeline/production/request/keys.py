@@ -73,14 +73,14 @@ def cameras_key(request: RenderRequest) -> Key:
     )
 
 
-def appearance(request: RenderRequest) -> Key:
-    """Return the digest of what all pictures of a request share."""
-    picture = request.shot.picture
+def appearance(request: RenderRequest, number: int) -> Key:
+    """Return the digest of what a picture shares with all others of its look, lights and quality."""
+    picture = request.picture(number)
     return key_of(
         to_plain(picture.look),
         to_plain(replace(picture.lights, exposure=0.0)),
         to_plain(picture.stage),
-        to_plain(request.quality),
+        to_plain(request.quality_of(number)),
         request.variant,
         picture.dicing,
         picture.hide_facets,
@@ -95,7 +95,7 @@ def raw_key(request: RenderRequest, number: int, framings: Mapping[int, Framing]
         request.normals_key(angle.mesh),
         [angle.spin, angle.lights] if angle.lights else angle.spin,
         to_plain(framings[number]),
-        request.appearance,
+        request.appearance(number),
         request.seed(number),
         *_motion_data(request, number, framings),
         *speed_data(request, number),
@@ -281,7 +281,7 @@ def picture_header(request: RenderRequest, number: int) -> dict[str, Any]:
 
     inputs  digests of the files that the shot reads, by their names without folders
     """
-    angle, picture = request.angles[number], request.shot.picture
+    angle, picture = request.angles[number], request.picture(number)
     resampling = request.shot.motion.resampling_at(angle.mesh)
     return {
         "shot": request.shot.name,
@@ -297,7 +297,7 @@ def picture_header(request: RenderRequest, number: int) -> dict[str, Any]:
         "look": to_plain(picture.look),
         "lights": to_plain(replace(picture.lights, exposure=0.0)),
         "stage": to_plain(picture.stage),
-        "settings": to_plain(request.quality),
+        "settings": to_plain(request.quality_of(number)),
         "dicing": picture.dicing,
         "aovs": dict(request.aovs.precision),
         "working_space": picture.working_space.name,

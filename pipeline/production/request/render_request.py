@@ -27,7 +27,7 @@ from render.scene.quality import Quality
 if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
     from pipeline.shot import Shot
     from pipeline.shot.camera import View
-    from pipeline.shot.shot import AovSelection
+    from pipeline.shot.shot import AovSelection, Picture
 
 FORMS = tuple(stage.name for stage in STILLS)
 """Forms of stills; a stage has the name of each."""
@@ -43,6 +43,8 @@ class _Facts:
     layers       the program whose channel names finished frames have; None without layers for compositing
     follow_flow  pictures that need their mesh and the flow
     need_mesh    pictures made of their mesh itself, not of what `smooth_normals` keeps for rendering
+    overrides    frames of each override of the shot; a turntable has none
+    restyled     frames whose look or lights an override changes
     """
 
     cameras: Key
@@ -52,6 +54,8 @@ class _Facts:
     layers: str | None
     follow_flow: tuple[int, ...]
     need_mesh: tuple[int, ...]
+    overrides: tuple[tuple[int, ...], ...] = ()
+    restyled: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -193,6 +197,27 @@ class RenderRequest:
         """Return when the shutter opens and closes, in frames from the picture; None without motion blur."""
         return self.shot.picture.shutter.open_at(self._time(number))
 
+    def picture(self, number: int) -> Picture:
+        """Return what decides how a frame looks: the shot's picture, with its override if it has one."""
+        picture, override = self.shot.picture, self._overridden.get(number)
+        return picture if override is None else picture.overridden(picture.overrides[override])
+
+    def quality_of(self, number: int) -> Quality:
+        """Return the quality of a frame; size, crop and denoising are those of all frames."""
+        if number not in self._overridden:
+            return self.quality
+        return quality_named(self.quality_name, self.picture(number).qualities)
+
+    @cached_property
+    def _overridden(self) -> dict[int, int]:
+        """The index of the override of each frame that has one."""
+        return {number: index for index, numbers in enumerate(self._facts.overrides) for number in numbers}
+
+    @cached_property
+    def _seen(self) -> dict[int, int]:
+        """The index of the override of each frame whose look or lights are not the shot's."""
+        return {number: self._overridden[number] for number in self._facts.restyled}
+
     def _time(self, number: int) -> float:
         return self.shot.motion.clock.time(self.angles[number].mesh)
 
@@ -237,6 +262,7 @@ class RenderRequest:
         follow_flow = tuple(
             n for n in self.angles if self.measures_speed or (self.turntable is None and self.offsets(n))
         )
+        overrides = () if self.turntable else self.shot.picture.overrides
         facts = _Facts(
             cameras=cameras_key(self),
             reach=self.temporal_reach,
@@ -245,6 +271,8 @@ class RenderRequest:
             layers=self.shot.picture.layers,
             follow_flow=follow_flow,
             need_mesh=follow_flow if self.shot.picture.dicing is None else tuple(self.angles),
+            overrides=tuple(override.frames.numbers for override in overrides),
+            restyled=tuple(n for override in overrides if override.is_seen for n in override.frames),
         )
         cache.put(to_plain(facts), *found_from)
         return facts
@@ -289,11 +317,19 @@ class RenderRequest:
         return frozenset(self._facts.follow_flow), frozenset(self._facts.need_mesh)
 
     def window(self, number: int, is_available: Callable[[int], bool]) -> tuple[int, ...]:
-        """Return the frames that the temporal denoiser reads: available ones around `number`, no gaps."""
+        """Return the frames that the temporal denoiser reads: available ones around `number`, no gaps.
+
+        They have its look and lights.
+        """
         first = last = number
-        while number - first < self.reach and is_available(first - 1):
+        styles = self._seen
+
+        def is_alike(other: int) -> bool:
+            return styles.get(other) == styles.get(number) and is_available(other)
+
+        while number - first < self.reach and is_alike(first - 1):
             first -= 1
-        while last - number < self.reach and is_available(last + 1):
+        while last - number < self.reach and is_alike(last + 1):
             last += 1
         return tuple(range(first, last + 1))
 
@@ -313,10 +349,16 @@ class RenderRequest:
         """Return camera and stage of every picture, or None where the store does not hold them."""
         return CameraFile.of(store, self.cameras_key, self.angles)
 
+    def appearance(self, number: int) -> Key:
+        """Return the digest of what a picture shares with all others of the same override, or of none."""
+        override = self._overridden.get(number)
+        if override not in self._appearances:
+            self._appearances[override] = appearance(self, number)
+        return self._appearances[override]
+
     @cached_property
-    def appearance(self) -> Key:
-        """The digest of what all pictures share."""
-        return appearance(self)
+    def _appearances(self) -> dict[int | None, Key]:
+        return {}
 
     def picture_keys(self, store: Store, rendered: Iterable[int] | None = None) -> PictureKeys | None:
         """Return the keys of its frames, or None before its cameras are found.

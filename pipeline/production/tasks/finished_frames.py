@@ -59,7 +59,7 @@ class FinishedFrames:
         """Return what `compositing_layers` needs beside the AOVs."""
         from pipeline.production.render_inputs.shading import framing_at  # takes a moment
 
-        picture, quality = self.request.shot.picture, self.request.quality
+        picture, quality = self.request.picture(number), self.request.quality
         around = (framing_at(self.framings, number, offset) for offset in (0.0, -1.0, 1.0))
         now, before, after = (Viewpoint(framing.camera, framing.placement) for framing in around)
         size, materials = (quality.width, quality.height), {"subject": material_name(picture.look)}

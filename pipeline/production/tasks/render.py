@@ -82,13 +82,13 @@ class _Renderer:
 
     def _write(self, number: int, checkpoint: Checkpoint, path: Path) -> None:
         context, request, begun = self.context, self.context.request, time.perf_counter()
-        picture = request.shot.picture
+        picture = request.picture(number)
         sample, shutter, following = ShownFrame(context, number, self.framings).moments()
         lights = picture.lights.turned(request.angles[number].lights)
         placed = sample.placement, sample.camera
         layers = render_frame(
             Scene(sample.subject, picture.look, lights, picture.stage, *placed, picture.working_space),
-            request.quality,
+            request.quality_of(number),
             request.seed(number),
             self.engine,
             partial(self._passed, number),
@@ -182,7 +182,7 @@ class ShownFrame:
     def _arrays(self) -> Mapping[str, AnyArray]:
         """The arrays of the surface, with the edges of the resampled mesh where a wireframe shows them."""
         request = self.context.request
-        picture = request.shot.picture
+        picture = request.picture(self.number)
         if picture.dicing is None:
             arrays, pieces = self._stored_arrays, self._pieces
             if picture.hide_facets and "faces" in arrays:

@@ -26,13 +26,8 @@ from pipeline.shot.documents.fields import (
     optional,
 )
 from pipeline.shot.documents.flows import DASHES, FlowDocument
-from pipeline.shot.documents.lights_and_stage import (
-    LightGroupsField,
-    LightsDocument,
-    StageDocument,
-    require_rig,
-)
-from pipeline.shot.documents.look import LookDocument
+from pipeline.shot.documents.lights_and_stage import LightGroupsField, StageDocument
+from pipeline.shot.documents.overrides import LightsField, LookField, OverrideDocument
 from pipeline.shot.documents.quality import QualitiesDocument
 from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.sound import SoundField
@@ -42,23 +37,11 @@ from pipeline.shot.yaml.validation import ParseContext, as_finding, bad_value, f
 from render.base.input_files import read_input
 from render.post.view import ACES, BUILT_IN, ColourView, view_of
 from render.scene.aovs import AOVS
-from render.scene.lights import LIGHTS
-from render.scene.materials import LOOKS
 from render.scene.quality import CONVENTIONS
 from render.scene.stage import STAGES
 from render.scene.working_space import REC709, WORKING_SPACES
 
 ResampleField = Annotated[Literal["off"] | ResampleDocument, MAPPING_IS_SECOND]
-LookField = Annotated[
-    Annotated[str, one_of(LOOKS, "look")] | LookDocument,
-    MAPPING_IS_SECOND,
-    no_bare_colour("look", "material: clay"),
-]
-LightsField = Annotated[
-    Annotated[str, one_of(LIGHTS, "light rig")] | LightsDocument,
-    MAPPING_IS_SECOND,
-    BeforeValidator(require_rig),
-]
 StageField = Annotated[
     Annotated[str, one_of(STAGES, "stage")] | StageDocument,
     MAPPING_IS_SECOND,
@@ -243,6 +226,9 @@ class ShotDocument(Document):
     lights: LightsField = Field("studio", description="the light rig, by name or spelt out")
     light_groups: LightGroupsField = Field(
         "off", description="the light of emitters as layers: off, each, or groups of lights by name"
+    )
+    overrides: list[OverrideDocument] = Field(
+        default_factory=list, description="look, lights and quality of some frames, in place of the shot's"
     )
     stage: StageField = Field("cyclorama", description="the ground below the subject, by name or spelt out")
     sound: SoundField | None = optional(
