@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -57,7 +57,11 @@ def from_plain(kind: type[T], values: Any) -> T:
     Raises BadInputError for a field that `kind` does not have, one that it needs and is missing, or a value
     of another shape; the message names the field.
     """
-    return typing.cast(T, _build(kind, values, getattr(kind, "__name__", str(kind))))
+    build: Builder = _builder(typing.cast(Any, kind))
+    try:
+        return typing.cast(T, build(values))
+    except _MisfitError as misfit:
+        raise BadInputError(f"{getattr(kind, '__name__', kind)}{misfit.place}{misfit.fact}") from None
 
 
 @cache
@@ -70,60 +74,144 @@ def _plain_names(kind: type) -> list[str]:
     return [field.name for field in dataclasses.fields(kind) if field.metadata.get("plain", True)]
 
 
+class _MisfitError(Exception):
+    """Raised for plain values that do not fit a type.
+
+    place  the path to them, such as `.clips[0].path`; it grows while the error passes through containers
+    fact   what does not fit
+    """
+
+    def __init__(self, fact: object) -> None:
+        self.place, self.fact = "", fact if isinstance(fact, str) else f": {fact}"
+
+    def within(self, part: str) -> _MisfitError:
+        """Return the error of the container in which the misfit has the place `part`."""
+        self.place = part + self.place
+        return self
+
+
+_REFUSALS = (TypeError, ValueError, AttributeError)
+"""Errors that Python raises for values of another shape."""
+
+Builder = Callable[[Any], Any]
+"""Builds a value of one type from plain values. Raises _MisfitError."""
+
+
+def _unchanged(value: Any) -> Any:
+    """Return a value as it is: the builder of types that plain values have."""
+    return value
+
+
 @cache
-def _is_taken_unchanged(kind: Any) -> bool:
-    return typing.get_origin(kind) is None and not _is_record(kind) and kind not in (float, Path)
-
-
-def _build(kind: Any, values: Any, place: str) -> Any:
+def _builder(kind: Any) -> Builder:
+    """Return the builder of a type. Made once: planning builds a value a frame, and annotations are slow."""
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if origin in (types.UnionType, typing.Union):
-        return None if values is None else _build(_member(arguments, values), values, place)
+        return _union_builder(arguments)
+    if _is_record(kind):
+        return _record_builder(kind)
+    if origin is tuple and arguments[-1] is not Ellipsis:
+        return _fixed_tuple_builder(arguments)
+    if origin in (tuple, list):
+        return _sequence_builder(origin, arguments[0])
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return _mapping_builder(int if arguments[0] is int else str, arguments[1])
+    return _checked(kind) if kind in (float, Path) else _unchanged
+
+
+def _checked(build: Builder) -> Builder:
+    """Return a builder that raises _MisfitError for what `build` refuses."""
+
+    def checked(values: Any) -> Any:
+        try:
+            return build(values)
+        except _REFUSALS as error:
+            raise _MisfitError(error) from None
+
+    return checked
+
+
+def _union_builder(kinds: tuple[Any, ...]) -> Builder:
+    """Build the first of the types, or the dataclass whose fixed fields (init=False) the values have."""
+    fixed = {kind: _fixed_fields(kind) for kind in kinds if _is_record(kind) and _fixed_fields(kind)}
+
+    def build(values: Any) -> Any:
+        if values is None:
+            return None
+        for kind, defaults in fixed.items():
+            if all(values.get(name) == default for name, default in defaults.items()):
+                return _builder(kind)(values)
+        return _builder(kinds[0])(values)
+
+    return _checked(build)
+
+
+def _fixed_fields(kind: Any) -> dict[str, Any]:
+    return {field.name: field.default for field in dataclasses.fields(kind) if not field.init}
+
+
+def _fixed_tuple_builder(kinds: tuple[Any, ...]) -> Builder:
+    builders = [_builder(kind) for kind in kinds]
+
+    def build(values: Any) -> tuple[Any, ...]:
+        if len(values) != len(builders):
+            raise _MisfitError(f" has {len(values)} values; it needs {len(builders)}")
+        return tuple(_items(builders, values))
+
+    return _checked(build)
+
+
+def _sequence_builder(sequence: Callable[[Any], Any], kind: Any) -> Builder:
+    item = _builder(kind)
+    if item is _unchanged:
+        return _checked(sequence)
+    return _checked(lambda values: sequence(_items([item] * len(values), values)))
+
+
+def _items(builders: Sequence[Builder], values: Any) -> list[Any]:
+    """Build the items of a sequence, each by its own builder."""
+    items: list[Any] = []
+    for build, value in zip(builders, values, strict=True):
+        try:
+            items.append(build(value))
+        except _MisfitError as misfit:
+            raise misfit.within(f"[{len(items)}]") from None
+    return items
+
+
+def _mapping_builder(key: Builder, kind: Any) -> Builder:
+    item = _builder(kind)
+    if item is _unchanged:
+        return _checked(lambda values: {key(name): value for name, value in values.items()})
+    return _checked(lambda values: {key(name): _field(item, name, value) for name, value in values.items()})
+
+
+def _field(build: Builder, name: Any, value: Any) -> Any:
+    """Build what has a name in a mapping or a dataclass."""
     try:
-        if _is_record(kind):
-            return _build_dataclass(kind, values, place)
-        if origin is tuple and arguments[-1] is not Ellipsis:
-            if len(values) != len(arguments):
-                raise BadInputError(f"{place} has {len(values)} values; it needs {len(arguments)}")
-            parts = zip(arguments, values, strict=True)
-            return tuple(_build(part, item, f"{place}[{i}]") for i, (part, item) in enumerate(parts))
-        if origin in (tuple, list):
-            if _is_taken_unchanged(arguments[0]):
-                return origin(values)
-            return origin(_build(arguments[0], item, f"{place}[{i}]") for i, item in enumerate(values))
-        if isinstance(origin, type) and issubclass(origin, Mapping):
-            key_kind = int if arguments[0] is int else str
-            items = values.items()
-            if _is_taken_unchanged(arguments[1]):
-                return {key_kind(key): item for key, item in items}
-            return {key_kind(key): _build(arguments[1], item, f"{place}.{key}") for key, item in items}
-        return kind(values) if kind in (float, Path) else values
-    except (TypeError, ValueError, AttributeError) as error:
-        raise BadInputError(f"{place}: {error}") from None
+        return build(value)
+    except _MisfitError as misfit:
+        raise misfit.within(f".{name}") from None
 
 
-def _member(kinds: tuple[Any, ...], values: Any) -> Any:
-    """Return the first of a union's types, or the dataclass whose fixed fields (init=False) `values` has."""
-    for kind in kinds:
-        fixed = [field for field in dataclasses.fields(kind) if not field.init] if _is_record(kind) else []
-        if fixed and all(values.get(field.name) == field.default for field in fixed):
-            return kind
-    return kinds[0]
+def _record_builder(kind: Any) -> Builder:
+    fixed = _fixed_fields(kind)
+
+    def build(values: Any) -> Any:
+        if isinstance(values, kind):
+            return values
+        builders = _field_builders(kind)
+        unknown = [name for name in values if name not in builders and name not in fixed]
+        if unknown:
+            raise _MisfitError(f" has no {unknown[0]!r}; it has {', '.join(builders)}")
+        given = {name: values[name] for name in builders if name in values}
+        return kind(**{name: _field(builders[name], name, value) for name, value in given.items()})
+
+    return _checked(build)
 
 
 @cache
-def _hints_of(kind: type) -> dict[str, Any]:
-    return typing.get_type_hints(kind)
-
-
-def _build_dataclass(kind: Any, values: Any, place: str) -> Any:
-    if isinstance(values, kind):
-        return values
-    hints = _hints_of(kind)
-    fixed = {field.name for field in dataclasses.fields(kind) if not field.init}
-    names = [field.name for field in dataclasses.fields(kind) if field.name not in fixed]
-    unknown = [name for name in values if name not in fixed and name not in names]
-    if unknown:
-        raise BadInputError(f"{place} has no {unknown[0]!r}; it has {', '.join(names)}")
-    given = {name: values[name] for name in names if name in values}
-    return kind(**{name: _build(hints[name], item, f"{place}.{name}") for name, item in given.items()})
+def _field_builders(kind: Any) -> dict[str, Builder]:
+    """Return the builders of the fields of a dataclass; made late, since a field may hold the same type."""
+    hints = typing.get_type_hints(kind)
+    return {field.name: _builder(hints[field.name]) for field in dataclasses.fields(kind) if field.init}

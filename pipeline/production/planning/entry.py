@@ -58,7 +58,7 @@ class PlanEntry:
         if not self.comparable:
             return _PlaceholderKeys(request)
         key = f"promised {request.cameras_key}"
-        framings = _PlaceholderFramings(self.store, key, dict.fromkeys(request.angles))
+        framings = _PlaceholderFramings(self.store, key, request.angles, dict)
         return PictureKeys(request, self.store, framings)
 
     @cached_property

@@ -66,14 +66,14 @@ class ShownCameras:
         if noted is None or not store.shows("cameras", noted["key"], path):
             return None
         try:
-            data = json.loads((store.root / path).read_text())
-            known = {number: data[str(number)] for number in request.angles if str(number) in data}
+            data: dict[str, Any] = json.loads((store.root / path).read_text())
+            known = dict.fromkeys(number for number in request.angles if str(number) in data)
         except (OSError, ValueError, TypeError):
             return None
         before, now = from_plain(FramingInputs, noted["digests"]), FramingInputs.of(request)
         same = {n for n in known if before.inputs.get(n) == now.inputs[n]}
         return cls(
-            cameras=CameraFile(store, noted["key"], known),
+            cameras=CameraFile(store, noted["key"], known, lambda: data),
             settled=frozenset(n for n in same if {n - 1, n + 1} & set(request.angles) <= same),
             moved=frozenset(n for n in known if before.views.get(n) != now.views[n]),
         )

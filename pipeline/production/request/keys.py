@@ -7,8 +7,9 @@ normals, camera and appearance; their keys are found by need, since most runs ne
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -142,14 +143,20 @@ class FrameKeys:
 
 
 class CameraFile(Mapping[int, "Framing"]):
-    """Camera and stage of every picture of a request, by number; each is built when it is asked for."""
+    """Camera and stage of every picture of a request, by number; each is built when it is asked for.
 
-    def __init__(self, store: Store, key: Key, data: Mapping[int, Any]) -> None:
-        self._store, self.key, self._data = store, key, data
+    The file is parsed when the first is: most plans find all keys in the planning cache and need none.
+    """
+
+    def __init__(
+        self, store: Store, key: Key, numbers: Collection[int], parse: Callable[[], Mapping[str, Any]]
+    ) -> None:
+        """Hold the cameras of the pictures `numbers`; `parse` returns the plain data of all, by number."""
+        self._store, self.key, self._numbers, self._parse = store, key, numbers, parse
         self._built: dict[int, Framing] = {}
 
     @classmethod
-    def of(cls, store: Store, key: Key, numbers: Iterable[int]) -> CameraFile | None:
+    def of(cls, store: Store, key: Key, numbers: Collection[int]) -> CameraFile | None:
         """Return None where the store does not hold it; a damaged file is evicted.
 
         Raises MachineError where the disk refuses a file that the remote store has.
@@ -157,35 +164,44 @@ class CameraFile(Mapping[int, "Framing"]):
         path = store.path("cameras", key)
         try:
             store.bring("cameras", key)
-            store.digests.check(path)
-            data = json.loads(path.read_text())
-            return cls(store, key, {number: data[str(number)] for number in numbers})
+            is_known = store.digests.check(path)
+            text = path.read_text()
+            cameras = cls(store, key, numbers, lambda: json.loads(text))
+            if not is_known and not cameras._data.keys() >= set(map(str, numbers)):
+                raise CorruptFileError(f"{path} lacks cameras")
+            return cameras
         except FileNotFoundError:
             return None
-        except (CorruptFileError, ValueError, KeyError, TypeError):
+        except (CorruptFileError, ValueError, AttributeError):
             store.discard("cameras", key)
             return None
 
+    @cached_property
+    def _data(self) -> Mapping[str, Any]:
+        return self._parse()
+
     def __getitem__(self, number: int) -> Framing:
         """Raises FrameError where it cannot be read; the file is then evicted."""
+        if number not in self._numbers:
+            raise KeyError(number)
         if number not in self._built:
             from pipeline.production.render_inputs.framing import Framing
 
             try:
-                self._built[number] = from_plain(Framing, self._data[number])
-            except (ValueError, TypeError, AttributeError, BadInputError) as error:
+                self._built[number] = from_plain(Framing, self._data[str(number)])
+            except (ValueError, TypeError, AttributeError, KeyError, BadInputError) as error:
                 self._store.discard("cameras", self.key)
                 raise FrameError("its camera cannot be read; run again to frame the shot again") from error
         return self._built[number]
 
     def __iter__(self) -> Iterator[int]:
-        return iter(self._data)
+        return iter(self._numbers)
 
     def __len__(self) -> int:
-        return len(self._data)
+        return len(self._numbers)
 
     def __contains__(self, number: object) -> bool:
-        return number in self._data
+        return number in self._numbers
 
 
 class PictureKeys(Mapping[int, FrameKeys]):
