@@ -60,8 +60,9 @@ def from_plain(kind: type[T], values: Any) -> T:
     build: Builder = _builder(typing.cast(Any, kind))
     try:
         return typing.cast(T, build(values))
-    except _MisfitError as misfit:
-        raise BadInputError(f"{getattr(kind, '__name__', kind)}{misfit.place}{misfit.fact}") from None
+    except _REFUSALS as error:
+        misfit = _misfit(getattr(kind, "__name__", str(kind)), error)
+    raise BadInputError(f"{misfit.place}{misfit.fact}")
 
 
 @cache
@@ -74,27 +75,30 @@ def _plain_names(kind: type) -> list[str]:
     return [field.name for field in dataclasses.fields(kind) if field.metadata.get("plain", True)]
 
 
-class _MisfitError(Exception):
+class _MisfitError(ValueError):
     """Raised for plain values that do not fit a type.
 
-    place  the path to them, such as `.clips[0].path`; it grows while the error passes through containers
     fact   what does not fit
+    place  the path to them, such as `.clips[0].path`; it grows while the error passes through containers
     """
 
-    def __init__(self, fact: object) -> None:
-        self.place, self.fact = "", fact if isinstance(fact, str) else f": {fact}"
-
-    def within(self, part: str) -> _MisfitError:
-        """Return the error of the container in which the misfit has the place `part`."""
-        self.place = part + self.place
-        return self
+    def __init__(self, fact: str) -> None:
+        self.fact, self.place = fact, ""
 
 
 _REFUSALS = (TypeError, ValueError, AttributeError)
-"""Errors that Python raises for values of another shape."""
+"""Errors that values of another shape raise, by Python or by a builder."""
+
+
+def _misfit(part: str, error: Exception) -> _MisfitError:
+    """Return the error of the container in which values that raised `error` have the place `part`."""
+    misfit = error if isinstance(error, _MisfitError) else _MisfitError(f": {error}")
+    misfit.place = part + misfit.place
+    return misfit
+
 
 Builder = Callable[[Any], Any]
-"""Builds a value of one type from plain values. Raises _MisfitError."""
+"""Builds a value of one type from plain values. Raises one of _REFUSALS."""
 
 
 def _unchanged(value: Any) -> Any:
@@ -116,19 +120,7 @@ def _builder(kind: Any) -> Builder:
         return _sequence_builder(origin, arguments[0])
     if isinstance(origin, type) and issubclass(origin, Mapping):
         return _mapping_builder(int if arguments[0] is int else str, arguments[1])
-    return _checked(kind) if kind in (float, Path) else _unchanged
-
-
-def _checked(build: Builder) -> Builder:
-    """Return a builder that raises _MisfitError for what `build` refuses."""
-
-    def checked(values: Any) -> Any:
-        try:
-            return build(values)
-        except _REFUSALS as error:
-            raise _MisfitError(error) from None
-
-    return checked
+    return kind if kind in (float, Path) else _unchanged
 
 
 def _union_builder(kinds: tuple[Any, ...]) -> Builder:
@@ -143,7 +135,7 @@ def _union_builder(kinds: tuple[Any, ...]) -> Builder:
                 return _builder(kind)(values)
         return _builder(kinds[0])(values)
 
-    return _checked(build)
+    return build
 
 
 def _fixed_fields(kind: Any) -> dict[str, Any]:
@@ -158,14 +150,14 @@ def _fixed_tuple_builder(kinds: tuple[Any, ...]) -> Builder:
             raise _MisfitError(f" has {len(values)} values; it needs {len(builders)}")
         return tuple(_items(builders, values))
 
-    return _checked(build)
+    return build
 
 
 def _sequence_builder(sequence: Callable[[Any], Any], kind: Any) -> Builder:
     item = _builder(kind)
     if item is _unchanged:
-        return _checked(sequence)
-    return _checked(lambda values: sequence(_items([item] * len(values), values)))
+        return sequence
+    return lambda values: sequence(_items([item] * len(values), values))
 
 
 def _items(builders: Sequence[Builder], values: Any) -> list[Any]:
@@ -174,24 +166,24 @@ def _items(builders: Sequence[Builder], values: Any) -> list[Any]:
     for build, value in zip(builders, values, strict=True):
         try:
             items.append(build(value))
-        except _MisfitError as misfit:
-            raise misfit.within(f"[{len(items)}]") from None
+        except _REFUSALS as error:
+            raise _misfit(f"[{len(items)}]", error) from None
     return items
 
 
 def _mapping_builder(key: Builder, kind: Any) -> Builder:
     item = _builder(kind)
     if item is _unchanged:
-        return _checked(lambda values: {key(name): value for name, value in values.items()})
-    return _checked(lambda values: {key(name): _field(item, name, value) for name, value in values.items()})
+        return lambda values: {key(name): value for name, value in values.items()}
+    return lambda values: {key(name): _field(item, name, value) for name, value in values.items()}
 
 
 def _field(build: Builder, name: Any, value: Any) -> Any:
     """Build what has a name in a mapping or a dataclass."""
     try:
         return build(value)
-    except _MisfitError as misfit:
-        raise misfit.within(f".{name}") from None
+    except _REFUSALS as error:
+        raise _misfit(f".{name}", error) from None
 
 
 def _record_builder(kind: Any) -> Builder:
@@ -207,7 +199,7 @@ def _record_builder(kind: Any) -> Builder:
         given = {name: values[name] for name in builders if name in values}
         return kind(**{name: _field(builders[name], name, value) for name, value in given.items()})
 
-    return _checked(build)
+    return build
 
 
 @cache

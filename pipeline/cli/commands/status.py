@@ -36,8 +36,8 @@ def status(
     errors: list[FlowsculptError] = []
     for shot in shots or shot_names():
         try:
-            requests = [project.as_finished(project.request(find_shot(shot), each)) for each in QUALITIES]
-            rows += states(requests, project.store, history)
+            requests = [project.request(find_shot(shot), each) for each in QUALITIES]
+            rows += states(requests, project.store, history, project.as_finished)
         except FlowsculptError as error:
             errors.append(error)
             print_error(str(error))

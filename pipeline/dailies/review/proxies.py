@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from pipeline.dailies.review.sequences import PictureSequence
 from pipeline.production.store.digests import CorruptFileError
-from pipeline.production.store.store import SUFFIXES, Store, key_of
+from pipeline.production.store.paths import SUFFIXES
+from pipeline.production.store.store import Store, key_of
 from render.base.errors import RenderError
 from render.graphics.contact_sheet import reduced
 from render.post.colour import quantise, to_display

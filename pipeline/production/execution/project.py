@@ -262,10 +262,10 @@ class Project:
         `--layers` finishes frames in the same folder as without it, and the shot file does not tell. Where
         there are as many of both, or a setting names the layers, the request stays as it is.
         """
-        store = self.store
+        store, places = self.store, request.places("frame", request.requested)
         is_set = any(setting.startswith("layers=") for setting in self.settings)
-        places = request.places("frame", request.requested)
-        if is_set or not any((self.root / place).exists() for place in places):
+        shown = [] if is_set else [place for place in places if (self.root / place).exists()]
+        if not shown:
             return request
 
         def finished(asked: RenderRequest) -> tuple[int, int]:
@@ -273,10 +273,10 @@ class Project:
             if keys is None:
                 return 0, 0
             frames = [keys[number].frame for number in asked.requested]
-            seen = sum(store.shows("frame", *shown) for shown in zip(frames, map(Path, places), strict=True))
+            seen = sum(store.shows("frame", *pair) for pair in zip(frames, places, strict=True))
             return seen, sum(store.holds("frame", frame) for frame in frames)
 
-        if finished(request)[0] == len(places):
+        if finished(request)[0] == len(shown):
             return request
         path, quality = request.source.path, request.quality_name
         others = [

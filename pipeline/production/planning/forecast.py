@@ -30,15 +30,19 @@ class Forecast:
     @classmethod
     def of(cls, plan: Plan, store: Store) -> Forecast:
         """Return the forecast of a plan. Frames that are made again by force are all made."""
-        known = [KnownPictures(request, store, request.requested) for request in plan.requests]
+        known: dict[int, KnownPictures] = {}
         unframed: defaultdict[str, list[int]] = defaultdict(list)
         jobs = []
         for job in plan.jobs:
-            pictures = known[job.requests[0]]
-            if job.stage in _KINDS and not pictures.is_framed and job.stage not in plan.force:
-                held = {n: pictures.holds(_KINDS[job.stage], n) for n in job.frames}
-                unframed[job.stage] += [n for n, is_held in held.items() if is_held is None]
-                job = replace(job, frames=tuple(n for n, is_held in held.items() if not is_held))
+            place = job.requests[0]
+            if job.stage in _KINDS and job.stage not in plan.force:
+                if place not in known:
+                    request = plan.requests[place]
+                    known[place] = KnownPictures(request, store, request.requested)
+                if not known[place].is_framed:
+                    held = {n: known[place].holds(_KINDS[job.stage], n) for n in job.frames}
+                    unframed[job.stage] += [n for n, is_held in held.items() if is_held is None]
+                    job = replace(job, frames=tuple(n for n, is_held in held.items() if not is_held))
             if job.frames:
                 jobs.append(job)
         return cls(replace(plan, jobs=tuple(jobs)), {stage: tuple(n) for stage, n in unframed.items() if n})

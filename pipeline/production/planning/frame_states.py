@@ -5,9 +5,9 @@ They go by the keys of today's shot file.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+import os
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from pipeline.errors import UsageError, suggestion
@@ -54,15 +54,24 @@ class FrameStates:
         return {"shot": self.shot, "what": self.what, **lists, "seconds_left": left}
 
 
-def states(requests: list[RenderRequest], store: Store, history: History) -> list[FrameStates]:
+def states(
+    requests: list[RenderRequest],
+    store: Store,
+    history: History,
+    as_finished: Callable[[RenderRequest], RenderRequest],
+) -> list[FrameStates]:
     """Return the states of a shot's meshes, and of its pictures at every quality that was begun.
 
-    requests  of one shot, one a quality
+    requests     of one shot, one a quality
+    as_finished  returns a request with the layers that its frames have; asked only about stale frames, since
+                 it compares them with every convention
     """
-    return [
-        mesh_states(requests[0], store, history),
-        *(picture_states(request, store, history) for request in requests if is_begun(request, store)),
-    ]
+    found = [mesh_states(requests[0], store, history)]
+    for request in requests:
+        if is_begun(request, store):
+            row = picture_states(request, store, history)
+            found.append(picture_states(as_finished(request), store, history) if row.stale else row)
+    return found
 
 
 def is_begun(request: RenderRequest, store: Store) -> bool:
@@ -73,19 +82,22 @@ def is_begun(request: RenderRequest, store: Store) -> bool:
 def mesh_states(request: RenderRequest, store: Store, history: History) -> FrameStates:
     """Return the states of the meshes of a request."""
 
-    def state(number: int) -> str:
-        path, key = request.place("mesh", number), request.mesh_key(number)
-        if store.shows("mesh", key, path):
+    def state(number: int, place: str) -> str:
+        key = request.mesh_key(number)
+        if store.shows("mesh", key, place):
             return "done"
-        return "remote" if store.is_remote("mesh", key) else _undone(store, path)
+        return "remote" if store.is_remote("mesh", key) else _undone(store, place)
 
-    return _states(request, "meshes", state, history, (request.name, MESH_STAGES, SHARED))
+    numbers = request.requested
+    found = map(state, numbers, request.places("mesh", numbers))
+    return _states(request, "meshes", found, history, (request.name, MESH_STAGES, SHARED))
 
 
 def picture_states(request: RenderRequest, store: Store, history: History) -> FrameStates:
     """Return the states of the finished pictures of a request."""
-    known, quality = KnownPictures(request, store), request.quality_name
-    return _states(request, quality, known.state, history, (request.folders.name, PICTURE_STAGES, quality))
+    quality = request.quality_name
+    found = map(KnownPictures(request, store).state, request.requested)
+    return _states(request, quality, found, history, (request.folders.name, PICTURE_STAGES, quality))
 
 
 class KnownPictures:
@@ -102,18 +114,19 @@ class KnownPictures:
         self._shown = None if self.is_framed else ShownCameras.of(request, store)
         if self._shown is not None:
             self.keys = PictureKeys(request, store, self._shown.cameras, rendered)
+        self._names: dict[str, frozenset[str]] = {}
 
     def state(self, number: int) -> str:
         """Return the state of a finished frame: done, remote, stale, unframed or missing."""
-        path, is_held = self._request.place("frame", number), self.holds("frame", number)
+        place, is_held = self._place("frame", number), self.holds("frame", number)
         is_shown = self.keys is None or (
-            is_held is not False and self._store.shows("frame", self.keys[number].frame, path)
+            is_held is not False and self._store.shows("frame", self.keys[number].frame, place)
         )
         if is_held is not False and is_shown:
             return "done" if is_held else "unframed"
         if is_held and self._store.is_remote("frame", self._key("frame", number)):
             return "remote"
-        return _undone(self._store, path)
+        return _undone(self._store, place)
 
     def holds(self, kind: str, number: int) -> bool | None:
         """Tell whether the store holds a `raw` picture, a `frame` or a still.
@@ -121,8 +134,7 @@ class KnownPictures:
         Return None if it does so long as the camera stays, which is framed again.
         """
         if self.keys is None:
-            place = self._request.place("frame" if kind in FORMS else kind, number)
-            return None if (self._store.root / place).exists() else False
+            return None if self._is_there("frame" if kind in FORMS else kind, number) else False
         if self.is_framed:
             return self._store.holds(kind, self._key(kind, number))
         assert self._shown is not None, "keys come from cameras"
@@ -132,6 +144,17 @@ class KnownPictures:
         if not self._store.holds(kind, self._key(kind, number)):
             return False
         return True if self._shown.settled.issuperset(around) else None
+
+    def _is_there(self, kind: str, number: int) -> bool:
+        """Tell whether any file of a kind is shown; its folder is listed once."""
+        if kind not in self._names:
+            folder = self._request.place(kind, number).parent
+            names = os.listdir(self._store.root / folder) if (self._store.root / folder).is_dir() else ()
+            self._names[kind] = frozenset(f"{folder}/{name}" for name in names)
+        return bool(self._names[kind]) and self._place(kind, number) in self._names[kind]
+
+    def _place(self, kind: str, number: int) -> str:
+        return self._request.places(kind, (number,))[0]
 
     def _key(self, kind: str, number: int) -> Key:
         assert self.keys is not None, "the caller checks"
@@ -147,24 +170,25 @@ class KnownPictures:
         return self._request.window(number, lambda n: n in self._rendered or was_rendered(n))
 
 
-def _undone(store: Store, path: Path) -> str:
-    return "stale" if (store.root / path).exists() else "missing"
+def _undone(store: Store, place: str) -> str:
+    return "stale" if os.path.exists(f"{store.root}/{place}") else "missing"  # noqa: PTH110  # Paths are slow
 
 
 def _states(
     request: RenderRequest,
     what: str,
-    state: Callable[[int], str],
+    found: Iterable[str],
     history: History,
     about: tuple[str, Sequence[str], str],
 ) -> FrameStates:
     """Return the states of the files of a kind.
 
+    found  the state of each frame of the request
     about  the shot, the stages and the quality of its events in the history
     """
     by_state: dict[str, list[int]] = {"done": [], "remote": [], "stale": [], "unframed": [], "missing": []}
-    for number in request.requested:
-        by_state[state(number)].append(number)
+    for number, state in zip(request.requested, found, strict=True):
+        by_state[state].append(number)
     undone = set(request.requested) - set(by_state["done"]) - set(by_state["remote"])
     pace = history.pace(*about) if undone else None
     return FrameStates(

@@ -145,7 +145,7 @@ class Plan:
 
     def restore_links(self, store: Store) -> int:
         """Show again what the store holds but a folder has lost; return how many links were made."""
-        lost = [link for link in self.links if not store.shows(link.kind, link.key, Path(link.target))]
+        lost = [link for link in self.links if not store.shows(link.kind, link.key, link.target)]
         for link in lost:
             store.link(link.kind, link.key, Path(link.target))
         return len(lost)
@@ -213,10 +213,12 @@ class Plan:
         return f"{self.name}.jsonl" if here == self.host else f"{self.name}.{here}.jsonl"
 
     @property
-    def raw_places(self) -> list[Path]:
-        """The raw pictures of the frames asked for."""
-        frames = [Path(target) for target in self.targets if Path(target).parent.name == "frames"]
-        return [frame.parents[1] / "raw" / frame.name for frame in frames]
+    def raw_places(self) -> Iterator[Path]:
+        """Yield the raw pictures of the frames asked for."""
+        for target in self.targets:
+            home, _, name = target.rpartition("/frames/")
+            if home:
+                yield Path(home, "raw", name)
 
     def freeze(self, root: Path) -> Path:
         """Write the plan under `root`; return the file, relative to `root`."""

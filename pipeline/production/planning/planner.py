@@ -176,13 +176,16 @@ class Planner:
 
         fetch  link a file too that only the remote store has, and that is fetched for it
         """
-        if not self.store.holds(kind, key):
+        is_here = self.store.is_here(kind, key)
+        if not (is_here or self.store.is_remote(kind, key)) or self._is_forced(stage, kind, key):
             return False
-        if stage in self.force and self.store.stored_at(kind, key) < self.force[stage]:
-            return False
-        if fetch or self.store.is_here(kind, key):
+        if fetch or is_here:
             self._links[place] = Link(kind, key, place)
         return True
+
+    def _is_forced(self, stage: str, kind: str, key: Key) -> bool:
+        """Tell whether a file is made again, for it was stored before its stage was forced."""
+        return stage in self.force and self.store.stored_at(kind, key) < self.force[stage]
 
     def _absent(self, entry: PlanEntry, stage: str, numbers: Sequence[int], fetch: bool = True) -> list[int]:
         """Return the frames that the store does not hold. `fetch` as `_has` takes it."""
@@ -201,8 +204,10 @@ class Planner:
         shown = sorted({request.angles[n].mesh for n in request.requested})
         for stage in ("simulate", "smooth_normals"):
             kind = STAGES[stage].makes
-            here = [n for n in shown if self.store.is_here(kind, entry.key(stage, n))]
-            self._absent(entry, stage, here)
+            for n, place in zip(shown, request.places(kind, shown), strict=True):
+                key = entry.key(stage, n)
+                if self.store.is_here(kind, key) and not self._is_forced(stage, kind, key):
+                    self._links[place] = Link(kind, key, place)
         if entry.keys is not None:
             self._has("frame_camera", "cameras", request.cameras_key, request.folders.cameras().as_posix())
 

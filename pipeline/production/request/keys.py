@@ -210,7 +210,7 @@ class PictureKeys(Mapping[int, FrameKeys]):
     A frame that is averaged with its neighbours has the key of the average over all of them while the store
     holds that, else over those that are rendered, or rendered by this run.
 
-    Raw keys are looked up in the planning cache first; `remember` puts there those that it lacks.
+    Keys are looked up in the planning cache first; `remember` puts there those that it lacks.
     """
 
     def __init__(
@@ -220,9 +220,10 @@ class PictureKeys(Mapping[int, FrameKeys]):
         self._request, self._store, self._cameras = request, store, cameras
         self._cache = request.source.cache
         self._numbers = set(request.requested if rendered is None else rendered)
-        known = self._cache.get(*self._found_from) or {}
-        self._raws: dict[int, Key] = {int(number): key for number, key in known.items()}
-        self._cached = len(self._raws)
+        known = self._cache.get(*self._found_from) or {"raw": {}, "frame": {}}
+        self._raws: dict[int, Key] = {int(number): key for number, key in known["raw"].items()}
+        self._frames: dict[str, Key] = known["frame"]
+        self._cached = self._found
         self._keys: dict[int, FrameKeys] = {}
 
     def __getitem__(self, number: int) -> FrameKeys:
@@ -238,11 +239,13 @@ class PictureKeys(Mapping[int, FrameKeys]):
 
     def _averaged(self, number: int, window: tuple[int, ...]) -> FrameKeys:
         """Return the keys of a frame that is averaged over a window."""
-        averaged = [self._raw(n) for n in window] if len(window) > 1 else []
-        raw = self._raw(number)
-        request = self._request
-        finish = request.quality.denoise, averaged, request.source.summary.rate, self._layers_data(number)
-        return FrameKeys(raw, key_of(FINISH.recipe, raw, *finish), window)
+        raw, name = self._raw(number), f"{number}.{window[0]}.{window[-1]}"
+        if name not in self._frames:
+            averaged = [self._raw(n) for n in window] if len(window) > 1 else []
+            request, layers = self._request, self._layers_data(number)
+            rate = request.source.summary.rate
+            self._frames[name] = key_of(FINISH.recipe, raw, request.quality.denoise, averaged, rate, layers)
+        return FrameKeys(raw, self._frames[name], window)
 
     def _layers_data(self, number: int) -> list[Any]:
         """Return what decides the layers for compositing: their names, and cameras for motion vectors."""
@@ -258,14 +261,19 @@ class PictureKeys(Mapping[int, FrameKeys]):
         return len(self._request.angles)
 
     def remember(self) -> None:
-        """Put the raw keys in the planning cache, where it lacks some."""
-        if len(self._raws) > self._cached:
-            self._cache.put(self._raws, *self._found_from)
-            self._cached = len(self._raws)
+        """Put the keys in the planning cache, where it lacks some."""
+        if self._found > self._cached:
+            self._cache.put({"raw": self._raws, "frame": self._frames}, *self._found_from)
+            self._cached = self._found
+
+    @property
+    def _found(self) -> int:
+        """The number of keys found so far."""
+        return len(self._raws) + len(self._frames)
 
     @property
     def _found_from(self) -> tuple[str, ...]:
-        return "raw", self._request.identity, self._cameras.key
+        return "pictures", self._request.identity, self._cameras.key
 
     def is_available(self, number: int) -> bool:
         """Tell whether a frame is rendered by this run, or was before."""

@@ -21,17 +21,35 @@ RENDERS = Path("renders")
 PUBLISHED = RENDERS / "published"
 REPEATED = RENDERS / "repeated"
 
-_KINDS = {
-    "mesh": ("meshes", ".npz"),
-    "normals": ("normals", ".npz"),
-    "raw": ("{}/raw", ".exr"),
-    "frame": ("{}/frames", ".exr"),
-    "png": ("{}/png", ".png"),
-    "png16": ("{}/png16", ".png"),
-    "jpeg": ("{}/jpeg", ".jpg"),
-    "statistics": ("{}/statistics", ".json"),
+SUFFIXES = {
+    "mesh": ".npz",
+    "normals": ".npz",
+    "cameras": ".json",
+    "raw": ".exr",
+    "frame": ".exr",
+    "movie": ".mp4",
+    "mov": ".mov",
+    "mkv": ".mkv",
+    "webp": ".webp",
+    "png": ".png",
+    "png16": ".png",
+    "jpeg": ".jpg",
+    "measures": ".json",
+    "statistics": ".json",
 }
-"""Folder and suffix of numbered files by kind; pictures lie in the folder of their quality."""
+"""Suffixes by kind of file."""
+
+_NUMBERED = {
+    "mesh": "meshes",
+    "normals": "normals",
+    "raw": "{}/raw",
+    "frame": "{}/frames",
+    "png": "{}/png",
+    "png16": "{}/png16",
+    "jpeg": "{}/jpeg",
+    "statistics": "{}/statistics",
+}
+"""Folders of numbered files by kind; pictures lie in the folder of their quality."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +78,7 @@ class Folders:
 
         They are strings: a plan names so many that making Path objects would take most of its time.
         """
-        within, suffix = _KINDS[kind]
-        begin = f"{self.home}/{within.format(quality)}/{self.name}."
+        begin, suffix = f"{self.home}/{_NUMBERED[kind].format(quality)}/{self.name}.", SUFFIXES[kind]
         return [f"{begin}{number:04d}{suffix}" for number in numbers]
 
     def cameras(self) -> Path:

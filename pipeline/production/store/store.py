@@ -25,21 +25,19 @@ import uuid
 from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from pipeline.errors import FrameError, MachineError
 from pipeline.production.store.digests import CorruptFileError, Digests
-from pipeline.production.store.paths import STATE
+from pipeline.production.store.paths import STATE, SUFFIXES
 from pipeline.production.store.remote import LOG, SIDE_BY_SIDE, RemoteStore
 from pipeline.production.store.remote_url import store_url
 from pipeline.production.store.uploads import upload
 from render.base.atomic_write import atomic_write, disk_errors
 from render.base.errors import CorruptImageError, FlowsculptError, MissingImageError
 from render.base.plural import plural
-
-if TYPE_CHECKING:
-    pass
 
 T = TypeVar("T")
 
@@ -59,23 +57,6 @@ def key_of(*parts: Any) -> Key:
 
 DAMAGED = (CorruptFileError, CorruptImageError, MissingImageError, FileNotFoundError)
 """Errors that readers raise for a file that must be made again."""
-
-
-SUFFIXES = {
-    "mesh": ".npz",
-    "normals": ".npz",
-    "cameras": ".json",
-    "raw": ".exr",
-    "frame": ".exr",
-    "movie": ".mp4",
-    "mov": ".mov",
-    "mkv": ".mkv",
-    "webp": ".webp",
-    "png": ".png",
-    "png16": ".png",
-    "jpeg": ".jpg",
-    "measures": ".json",
-}
 
 
 WRITABLE = ("movie",)
@@ -113,7 +94,11 @@ class Store:
         return Path(self._name(kind, key))
 
     def _name(self, kind: str, key: Key) -> str:
-        return f"{self.root}/{STATE}/store/{kind}/{key[:2]}/{key}{SUFFIXES[kind]}"
+        return f"{self._folder}/{kind}/{key[:2]}/{key}{SUFFIXES[kind]}"
+
+    @cached_property
+    def _folder(self) -> str:
+        return f"{self.root}/{STATE}/store"
 
     def holds(self, kind: str, key: Key | None) -> bool:
         """Tell whether the file of `key` is here or in the remote store, and so need not be made."""
@@ -228,16 +213,16 @@ class Store:
             with atomic_write(place, flush=False) as draft:
                 shutil.copy2(source, draft)
 
-    def shows(self, kind: str, key: Key | None, target: Path) -> bool:
+    def shows(self, kind: str, key: Key | None, target: Path | str) -> bool:
         """Tell whether `target` is the file of `key`: the same inode, or a copy by its size and both ends.
 
         Times tell nothing: clocks of hosts differ, and Snakemake sets the times of what it has checked.
         """
         if key is None:
             return False
-        ours, theirs = self.path(kind, key), self.root / target
+        ours, theirs = self._name(kind, key), f"{self.root}/{target}"
         try:
-            one, other = ours.stat(), theirs.stat()
+            one, other = os.stat(ours), os.stat(theirs)  # noqa: PTH116  # a Path is slow to make
             if os.path.samestat(one, other):
                 return True
             return one.st_size == other.st_size and _ends(ours, one.st_size) == _ends(theirs, one.st_size)
@@ -307,9 +292,9 @@ def _mode(kind: str) -> int:
     return 0o644 if kind in WRITABLE else 0o444
 
 
-def _ends(path: Path, size: int) -> bytes:
+def _ends(path: str, size: int) -> bytes:
     """Return the first and the last bytes of a file."""
-    with path.open("rb") as file:
+    with Path(path).open("rb") as file:
         first = file.read(ENDS)
         file.seek(max(ENDS, size - ENDS))
         return first + file.read(ENDS)

@@ -71,8 +71,9 @@ def checkpoint_of(
 
 def remove_checkpoints(store: Store, targets: Iterable[Path], keep: Path | None = None) -> None:
     """Remove the checkpoints of pictures that are shown at `targets`, whatever their keys, but `keep`."""
-    names = {_checkpoint_name(target) for target in targets}
-    for path in _checkpoints(store):
+    paths = _checkpoints(store)
+    names = {_checkpoint_name(target) for target in targets} if paths else set()
+    for path in paths:
         if path != keep and path.stem.rpartition(".")[0] in names:
             with contextlib.suppress(OSError):
                 path.unlink()
