@@ -147,11 +147,13 @@ class KnownPictures:
 
     def _is_there(self, kind: str, number: int) -> bool:
         """Tell whether any file of a kind is shown; its folder is listed once."""
+        folder, _, name = self._place(kind, number).rpartition("/")
         if kind not in self._names:
-            folder = self._request.place(kind, number).parent
-            names = os.listdir(self._store.root / folder) if (self._store.root / folder).is_dir() else ()
-            self._names[kind] = frozenset(f"{folder}/{name}" for name in names)
-        return bool(self._names[kind]) and self._place(kind, number) in self._names[kind]
+            shown = self._store.root / folder
+            self._names[kind] = (
+                frozenset(path.name for path in shown.iterdir()) if shown.is_dir() else frozenset()
+            )
+        return name in self._names[kind]
 
     def _place(self, kind: str, number: int) -> str:
         return self._request.places(kind, (number,))[0]

@@ -1,34 +1,27 @@
 """Make a plan: compare keys with the store, backwards from the pictures.
 
 A link that shows the right store entry needs nothing; an entry in the store needs its link; anything else
-needs a job, and so does what that job reads, unless it is there. What several requests need is made once:
-jobs are known by the keys of what they make.
+needs a job, and so does what that job reads, unless it is there.
 """
 
 from __future__ import annotations
 
-import re
-from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import groupby
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from pipeline.errors import UsageError
+from pipeline.production.planning.batches import MIN_BATCH, batches
 from pipeline.production.planning.entry import PlanEntry
-from pipeline.production.planning.plan import MIN_BATCH, Job, Link, Plan, batches, done_file, with_threads
+from pipeline.production.planning.plan import Link, Plan, with_threads
+from pipeline.production.planning.planned_jobs import PlannedJobs
 from pipeline.production.planning.profile import Share
 from pipeline.production.planning.timings import measured
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import STAGES
-from pipeline.production.store.store import Key, Store, key_of
-
-MIN_SHARED = 8
-"""Frames that a simulation has in common with others from which on these wait for them: to wait costs the
-start of one more process."""
+from pipeline.production.store.store import Key, Store
 
 
 @dataclass
@@ -53,13 +46,10 @@ class Planner:
     force: Mapping[str, int] = field(default_factory=dict)
     comparable: bool = False
     _entries: dict[RenderRequest, PlanEntry] = field(default_factory=dict)
-    _jobs: list[Job] = field(default_factory=list)
-    _makers: defaultdict[str, dict[Key, int]] = field(default_factory=lambda: defaultdict(dict))
+    _planned: PlannedJobs = field(default_factory=PlannedJobs)
     _links: dict[str, Link] = field(default_factory=dict)
     _targets: list[str] = field(default_factory=list)
     _goals: list[tuple[int, str]] = field(default_factory=list)
-    _spared: Counter[str] = field(default_factory=Counter)
-    _manifests: dict[str, tuple[str, list[Key]]] = field(default_factory=dict)
     _cut: Edit | None = None
 
     # What can be asked for
@@ -136,8 +126,8 @@ class Planner:
 
     def plan(self) -> Plan:
         """Return what has been collected, with the cores dealt out among the jobs."""
-        self._simulations()
-        jobs = sorted(self._jobs, key=lambda job: job.stage != "simulate")
+        self._planned.add_simulations(self._entries.values())
+        jobs = sorted(self._planned.jobs, key=lambda job: job.stage != "simulate")
         rendered = {job.requests[0] for job in jobs if job.stage == "render"}
         return Plan(
             requests=tuple(self._entries),
@@ -147,8 +137,8 @@ class Planner:
             targets=tuple(dict.fromkeys(self._targets)),
             goals=tuple(dict.fromkeys(self._goals)),
             notes=tuple(dict.fromkeys(self.notes)),
-            spared=+self._spared,
-            manifests=self._manifests,
+            spared=+self._planned.spared,
+            manifests=self._planned.manifests,
             measured=measured(self.store.root, tuple(self._entries), rendered),
             force=tuple(sorted(self.force)),
             farm=self.share is not None,
@@ -226,8 +216,10 @@ class Planner:
         if self.whole:
             self._rest(entry, "smooth_normals", sorted({request.angles[n].mesh for n in request.requested}))
         frames = sorted(request.angles)
-        if (self.whole or not framed) and self._is_new(entry, "frame_camera", key, framed, len(frames)):
-            self._add(entry, "frame_camera", frames, [key], entry.shown, framed)
+        if (self.whole or not framed) and self._planned.is_new(
+            entry, "frame_camera", key, framed, len(frames)
+        ):
+            self._planned.add(entry, "frame_camera", frames, [key], entry.shown, framed)
 
     def _meshes(self, entry: PlanEntry, wanted: Sequence[int]) -> None:
         """Note the mesh frames that are not there; which jobs simulate them is known last."""
@@ -247,7 +239,7 @@ class Planner:
         request = entry.request
         least = self.share.frames if self.share else MIN_BATCH
         keys = {n: entry.key(stage, n) for n in frames}
-        fresh = [n for n in frames if self._is_new(entry, stage, keys[n], present)]
+        fresh = [n for n in frames if self._planned.is_new(entry, stage, keys[n], present)]
         split = [fresh] if stage == "smooth_normals" else batches(fresh, self.side_by_side, least)
         for batch in filter(None, split):
             reads: Sequence[int] = batch
@@ -257,55 +249,13 @@ class Planner:
                 meshes = tuple(dict.fromkeys(request.angles[n].mesh for n in batch if request.needs_mesh(n)))
             elif stage == "finish":
                 reads = _union(entry.names[n].window for n in batch)
-            self._add(entry, stage, batch, [keys[n] for n in batch], reads, present, meshes=meshes)
+            self._planned.add(entry, stage, batch, [keys[n] for n in batch], reads, present, meshes=meshes)
 
     def _rest(self, entry: PlanEntry, stage: str, numbers: Sequence[int]) -> None:
         """Plan the jobs of files that are there, and of those that nothing needs."""
         absent = set(self._absent(entry, stage, numbers, fetch=False))
         for present in (True, False):
             self._batches(entry, stage, [n for n in numbers if (n not in absent) == present], present)
-
-    def _is_new(self, entry: PlanEntry, stage: str, key: Key, present: bool, frames: int = 1) -> bool:
-        """Tell whether no job makes a file yet; a job that does then serves this request too."""
-        maker = self._makers[stage].get(key)
-        if maker is None:
-            return True
-        self._serve(maker, entry)
-        if self._jobs[maker].requests[0] != entry.place and not present:
-            self._spared[stage] += frames
-        return False
-
-    def _serve(self, maker: int, entry: PlanEntry) -> None:
-        """Note that a request needs what a job makes."""
-        job = self._jobs[maker]
-        if entry.place not in job.requests:
-            self._jobs[maker] = replace(job, requests=(*job.requests, entry.place))
-
-    def _add(
-        self,
-        entry: PlanEntry,
-        stage: str,
-        frames: Sequence[int],
-        keys: Sequence[Key],
-        reads: Sequence[int],
-        present: bool,
-        **fields: Any,
-    ) -> None:
-        """Add a job that makes files of `keys`; those that are there stand in its manifest.
-
-        fields  fields of the job that differ from the usual ones
-        """
-        request, key = entry.request, key_of(stage, list(keys))[:16]
-        label = re.sub(r"\W", "_", request.label)
-        name = f"{stage}_{label}_{min(frames):04d}_{max(frames):04d}_{key[:8]}"
-        output = done_file(stage, request.name, request.quality_name, frames, key)
-        if present:
-            self._manifests[output] = STAGES[stage].makes, list(keys)
-        for made in keys:
-            self._makers[stage].setdefault(made, len(self._jobs))
-        others = None if list(reads) == list(frames) else tuple(reads)
-        job = Job(name, stage, (entry.place,), tuple(frames), others, key=key, output=output, present=present)
-        self._jobs.append(replace(job, **fields))
 
     def _movie(
         self, stage: str, entries: Sequence[PlanEntry], frames: Sequence[int], key: Key, path: Path
@@ -314,50 +264,11 @@ class Planner:
         place = path.as_posix()
         self._targets.append(place)
         present = all(entry.keys is not None for entry in entries) and self._has(stage, "movie", key, place)
-        if (self.whole or not present) and self._is_new(entries[0], stage, key, present, 0):
+        if (self.whole or not present) and self._planned.is_new(entries[0], stage, key, present, 0):
             places = tuple(entry.place for entry in entries)
-            self._add(entries[0], stage, frames, [key], frames, present, output=place, requests=places)
-
-    # Simulations
-
-    def _simulations(self) -> None:
-        """Add the jobs that simulate; a long beginning that requests share is made once."""
-        makers = self._makers["simulate"]
-        wanted = [(entry, entry.numbers("wanted")) for entry in self._entries.values()]
-        users = Counter(key for chain in {e.mesh_keys(numbers) for e, numbers in wanted} for key in chain)
-        for entry, numbers in wanted:
-            before: list[int] = []
-            for is_shared, piece in _pieces(entry, numbers, users):
-                keys = entry.mesh_keys(piece)
-                if all(key in makers for key in keys) or (is_shared and keys[0] in makers):
-                    for maker in {makers[key] for key in keys if key in makers}:
-                        self._serve(maker, entry)
-                    self._spared["simulate"] += len(piece)
-                else:
-                    self._add(entry, "simulate", piece, keys, before, present=False)
-                before = piece[-1:]
-        for entry in self._entries.values():
-            for state in ("present", "idle"):
-                if numbers := entry.numbers(state):
-                    self._add(entry, "simulate", numbers, entry.mesh_keys(numbers), (), state == "present")
-
-
-def _pieces(
-    entry: PlanEntry, numbers: Sequence[int], users: Mapping[Key, int]
-) -> list[tuple[bool, list[int]]]:
-    """Return frames that the same number of simulations go through, and whether one makes them for all.
-
-    Short pieces are not worth waiting for: each simulation makes those itself, to the same bits.
-    """
-    pieces: list[tuple[bool, list[int]]] = []
-    for many, group in groupby(numbers, key=lambda n: users[entry.request.mesh_key(n)]):
-        piece = list(group)
-        is_shared = many > 1 and len(piece) >= MIN_SHARED
-        if pieces and not is_shared and not pieces[-1][0]:
-            pieces[-1][1].extend(piece)
-        else:
-            pieces.append((is_shared, piece))
-    return pieces
+            self._planned.add(
+                entries[0], stage, frames, [key], frames, present, output=place, requests=places
+            )
 
 
 def _union(windows: Iterable[Sequence[int]]) -> list[int]:

@@ -9,7 +9,8 @@ import pytest
 from pipeline.errors import MachineError, MissingInputError, UsageError
 from pipeline.production.execution.project import Project
 from pipeline.production.execution.snakemake import _words, complaint
-from pipeline.production.planning.plan import Job, Plan, batches
+from pipeline.production.planning.batches import batches
+from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.planning.profile import SIDE_BY_SIDE, Profile
 from pipeline.production.planning.timings import LEAST_MIB, START_MINUTES, MeasuredResources
 from pipeline.production.store.event_log import EventLog, EventReader
