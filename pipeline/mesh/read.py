@@ -64,8 +64,9 @@ class ImportedSurface:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines to tell the user: what was repaired, and the notes."""
-        return (*(f"repaired: {line}" for line in self.repairs), *self.notes)
+        """Lines to tell the user about a model: what was repaired, and the notes."""
+        repaired = (f"model repaired: {line}" for line in self.repairs)
+        return (*repaired, *(f"model: {line}" for line in self.notes))
 
 
 def read_surface(path: str | Path, repair: bool = True, part: StagePart | None = None) -> ImportedSurface:

@@ -196,10 +196,10 @@ class StageMeshes:
         """Return lines about what was not read as other programs show it."""
         lines = []
         if self.cages:
-            meshes = plural(self.cages, "mesh", "meshes")
+            meshes, asks = plural(self.cages, "mesh", "meshes"), "asks" if self.cages == 1 else "ask"
             lines.append(
-                f"{meshes} of the stage should be subdivided by their subdivisionScheme, and "
-                "the faces are read as they stand; subdivide in the program that made it to have it smooth"
+                f"{meshes} {asks} to be subdivided by subdivisionScheme, which is not done here; "
+                "subdivide in the program that made the stage to have it smooth"
             )
         if self.omitted:
             lines.append(f"prims that are no meshes are left out: {self.omitted_words}")

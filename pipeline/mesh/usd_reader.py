@@ -138,6 +138,8 @@ def _clips_of(layer: Sdf.Layer) -> Iterator[str]:
         spec = layer.GetPrimAtPath(path) if path.IsPrimPath() else None
         sets = spec.GetInfo("clips") if spec is not None and spec.HasInfo("clips") else {}
         for clips in sets.values():
+            if not isinstance(clips, dict):
+                raise MeshError(f"{path}: its value clips are no dictionary")
             if clips.get("templateAssetPath"):
                 raise MeshError(f"{path} names its value clips by a template. Flatten the stage at a frame.")
             yield from (asset.path for asset in clips.get("assetPaths") or ())

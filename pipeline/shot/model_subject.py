@@ -71,7 +71,7 @@ class Model(Subject):
         known = _latest.get(self._read_from)
         if known is None:
             return ()
-        return tuple(f"model {line}" for line in known.warnings) + self._distance_notes(known)
+        return known.warnings + self._distance_notes(known)
 
     def _distance_notes(self, imported: ImportedSurface) -> tuple[str, ...]:
         distance, size = _distance_and_size(imported.mesh)

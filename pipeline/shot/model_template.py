@@ -77,7 +77,7 @@ def model_template(file: Path, reference: str) -> ModelTemplate:
         facts=tuple(facts),
         edges=_about_edges(usual, length),
         max_edge_length=length,
-        notes=(*(f"model {line}" for line in imported.warnings), *parts),
+        notes=(*imported.warnings, *parts),
     )
 
 

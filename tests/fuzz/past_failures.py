@@ -136,6 +136,10 @@ _MESH = (
 )
 
 
+def _clips(text: str) -> str:
+    return _usda(f'def "A" (\n clips = {{\n {text}\n }}\n) {{ }}')
+
+
 def _doubled_instances(levels: int) -> str:
     """Return a stage whose prims refer twice to the one before, as instances: 2^levels meshes."""
     parts = [_MESH.replace('"A"', '"p0"') % ("[3]", "[0, 1, 2]", "")]
@@ -323,6 +327,19 @@ PAST_FAILURES = (  # one line each, however long
         ),
         "is a point instancer within 8 others",
     ),
+    PastFailure(
+        "stage",
+        "clips.usda",
+        _bytes(_clips("dictionary default = { asset[] assetPaths = [@./gone.usdc@] }")),
+        "gone.usdc: there is no such file",
+    ),
+    PastFailure(
+        "stage",
+        "template.usda",
+        _bytes(_clips('dictionary default = { string templateAssetPath = "./a.#.usd" }')),
+        "names its value clips by a template",
+    ),
+    PastFailure("stage", "number.usda", _bytes(_clips("int default = 3")), "/A: its value clips are no"),
     PastFailure("stage", "deep.usda", _bytes(_usda('def "A" { ' * 100_000)), "its reader crashed"),
     PastFailure(
         "stage", "brackets.usda", _bytes(_usda('def "A" { int a = ' + "[" * 100_000)), "cannot be read"

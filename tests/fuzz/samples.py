@@ -13,6 +13,11 @@ import OpenImageIO as oiio
 import trimesh
 from pxr import Sdf, UsdUtils
 
+from pipeline.dailies.interchange.exported_frame import ExportedFrame
+from pipeline.dailies.interchange.mesh_files import write_glb, write_obj, write_ply
+from pipeline.mesh import box, split_at_creases
+from render.scene.materials import LOOKS
+
 FLOW = """\
 import math
 \"\"\"A flow.\"\"\"
@@ -135,19 +140,15 @@ class Sample(NamedTuple):
 def samples(folder: Path) -> list[Sample]:
     """Write a sample of each format into a folder, and return them."""
     folder.mkdir(parents=True, exist_ok=True)
-    made = [
-        Sample(kind, folder / name) for kind, name, content in _contents() if _write(folder / name, content)
-    ]
+    made = []
+    for kind, name, content in _contents(folder):
+        (folder / name).write_bytes(content)
+        made.append(Sample(kind, folder / name))
     others = (*_stages(folder), *_pictures(folder), *_sounds(folder))
     return made + [Sample(kind, path) for kind, path in others]
 
 
-def _write(path: Path, content: bytes) -> bool:
-    path.write_bytes(content)
-    return True
-
-
-def _contents() -> Iterator[tuple[str, str, bytes]]:
+def _contents(folder: Path) -> Iterator[tuple[str, str, bytes]]:
     ball = trimesh.creation.icosphere(1)
     yield "model", "box.obj", OBJ.encode()
     yield "model", "binary.ply", ball.export(file_type="ply")
@@ -158,6 +159,11 @@ def _contents() -> Iterator[tuple[str, str, bytes]]:
     yield "model", "ball.off", ball.export(file_type="off").encode()
     yield "scene", "ball.glb", trimesh.Scene([ball, trimesh.creation.box()]).export(file_type="glb")
     yield "stage", "box.usda", STAGE.encode()
+    for form, write in (("ply", write_ply), ("obj", write_obj)):
+        write(folder / f"export.{form}", exported())
+        yield "model", f"export.{form}", (folder / f"export.{form}").read_bytes()
+    write_glb(folder / "export.glb", exported(), LOOKS["clay"])
+    yield "scene", "export.glb", (folder / "export.glb").read_bytes()
     yield "flow", "flow.py", FLOW.encode()
     yield "view", "view.ocio", VIEW.encode()
     points = np.random.default_rng(0).normal(size=(24, 3))
@@ -172,6 +178,23 @@ def _contents() -> Iterator[tuple[str, str, bytes]]:
     yield "field", "text.vti", _vtk("ascii", "").encode()
     yield "field", "packed.vti", _vtk("binary", 'compressor="vtkZLibDataCompressor"').encode()
     yield "field", "wind.vtr", _rectilinear().encode()
+
+
+def exported() -> ExportedFrame:
+    """Return a box with every attribute that exported mesh files hold."""
+    mesh, random = box(1), np.random.default_rng(0)
+    split, count = split_at_creases(mesh), len(mesh.vertices)
+    return ExportedFrame(
+        mesh.vertices,
+        mesh.faces,
+        split.normals,
+        split.faces,
+        velocities=random.normal(size=(count, 3)),
+        rest=mesh.vertices,
+        creases=mesh.creases,
+        colours=random.random((count, 3)),
+        texture=random.random((len(mesh.faces), 3, 2)),
+    )
 
 
 def _npz(**arrays: np.ndarray) -> bytes:

@@ -217,7 +217,7 @@ def test_every_form_of_stage_holds_the_same_model(tmp_path: Path) -> None:
     for read in meshes:
         assert np.array_equal(read.mesh.vertices, meshes[0].mesh.vertices)
         assert np.array_equal(read.mesh.corners, meshes[0].mesh.corners)
-        assert read.notes[0].startswith("1 mesh of the stage should be subdivided")
+        assert read.notes[0].startswith("1 mesh asks to be subdivided by subdivisionScheme")
     assert [file.name for file, _ in model_files(tmp_path / "b.usdz").files] == ["b.usdz"]
 
 
