@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from functools import cache, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import OpenImageIO as oiio
@@ -46,6 +46,25 @@ def to_display(
     shown = np.empty_like(flat)
     apply_lut(flat, 2.0**exposure, _TOE, _WHITE, lut, shown)
     return shown.reshape(light.shape)
+
+
+class ViewTable(NamedTuple):
+    """A baked view: display values (S, S, S, 3) by red, green and blue.
+
+    Its axes run over log2(1 + x/toe) from 0 to the light `white`.
+    """
+
+    values: Floats
+    toe: float
+    white: float
+
+
+def view_table(display: str = "rec709", view: ColourView = ACES) -> ViewTable:
+    """Return the table by which `to_display` shows light, for other programs that show it.
+
+    Raises BadInputError for a display that is not in DISPLAYS, or a view that cannot be computed.
+    """
+    return ViewTable(_lut(view, view.display(display)), _TOE, _WHITE)
 
 
 def quantise(values: Floats, bits: int = 8) -> NDArray[Any]:

@@ -9,11 +9,12 @@ from __future__ import annotations
 import base64
 import json
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,10 +23,14 @@ from numpy.typing import NDArray
 from pipeline.dailies.review.sequences import PictureFile, PictureSequence
 from pipeline.production.store.store import DAMAGED, Store, key_of
 from render.base.errors import RenderError
-from render.post.colour import quantise, to_display
+from render.post.colour import quantise, to_display, view_table
 from render.post.image import read_exr, read_header
+from render.post.view import ColourView
 
 FORMAT = 1
+
+VIEW = "view"
+"""The table of the view of a sequence, as a layer: display values by light."""
 
 DISPLAY = "picture"
 """The layer of display values, 8 bits: the picture as the page's JPEG or PNG shows it."""
@@ -81,13 +86,28 @@ class LayerWriter:
         except (*DAMAGED, RenderError, ValueError):
             return {}
         files = {}
+        view = self._write_view(display.view)
         for name, values in {DISPLAY: shown, **arrays}.items():
             file = f"{key_of('layer', FORMAT, sequence.still_key('png', number), name)}.js"
             if not self.store.is_whole(self.folder / file):
-                write = partial(_write_script, file=file, name=name, values=values, exposure=display.exposure)
+                write = partial(
+                    _write_script, file=file, name=name, values=values, exposure=display.exposure, view=view
+                )
                 self.store.write(self.folder / file, write)
             files[name] = file
-        return files
+        return {**files, VIEW: view}
+
+    def _write_view(self, view: ColourView) -> str:
+        """Write the table of a view unless it is there, and return its file's name."""
+        file = f"{key_of('view', FORMAT, view.recipe)}.js"
+        if not self.store.is_whole(self.folder / file):
+            table = view_table("srgb", view)
+            side = table.values.shape[0]
+            steps = np.rint(255.0 * np.clip(table.values, 0.0, 1.0)).astype(np.uint8)
+            about = {"toe": table.toe, "white": table.white, "side": side}
+            script = as_script(file, DISPLAY, steps.reshape(side * side, side, 3), about=about)
+            self.store.write(self.folder / file, lambda draft: draft.write_text(script))
+        return file
 
 
 def _raw_layers(
@@ -106,11 +126,20 @@ def _raw_layers(
     return {name: arrays[name] for name in sorted(arrays) if name not in present}
 
 
-def _write_script(draft: Path, file: str, name: str, values: NDArray[Any], exposure: float) -> None:
-    draft.write_text(as_script(file, name, values, exposure))
+def _write_script(
+    draft: Path, file: str, name: str, values: NDArray[Any], exposure: float, view: str
+) -> None:
+    is_shown = name == "beauty" or name.startswith("light_")
+    draft.write_text(as_script(file, name, values, exposure, {"view": view} if is_shown else {}))
 
 
-def as_script(file: str, name: str, values: NDArray[Any], exposure: float = 0.0) -> str:
+def as_script(
+    file: str,
+    name: str,
+    values: NDArray[Any],
+    exposure: float = 0.0,
+    about: Mapping[str, Any] = MappingProxyType({}),
+) -> str:
     """Return a call of the page's `reviewLayer` with a layer, (H, W) or (H, W, C).
 
     Channels lie one after another as 16 bits, half floats or display steps; each value is the difference
@@ -118,6 +147,7 @@ def as_script(file: str, name: str, values: NDArray[Any], exposure: float = 0.0)
 
     low, high  shown as black and white; vectors have zero in the middle
     exposure   stops, of layers of light
+    about      more that the page is told of it
     """
     planes = np.moveaxis(values.reshape(*values.shape[:2], -1), 2, 0)
     if name == DISPLAY:
@@ -136,6 +166,7 @@ def as_script(file: str, name: str, values: NDArray[Any], exposure: float = 0.0)
         "channels": len(planes),
         "low": low,
         "high": high,
+        **about,
         "data": base64.b64encode(zlib.compress(swapped.tobytes(), 6)).decode("ascii"),
     }
     return f"reviewLayer({json.dumps(file)}, {json.dumps(data)});\n"

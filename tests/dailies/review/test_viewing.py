@@ -80,6 +80,28 @@ def test_the_card_and_the_loop_show_the_same(opened: Opened, layered: Path) -> N
             assert most <= 2, (name, settings)
 
 
+def test_the_beauty_is_shown_through_the_view_as_the_picture_is(opened: Opened, layered: Path) -> None:
+    look = opened(layered, a="T010_tiny · look chrome · draft", frame=3)
+    look.ask("review.viewing.layerOf(review.a, 3, 'picture')")
+    look.press("Shift+V")
+    wait_for_layers(look)
+    look.wait("review.viewing.source(review.a, 3)")
+    most = look.ask(
+        """(() => {
+          const { viewing, a } = review, canvas = viewing.source(a, 3);
+          const view = viewing.layerOf(a, 3, 'view'), picture = viewing.layerOf(a, 3, 'picture').bits;
+          const card = canvas.getContext('2d').getImageData(0, 0, 480, 270).data;
+          const loop = viewing.grader.inLoop(viewing.layerOf(a, 3, 'beauty'), view);
+          let most = 0;
+          for (let i = 0; i < card.length; i++) {
+            if (i % 4 < 3) most = Math.max(most, Math.abs(card[i] - picture[i]), Math.abs(card[i] - loop[i]));
+          }
+          return most;
+        })()"""
+    )
+    assert most <= 2
+
+
 def test_exposure_channels_and_clipping_change_what_is_seen(opened: Opened, layered: Path) -> None:
     look = opened(layered, frame=1)
     look.press("Shift+R")

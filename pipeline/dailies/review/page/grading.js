@@ -12,10 +12,11 @@ const FRAGMENT_SHADER = `#version 300 es
 precision highp float;
 precision highp int;
 uniform highp sampler2D layer;
+uniform mediump sampler3D view;
 uniform vec2 range;
-uniform float gain, power;
+uniform float gain, power, toe, white, side;
 uniform int channel, kind;
-uniform bool clipping;
+uniform bool clipping, hasView;
 uniform float height;
 out vec4 shown;
 vec3 toLinear(vec3 c) { return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), step(0.04045, c)); }
@@ -26,6 +27,10 @@ void main() {
   c = (c - range.x) / (range.y - range.x);
   if (kind == 0) c = toLinear(c);
   c *= gain;
+  if (hasView) {
+    vec3 place = log2(1.0 + clamp(c, 0.0, white) / toe) / log2(1.0 + white / toe);
+    c = toLinear(texture(view, (place.bgr * (side - 1.0) + 0.5) / side).rgb);
+  }
   if (channel == 4) c = vec3(dot(c, vec3(0.2126, 0.7152, 0.0722)));
   else if (channel > 0) c = vec3(channel == 1 ? c.r : channel == 2 ? c.g : c.b);
   if (kind < 2) c = toDisplay(c);
@@ -48,15 +53,15 @@ class Grader {
     this.drawn = new WeakMap();  // layer -> {state, canvas}
   }
 
-  /** The layer as a canvas that shows it by these settings. */
-  graded(layer) {
+  /** The layer as a canvas that shows it by these settings, through the table `view` if there is one. */
+  graded(layer, view = null) {
     const state = JSON.stringify(this.settings), last = this.drawn.get(layer);
     if (last?.state === state) return last.canvas;
     const { width, height } = layer, canvas = last?.canvas ?? document.createElement("canvas");
     Object.assign(canvas, { width, height });
     const context = canvas.getContext("2d", { alpha: false });
-    if (this.gl && !this.gl.isContextLost()) context.drawImage(this.#byCard(layer), 0, 0);
-    else context.putImageData(new ImageData(this.inLoop(layer), width, height), 0, 0);
+    if (this.gl && !this.gl.isContextLost()) context.drawImage(this.#byCard(layer, view), 0, 0);
+    else context.putImageData(new ImageData(this.inLoop(layer, view), width, height), 0, 0);
     this.drawn.set(layer, { state, canvas });
     return canvas;
   }
@@ -76,14 +81,39 @@ class Grader {
     }
     gl.useProgram(program);
     this.place = (name) => gl.getUniformLocation(program, name);
-    gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
-    for (const name of ["MIN", "MAG"]) gl.texParameteri(gl.TEXTURE_2D, gl[`TEXTURE_${name}_FILTER`], gl.NEAREST);
+    gl.uniform1i(this.place("view"), 1);
+    for (const [unit, target, filter] of [[gl.TEXTURE1, gl.TEXTURE_3D, gl.LINEAR], [gl.TEXTURE0, gl.TEXTURE_2D, gl.NEAREST]]) {
+      gl.activeTexture(unit);
+      gl.bindTexture(target, gl.createTexture());
+      for (const name of ["MIN", "MAG"]) gl.texParameteri(target, gl[`TEXTURE_${name}_FILTER`], filter);
+      for (const axis of ["S", "T", "R"]) gl.texParameteri(target, gl[`TEXTURE_WRAP_${axis}`], gl.CLAMP_TO_EDGE);
+    }
+    this.#loadTable(1, new Uint8Array(4));
   }
 
-  #byCard(layer) {
+  #loadTable(side, bytes) {
+    const { gl } = this;
+    gl.activeTexture(gl.TEXTURE1);
+    gl.texImage3D(gl.TEXTURE_3D, 0, gl.RGBA8, side, side, side, 0, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+    gl.activeTexture(gl.TEXTURE0);
+  }
+
+  /** Use the table of a view, which shows light as display values. */
+  #useView(view) {
+    const { gl, place } = this;
+    gl.uniform1i(place("hasView"), view !== null);
+    if (!view || view === this.view) return;
+    this.view = view;
+    const { side, toe, white, bits } = view;
+    this.#loadTable(side, Uint8Array.from(bits));
+    for (const [name, value] of Object.entries({ side, toe, white })) gl.uniform1f(place(name), value);
+  }
+
+  #byCard(layer, view) {
     const { gl, place, settings } = this, { width, height, low, high, kind } = layer;
     Object.assign(this.canvas, { width, height });
     gl.viewport(0, 0, width, height);
+    this.#useView(view);
     const isDisplay = kind === "display";
     const texels = isDisplay ? Float32Array.from(layer.bits) : layer.bits;
     gl.texImage2D(gl.TEXTURE_2D, 0, isDisplay ? gl.RGBA32F : gl.RGBA16F, width, height, 0, gl.RGBA, isDisplay ? gl.FLOAT : gl.HALF_FLOAT, texels);
@@ -99,13 +129,14 @@ class Grader {
   }
 
   /** The same without a graphics card: red, green, blue and alpha of all pixels, 8 bits. */
-  inLoop(layer) {
+  inLoop(layer, view = null) {
     const { exposure, gamma, channel, clipping } = this.settings, { bits, low, high, kind } = layer;
     const gain = 2 ** exposure, chosen = CHANNELS.indexOf(channel), pixels = new Uint8ClampedArray(bits.length);
     for (let i = 0; i < bits.length; i += 4) {
       let c = [0, 1, 2].map((k) => (kind === "display" ? bits[i + k] : fromHalf(bits[i + k])));
       const isNone = c.some(Number.isNaN);
       c = c.map((value) => (value - low) / (high - low)).map((value) => gain * (kind === "display" ? toLinear(value) : value));
+      if (view) c = lookedUp(view, c).map(toLinear);
       if (chosen === 4) c.fill(c.reduce((sum, value, k) => sum + LUMINANCE[k] * value, 0));
       else if (chosen > 0) c.fill(c[chosen - 1]);
       if (kind !== "data") c = c.map(toDisplay);
@@ -117,6 +148,20 @@ class Grader {
     }
     return pixels;
   }
+}
+
+/** The display values of a colour by the table of a view, between its entries. */
+function lookedUp({ side, toe, white, bits }, light) {
+  const places = light.map((value) => ((side - 1) * Math.log2(1 + Math.min(white, Math.max(0, value || 0)) / toe)) / Math.log2(1 + white / toe));
+  const low = places.map((place) => Math.min(side - 2, Math.floor(place))), part = places.map((place, k) => place - low[k]);
+  const found = [0, 0, 0];
+  for (let corner = 0; corner < 8; corner++) {
+    const step = [corner >> 2, (corner >> 1) & 1, corner & 1];
+    const weight = step.reduce((product, up, k) => product * (up ? part[k] : 1 - part[k]), 1);
+    const from = 4 * (((low[0] + step[0]) * side + low[1] + step[1]) * side + low[2] + step[2]);
+    for (let k = 0; k < 3; k++) found[k] += (weight * bits[from + k]) / 255;
+  }
+  return found;
 }
 
 const toLinear = (value) => (value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4);

@@ -24,15 +24,20 @@ class Viewing {
   /** The canvas to show for a frame: null where the file is to be shown, or nothing is there yet. */
   source(sequence, frame) {
     if (this.isNeutral) return null;
-    const layer = this.layerOf(sequence, frame, this.layer);
-    return layer && this.grader.graded(layer);
+    return this.#seen(sequence, frame);
+  }
+
+  /** The chosen layer of a frame as a canvas, or null where it or the table of its view is not there. */
+  #seen(sequence, frame) {
+    const layer = this.layerOf(sequence, frame, this.layer), view = layer?.view ? this.layers.get(layer.view) : null;
+    return layer && (view || !layer.view) ? this.grader.graded(layer, view) : null;
   }
 
   /** A layer of a frame, or null while it is read, or where the page has none. */
   layerOf(sequence, frame, name) { return this.layers.get(sequence.layers[frame]?.[name]); }
 
   /** The names of the layers of the frame that is shown. */
-  get names() { return Object.keys(this.review.shownSequence.layers[this.review.transport.frame] ?? {}); }
+  get names() { return Object.keys(this.review.shownSequence.layers[this.review.transport.frame] ?? {}).filter((name) => name !== "view"); }
 
   // What people ask for
 
@@ -75,11 +80,11 @@ class Viewing {
   /** Download the frame that is shown as PNG, in the size of its picture, with drawings or without. */
   save(withNotes) {
     const { review } = this, { transport: { frame }, shownSequence: sequence } = review;
-    const layer = this.layerOf(sequence, frame, this.layer);
-    if (!layer) return review.tell(this.#without(sequence, frame), true);
+    const seen = this.#seen(sequence, frame);
+    if (!seen) return review.tell(this.#without(sequence, frame), true);
     const [width, height] = sequence.size, canvas = Object.assign(document.createElement("canvas"), { width, height });
     const context = canvas.getContext("2d");
-    context.drawImage(this.grader.graded(layer), 0, 0, width, height);
+    context.drawImage(seen, 0, 0, width, height);
     if (withNotes) review.ink.drawOver(context, sequence, { x: 0, y: 0, width, height }, frame);
     const name = `${sequence.shot}.${sequence.label.replace(/[^\w.-]+/g, "_")}.${String(frame).padStart(4, "0")}${withNotes ? ".notes" : ""}.png`;
     return canvas.toBlob((blob) => download(name, blob, "image/png"));
@@ -88,8 +93,8 @@ class Viewing {
   /** What to do about a frame without layers, or with a layer that is still being read. */
   #without(sequence, frame) {
     const files = sequence.layers[frame], frames = Object.keys(sequence.layers).map(Number);
-    if (files?.[this.layer] && this.layers.entries.get(files[this.layer]) === null) return "The layer is being read; try again.";
-    if (files) return `Frame ${frame} has no layer ${this.layer}; it has ${Object.keys(files).join(", ")}.`;
+    if (files?.[this.layer] && this.layers.entries.get(files[this.layer]) !== false) return "The layer is being read; try again.";
+    if (files) return `Frame ${frame} has no layer ${this.layer}; it has ${this.names.join(", ")}.`;
     if (!frames.length) return "This page has no layers: flowsculpt review --layers 8 stores them for eight frames.";
     const nearest = frames.reduce((best, each) => (Math.abs(each - frame) < Math.abs(best - frame) ? each : best));
     return `Frame ${frame} has no layers on this page; the nearest that has is ${nearest}.`;
