@@ -127,7 +127,7 @@ def exact(size: tuple[int, int]) -> AnyArray:
         **stage_shapes(STAGE, PLACEMENT, CAMERA, size),
         **emitters.emitters(RIG, PLACEMENT.matrix()),
     }
-    path = {**materials.path_integrator(LOOK, DEPTH), "hide_emitters": not RIG.shows_sky}
+    path = {**materials.path_integrator([LOOK], DEPTH), "hide_emitters": not RIG.shows_sky}
     loaded = mi.load_dict(scene, parallel=False, optimize=False)
     return _rendered(SceneRenderer(loaded, mi.load_dict(path, parallel=False, optimize=False)))
 

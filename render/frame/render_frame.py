@@ -61,9 +61,14 @@ def render_frame(
     stopwatch = Stopwatch()
     size = quality.width, quality.height
     own = scene.motion_sample
-    attributes = vertex_attributes(own, following, aovs, size)
+    ends: Sequence[MotionSample | None] = (
+        [None] * len(own.subjects) if following is None else following.each()
+    )
+    attributes = [
+        vertex_attributes(now, then, aovs, size) for now, then in zip(own.each(), ends, strict=True)
+    ]
     motion = 0.0 if shutter is None else shutter.longest_motion(size)
-    if has_path_tracer(scene.material, quality):
+    if has_path_tracer(scene, quality):
         affordable = affordable_motion_samples(quality, own.vertex_count)
         rounds = traced_rounds(quality, motion, affordable, seed)
     else:
@@ -73,23 +78,23 @@ def render_frame(
     motion_samples = _motion_sample_count(rounds)
     batches = SampleBatches(quality, schedule, aovs, seed, on_batch, checkpoint, groups)
     stopwatch.lap("preparing")
-    surface: Surface | None = None
+    moved: MotionSample | None = None
 
-    def sample_at(time: float) -> tuple[MotionSample, Surface]:
+    def sample_at(time: float) -> MotionSample:
         offset = 0.0 if shutter is None else shutter.offset(time)
         sample = own if shutter is None or offset == 0.0 else shutter.at(offset)
-        return sample, sample.with_attributes(attributes).surface(quality.width)
+        return sample.with_surfaces(quality.width, attributes)
 
     for moment, its_batches in groupby(batches.remaining(), attrgetter("time")):
-        sample, surface = sample_at(moment)
-        moved = MotionSample(surface, sample.placement, sample.camera)
+        moved = sample_at(moment)
         scenes = build_scene(scene.at(moved), quality, aovs, motion_samples)
         stopwatch.lap("building")
         for batch in its_batches:
             batches.render(batch, scenes)
         stopwatch.lap("rendering")
-    surface = surface or sample_at(schedule[-1].time)[1]  # the checkpoint held all batches
-    arrays = batches.accumulator.frame_aovs(scene.objects)
+    moved = moved or sample_at(schedule[-1].time)  # the checkpoint held all batches
+    surfaces = [surface for surface in moved.subjects if isinstance(surface, Surface)]
+    arrays = batches.accumulator.frame_aovs(list(scene.objects))
     if "alpha" not in arrays:
         arrays["alpha"] = _alpha(arrays, scene)
     if "motion" in arrays and following is not None and scene.stage.kind != "none":
@@ -100,10 +105,10 @@ def render_frame(
         "auxiliary_samples": quality.auxiliary_samples,
         "depth": quality.depth,
         "lens_radius": scene.camera.lens_radius,
-        **({"is_clear": scene.material.is_clear} if "denoise_albedo" in arrays else {}),
+        **({"is_clear": scene.is_clear} if "denoise_albedo" in arrays else {}),
         "working_space": scene.working_space.name,
-        "surface_vertices": len(surface.vertices),
-        "surface_faces": len(surface.faces),
+        "surface_vertices": sum(len(surface.vertices) for surface in surfaces),
+        "surface_faces": sum(len(surface.faces) for surface in surfaces),
         **({} if shutter is None else _shutter_facts(shutter, motion, rounds)),
         **engine.facts(),
     }
@@ -139,7 +144,7 @@ def _shutter_facts(shutter: ShutterInterval, motion: float, rounds: Sequence[Rou
 
 def _alpha(arrays: Mapping[str, Pixels], scene: Scene) -> Pixels:
     """Return the coverage (H, W) of the pixel by all that the lens sees, by AOVs of Mitsuba's integrators."""
-    is_opaque = scene.lights.shows_sky or not scene.material.is_lit
+    is_opaque = scene.lights.shows_sky or not scene.is_lit
     background = 1.0 if is_opaque else arrays["depth"] > 0.0 if scene.stage.objects else 0.0
     return np.maximum(arrays["matte"], np.float32(background))
 

@@ -11,6 +11,7 @@ Importing this imports Mitsuba, so an engine of a compiled variant must have bee
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
@@ -30,9 +31,6 @@ MAX_FOLLOWED = 8
 MAX_ROUGHNESS = 0.1
 """GGX roughness up to which a metal counts as a mirror."""
 
-SUBJECT = ("subject", "wireframe")
-"""Names of the shapes whose coverage is the matte."""
-
 _MIN_PDF = 1.0 / (4.0 * math.pi * MAX_ROUGHNESS**2)
 """Density of the mirrored direction, seen along the normal, from which on a metal counts as a mirror."""
 
@@ -43,9 +41,11 @@ class FeatureTracer:
 
     integrator    Mitsuba's, which is used only to look past hidden emitters
     hide_emitters True if the lens sees neither emitters nor the sky
-    clear_colour  albedo of the subject if it is clear, or None
-    attributes    names of the subject's vertex attributes (V, 3) that become features
+    clear_colours albedo of each subject that is clear, by the name of its shape
+    attributes    names of the vertex attributes (V, 3) of subjects that become features
     follows       True if paths are followed through smooth surfaces
+    subjects      names of the shapes of subjects, whose coverage is the matte
+    wireframes    names of the shapes of their lines, which count for the matte too
     """
 
     continues_sequence: ClassVar[bool] = True
@@ -54,15 +54,17 @@ class FeatureTracer:
     scene: Any
     integrator: Any
     hide_emitters: bool
-    clear_colour: tuple[float, float, float] | None = None
+    clear_colours: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     attributes: tuple[str, ...] = ()
     follows: bool = True
+    subjects: tuple[str, ...] = ("subject",)
+    wireframes: tuple[str, ...] = ()
     _shapes: dict[str, Any] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         pointers = self.scene.shapes_dr()
         for number, shape in enumerate(self.scene.shapes()):
-            if shape.id() in SUBJECT:
+            if shape.id() in (*self.subjects, *self.wireframes):
                 pointer = dr.gather(mi.ShapePtr, pointers, dr.opaque(mi.UInt32, number))
                 self._shapes[shape.id()] = pointer
 
@@ -72,9 +74,12 @@ class FeatureTracer:
         bsdfs = [shape.bsdf() for shape in self.scene.shapes() if not shape.is_emitter()]
         return any(not mi.has_flag(bsdf.flags(), mi.BSDFFlags.Diffuse) for bsdf in bsdfs)
 
-    def is_shape(self, si: Any, name: str) -> Any:
-        """Tell where a surface interaction is on the shape `name`; nowhere if the scene has none."""
-        return si.shape == self._shapes[name] if name in self._shapes else mi.Bool(False)
+    def is_shape(self, si: Any, *names: str) -> Any:
+        """Tell where a surface interaction is on one of the shapes of these names."""
+        found = mi.Bool(False)
+        for name in names:
+            found |= si.shape == self._shapes[name]
+        return found
 
     def render(
         self, samples: int, first: int, seed: int, pixels: NDArray[np.integer[Any]] | None = None
@@ -85,9 +90,9 @@ class FeatureTracer:
         pixels  as of `PathTracer.render`
 
         albedo, normal, position, depth  of the first surface, 0 where there is none
-        matte                            coverage by the subject and its wireframe
+        matte                            coverage by the subjects and their wireframes
         denoise_albedo, denoise_normal   of the first rough surface, in scenes with smooth ones
-        names of `attributes`            those of the subject, 0 elsewhere
+        names of `attributes`            those of the subjects, 0 elsewhere
         """
         film = self.scene.sensors()[0].film()
         number, corner, size = film_pixels(film, pixels)
@@ -140,7 +145,7 @@ def _features(
     hit = si.is_valid()
     albedo, is_smooth = _albedo(tracer, si, hit)
     normal = dr.select(hit, si.sh_frame.n, 0.0)
-    is_body, is_wire = (hit & tracer.is_shape(si, name) for name in SUBJECT)
+    is_body, is_wire = (hit & tracer.is_shape(si, *names) for names in (tracer.subjects, tracer.wireframes))
     features = {
         "albedo": dr.select(hit, albedo, 0.0),
         "normal": normal,
@@ -204,6 +209,6 @@ def _albedo(tracer: FeatureTracer, si: Any, active: Any) -> tuple[Any, Any]:
         is_delta = mi.has_flag(sampled.sampled_type, mi.BSDFFlags.Delta)
         is_mirror = ~mi.has_flag(flags, mi.BSDFFlags.Transmission) & (sampled.pdf > _MIN_PDF)
         is_smooth = ~is_diffuse & (is_delta | is_mirror)
-    if tracer.clear_colour is not None:
-        albedo = dr.select(tracer.is_shape(si, SUBJECT[0]), mi.Color3f(tracer.clear_colour), albedo)
+    for name, colour in tracer.clear_colours.items():
+        albedo = dr.select(tracer.is_shape(si, name), mi.Color3f(colour), albedo)
     return dr.clip(albedo, 0.0, 1.0), is_smooth

@@ -24,7 +24,7 @@ from render.integrator.emitter_groups import EmitterGroups
 from render.integrator.light_sampler import LightSampler
 from render.integrator.path import camera_vertex, trace
 from render.integrator.sampler import OwenSampler
-from render.integrator.subsurface import SubsurfaceWalk
+from render.integrator.subsurface import SubsurfaceWalk, SubsurfaceWalks
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class PathTracer:
     groups         light groups, each of which gets a sum of its own; by default one of all emitters
     objects        shapes whose coverage of the pixel is measured
     catcher        a shape that is not seen, but the shadows on it; or None
-    subsurface     random walks below the subject's surface, or None
+    subsurface     random walks below the surfaces of subjects, or None
     caustic_sun    a `caustic_sun.CausticSun`, or None
     guide          directions of caustics at matt surfaces: a `caustic_guide.CausticGuide`, or None
     """
@@ -62,7 +62,7 @@ class PathTracer:
     groups: EmitterGroups = field(default_factory=EmitterGroups)
     objects: Sequence[Any] = ()
     catcher: ShadowCatcher | None = None
-    subsurface: SubsurfaceWalk | None = None
+    subsurface: SubsurfaceWalk | SubsurfaceWalks | None = None
     caustic_sun: Any = None
     guide: Any = None
 

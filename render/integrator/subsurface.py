@@ -11,6 +11,7 @@ Importing this imports Mitsuba, so an engine of a compiled variant must have bee
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import drjit as dr
@@ -75,6 +76,37 @@ class SubsurfaceWalk:
             outside = dr.select(dr.dot(direction, exit_si.n) > 0.0, 1.0, -1.0)
             exit_si.wi = mi.Vector3f(0.0, 0.0, outside)
         return exit_si, dr.select(left, factor * scale, 0.0)
+
+
+class SubsurfaceWalks:
+    """Random walks inside several shapes, with the methods of `SubsurfaceWalk`."""
+
+    def __init__(self, walks: Sequence[SubsurfaceWalk]) -> None:
+        self.walks = walks
+
+    def bsdf(self, si: Any, is_exit: Any) -> Any:
+        """Return the BSDF at a surface interaction: white and diffuse where light leaves an opaque one."""
+        bsdf = si.bsdf()
+        for walk in self.walks:
+            bsdf = dr.select(si.shape == walk.shape, walk.bsdf(si, is_exit), bsdf)
+        return bsdf
+
+    def enters(self, si: Any, sampled: Any, active: Any) -> Any:
+        """Tell where a sample of the BSDF goes into one of the shapes."""
+        enters = mi.Bool(False)
+        for walk in self.walks:
+            enters |= walk.enters(si, sampled, active)
+        return enters
+
+    def walk(self, scene: Any, si: Any, direction: Any, seed: Any, active: Any) -> tuple[Any, Any]:
+        """Return the surface interaction where light leaves, and a factor of the throughput."""
+        exit_si, factor = dr.zeros(mi.SurfaceInteraction3f), mi.Color3f(0.0)
+        for walk in self.walks:
+            is_inside = active & (si.shape == walk.shape)
+            left_si, left_factor = walk.walk(scene, si, direction, seed, is_inside)
+            exit_si = dr.select(is_inside, left_si, exit_si)
+            factor = dr.select(is_inside, left_factor, factor)
+        return exit_si, factor
 
 
 def single_scattering_albedo(colour: Any) -> Any:

@@ -36,13 +36,13 @@ _CHANNELS = {
 class MitsubaFeatures:
     """Mitsuba's features of one scene.
 
-    attribute_scene  the scene with the attribute VERTEX_AOV as the subject's albedo, or None
-    attributes       values (V, 3) of the subject's points by the name of their AOV
+    attribute_scene  the scene with the attribute VERTEX_AOV as the albedo of subjects, or None
+    attributes       by the name of an AOV, values (V, 3) of each subject's points by its shape's name
     """
 
     scene: Any
     attribute_scene: Any
-    attributes: Mapping[str, NDArray[np.float32]]
+    attributes: Mapping[str, Mapping[str, NDArray[np.float32]]]
 
     continues_sequence: ClassVar[bool] = False
 
@@ -65,18 +65,20 @@ class MitsubaFeatures:
         """
         integrator = load_integrator("albedo:albedo")
 
-        def shown(values: NDArray[np.float32]) -> Picture:
+        def shown(values: Mapping[str, NDArray[np.float32]]) -> Picture:
             self._show(values)
             return render(self.attribute_scene, integrator, samples, seed)[..., :3]
 
-        others = shown(np.zeros_like(next(iter(self.attributes.values()))))
+        some = next(iter(self.attributes.values()))
+        others = shown({shape: np.zeros_like(values) for shape, values in some.items()})
         return {name: shown(values) - others for name, values in self.attributes.items()}
 
-    def _show(self, values: NDArray[np.float32]) -> None:
+    def _show(self, values: Mapping[str, NDArray[np.float32]]) -> None:
         import mitsuba as mi
 
         parameters = mi.traverse(self.attribute_scene)
-        parameters[f"subject.vertex_{VERTEX_AOV}"] = np.ascontiguousarray(values, dtype=np.float32).ravel()
+        for shape, array in values.items():
+            parameters[f"{shape}.vertex_{VERTEX_AOV}"] = np.ascontiguousarray(array, dtype=np.float32).ravel()
         parameters.update()
 
 

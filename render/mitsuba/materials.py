@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -76,15 +76,19 @@ def interior_medium(material: Material, size: float) -> Description | None:
     return absorption.medium(material, size) if isinstance(material, Glass) else None
 
 
-def path_integrator(material: Material, depth: int) -> Description:
-    """Return Mitsuba's path integrator, with paths long enough to pass through the material."""
-    depth = max(depth, material.min_path_depth)
-    kind = "path"
-    if isinstance(material, Smoke):
-        kind = "volpath"
-    elif isinstance(material, Glass):
-        kind = absorption.integrator(material)
+def path_integrator(shown: Sequence[Material], depth: int) -> Description:
+    """Return Mitsuba's path integrator, with paths long enough to pass through each of the materials."""
+    depth = max(depth, *(material.min_path_depth for material in shown))
+    kinds = {_integrator(material) for material in shown}
+    kind = next(kind for kind in ("volpathmis", "volpath", "path") if kind in kinds)
     return {"type": kind, "max_depth": depth, "rr_depth": max(depth, 5)}
+
+
+def _integrator(material: Material) -> str:
+    """Return the simplest integrator that can trace paths through a material."""
+    if isinstance(material, Smoke):
+        return "volpath"
+    return absorption.integrator(material) if isinstance(material, Glass) else "path"
 
 
 def two_sided(opaque: Description) -> Description:

@@ -16,15 +16,14 @@ from render.mitsuba.loading import load_part, load_scene
 from render.mitsuba.sensor import sensor
 from render.mitsuba.shapes import auxiliary_stage_shapes, gouraud_shapes, mesh, stage_shapes
 from render.mitsuba.texture_coordinates import SUBJECT, texture_coordinates
-from render.mitsuba.tracers import path_tracer
+from render.mitsuba.tracers import path_tracer, scene_integrator
 from render.scene.aovs import VERTEX_AOVS
-from render.scene.camera import Camera
 from render.scene.lights import LightRig
 from render.scene.materials import PatternedMaterial
 from render.scene.quality import Quality
-from render.scene.scene import Scene
-from render.scene.surface import Surface, Wireframe, require_camera_outside, ribbons
-from render.scene.working_space import converted_pixels
+from render.scene.scene import Scene, SceneSubject
+from render.scene.surface import Surface, require_camera_outside, ribbons
+from render.scene.working_space import WorkingSpace, converted_pixels
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,47 +81,55 @@ def build_scene(
     Raises BadInputError for a surface or a material that cannot be rendered, and for a camera inside the
     sculpture.
     """
-    surface = scene.motion_sample.surface(quality.width)
-    surface.check()
-    require_camera_outside(surface, scene.camera)
+    scene = scene.at(scene.motion_sample.with_surfaces(quality.width))
+    for subject in scene.subjects:
+        surface_of(subject).check()
+        require_camera_outside(surface_of(subject), scene.camera)
     size = quality.width, quality.height
-    if not scene.material.is_lit:
-        return _drawn(scene, surface, size, quality, aovs)
-    coloured = _with_converted_colours(surface, scene)
-    return _lit(scene.converted(), coloured, size, quality, aovs, motion_samples)
+    if not scene.is_lit:
+        return _drawn(scene, size, quality, aovs)
+    return _lit(_with_converted_colours(scene).converted(), size, quality, aovs, motion_samples)
 
 
-def _with_converted_colours(surface: Surface, scene: Scene) -> Surface:
-    """Return the surface with the vertex colours that the material shows in the working space."""
-    name = scene.material.colour_from if isinstance(scene.material, PatternedMaterial) else None
+def surface_of(subject: SceneSubject) -> Surface:
+    """Return the triangles of a subject that is cut into triangles."""
+    assert isinstance(subject.geometry, Surface), "spheres are cut into triangles first"
+    return subject.geometry
+
+
+def _with_converted_colours(scene: Scene) -> Scene:
+    """Return the scene with the vertex colours that its materials show in the working space."""
+    first, *others = (_converted(subject, scene.working_space) for subject in scene.subjects)
+    return replace(
+        scene,
+        subject=first,
+        others=tuple(
+            replace(other, geometry=surface) for other, surface in zip(scene.others, others, strict=True)
+        ),
+    )
+
+
+def _converted(subject: SceneSubject, space: WorkingSpace) -> Surface:
+    surface, material = surface_of(subject), subject.material
+    name = material.colour_from if isinstance(material, PatternedMaterial) else None
     if name is None or name not in surface.attributes:
         return surface
-    colours = converted_pixels(surface.attributes[name], scene.working_space.name)
+    colours = converted_pixels(surface.attributes[name], space.name)
     return replace(surface, attributes={**surface.attributes, name: colours})
 
 
 def _lit(
-    scene: Scene,
-    surface: Surface,
-    size: tuple[int, int],
-    quality: Quality,
-    aovs: Collection[str],
-    motion_samples: int,
+    scene: Scene, size: tuple[int, int], quality: Quality, aovs: Collection[str], motion_samples: int
 ) -> FrameScenes:
-    import mitsuba as mi
 
-    material, placement, camera, lights = scene.material, scene.placement, scene.camera, scene.lights
-    split, coordinates = texture_coordinates(surface, material)
-    bsdf = materials.surface_bsdf(material, surface.attributes, coordinates, placement.size)
-    medium = materials.interior_medium(material, placement.size)
-    subject = mesh("subject", split, bsdf, coordinates.values, medium)
+    placement, camera, lights = scene.placement, scene.camera, scene.lights
     to_scene = placement.matrix()
-    shapes = {"subject": subject, **stage_shapes(scene.stage, placement, camera, size, scene.working_space)}
-    if material.wireframe:
-        shapes["wireframe"] = _wireframe(surface, material.wireframe, camera, size)
+    shapes, opaque = _subject_shapes(scene)
+    shapes |= stage_shapes(scene.stage, placement, camera, size, scene.working_space)
+    shapes |= _wireframes(scene, size)
     unlit = {"type": "scene", "sensor": sensor(camera, size, quality.crop), **shapes}
     lit = load_scene({**unlit, **emitters.emitters(lights, to_scene)})
-    path = materials.path_integrator(material, quality.depth)
+    path = scene_integrator(scene, quality.depth)
     path |= {"hide_emitters": not lights.shows_sky, "block_size": BLOCK_SIZE}
     integrator = load_part(path)
     samples = quality.width * quality.height * quality.samples // motion_samples
@@ -132,17 +139,41 @@ def _lit(
         integrator = _moment_integrator(path)
         groups = _group_renderers(unlit, path, lights, to_scene)
     beauty = SceneRenderer(lit, integrator, tracer, tuple(groups))
-    if mi.variant() != "scalar_rgb":
-        attributes = tuple(name for name in aovs if name in VERTEX_AOVS and name in surface.attributes)
-        return FrameScenes(beauty, _feature_tracer(scene, lit, path, attributes))
-    replaced = auxiliary_stage_shapes(scene.stage, placement, camera, size)
-    if material.is_clear:
-        opaque = materials.diffuse(material.auxiliary_colour)
-        replaced["subject"] = mesh("subject", split, opaque, coordinates.values)
+    if has_feature_tracer():
+        return FrameScenes(beauty, _feature_tracer(scene, lit, path, _vertex_aovs(scene, aovs)))
+    replaced = {**auxiliary_stage_shapes(scene.stage, placement, camera, size), **opaque}
     in_view = emitters.any_in_view(lights, to_scene, camera, size)
     # Softboxes are hidden from the lens in the beauty, but Mitsuba's AOVs would show them.
     auxiliary = load_scene({**unlit, **replaced}) if replaced or in_view else lit
-    return FrameScenes(beauty, _mitsuba_features(auxiliary, unlit, surface, aovs))
+    return FrameScenes(beauty, _mitsuba_features(auxiliary, unlit, scene, aovs))
+
+
+def _subject_shapes(scene: Scene) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the shapes of the subjects by name, and matt ones for clear ones in auxiliary AOVs."""
+    shapes, opaque, size = {}, {}, scene.placement.size
+    for subject in scene.subjects:
+        name, material = subject.shape_name, subject.material
+        split, coordinates = texture_coordinates(surface_of(subject), material)
+        bsdf = materials.surface_bsdf(material, surface_of(subject).attributes, coordinates, size)
+        medium = materials.interior_medium(material, size)
+        shapes[name] = mesh(name, split, bsdf, coordinates.values, medium)
+        if material.is_clear and not has_feature_tracer():
+            matt = materials.diffuse(material.auxiliary_colour)
+            opaque[name] = mesh(name, split, matt, coordinates.values)
+    return shapes, opaque
+
+
+def has_feature_tracer() -> bool:
+    """Tell whether our feature tracer works with the variant, which must be compiled."""
+    import mitsuba as mi
+
+    return mi.variant() != "scalar_rgb"
+
+
+def _vertex_aovs(scene: Scene, aovs: Collection[str]) -> tuple[str, ...]:
+    """Return the AOVs that show attributes of the vertices of all subjects."""
+    given = [surface_of(subject).attributes for subject in scene.subjects]
+    return tuple(name for name in aovs if name in VERTEX_AOVS and all(name in each for each in given))
 
 
 def _moment_integrator(path: dict[str, Any]) -> Any:
@@ -167,44 +198,68 @@ def _feature_tracer(scene: Scene, lit: Any, path: dict[str, Any], attributes: tu
     """Return our feature tracer, which follows no path where a medium scatters light."""
     from render.integrator.feature_tracer import FeatureTracer  # needs Mitsuba's variant
 
-    colour = scene.material.auxiliary_colour if scene.material.is_clear else None
+    names = tuple(subject.shape_name for subject in scene.subjects)
+    wires = tuple(s.wireframe_name for s in scene.subjects if s.material.wireframe)
+    clear = {s.shape_name: s.material.auxiliary_colour for s in scene.subjects if s.material.is_clear}
     hides, follows = path["hide_emitters"], path["type"] == "path"
-    return FeatureTracer(lit, load_part(path), hides, colour, attributes, follows)
+    return FeatureTracer(lit, load_part(path), hides, clear, attributes, follows, names, wires)
 
 
-def _drawn(
-    scene: Scene, surface: Surface, size: tuple[int, int], quality: Quality, aovs: Collection[str]
-) -> FrameScenes:
+def _drawn(scene: Scene, size: tuple[int, int], quality: Quality, aovs: Collection[str]) -> FrameScenes:
     """Build the scenes of a material that brings its own light and background."""
+    if scene.others:
+        raise BadInputError(
+            "a look that is drawn without lights shows one subject, and the scene has "
+            "several. Take other looks"
+        )
     if scene.lights.groups:
         raise BadInputError(
             "the look is drawn without lights, so it has no light groups. Remove light_groups, or take "
             "another look"
         )
+    surface = surface_of(scene.subjects[0])
     shapes = gouraud_shapes(surface, scene.material, scene.placement, scene.camera, size, scene.working_space)
-    if scene.material.wireframe:
-        shapes["wireframe"] = _wireframe(surface, scene.material.wireframe, scene.camera, size)
-    unlit = {"type": "scene", "sensor": sensor(scene.camera, size, quality.crop), **shapes}
+    unlit = {
+        "type": "scene",
+        "sensor": sensor(scene.camera, size, quality.crop),
+        **shapes,
+        **_wireframes(scene, size),
+    }
     loaded = load_scene(unlit)
     return FrameScenes(
         SceneRenderer(loaded, load_integrator("albedo:albedo")),
-        _mitsuba_features(loaded, unlit, surface, aovs),
+        _mitsuba_features(loaded, unlit, scene, aovs),
     )
 
 
 def _mitsuba_features(
-    auxiliary: Any, unlit: dict[str, Any], surface: Surface, aovs: Collection[str]
+    auxiliary: Any, unlit: dict[str, Any], scene: Scene, aovs: Collection[str]
 ) -> MitsubaFeatures:
     """Return Mitsuba's features, with a scene of the vertex attributes that `aovs` show."""
-    shown = {name: surface.attributes[name] for name in aovs if name in VERTEX_AOVS}
+    names = [name for name in aovs if name in VERTEX_AOVS]
+    surfaces = {subject.shape_name: surface_of(subject) for subject in scene.subjects}
+    shown = {name: {shape: surface.attributes[name] for shape, surface in surfaces.items()} for name in names}
     if not shown:
         return MitsubaFeatures(auxiliary, None, shown)
+    plain = {shape: _plain(shape, surface) for shape, surface in surfaces.items()}
+    return MitsubaFeatures(auxiliary, load_scene({**unlit, **plain}), shown)
+
+
+def _plain(name: str, surface: Surface) -> Any:
+    """Return a subject whose colour is the vertex attribute VERTEX_AOV."""
     attributes = {VERTEX_AOV: np.zeros_like(surface.vertices)}
     plain = Surface(surface.vertices, surface.normals, surface.faces, attributes)
-    subject = mesh("subject", plain, materials.vertex_attribute(VERTEX_AOV), np.array([0.0, SUBJECT]))
-    return MitsubaFeatures(auxiliary, load_scene({**unlit, "subject": subject}), shown)
+    return mesh(name, plain, materials.vertex_attribute(VERTEX_AOV), np.array([0.0, SUBJECT]))
 
 
-def _wireframe(surface: Surface, wireframe: Wireframe, camera: Camera, size: tuple[int, int]) -> Any:
-    lines = ribbons(surface, wireframe, camera, size[0])
-    return mesh("wireframe", lines, materials.diffuse(wireframe.colour), np.array([0.0, SUBJECT]))
+def _wireframes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
+    """Return the lines along the edges of subjects that show them, by their names."""
+    lines = {}
+    for subject in scene.subjects:
+        if wireframe := subject.material.wireframe:
+            name, edges = (
+                subject.wireframe_name,
+                ribbons(surface_of(subject), wireframe, scene.camera, size[0]),
+            )
+            lines[name] = mesh(name, edges, materials.diffuse(wireframe.colour), np.array([0.0, SUBJECT]))
+    return lines

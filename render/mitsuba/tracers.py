@@ -20,14 +20,18 @@ from render.mitsuba.loading import load_scene
 from render.mitsuba.sensor import sensor
 from render.mitsuba.shapes import stage_shapes
 from render.scene.lights import LightRig
-from render.scene.materials import Material
 from render.scene.quality import Quality
-from render.scene.scene import Scene
+from render.scene.scene import Scene, SceneSubject
 
 
-def has_path_tracer(material: Material, quality: Quality) -> bool:
-    """Tell whether our path tracer renders a material. Needs a started engine."""
-    return material.is_lit and is_traceable(materials.path_integrator(material, quality.depth))
+def has_path_tracer(scene: Scene, quality: Quality) -> bool:
+    """Tell whether our path tracer renders a scene. Needs a started engine."""
+    return scene.is_lit and is_traceable(scene_integrator(scene, quality.depth))
+
+
+def scene_integrator(scene: Scene, depth: int) -> dict[str, Any]:
+    """Return Mitsuba's path integrator with paths long enough to pass through the materials of a scene."""
+    return materials.path_integrator([subject.material for subject in scene.subjects], depth)
 
 
 def is_traceable(path: dict[str, Any]) -> bool:
@@ -56,8 +60,9 @@ def path_tracer(
                 "shadow_catcher from the stage, or read what flowsculpt doctor says of libLLVM"
             )
         return None
-    tracer = _path_tracer(lit, integrator, path, scene.lights, scene.placement.matrix(), scene.objects)
-    walk = _subsurface_walk(lit, scene.material, scene.placement.size)
+    shapes = list(scene.objects.values())
+    tracer = _path_tracer(lit, integrator, path, scene.lights, scene.placement.matrix(), shapes)
+    walk = _subsurface_walk(lit, scene)
     if scene.stage.shadow_catcher:
         tracer = _with_catcher(tracer, scene, size, path)
     elif walk is None:
@@ -110,20 +115,39 @@ def _with_catcher(tracer: Any, scene: Scene, size: tuple[int, int], path: dict[s
     alone = load_scene({"type": "scene", "sensor": sensor(scene.camera, size), "stage": floor, **lights})
     hidden = {**path, "hide_emitters": True}
     empty = _path_tracer(alone, tracer.integrator, hidden, scene.lights, placement.matrix(), ())
-    return replace(tracer, catcher=ShadowCatcher(tracer.objects[scene.objects.index("stage")], empty))
+    return replace(tracer, catcher=ShadowCatcher(tracer.objects[list(scene.objects).index("stage")], empty))
 
 
-def _subsurface_walk(scene: Any, material: Material, size: float) -> Any:
-    """Return the random walks below the subject's surface, or None. size: half the subject's, scene units"""
+def _subsurface_walk(lit: Any, scene: Scene) -> Any:
+    """Return the random walks below the surfaces of the subjects, or None.
+
+    lit  Mitsuba's scene
+    """
     import mitsuba as mi
 
-    subsurface = getattr(material, "subsurface", None)
-    if subsurface is None or mi.variant() == "scalar_rgb":
+    if mi.variant() == "scalar_rgb":
         return None
-    import drjit as dr
+    walks = [_walk_below(lit, subject, scene.placement.size) for subject in scene.subjects]
+    walks = [walk for walk in walks if walk is not None]
+    if len(walks) < 2:
+        return walks[0] if walks else None
+    from render.integrator.subsurface import SubsurfaceWalks  # needs Mitsuba's variant
 
+    return SubsurfaceWalks(walks)
+
+
+def _walk_below(lit: Any, subject: SceneSubject, size: float) -> Any:
+    """Return the random walks below the surface of a subject, or None. size: half of its size, scene units"""
+    import drjit as dr
+    import mitsuba as mi
+
+    subsurface = getattr(subject.material, "subsurface", None)
+    if subsurface is None:
+        return None
     from render.integrator.subsurface import SubsurfaceWalk  # needs Mitsuba's variant
 
-    shape = next(mi.ShapePtr(shape) for shape in scene.shapes() if shape.id() == "subject")
+    shape = next(mi.ShapePtr(shape) for shape in lit.shapes() if shape.id() == subject.shape_name)
     dr.make_opaque(shape)
-    return SubsurfaceWalk(shape, [1.0 / (part * size) for part in subsurface.radius], material.is_clear)
+    return SubsurfaceWalk(
+        shape, [1.0 / (part * size) for part in subsurface.radius], subject.material.is_clear
+    )

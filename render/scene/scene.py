@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,41 +16,91 @@ from render.scene.stage import Stage, StagePlacement
 from render.scene.surface import Surface
 from render.scene.working_space import REC709, WorkingSpace, in_working_space
 
+Geometry = Surface | Spheres
+"""What a subject is made of."""
+
+SUBJECT = "subject"
+"""The name of the subject of a scene that has one."""
+
 
 @dataclass(frozen=True, eq=False)
 class MotionSample:
-    """The moving parts of a scene at one time: subject, placement of the stage, camera."""
+    """The moving parts of a scene at one time: subject, placement of the stage, camera.
 
-    subject: Surface | Spheres
+    others  further subjects, in the order of `Scene.others`
+    """
+
+    subject: Geometry
     placement: StagePlacement
     camera: Camera
+    others: tuple[Geometry, ...] = ()
+
+    @property
+    def subjects(self) -> tuple[Geometry, ...]:
+        """All subjects."""
+        return self.subject, *self.others
+
+    def each(self) -> tuple[MotionSample, ...]:
+        """Return a sample with one subject for each."""
+        return tuple(replace(self, subject=subject, others=()) for subject in self.subjects)
 
     def pixels(self, size: tuple[int, int], points: ArrayLike | None = None) -> NDArray[np.float64]:
-        """Project the subject's points, or others (N, 3): return pixels right and up of the middle, and
+        """Project the points of all subjects, or others (N, 3): return pixels right and up of the middle, and
         depth.
 
         size  width and height of the picture
         """
         if points is None:
-            points = self.subject.centres if isinstance(self.subject, Spheres) else self.subject.vertices
+            points = _joined([s.centres if isinstance(s, Spheres) else s.vertices for s in self.subjects])
         projected = self.camera.project(points, size[0] / size[1])
         return projected * (size[0] / 2.0, size[1] / 2.0, 1.0)
 
     @property
     def vertex_count(self) -> int:
-        """Vertices of the subject; of spheres, at least."""
-        subject = self.subject
-        return 42 * len(subject.centres) if isinstance(subject, Spheres) else len(subject.vertices)
+        """Vertices of all subjects; of spheres, at least."""
+        return sum(42 * len(s.centres) if isinstance(s, Spheres) else len(s.vertices) for s in self.subjects)
 
-    def surface(self, width: int) -> Surface:
-        """Return the subject as triangles, fine enough for a picture `width` pixels wide."""
-        subject = self.subject
+    def with_surfaces(
+        self, width: int, attributes: Sequence[Mapping[str, NDArray[np.float32]]] | None = None
+    ) -> MotionSample:
+        """Return the sample with its subjects as triangles, fine enough for a picture `width` pixels wide.
+
+        attributes  more attributes of the points of each subject
+        """
+        more = [{}] * len(self.subjects) if attributes is None else attributes
+        first, *others = (
+            replace(subject, attributes={**subject.attributes, **added}) if added else subject
+            for subject, added in zip(self.subjects, more, strict=True)
+        )
+        return replace(
+            self, subject=self._surface(first, width), others=tuple(self._surface(s, width) for s in others)
+        )
+
+    def _surface(self, subject: Geometry, width: int) -> Surface:
         return subject.surface(self.camera, width) if isinstance(subject, Spheres) else subject
 
-    def with_attributes(self, attributes: dict[str, NDArray[np.float32]]) -> MotionSample:
-        """Return the sample with more attributes of the subject's points."""
-        merged = {**self.subject.attributes, **attributes}
-        return replace(self, subject=replace(self.subject, attributes=merged))
+
+def _joined(arrays: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
+    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
+
+
+@dataclass(frozen=True, eq=False)
+class SceneSubject:
+    """A subject of a scene: its name, its points and its material."""
+
+    name: str
+    geometry: Geometry
+    material: Material
+
+    @property
+    def shape_name(self) -> str:
+        """The name of its shape in a Mitsuba scene, which no other shape and no emitter has."""
+        return self.name if self.name == SUBJECT else f"{SUBJECT}:{self.name}"
+
+    @property
+    def wireframe_name(self) -> str:
+        """The name of the lines along its edges, in coverage and mattes."""
+        return "wireframe" if self.name == SUBJECT else f"{self.name}_wireframe"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +108,8 @@ class Scene:
     """The scene of one frame: the subject and its material, lights, stage and camera.
 
     working_space  the space that light is computed in; colours of the scene are linear Rec.709
+    others         further subjects, each with its own material
+    name           of the first subject, where there are others
     """
 
     subject: Surface | Spheres
@@ -66,21 +119,47 @@ class Scene:
     placement: StagePlacement
     camera: Camera
     working_space: WorkingSpace = REC709
+    others: tuple[SceneSubject, ...] = ()
+    name: str = SUBJECT
+
+    @property
+    def subjects(self) -> tuple[SceneSubject, ...]:
+        """All subjects."""
+        return SceneSubject(self.name, self.subject, self.material), *self.others
 
     @property
     def motion_sample(self) -> MotionSample:
         """The moving parts of the scene."""
-        return MotionSample(self.subject, self.placement, self.camera)
+        others = tuple(other.geometry for other in self.others)
+        return MotionSample(self.subject, self.placement, self.camera, others)
 
     @property
-    def objects(self) -> tuple[str, ...]:
-        """The names of the objects that the lens may see."""
-        lines = ("wireframe",) if self.material.wireframe else ()
-        return ("subject", *lines, *self.stage.objects)
+    def is_lit(self) -> bool:
+        """True if light is traced; False for a material that brings its own light and background."""
+        return all(subject.material.is_lit for subject in self.subjects)
+
+    @property
+    def is_clear(self) -> bool:
+        """True if light passes through one of its subjects."""
+        return any(subject.material.is_clear for subject in self.subjects)
+
+    @property
+    def objects(self) -> dict[str, str]:
+        """The objects that the lens may see: their names, and those of their shapes."""
+        seen = {}
+        for subject in self.subjects:
+            seen[subject.name] = subject.shape_name
+            if subject.material.wireframe:
+                seen[subject.wireframe_name] = subject.wireframe_name
+        return {**seen, **{name: name for name in self.stage.objects}}
 
     def at(self, sample: MotionSample) -> Scene:
         """Return the scene with the moving parts of a motion sample."""
-        return replace(self, subject=sample.subject, placement=sample.placement, camera=sample.camera)
+        moved = zip(self.others, sample.others, strict=True)
+        others = tuple(replace(other, geometry=geometry) for other, geometry in moved)
+        return replace(
+            self, subject=sample.subject, placement=sample.placement, camera=sample.camera, others=others
+        )
 
     def converted(self) -> Scene:
         """Return the scene with its colours in the working space, except vertex colours."""
@@ -88,6 +167,9 @@ class Scene:
         return replace(
             self,
             material=in_working_space(self.material, space),
+            others=tuple(
+                replace(other, material=in_working_space(other.material, space)) for other in self.others
+            ),
             lights=in_working_space(self.lights, space),
             stage=in_working_space(self.stage, space),
         )
