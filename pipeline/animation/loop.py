@@ -49,7 +49,7 @@ class RestInterval:
         self.history = FlowMap()
         for frame in range(start + 1, number + 1):
             self.history.add(step_into(motion, flow, frame))
-        project = motion.subject.project if start == first else None
+        project = motion.analytic_surface() if start == first else None
         self.placement = Exact(self.history.carry, project, tags_creases=False)
         self.next = partial(RestInterval, motion, resampling, flow, self.end)
 
@@ -284,7 +284,7 @@ def _hard_angles(polygons: PolygonMesh, thresholds: Thresholds) -> float | Float
 
 def _normals_at_rest(motion: Motion, mesh: TriangleMesh) -> Vectors:
     """Return normals (V, 3) of the analytic surface if it is known, else of the mesh; zero at creases."""
-    truth = motion.subject.project
+    truth = motion.analytic_surface()
     normals = vertex_normals(mesh) if truth is None else truth.normals(mesh.vertices)
     normals[mesh.creases.ravel()] = 0.0
     return normals

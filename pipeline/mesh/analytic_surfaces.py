@@ -179,6 +179,41 @@ class SheetSurface(AnalyticSurface):
         return np.zeros(len(points), bool)
 
 
+@dataclass(frozen=True, eq=False)
+class RepeatedSurface(AnalyticSurface):
+    """Copies of a surface, or the one surface moved.
+
+    middles  (N, 3) of the spheres around the copies, none of which touch
+    offsets  (N, 3) from the surface to its copies
+    """
+
+    surface: AnalyticSurface
+    middles: Points
+    offsets: Points
+
+    def __call__(self, points: Points) -> Points:
+        moved = self._offsets(points)
+        return self.surface(points - moved) + moved
+
+    def normals(self, points: Points) -> Vectors:
+        return self.surface.normals(points - self._offsets(points))
+
+    def encloses(self, points: Points) -> AnyArray:
+        return self.surface.encloses(points - self._offsets(points))
+
+    def _offsets(self, points: Points) -> Points:
+        """Return the offsets (N, 3) of the copies whose middles are nearest to points."""
+        if len(self.offsets) == 1:
+            return self.offsets
+        nearest, least = np.zeros(len(points), np.int64), np.full(len(points), np.inf)
+        for number, middle in enumerate(self.middles):
+            away = points - middle
+            squares = np.einsum("ij,ij->i", away, away)
+            nearest[squares < least] = number
+            np.minimum(least, squares, out=least)
+        return np.asarray(self.offsets[nearest])
+
+
 def _is_within(points: Points, distance: float) -> AnyArray:
     """Return flags (N,) of the points within a distance from the origin."""
     return np.einsum("ij,ij->i", points, points) <= distance * distance

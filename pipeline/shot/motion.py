@@ -9,17 +9,20 @@ from typing import Any, Literal
 
 import numpy as np
 
+from pipeline.arrays import Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Flow
 from pipeline.flow.flow_map import checked_cache_data
-from pipeline.flow.parameters import Number
+from pipeline.flow.parameters import ORIGIN, Number, Vector
 from pipeline.frames import FrameRange, FrameRate
+from pipeline.mesh.analytic_surfaces import AnalyticSurface, RepeatedSurface
 from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample import Curvature, DistanceToCamera, Thresholds
 from pipeline.resample.creases import Region
 from pipeline.resample.thresholds import DEFAULT_ROUNDNESS
 from pipeline.shot.clock import Clock
+from pipeline.shot.copies import Copies, Mesh, bounding_sphere, repeated
 from pipeline.shot.subject import Solid, Subject
 
 
@@ -101,6 +104,8 @@ class Motion:
     speed       rate of the flow's time over the time of the frames
     max_step    longest move of a vertex in a sub-step along velocities, in edges of the maximum length; None
                 is as far as the length scale of the flow allows, whatever the edges
+    place       where the origin of the subject is before it moves, scene units
+    copies      where copies of the subject are instead
     """
 
     frames: FrameRange
@@ -110,6 +115,8 @@ class Motion:
     resampling: Resampling | None
     speed: Number = 1.0
     max_step: float | None = None
+    place: Vector = ORIGIN
+    copies: Copies | None = None
 
     @cached_property
     def clock(self) -> Clock:
@@ -175,15 +182,16 @@ class Motion:
         """
         resampling = self.resampling_at(self.frames.first)
         if resampling is None:
-            return self.subject.build()
+            return self._placed(self.subject.build())
         longest = resampling.thresholds.max_edge_length
         if isinstance(longest, float):
-            return self.subject.build(longest)
-        coarse = self.subject.build()
+            return self._placed(self.subject.build(longest))
+        coarse = self._placed(self.subject.build())
         if not isinstance(self.subject, Solid):
             return coarse  # a model is as its file says
         lengths = resampling.thresholds.fields(coarse)[:, 0]
-        return self.subject.build(max(float(lengths.min()), float(np.median(lengths)) / 3.0))
+        finest = max(float(lengths.min()), float(np.median(lengths)) / 3.0)
+        return self._placed(self.subject.build(finest))
 
     def polygons_at_rest(self) -> PolygonMesh:
         """Return the subject's polygons.
@@ -193,8 +201,37 @@ class Motion:
         resampling = self.resampling_at(self.frames.first)
         longest = None if resampling is None else resampling.thresholds.max_edge_length
         if longest is None or isinstance(longest, float) or not isinstance(self.subject, Solid):
-            return self.subject.polygons(longest if isinstance(longest, float) else None)
+            return self._placed(self.subject.polygons(longest if isinstance(longest, float) else None))
         return PolygonMesh.from_triangles(self.mesh_at_rest())
+
+    def analytic_surface(self) -> AnalyticSurface | None:
+        """Return the analytic surface of the mesh at rest, or None."""
+        surface = self.subject.project
+        if surface is None or self._is_at_origin:
+            return surface
+        return RepeatedSurface(surface, *self._standing)
+
+    @property
+    def _is_at_origin(self) -> bool:
+        return self.copies is None and self.place == ORIGIN
+
+    def _placed(self, mesh: Mesh) -> Mesh:
+        """Return the mesh of the subject where it stands, or that of its copies."""
+        return mesh if self._is_at_origin else repeated(mesh, self._standing[1])
+
+    @cached_property
+    def _standing(self) -> tuple[Points, Points]:
+        """The middles (N, 3) of the subject's copies, and the offsets (N, 3) to them from where it is built.
+
+        They are found with a mesh that does not depend on edge lengths. Raises UsageError where the copies
+        find no room.
+        """
+        middle, radius = bounding_sphere(self.subject.build().vertices)
+        if self.copies is None:
+            offset = np.array([self.place])
+            return middle + offset, offset
+        middles = self.copies.middles(radius)
+        return middles, middles - middle
 
     def begins_rest_interval(self, frame: int) -> bool:
         """Tell whether a rest interval begins: the surface of that frame becomes the one at rest."""
@@ -205,10 +242,13 @@ class Motion:
 
     def start_data(self) -> dict[str, Any]:
         """Return what decides the first frame as JSON-able data: equal data, equal mesh."""
-        return {
+        data: dict[str, Any] = {
             "subject": as_data(self.subject),
             "resampling": now.data() if (now := self.resampling_at(self.frames.first)) else None,
         }
+        if self.place != ORIGIN:
+            data["place"] = list(self.place)
+        return data if self.copies is None else {**data, "copies": self.copies.data()}
 
     def step_data(self, frame: int) -> Any:
         """Return what acts on the way into `frame` as JSON-able data.

@@ -66,6 +66,19 @@ def measurable(source: YamlSource) -> Iterator[Problem]:
         )
 
 
+def drawn_alone(source: YamlSource) -> Iterator[Problem]:
+    """Check that no look which is drawn without lights stands among several subjects."""
+    entries = source.get("subjects")
+    if not isinstance(entries, dict):
+        return
+    places: list[Where] = [("look",), *(("subjects", name, "look") for name in entries)]
+    for where in places:
+        look = source.get(*where)
+        name = look.get("material") if isinstance(look, dict) else look
+        if isinstance(name, str) and name in LOOKS and not LOOKS[name].is_lit:
+            yield where, f"look {name} is drawn without lights and shows one subject. Take another look."
+
+
 def camera(source: YamlSource) -> Iterator[Problem]:
     """Check that no two settings of a camera exclude each other, and that it is at most straight above."""
     written = source.get("camera")

@@ -90,7 +90,7 @@ def settable_values(
     source = inherited(path, text, settings, beside)
     clock, _ = read_clock(source)
     assert clock is not None, "read_shot has accepted the file"
-    clock, _ = with_speed(clock, source.get("speed"))
+    clock, _ = with_speed(clock, source)
     context = {"clock": clock, "parse_context": ParseContext(path.parent)}
     document = ShotDocument.model_validate(source.data, context=context)
     walk = _Walk(source, clock)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from pipeline.errors import UsageError, shortened, suggestion
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.camera import CameraPath, Shutter
 from pipeline.shot.motion import Motion
@@ -140,9 +141,12 @@ class SoundTrack:
 class Shot:
     """One shot of a film. `name` is the file's, without its ending.
 
-    files   the files that it was read from except shot files, and the SHA-256 of their contents
-    sounds  what is heard while it plays
-    notes   remarks on its sounds, for the user
+    files     the files that it was read from except shot files, and the SHA-256 of their contents
+    sounds    what is heard while it plays
+    notes     remarks on its sounds, for the user
+    subject   the name of its subject, if it is one of several of a shot file
+    subjects  the shot with each of its subjects alone, if it has several. Its own motion then has the flows
+              that move all of them, and its look is that of the first
     """
 
     name: str
@@ -154,6 +158,21 @@ class Shot:
     files: tuple[tuple[Path, str], ...] = field(default=(), metadata=NOT_PLAIN)
     sounds: tuple[SoundTrack, ...] = field(default=(), metadata=NOT_PLAIN)
     notes: tuple[str, ...] = field(default=(), metadata=NOT_PLAIN)
+    subject: str = ""
+    subjects: tuple[Shot, ...] = field(default=(), metadata=NOT_PLAIN)
+
+    @property
+    def parts(self) -> tuple[Shot, ...]:
+        """The shots of one subject each: those of `subjects`, or the shot itself."""
+        return self.subjects or (self,)
+
+    def of_subject(self, name: str) -> Shot:
+        """Return the shot with one of its subjects. Raises UsageError for a name that none has."""
+        known = {part.subject: part for part in self.subjects}
+        if name not in known:
+            hint = suggestion(name, known) if known else "It has one subject; leave the name out."
+            raise UsageError(f"{self.name} has no subject {shortened(name)}. {hint}")
+        return known[name]
 
     @property
     def heading(self) -> str:

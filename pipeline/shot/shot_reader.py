@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from pipeline.errors import ShotError, UsageError
 from pipeline.flow import Sequence, Streamlines
+from pipeline.flow.parameters import ORIGIN
 from pipeline.flow.streamlines import DEFAULT_TOLERANCE
 from pipeline.frames import FrameRate
 from pipeline.mesh.control_net import PIECES
@@ -20,16 +21,21 @@ from pipeline.shot.camera import Shutter
 from pipeline.shot.clock import Clock, parse_frames, parse_rate
 from pipeline.shot.documents.bsdf import bsdf_problems
 from pipeline.shot.documents.curves import NumberField, number
+from pipeline.shot.documents.fields import vector
 from pipeline.shot.documents.lights_and_stage import StageDocument
-from pipeline.shot.documents.overrides import built_lights, built_look
+from pipeline.shot.documents.look import look_of
+from pipeline.shot.documents.overrides import built_lights
 from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.shot import ShotDocument
 from pipeline.shot.documents.sound import SoundDocument
+from pipeline.shot.documents.subject import CloudDocument, NetDocument, SubjectDocument
+from pipeline.shot.documents.subjects import SubjectEntry, SubjectSettings
 from pipeline.shot.model_subject import Model
 from pipeline.shot.motion import Motion
-from pipeline.shot.point_subjects import CloudOfFile, ControlNet, NetOfFile
+from pipeline.shot.point_subjects import CloudOfFile, NetOfFile
 from pipeline.shot.shot import AovSelection, Picture, Shot, SoundTrack
-from pipeline.shot.subject import Subject
+from pipeline.shot.subject import SeveralSubjects, Solid
+from pipeline.shot.subject_views import subject_views
 from pipeline.shot.yaml.inheritance import inherited
 from pipeline.shot.yaml.lookup import name_fault, shown
 from pipeline.shot.yaml.source import Problem, YamlSource
@@ -60,7 +66,11 @@ CHECKS = (
     picture_checks.noise_threshold,
     override_checks.overrides,
 )
-"""Checks beyond the form of single values. Each looks at the raw data, so that no mistake hides another."""
+FILE_CHECKS = (subject_checks.one_or_several, subject_checks.copies, picture_checks.drawn_alone)
+"""Checks beyond the form of single values. Each looks at the raw data, so that no mistake hides another.
+
+Those of CHECKS look at a file as if each of several subjects were its only one.
+"""
 
 _SPEED: TypeAdapter[Any] = TypeAdapter(NumberField, config=ConfigDict(strict=True, allow_inf_nan=False))
 
@@ -93,31 +103,84 @@ def _read(source: YamlSource, allow_code: bool) -> Shot:
     clock, problems = read_clock(source)
     retimed, faults = (None, []) if clock is None else with_speed(clock, source)
     checks = Checks(source, [*problems, *faults])
-    checks.run(motion_checks.keys, retimed)
-    for check in CHECKS:
+    for check in FILE_CHECKS:
         checks.run(check)
-    missing = list(subject_checks.files(source))
+    views = subject_views(source)
+    missing: list[Problem] = []
+    for view in views:
+        of_view = Checks(view.source)
+        missing += view.problems(_checked(of_view, retimed), source)
+        checks.problems += view.problems(of_view.problems, source)
+        checks.failures += of_view.failures
+    if not views:
+        missing += _checked(checks, retimed)
     parse_context = ParseContext(source.path.parent, allow_code)
     context = {"clock": clock, "parse_context": parse_context}
     document = validated(checks, ShotDocument, missing, context=context)
     assert clock is not None, "without problems there is a clock"
-    motion = _motion(document, clock, source.path.parent)
-    subject, files = motion.subject, dict(parse_context.digests)
-    if isinstance(subject, Model):
-        files |= dict(subject.files)
-    elif isinstance(subject, CloudOfFile | NetOfFile):
-        files[subject.path] = subject.digest
-    return Shot(
+    shot = Shot(
         name=source.path.stem,
         title=document.title,
         intent=document.intent,
-        motion=motion,
-        picture=_picture(document, clock, subject),
+        motion=_motion(document, document.subject, clock, source.path.parent),
+        picture=_picture(document, clock),
         path=source.path,
-        files=tuple(sorted(files.items())),
         sounds=_sounds(document, parse_context),
         notes=tuple(dict.fromkeys(parse_context.notes)),
     )
+    if document.subjects is not None:
+        shot = _with_subjects(shot, document, clock, source.path.parent)
+        _require_room(shot, source)
+    return _with_files(shot, parse_context.digests)
+
+
+def _checked(checks: Checks, clock: Clock | None) -> list[Problem]:
+    """Run the checks of a file with one subject; return the problems with files that are not there."""
+    checks.run(motion_checks.keys, clock)
+    for check in CHECKS:
+        checks.run(check)
+    return list(subject_checks.files(checks.source))
+
+
+def _with_subjects(shot: Shot, document: ShotDocument, clock: Clock, folder: Path) -> Shot:
+    """Return the shot with the shots of its subjects. The first one's look decides the stage's colour."""
+    subjects = tuple(
+        replace(
+            shot,
+            subject=name,
+            motion=_motion(document, entry, clock, folder),
+            picture=_picture(document, clock, entry),
+        )
+        for name, entry in (document.subjects or {}).items()
+    )
+    first = subjects[0].picture
+    return replace(shot, picture=replace(shot.picture, look=first.look, stage=first.stage), subjects=subjects)
+
+
+def _require_room(shot: Shot, source: YamlSource) -> None:
+    """Raise ShotError where copies of solids find no room; whoever reads a model finds out about it."""
+    faults = []
+    for part in shot.subjects:
+        if part.motion.copies is not None and isinstance(part.motion.subject, Solid):
+            try:
+                part.motion.analytic_surface()
+            except UsageError as error:
+                faults.append(f"{source.place(('subjects', part.subject, 'copies'))}: {error}")
+    if faults:
+        raise ShotError(*faults)
+
+
+def _with_files(shot: Shot, digests: Mapping[Path, str]) -> Shot:
+    """Return the shot, and those of its subjects, with the files that it was read from."""
+    files = dict(digests)
+    for part in shot.parts:
+        subject = part.motion.subject
+        if isinstance(subject, Model):
+            files |= dict(subject.files)
+        elif isinstance(subject, CloudOfFile | NetOfFile):
+            files[subject.path] = subject.digest
+    listed = tuple(sorted(files.items()))
+    return replace(shot, files=listed, subjects=tuple(replace(part, files=listed) for part in shot.subjects))
 
 
 def _sounds(document: ShotDocument, context: ParseContext) -> tuple[SoundTrack, ...]:
@@ -163,25 +226,38 @@ def with_speed(clock: Clock, source: YamlSource) -> tuple[Clock, list[Problem]]:
     try:
         context = {"clock": clock, "parse_context": ParseContext(source.path.parent)}
         parsed = _SPEED.validate_python(source.get("speed"), context=context)
-        retimed = dataclasses.replace(clock, speed=number(parsed, clock))
+        retimed = replace(clock, speed=number(parsed, clock))
     except (ValidationError, AssertionError):
         return clock, []
     fault = retimed.speed_fault()
     return (clock, [(("speed",), fault)]) if fault else (retimed, [])
 
 
-def _motion(document: ShotDocument, clock: Clock, folder: Path) -> Motion:
-    resample = document.resample
+def _motion(
+    document: ShotDocument, subject: SubjectDocument | SubjectEntry | None, clock: Clock, folder: Path
+) -> Motion:
+    """Return the motion of a subject; without one, of what moves all subjects."""
+    resample, flows = document.resample, document.flows
+    place, copies = ORIGIN, None
+    if isinstance(subject, SubjectSettings):
+        flows = [*flows, *subject.flows]
+        of_shot = "off" if isinstance(subject, CloudDocument | NetDocument) else document.resample
+        resample = of_shot if subject.resample is None else subject.resample
+        place = vector(subject.place)
+        copies = None if subject.copies is None else subject.copies.build(clock)
     integrate = partial(Streamlines, substeps=document.substeps, tolerance=_tolerance(document))
-    flows = tuple(entry.build(clock, integrate) for entry in document.flows)
+    if subject is None:
+        resample = "off"
     return Motion(
         frames=clock.frames,
         rate=clock.rate,
-        subject=document.subject.build(folder),
-        flow=Sequence(flows),
+        subject=SeveralSubjects(tuple(document.subjects or ())) if subject is None else subject.build(folder),
+        flow=Sequence(tuple(entry.build(clock, integrate) for entry in flows)),
         resampling=resample.build(clock) if isinstance(resample, ResampleDocument) else None,
         speed=number(document.speed, clock),
         max_step=None if document.max_step is None else float(document.max_step),
+        place=place,
+        copies=copies,
     )
 
 
@@ -198,7 +274,7 @@ def _stage(document: str | StageDocument, look: Material) -> Stage:
     is_written = isinstance(document, StageDocument) and document.colour is not None
     if is_written or look.stage_colour is None or stage.kind not in ("cyclorama", "plinth"):
         return stage
-    return dataclasses.replace(stage, colour=look.stage_colour)
+    return replace(stage, colour=look.stage_colour)
 
 
 def _grouped(lights: LightRig, groups: str | dict[str, list[str]]) -> LightRig:
@@ -206,19 +282,22 @@ def _grouped(lights: LightRig, groups: str | dict[str, list[str]]) -> LightRig:
     return lights if groups == "off" else lights.grouped(groups if isinstance(groups, dict) else {})
 
 
-def _picture(document: ShotDocument, clock: Clock, subject: Subject) -> Picture:
-    smooth = document.smooth
-    look = built_look(document.look)
+def _picture(document: ShotDocument, clock: Clock, entry: SubjectEntry | None = None) -> Picture:
+    """Return the picture of a shot, or of one of its subjects, whose own look no override replaces."""
+    smooth, own = document.smooth, None if entry is None else entry.look
+    look = look_of(document.look if own is None else own)
     grouped = partial(_grouped, groups=document.light_groups)
-    is_plain = smooth.tessellate is None and smooth.dicing is None and not isinstance(subject, ControlNet)
+    overrides = [override.build(grouped) for override in document.overrides]
+    is_net = isinstance(document.subject if entry is None else entry, NetDocument)
+    is_plain = smooth.tessellate is None and smooth.dicing is None and not is_net
     return Picture(
         look=look,
         camera=document.camera.build(clock),
         lights=grouped(built_lights(document.lights)),
-        overrides=tuple(override.build(grouped) for override in document.overrides),
+        overrides=tuple(overrides if own is None else [replace(each, look=None) for each in overrides]),
         stage=_stage(document.stage, look),
-        view=dataclasses.replace(document.view.build(), working_space=document.working_space),
-        tessellate=smooth.tessellate or (PIECES if isinstance(subject, ControlNet) else 1),
+        view=replace(document.view.build(), working_space=document.working_space),
+        tessellate=smooth.tessellate or (PIECES if is_net else 1),
         dicing=smooth.dicing,
         hide_facets=is_plain and look.is_lit,
         qualities={

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.errors import UsageError
 from pipeline.mesh import (
     PolygonMesh,
     TriangleMesh,
@@ -72,6 +73,20 @@ class Subject(ABC):
     def polygons(self, max_edge_length: float | None = None) -> PolygonMesh:
         """Return the surface at rest as polygons of its own if it has any (P20), else as triangles."""
         return PolygonMesh.from_triangles(self.build(max_edge_length))
+
+
+@dataclass(frozen=True)
+class SeveralSubjects(Subject):
+    """Stands for the subjects of a shot that has several. Each has a shot of its own: `Shot.subjects`."""
+
+    names: tuple[str, ...]
+
+    def build(self, max_edge_length: float | None = None) -> TriangleMesh:
+        """Raise UsageError: what needs one surface does not take several."""
+        raise UsageError(
+            f"the shot has several subjects ({', '.join(self.names)}), and this is for one. Name it, as in "
+            f"--subject {self.names[0]}, where the command takes that, or make a shot of that subject"
+        )
 
 
 @dataclass(frozen=True)

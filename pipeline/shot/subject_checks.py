@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,12 @@ from render.base.plural import indefinite, plural
 
 MEASURES = {measure for kind in SOLIDS.values() for measure in kind.measures}
 
+SUBJECT_NAME = r"[A-Za-z][A-Za-z0-9_-]{0,39}"
+"""Names of subjects: they become part of file names and of mattes."""
+
+OBJECTS = ("stage", "plinth", "grey", "chrome", "chart", "wireframe")
+"""Names of other objects in pictures, which mattes have too."""
+
 _SETTINGS = {
     "cloud": {"a file": ("scale",), "a solid": ("count", "fill", "seed")},
     "net": {
@@ -34,6 +41,70 @@ _SETTINGS = {
 """Settings of a cloud or net by what it is made from."""
 
 _MADE_FROM: Mapping[type, str] = {str: "a file", list: "rows", dict: "a solid"}
+
+
+def one_or_several(source: YamlSource) -> Iterator[Problem]:
+    """Check that the shot has a subject or subjects, and that their names can name files."""
+    if not isinstance(source.data, dict):
+        return
+    entries = source.get("subjects")
+    if "subject" in source.data and "subjects" in source.data:
+        yield (
+            ("subjects",),
+            "the shot has both subject and subjects; it has one subject, or several by name. Remove subject, "
+            "or make it an entry of subjects.",
+        )
+    elif "subject" not in source.data and "subjects" not in source.data:
+        yield (
+            ("subject",),
+            "subject is missing; it has no default. Add `subject: …`, or several as `subjects: {name: …}`.",
+        )
+    elif "subject" in source.data and source.data["subject"] is None:
+        yield ("subject",), "subject is empty; it must be a mapping. Write subject: {solid: box}."
+    elif "subjects" in source.data and not entries:
+        yield (
+            ("subjects",),
+            "subjects has no entry, and a shot needs a subject. Write one: {ball: {solid: icosphere}}.",
+        )
+    elif isinstance(entries, dict):
+        yield from (((("subjects", name)), fault) for name in entries if (fault := _name_fault(name)))
+
+
+def _name_fault(name: Any) -> str | None:
+    """Return rule and remedy for a name that no subject can have; None for a good one."""
+    if not isinstance(name, str) or not re.fullmatch(SUBJECT_NAME, name):
+        rule = "a name begins with a letter and has letters, digits, _ and - alone, 40 at most"
+        return f"{shortened(name)} cannot name a subject; {rule}. Rename it."
+    if name in OBJECTS or name.endswith("_wireframe"):
+        return f"{name} is the name of something else in pictures. Rename the subject, such as {name}_1."
+    return None
+
+
+def copies(source: YamlSource) -> Iterator[Problem]:
+    """Check that subjects with copies can be copied and have no other place, and that regions are bounded."""
+    entries = source.get("subjects")
+    for name, entry in entries.items() if isinstance(entries, dict) else ():
+        given = entry.get("copies") if isinstance(entry, dict) else None
+        if not isinstance(given, dict):
+            continue
+        where: Where = ("subjects", name)
+        if "place" in entry:
+            yield (
+                (*where, "place"),
+                "place is for a subject without copies, which lie in their region. Move the region's centre, "
+                "and leave place out.",
+            )
+        if "net" in entry:
+            yield (*where, "copies"), "a net is one grid of points and has no copies. Write several subjects."
+        region = given.get("region")
+        settings = region if isinstance(region, dict) else {}
+        for setting in ("half_space", "falloff", "invert"):
+            if settings.get(setting) not in (None, 0, False):
+                yield (
+                    (*where, "copies", "region", setting),
+                    f"copies lie in a region with an end and a sharp border; {setting} gives it none. Take "
+                    "sphere, box, capsule, cylinder or mesh, and leave falloff and invert out.",
+                )
 
 
 def files(source: YamlSource) -> Iterator[Problem]:

@@ -5,7 +5,9 @@ from typing import Annotated, Any, Self
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from pipeline.shot.documents.bsdf import bsdf_of, is_valid
+from pipeline.shot.documents.colours import no_bare_colour
 from pipeline.shot.documents.fields import (
+    MAPPING_IS_SECOND,
     Axis,
     Document,
     SchemaKeywords,
@@ -178,3 +180,15 @@ class LookDocument(Document):
             return {"colour": vector(self.colour)}
         texture = self.colour.build() if isinstance(self.colour, PictureDocument) else self.colour
         return {"colour_texture": texture}
+
+
+LookField = Annotated[
+    Annotated[str, one_of(LOOKS, "look")] | LookDocument,
+    MAPPING_IS_SECOND,
+    no_bare_colour("look", "material: clay"),
+]
+
+
+def look_of(document: str | LookDocument) -> Material:
+    """Return the look of the entry `look`."""
+    return LOOKS[document] if isinstance(document, str) else document.build()

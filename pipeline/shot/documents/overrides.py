@@ -6,31 +6,19 @@ from typing import Annotated, Any, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from pipeline.frames import FrameRange
-from pipeline.shot.documents.colours import no_bare_colour
 from pipeline.shot.documents.fields import MAPPING_IS_SECOND, Document, one_of, optional
 from pipeline.shot.documents.lights_and_stage import LightsDocument, require_rig
-from pipeline.shot.documents.look import LookDocument
+from pipeline.shot.documents.look import LookField, look_of
 from pipeline.shot.documents.quality import QualitiesDocument
 from pipeline.shot.shot import FrameOverride
 from pipeline.shot.yaml.validation import finding
 from render.scene.lights import LIGHTS, LightRig
-from render.scene.materials import LOOKS, Material
 
-LookField = Annotated[
-    Annotated[str, one_of(LOOKS, "look")] | LookDocument,
-    MAPPING_IS_SECOND,
-    no_bare_colour("look", "material: clay"),
-]
 LightsField = Annotated[
     Annotated[str, one_of(LIGHTS, "light rig")] | LightsDocument,
     MAPPING_IS_SECOND,
     BeforeValidator(require_rig),
 ]
-
-
-def built_look(look: str | LookDocument) -> Material:
-    """Return the material of a parsed look."""
-    return LOOKS[look] if isinstance(look, str) else look.build()
 
 
 def built_lights(lights: str | LightsDocument) -> LightRig:
@@ -72,7 +60,7 @@ class OverrideDocument(Document):
         qualities = self.quality.model_dump(exclude_none=True) if self.quality else {}
         return FrameOverride(
             frames=FrameRange.parse(self.frames),
-            look=None if self.look is None else built_look(self.look),
+            look=None if self.look is None else look_of(self.look),
             lights=None if self.lights is None else grouped(built_lights(self.lights)),
             qualities={name: _settings(settings) for name, settings in qualities.items() if settings},
         )

@@ -40,13 +40,16 @@ def shot_schema(defaults: Collection[str] = ()) -> Schema:
     """
     schema = schema_of(ShotDocument, "A shot of flowsculpt")
     needs = {name: _extracted_needs(value, schema["$defs"]) for name, value in schema["properties"].items()}
-    alone = {
+    alone: Schema = {
         "required": [name for name in schema.pop("required") if name not in defaults],
         "properties": {name: need for name, need in needs.items() if need and name not in defaults},
     }
     if "resample" not in defaults:
         points = {"anyOf": [{"required": [kind]} for kind in ("cloud", "net")]}
-        alone |= {"if": {"properties": {"subject": {"not": points}}}, "then": {"required": ["resample"]}}
+        surface = {"required": ["subject"], "properties": {"subject": {"not": points}}}
+        alone |= {"if": surface, "then": {"required": ["resample"]}}
+    if not {"subject", "subjects"} & set(defaults):
+        alone["oneOf"] = [{"required": [name]} for name in ("subject", "subjects")]
     return {**schema, "if": {"not": {"required": ["extends"]}}, "then": alone}
 
 
@@ -134,6 +137,9 @@ def _extracted_needs(value: Schema, definitions: Schema) -> Schema:
 
     Keys, formulas and sounds keep theirs: they replace others as a whole.
     """
+    if isinstance(entries := value.get("additionalProperties"), dict):
+        inner = _extracted_needs(entries, definitions)
+        return {"additionalProperties": inner} if inner else {}
     forms = [definitions[_name(form["$ref"])] for form in value.get("anyOf", [value]) if "$ref" in form]
     needs = [
         {word: form.pop(word)}

@@ -5,7 +5,7 @@ Angles are degrees in the file and radians in the code.
 
 import math
 from dataclasses import dataclass, field, fields
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -244,6 +244,10 @@ class ResampleDocument(Document):
 
     def _given(self, *names: str) -> dict[str, Any]:
         return {name: value for name in names if (value := getattr(self, name)) is not None}
+
+
+ResampleField = Annotated[Literal["off"] | ResampleDocument, MAPPING_IS_SECOND]
+"""The entry `resample`: off, or thresholds."""
 
 
 def _length(

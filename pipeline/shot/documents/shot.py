@@ -27,11 +27,13 @@ from pipeline.shot.documents.fields import (
 )
 from pipeline.shot.documents.flows import DASHES, FlowDocument
 from pipeline.shot.documents.lights_and_stage import LightGroupsField, StageDocument
-from pipeline.shot.documents.overrides import LightsField, LookField, OverrideDocument
+from pipeline.shot.documents.look import LookField
+from pipeline.shot.documents.overrides import LightsField, OverrideDocument
 from pipeline.shot.documents.quality import QualitiesDocument
-from pipeline.shot.documents.resampling import ResampleDocument
+from pipeline.shot.documents.resampling import ResampleField
 from pipeline.shot.documents.sound import SoundField
 from pipeline.shot.documents.subject import SubjectDocument
+from pipeline.shot.documents.subjects import SubjectsField
 from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.validation import ParseContext, as_finding, bad_value, finding
 from render.base.input_files import read_input
@@ -41,7 +43,6 @@ from render.scene.quality import CONVENTIONS
 from render.scene.stage import STAGES
 from render.scene.working_space import REC709, WORKING_SPACES
 
-ResampleField = Annotated[Literal["off"] | ResampleDocument, MAPPING_IS_SECOND]
 StageField = Annotated[
     Annotated[str, one_of(STAGES, "stage")] | StageDocument,
     MAPPING_IS_SECOND,
@@ -200,14 +201,17 @@ class ShotDocument(Document):
     intent: str = Field("", description="what the shot should show, in a sentence")
     frames: Frames = Field(description="as in 1-96; the first shows the subject at rest")
     rate: Rate = Field(24, description="24, 23.976 or 24000/1001 (frames per second)")
-    subject: SubjectDocument = Field(description="a solid by name, a model from a file, a cloud or a net")
+    subject: SubjectDocument | None = optional("a solid by name, a model from a file, a cloud or a net")
+    subjects: SubjectsField | None = optional(
+        "several subjects by name in place of one, each a solid, model, cloud or net"
+    )
     resample: ResampleField = Field(
         "off",
         validate_default=False,
         description="thresholds of the surface's edges while it flows; off for comparisons",
     )
     flows: Annotated[list[FlowDocument], DASHES] = Field(
-        default_factory=list, description="what moves the subject, in order within each frame"
+        default_factory=list, description="what moves the subjects, in order within each frame"
     )
     substeps: Count | None = optional("steps that a frame is cut into; by default as many as the flow needs")
     integrator: Annotated[str, one_of(("rk4", "adaptive"), "integrator")] = Field(

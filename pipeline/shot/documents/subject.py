@@ -80,7 +80,10 @@ class SolidDocument(Document):
     caps: Literal["round", "flat"] | None = optional("the ends of a rod")
 
     def build(self, folder: Path = Path()) -> Solid:
-        return Solid.of(self.solid, self.model_dump(exclude_none=True, exclude={"solid"}))
+        return Solid.of(self.solid, self.model_dump(exclude_none=True, include=_MEASURES))
+
+
+_MEASURES = {name for name in SolidDocument.model_fields if name != "solid"}
 
 
 def _require_angles(value: Any) -> Any:
@@ -185,7 +188,7 @@ class NetDocument(Document):
         return NetOfSolid.of(self.net.solid, measures, self.rows, self.columns)
 
 
-def _subject_form(value: Any) -> int:
+def subject_form(value: Any) -> int:
     """Return which member of `SubjectDocument` a subject is, by the name that only it has."""
     if isinstance(value, str):  # is wrong; the message proposes what it looks like
         return int("." in value)
@@ -193,7 +196,5 @@ def _subject_form(value: Any) -> int:
     return next((i for i, name in enumerate(("model", "cloud", "net"), 1) if name in names), 0)
 
 
-SubjectDocument = Annotated[
-    SolidDocument | ModelDocument | CloudDocument | NetDocument, ByForm(_subject_form)
-]
+SubjectDocument = Annotated[SolidDocument | ModelDocument | CloudDocument | NetDocument, ByForm(subject_form)]
 """Each has `build(folder)`, with the folder of the shot file."""

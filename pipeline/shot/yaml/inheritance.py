@@ -7,6 +7,7 @@ formula, another subject. Every value keeps its position.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +98,10 @@ def over(source: YamlSource, base: YamlSource) -> YamlSource:
     if not isinstance(source.data, dict):
         return source
     replaced: set[Where] = set()
+    for one, other in (("subject", "subjects"), ("subjects", "subject")):
+        if one in source.data and other in base.data:
+            base = replace(base, data={name: value for name, value in base.data.items() if name != other})
+            replaced.add((other,))
     data = _merged(source.data, base.data, (), replaced)
 
     kept = base.without_places(

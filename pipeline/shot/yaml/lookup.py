@@ -30,7 +30,7 @@ _TOO_LARGE = (
     "files of their own."
 )
 
-_EDIT, _SHOT = re.compile(r"^shots\s*:", re.MULTILINE), re.compile(r"^(subject|extends)\s*:", re.MULTILINE)
+_EDIT, _SHOT = re.compile(r"^shots\s*:", re.MULTILINE), re.compile(r"^(subjects?|extends)\s*:", re.MULTILINE)
 
 
 def is_there(path: Path) -> bool:

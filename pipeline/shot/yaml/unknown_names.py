@@ -222,7 +222,8 @@ class _Mapping:
         mine, theirs = needed_names(self.models), needed_names(others[:1])
         if name in theirs:
             return f"{self._name} has {listed([*mine, name])}; it is one of them. Remove the others."
-        return f"{name} is for a {self.where[-1]} with {listed(theirs)}, not with {listed(mine)}. Remove it."
+        kind = "subject" if self.where[0] == "subjects" else self.where[-1]
+        return f"{name} is for a {kind} with {listed(theirs)}, not with {listed(mine)}. Remove it."
 
     def _higher(self, name: Any) -> str | None:
         """Return the message about a name that belongs further up."""
