@@ -83,7 +83,7 @@ def test_a_range_of_a_large_mesh_stores_its_own_frames_and_none_after_it(
     assert [event["frame"] for event in job.events("frame")] == [7, 8, 9]
     later = Job(root, "11")  # goes on from frame 9
     assert later.run() and later.stored() == [7, 8, 9, 11]
-    frame = meshes.read_mesh_frame(later.context, 11)
+    frame = meshes.read_mesh_frame(later.context, later.context.request, 11)
     assert np.array_equal(frame.mesh.vertices, simulated(root)[11].mesh.vertices)
 
 

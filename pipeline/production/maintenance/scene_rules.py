@@ -81,6 +81,8 @@ def _camera(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     camera = shot.picture.camera
     if camera.position is None and camera.distance is None and camera.dolly == 1.0:
         return  # framing keeps it outside
+    if shot.subject and camera.position is None:
+        return  # it aims at all of several subjects
     setting = next(name for name in ("position", "distance", "dolly") if _is_set(camera, name))
     aspect = shot.picture.qualities["draft"].aspect
     for number in sampled_frames(shot):

@@ -165,7 +165,7 @@ class _Frame:
     def _first_missing(self) -> str:
         """Name the first thing on the way to the frame that is not there."""
         keys = self._keys
-        if not self.store.holds("mesh", self.request.mesh_key(self._mesh)):
+        if not all(self.store.holds("mesh", part.mesh_key(self._mesh)) for part in self.request.parts):
             return f"its mesh, of frame {self._mesh}, is not simulated yet"
         if keys is None:
             return "its camera is not framed yet, which takes all meshes of the shot"
@@ -238,14 +238,18 @@ class _Frame:
     def _first_changed(self) -> int | None:
         """Return the first frame whose mesh is there and is not today's."""
         for number in sorted(self.request.source.summary.meshes):
-            key = _key_in(self.store.root / self.request.place("mesh", number))
-            if key is not None and key != self.request.mesh_key(number):
-                return number
+            for part in self.request.parts:
+                key = _key_in(self.store.root / part.place("mesh", number))
+                if key is not None and key != part.mesh_key(number):
+                    return number
         return None
 
     def _first_unmade(self) -> str:
-        meshes = self.request.source.summary.meshes
-        first = next((n for n in sorted(meshes) if not self.store.holds("mesh", meshes[n])), None)
+        meshes = [part.source.summary.meshes for part in self.request.parts]
+        unmade = (
+            n for n in sorted(meshes[0]) if not all(self.store.holds("mesh", each[n]) for each in meshes)
+        )
+        first = next(unmade, None)
         return "" if first is None else f", for the mesh of frame {first} is not simulated yet"
 
     def _parts(self, header: Mapping[str, Any]) -> tuple[Difference, ...]:

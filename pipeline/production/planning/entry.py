@@ -40,6 +40,7 @@ class PlanEntry:
     keys        those of its pictures; None where its cameras are not known
     comparable  what stands for the keys must tell equal pictures of other shot files
     meshes      mesh frames by number: wanted, present, or idle, where nothing needs them
+    wholes      places of the requests that show the subject beside others, for an entry of one of several
     """
 
     place: int
@@ -48,6 +49,12 @@ class PlanEntry:
     store: Store
     comparable: bool
     meshes: dict[int, str] = field(default_factory=dict)
+    wholes: list[int] = field(default_factory=list)
+
+    @property
+    def places(self) -> tuple[int, ...]:
+        """The places of the requests that need what the entry needs."""
+        return self.place, *self.wholes
 
     @cached_property
     def names(self) -> Mapping[int, FrameKeys]:

@@ -6,7 +6,7 @@ They go by the keys of today's shot file.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,22 +82,29 @@ def is_begun(request: RenderRequest, store: Store) -> bool:
 def mesh_states(request: RenderRequest, store: Store, history: History) -> FrameStates:
     """Return the states of the meshes of a request."""
 
-    def state(number: int, place: str) -> str:
-        key = request.mesh_key(number)
-        if store.shows("mesh", key, place):
-            return "done"
-        return "remote" if store.is_remote("mesh", key) else _undone(store, place)
-
     numbers = request.requested
-    found = map(state, numbers, request.places("mesh", numbers))
-    return _states(request, "meshes", found, history, (request.name, MESH_STAGES, SHARED))
+
+    def states_of(part: RenderRequest) -> Iterator[str]:
+        for number, place in zip(numbers, part.places("mesh", numbers), strict=True):
+            key = part.mesh_key(number)
+            if store.shows("mesh", key, place):
+                yield "done"
+            else:
+                yield "remote" if store.is_remote("mesh", key) else _undone(store, place)
+
+    def of_all(*found: str) -> str:
+        return next(state for state in ("stale", "missing", "remote", "done") if state in found)
+
+    names = [request.name if part is request else part.subject for part in request.parts]
+    found = map(of_all, *map(states_of, request.parts))
+    return _states(request, "meshes", found, history, [(name, MESH_STAGES, SHARED) for name in names])
 
 
 def picture_states(request: RenderRequest, store: Store, history: History) -> FrameStates:
     """Return the states of the finished pictures of a request."""
     quality = request.quality_name
     found = map(KnownPictures(request, store).state, request.requested)
-    return _states(request, quality, found, history, (request.folders.name, PICTURE_STAGES, quality))
+    return _states(request, quality, found, history, [(request.folders.name, PICTURE_STAGES, quality)])
 
 
 class KnownPictures:
@@ -181,24 +188,25 @@ def _states(
     what: str,
     found: Iterable[str],
     history: History,
-    about: tuple[str, Sequence[str], str],
+    about: Sequence[tuple[str, Sequence[str], str]],
 ) -> FrameStates:
     """Return the states of the files of a kind.
 
     found  the state of each frame of the request
-    about  the shot, the stages and the quality of its events in the history
+    about  the shot, the stages and the quality of its events in the history; those of several subjects
     """
     by_state: dict[str, list[int]] = {"done": [], "remote": [], "stale": [], "unframed": [], "missing": []}
     for number, state in zip(request.requested, found, strict=True):
         by_state[state].append(number)
     undone = set(request.requested) - set(by_state["done"]) - set(by_state["remote"])
-    pace = history.pace(*about) if undone else None
+    paces = [history.pace(*each) for each in about] if undone else []
+    pace = max(filter(None, paces), default=None)
     return FrameStates(
         request.name,
         what,
         **{state: FrameRange.of(numbers) for state, numbers in by_state.items()},
-        failed=FrameRange.of(sorted(undone & history.failed(*about).keys())),
-        running=FrameRange.of(sorted(undone & history.running(*about))),
+        failed=FrameRange.of(sorted(undone & {n for each in about for n in history.failed(*each)})),
+        running=FrameRange.of(sorted(undone & {n for each in about for n in history.running(*each)})),
         seconds_left=None if pace is None else len(undone) * pace,
     )
 

@@ -180,7 +180,10 @@ class Plan:
     def lock_names(self) -> dict[str, str]:
         """The locks of the shots and qualities that are written, each with words for what it is for."""
         names = {}
+        whole = {request.source.path for request in self.requests if not request.source.subject}
         for place, request in enumerate(self.requests):
+            if request.source.subject and request.source.path in whole:
+                continue  # meshes of one of several subjects, which are locked with the whole
             shot, turn = request.name, request.turntable
             stages = {job.stage for job in self.jobs if place in job.requests}
             if not stages:

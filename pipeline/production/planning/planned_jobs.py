@@ -49,8 +49,7 @@ class PlannedJobs:
     def _serve(self, maker: int, entry: PlanEntry) -> None:
         """Note that a request needs what a job makes."""
         job = self.jobs[maker]
-        if entry.place not in job.requests:
-            self.jobs[maker] = replace(job, requests=(*job.requests, entry.place))
+        self.jobs[maker] = replace(job, requests=tuple(dict.fromkeys((*job.requests, *entry.places))))
 
     def add(
         self,
@@ -75,7 +74,7 @@ class PlannedJobs:
         for made in keys:
             self._makers[stage].setdefault(made, len(self.jobs))
         others = None if list(reads) == list(frames) else tuple(reads)
-        job = Job(name, stage, (entry.place,), tuple(frames), others, key=key, output=output, present=present)
+        job = Job(name, stage, entry.places, tuple(frames), others, key=key, output=output, present=present)
         self.jobs.append(replace(job, **fields))
 
     def add_simulations(self, entries: Collection[PlanEntry]) -> None:

@@ -161,6 +161,15 @@ class Planner:
         self._goals += [(entry.place, goal) for goal in goals]
         return entry
 
+    def _parts(self, entry: PlanEntry) -> list[PlanEntry]:
+        """Return an entry for each of several subjects, whose meshes are made on their own; or the entry."""
+        if not entry.request.source.summary.subjects:
+            return [entry]
+        parts = [self._enter(part) for part in entry.request.parts]
+        for part in parts:
+            part.wholes += [entry.place] if entry.place not in part.wholes else []
+        return parts
+
     def _has(self, stage: str, kind: str, key: Key, place: str, fetch: bool = True) -> bool:
         """Tell whether the store holds a file, which then gets its link. Forced stages need new ones.
 
@@ -192,12 +201,13 @@ class Planner:
         """
         request = entry.request
         shown = sorted({request.angles[n].mesh for n in request.requested})
-        for stage in ("simulate", "smooth_normals"):
-            kind = STAGES[stage].makes
-            for n, place in zip(shown, request.places(kind, shown), strict=True):
-                key = entry.key(stage, n)
-                if self.store.is_here(kind, key) and not self._is_forced(stage, kind, key):
-                    self._links[place] = Link(kind, key, place)
+        for part in self._parts(entry):
+            for stage in ("simulate", "smooth_normals"):
+                kind = STAGES[stage].makes
+                for n, place in zip(shown, part.request.places(kind, shown), strict=True):
+                    key = part.key(stage, n)
+                    if self.store.is_here(kind, key) and not self._is_forced(stage, kind, key):
+                        self._links[place] = Link(kind, key, place)
         if entry.keys is not None:
             self._has("frame_camera", "cameras", request.cameras_key, request.folders.cameras().as_posix())
 
@@ -205,16 +215,19 @@ class Planner:
         """Plan what rendering needs: the normals of the meshes shown, and cameras, which see all meshes."""
         request = entry.request
         shown = sorted({request.angles[n].mesh for n in unrendered})
-        rough = self._absent(entry, "smooth_normals", shown)
         key, path = request.cameras_key, request.folders.cameras().as_posix()
         framed = entry.keys is not None and self._has("frame_camera", "cameras", key, path)
         if any(map(request.follows_flow, unrendered)):
             _require_permission(request)
         needed = {request.angles[n].mesh for n in unrendered if request.needs_mesh(n)}
-        self._meshes(entry, sorted({*rough, *needed}) if framed else entry.shown)
-        self._batches(entry, "smooth_normals", rough)
-        if self.whole:
-            self._rest(entry, "smooth_normals", sorted({request.angles[n].mesh for n in request.requested}))
+        for part in self._parts(entry):
+            rough = self._absent(part, "smooth_normals", shown)
+            self._meshes_of(part, sorted({*rough, *needed}) if framed else entry.shown)
+            self._batches(part, "smooth_normals", rough)
+            if self.whole:
+                self._rest(
+                    part, "smooth_normals", sorted({request.angles[n].mesh for n in request.requested})
+                )
         frames = sorted(request.angles)
         if (self.whole or not framed) and self._planned.is_new(
             entry, "frame_camera", key, framed, len(frames)
@@ -222,6 +235,11 @@ class Planner:
             self._planned.add(entry, "frame_camera", frames, [key], entry.shown, framed)
 
     def _meshes(self, entry: PlanEntry, wanted: Sequence[int]) -> None:
+        """Note the mesh frames of all subjects that are not there."""
+        for part in self._parts(entry):
+            self._meshes_of(part, wanted)
+
+    def _meshes_of(self, entry: PlanEntry, wanted: Sequence[int]) -> None:
         """Note the mesh frames that are not there; which jobs simulate them is known last."""
         missing = self._absent(entry, "simulate", wanted)
         if missing:
@@ -280,4 +298,5 @@ def _require_permission(request: RenderRequest) -> None:
     if request.source.summary.runs_python:
         from pipeline.flow.flow import require_permission
 
-        require_permission(request.shot.motion.flow)
+        for part in request.shot.parts:
+            require_permission(part.motion.flow)

@@ -32,18 +32,23 @@ _EDGE = 1.1
 
 
 def pieces_without_facets(
-    arrays: Mapping[str, AnyArray], camera: Camera, quality: Quality, spin: float
+    arrays: Mapping[str, AnyArray],
+    camera: Camera,
+    quality: Quality,
+    spin: float,
+    around: AnyArray | None = None,
 ) -> int:
     """Return into how many pieces every edge of a surface is cut, so that its outline has no corners.
 
     arrays  as `Shading.arrays` returns them
     spin    turn of the subject, radians
+    around  points about the axis of whose bounds it turns; by default its own
     """
     faces = arrays["faces"]
     most = min(MOST_PIECES, math.isqrt(MOST_FACES // max(1, len(faces))))
     if most < 2:
         return 1
-    points = rotate_y(arrays["vertices"], spin)
+    points = rotate_y(arrays["vertices"], spin, around=around)
     seen = camera.project(points, quality.aspect)
     visible = (seen[:, 2] > camera.near) & (np.abs(seen[:, :2]) <= _EDGE).all(axis=1)
     distances = []

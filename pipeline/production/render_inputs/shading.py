@@ -49,13 +49,18 @@ class Shading:
             return cls(frame, None, pieces)
         return cls(frame, split_at_creases(frame.mesh, thresholds.hard_angles(frame.mesh)), pieces)
 
-    def cut_for(self, camera: Camera, quality: Quality, pixels: float, spin: float) -> Shading:
-        """Dice until no edge spans more than so many pixels, with the subject turned by `spin` radians."""
+    def cut_for(
+        self, camera: Camera, quality: Quality, pixels: float, spin: float, around: AnyArray | None = None
+    ) -> Shading:
+        """Dice until no edge spans more than so many pixels, with the subject turned by `spin` radians.
+
+        around  points about the axis of whose bounds it turns; by default its own
+        """
         if is_cloud(self.frame):
             return self
         uncut = replace(self, pieces=1)._cut(self.frame.mesh.vertices, self.split)
         most = MOST_PIECES if self.split else MOST_SPANS
-        points = rotate_y(uncut.vertices, spin)
+        points = rotate_y(uncut.vertices, spin, around=around)
         return replace(self, pieces=pieces_for(points, uncut.faces, camera, quality, pixels, most))
 
     def arrays(self) -> dict[str, AnyArray]:
@@ -222,14 +227,22 @@ def speeds(motion: Motion, shading: Shading) -> AnyArray:
 
 
 def turntable_motion(
-    vertices: Points, normals: Vectors | None, spin: float, turn: float, fps: float
+    vertices: Points,
+    normals: Vectors | None,
+    spin: float,
+    turn: float,
+    fps: float,
+    around: AnyArray | None = None,
 ) -> SurfaceMotion:
-    """Return the movement of a turntable at `spin` radians, which turns by `turn` radians a picture."""
+    """Return the movement of a turntable at `spin` radians, which turns by `turn` radians a picture.
+
+    around  points about the axis of whose bounds it turns; by default the vertices
+    """
 
     def at(offset: float) -> Shown:
         angle = spin + offset * turn
         turned_normals = None if normals is None else rotate_y(normals, angle, about_origin=True)
-        return np.asarray(rotate_y(vertices, angle), np.float64), turned_normals
+        return np.asarray(rotate_y(vertices, angle, around=around), np.float64), turned_normals
 
     return SurfaceMotion(at, fps)
 

@@ -31,11 +31,17 @@ Extent = AnyArray | BoundingSpheres
 """Points (N, 3) of any float type, or spheres, all of which a picture must show."""
 
 
-def rotate_y(points: AnyArray, angle: float, about_origin: bool = False) -> AnyArray:
-    """Turn (N, 3) points about the vertical axis of their bounds, or directions about y."""
+def rotate_y(
+    points: AnyArray, angle: float, about_origin: bool = False, around: AnyArray | None = None
+) -> AnyArray:
+    """Turn (N, 3) points about the vertical axis of their bounds, or directions about y.
+
+    around  (M, 3), other points whose bounds have the axis
+    """
     if angle == 0.0:
         return points
-    low, high = points.min(axis=0), points.max(axis=0)
+    bounded = points if around is None else around
+    low, high = bounded.min(axis=0), bounded.max(axis=0)
     pivot = np.zeros(3) if about_origin else (low + high) / 2
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])

@@ -7,7 +7,7 @@ normals, camera and appearance; their keys are found by need, since most runs ne
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -27,8 +27,14 @@ if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the 
     from pipeline.shot import Motion, Shot
 
 
-def mesh_keys(motion: Motion) -> dict[int, Key]:
-    """Return keys by frame: each is made of the one before and of what acts between the two frames."""
+def mesh_keys(shot: Shot) -> dict[int, Key]:
+    """Return keys by frame: each is made of the one before and of what acts between the two frames.
+
+    Those of a shot of several subjects are digests of the keys of each.
+    """
+    if shot.subjects:
+        return _joined(shot, [mesh_keys(part) for part in shot.subjects])
+    motion = shot.motion
     key = key_of(SIMULATE.recipe, motion.start_data())
     first, *others = sorted(motion.frames)
     keys = {first: key}
@@ -39,9 +45,11 @@ def mesh_keys(motion: Motion) -> dict[int, Key]:
 
 
 def normals_keys(shot: Shot, meshes: dict[int, Key]) -> dict[int, Key]:
-    """Return keys by frame; `meshes` are the keys of its meshes."""
+    """Return keys by frame; `meshes` are the keys of its meshes. Of several subjects, as of `mesh_keys`."""
     from pipeline.shot.motion import as_data
 
+    if shot.subjects:
+        return _joined(shot, [normals_keys(part, mesh_keys(part)) for part in shot.subjects])
     motion, pieces = shot.motion, shot.picture.tessellate
     first = thresholds_at(motion, motion.frames.first).hard_angle
     is_constant = motion.resampling is None or isinstance(motion.resampling.thresholds.hard_angle, float)
@@ -50,6 +58,15 @@ def normals_keys(shot: Shot, meshes: dict[int, Key]) -> dict[int, Key]:
         angle = first if is_constant else thresholds_at(motion, number).hard_angle
         keys[number] = key_of(SMOOTH_NORMALS.recipe, mesh, as_data(angle), pieces)
     return keys
+
+
+def _joined(shot: Shot, keys: Sequence[Mapping[int, Key]]) -> dict[int, Key]:
+    """Return digests by frame of the keys of each subject, with the subjects' names, which pictures show."""
+    names = [part.subject for part in shot.subjects]
+    return {
+        number: key_of([[name, each[number]] for name, each in zip(names, keys, strict=True)])
+        for number in shot.frames
+    }
 
 
 def thresholds_at(motion: Motion, number: int) -> Thresholds:
@@ -85,7 +102,16 @@ def appearance(request: RenderRequest, number: int) -> Key:
         request.variant,
         picture.dicing,
         picture.hide_facets,
+        *_looks(request, number),
     )
+
+
+def _looks(request: RenderRequest, number: int) -> list[Any]:
+    """Return what decides the looks of several subjects; nothing for one."""
+    if not request.shot.subjects:
+        return []
+    parts = [(part.source.subject, part.picture(number)) for part in request.parts]
+    return [[[name, to_plain(picture.look), picture.hide_facets] for name, picture in parts]]
 
 
 def raw_key(request: RenderRequest, number: int, framings: Mapping[int, Framing]) -> Key:
@@ -114,7 +140,8 @@ def _motion_data(request: RenderRequest, number: int, framings: Mapping[int, Fra
     if request.turntable is None and offsets:
         from pipeline.production.render_inputs.shading import flow_cache_data
 
-        flow = flow_cache_data(request.shot.motion, number, offsets)
+        flow = [flow_cache_data(part.motion, number, offsets) for part in request.shot.parts]
+        flow = flow if request.shot.subjects else flow[0]
     return [list(map(list, precision)), request.open_at(number), flow, turn, around if offsets else []]
 
 
@@ -125,7 +152,9 @@ def speed_data(request: RenderRequest, number: int) -> list[Any]:
     from pipeline.production.render_inputs.shading import STEP, flow_cache_data
     from render.scene.measure import SPEED
 
-    return [[SPEED, flow_cache_data(request.shot.motion, request.angles[number].mesh, (-STEP, STEP))]]
+    mesh, motions = request.angles[number].mesh, [part.motion for part in request.shot.parts]
+    data = [flow_cache_data(motion, mesh, (-STEP, STEP)) for motion in motions]
+    return [[SPEED, data if request.shot.subjects else data[0]]]
 
 
 @dataclass(frozen=True)
@@ -307,6 +336,7 @@ def picture_header(request: RenderRequest, number: int) -> dict[str, Any]:
     """
     angle, picture = request.angles[number], request.picture(number)
     resampling = request.shot.motion.resampling_at(angle.mesh)
+    several = {"subjects": [_subject_header(part, number) for part in request.parts]}
     return {
         "shot": request.shot.name,
         "frame": number,
@@ -326,5 +356,19 @@ def picture_header(request: RenderRequest, number: int) -> dict[str, Any]:
         "aovs": dict(request.aovs.precision),
         "working_space": picture.working_space.name,
         "shutter": request.open_at(number),
+        **(resampling.settings() if resampling else {"resample": "off"}),
+        **(several if request.shot.subjects else {}),
+    }
+
+
+def _subject_header(part: RenderRequest, number: int) -> dict[str, Any]:
+    """Return what the header says of one of several subjects."""
+    mesh = part.angles[number].mesh
+    resampling = part.shot.motion.resampling_at(mesh)
+    return {
+        "name": part.source.subject,
+        "look": to_plain(part.picture(number).look),
+        "mesh_key": part.mesh_key(mesh),
+        "normals_key": part.normals_key(mesh),
         **(resampling.settings() if resampling else {"resample": "off"}),
     }

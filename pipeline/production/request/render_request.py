@@ -89,6 +89,23 @@ class RenderRequest:
         """The shot's name, known without reading it."""
         return self.source.name
 
+    @cached_property
+    def parts(self) -> tuple[RenderRequest, ...]:
+        """The request for each of several subjects alone, whose meshes are made on their own; or itself."""
+        names = self.source.summary.subjects
+        return tuple(replace(self, source=self.source.of_subject(name)) for name in names) or (self,)
+
+    def of_subject(self, name: str | None) -> RenderRequest:
+        """Return the request for one of several subjects alone; without a name, the request itself.
+
+        Raises UsageError for a name that no subject has.
+        """
+        if name is None:
+            return self
+        if name not in self.source.summary.subjects:
+            self.shot.of_subject(name)  # says which there are
+        return next(part for part in self.parts if part.source.subject == name)
+
     # Frames and files
 
     @cached_property
@@ -110,10 +127,11 @@ class RenderRequest:
     @cached_property
     def motion_folders(self) -> Folders:
         """The folders of mesh frames: the shot's, for its turntables too."""
-        if self.home is not None:
-            return Folders(Path(self.home), self.name)
         of_file = self.turntable and self.turntable.of_file
-        return Folders.of_turntable(self.name) if of_file else Folders.of_shot(self.name)
+        folders = Folders.of_turntable(self.name) if of_file else Folders.of_shot(self.name)
+        if self.home is not None:
+            folders = Folders(Path(self.home), self.name)
+        return replace(folders, subject=self.source.subject)
 
     @cached_property
     def folders(self) -> Folders:
@@ -121,12 +139,19 @@ class RenderRequest:
         if self.turntable is None:
             return self.motion_folders
         name = self.name if self.turntable.of_file else f"{self.name}.{self.turntable.at:04d}"
+        name = ".".join(filter(None, (name, self.source.subject)))
         return Folders.of_turntable(name, self.turntable.look)
 
     def places(self, kind: str, numbers: Iterable[int]) -> list[str]:
-        """Return where files are shown: `mesh`, `normals`, `raw`, `frame`, or a form of stills."""
-        folders = self.motion_folders if kind in ("mesh", "normals") else self.folders
-        return folders.numbered(kind, self.quality_name, numbers)
+        """Return where files are shown: `mesh`, `normals`, `raw`, `frame`, or a form of stills.
+
+        Of several subjects, `mesh` and `normals` are those of the first, then those of the next.
+        """
+        if kind not in ("mesh", "normals"):
+            return self.folders.numbered(kind, self.quality_name, numbers)
+        numbers = tuple(numbers)
+        folders = [part.motion_folders for part in self.parts]
+        return [path for each in folders for path in each.numbered(kind, self.quality_name, numbers)]
 
     def place(self, kind: str, number: int) -> Path:
         return Path(self.places(kind, (number,))[0])
@@ -144,12 +169,20 @@ class RenderRequest:
         """The name in events and messages: the shot or the turntable, with its look or folder."""
         if self.turntable and self.turntable.look:
             return f"{self.folders.name} ({self.turntable.look})"
+        if self.source.subject and self.turntable is None:
+            return f"{self.folders.name} ({self.source.subject})"
         return self.folders.name if self.home is None else f"{self.name} ({Path(self.home).name})"
 
     @property
     def label(self) -> str:
         """A name for its jobs."""
-        return f"{self.folders.name}_{self.quality_name}" + ("_turntable" if self.turntable else "")
+        parts = [
+            self.folders.name,
+            self.quality_name,
+            "turntable" if self.turntable else "",
+            self.source.subject,
+        ]
+        return "_".join(filter(None, parts))
 
     # What a picture shows
 
@@ -174,10 +207,15 @@ class RenderRequest:
         return seed_of(self.folders.name, number)
 
     @property
-    def net_pieces(self) -> int | None:
-        """Pieces into which the surface of a net is cut for its cameras; None for other subjects."""
+    def net_pieces(self) -> int | list[Any] | None:
+        """Pieces into which the surface of a net is cut for its cameras; None for other subjects.
+
+        Of several subjects, a list.
+        """
         from pipeline.shot.point_subjects import ControlNet
 
+        if self.shot.subjects:
+            return [part.net_pieces for part in self.parts]
         is_net = isinstance(self.shot.motion.subject, ControlNet)
         return self.shot.picture.tessellate if is_net else None
 
@@ -245,11 +283,11 @@ class RenderRequest:
 
     @cached_property
     def measures_speed(self) -> bool:
-        """True if the colours of its pictures are the speed of the flow."""
+        """True if the colours of its pictures, or of one of its subjects, are the speed of the flow."""
         from render.scene.measure import SPEED, Measure
 
-        pattern = self.shot.picture.look.pattern
-        return isinstance(pattern, Measure) and pattern.of == SPEED
+        patterns = [part.picture.look.pattern for part in self.shot.parts]
+        return any(isinstance(pattern, Measure) and pattern.of == SPEED for pattern in patterns)
 
     # What planning asks for, from the cache where it is there
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def new_notes(request: RenderRequest) -> Sequence[str]:
     """Return the notes on the files of a shot, unless the same contents have had the same notes before."""
     shot, cache = request.shot, request.source.cache
-    notes = (*shot.motion.subject.notes, *shot.notes)
+    notes = (*(note for part in shot.parts for note in part.motion.subject.notes), *shot.notes)
     told_of = "notes on files", request.source.summary.inputs, notes
     if not notes or cache.get(*told_of):
         return ()

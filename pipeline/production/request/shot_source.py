@@ -35,7 +35,8 @@ class ShotSummary:
     runs_python      True if its flows are Python files of the user's
     rate, shown_as   frames per second; the display transform, plain data
     sounds           what is heard while it plays
-    meshes, normals  keys by frame
+    meshes, normals  keys by frame; of several subjects, digests of the keys of each
+    subjects         the names of its subjects, if it has several
     """
 
     inputs: InputDigests
@@ -47,23 +48,25 @@ class ShotSummary:
     sounds: tuple[AudioTrack, ...]
     meshes: Mapping[int, Key]
     normals: Mapping[int, Key]
+    subjects: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, shot: Shot) -> ShotSummary:
         from pipeline.flow.flow import python_flows
         from pipeline.production.request.keys import mesh_keys, normals_keys
 
-        inputs, meshes = input_digests(shot.files), mesh_keys(shot.motion)
+        inputs, meshes = input_digests(shot.files), mesh_keys(shot)
         return cls(
             inputs=inputs,
             listings=_listings(inputs),
-            runs_python=any(True for _ in python_flows(shot.motion.flow)),
+            runs_python=any(True for part in shot.parts for _ in python_flows(part.motion.flow)),
             frames=shot.frames.numbers,
             rate=str(shot.rate),
             shown_as=shot.picture.display_data(),
             sounds=tuple(map(AudioTrack.of, shot.sounds)),
             meshes=meshes,
             normals=normals_keys(shot, meshes),
+            subjects=tuple(part.subject for part in shot.subjects),
         )
 
     @property
@@ -81,6 +84,7 @@ class ShotSource:
     beside      names and texts of the shot files that it rests on
     allow_code  whether the shot may run the Python files that it names
     inputs      digests of the other files that it reads; None before the work is planned
+    subject     the one of several subjects that it has alone; empty for all
     cache       holds its summary; no part of what it is read from
     """
 
@@ -90,6 +94,7 @@ class ShotSource:
     beside: tuple[tuple[str, str], ...] = ()
     allow_code: bool = False
     inputs: InputDigests | None = None
+    subject: str = ""
     cache: PlanningCache = field(default=NO_CACHE, compare=False, repr=False, metadata=NOT_PLAIN)
 
     @property
@@ -110,7 +115,17 @@ class ShotSource:
             raise
         if self.inputs is not None and (other := set(self.inputs) ^ set(input_digests(shot.files))):
             raise _changed_since(min(other)[0])
-        return shot
+        return shot.of_subject(self.subject) if self.subject else shot
+
+    def of_subject(self, name: str) -> ShotSource:
+        """Return the source of the shot with one of its subjects alone.
+
+        Raises what `Shot.of_subject` raises, here or once the shot is read.
+        """
+        source = replace(self, subject=name)
+        if "shot" in vars(self):  # spares reading it again
+            vars(source)["shot"] = self.shot.of_subject(name)
+        return source
 
     def with_inputs(self) -> ShotSource:
         """Return the source with the digests of the files that its shot reads."""
@@ -137,7 +152,8 @@ class ShotSource:
     @property
     def _read_from(self) -> tuple[Any, ...]:
         """All but the other files, which only reading the shot tells."""
-        return "summary", self.text, str(self.path), self.settings, self.beside, self.allow_code
+        read_from = "summary", self.text, str(self.path), self.settings, self.beside, self.allow_code
+        return (*read_from, self.subject) if self.subject else read_from
 
 
 @dataclass(frozen=True)

@@ -56,12 +56,14 @@ _NUMBERED = {
 class Folders:
     """The folders of one sequence of frames, of a shot or a turntable.
 
-    home  renders/<shot>, or renders/turntable/<name>
-    name  the part of file names before the frame number
+    home     renders/<shot>, or renders/turntable/<name>
+    name     the part of file names before the frame number
+    subject  the one of several subjects whose meshes have a folder of their own
     """
 
     home: Path
     name: str
+    subject: str = ""
 
     @classmethod
     def of_shot(cls, name: str) -> Folders:
@@ -73,12 +75,20 @@ class Folders:
         home = Path("renders") / "turntable" / name
         return cls(home / look if look else home, name)
 
+    @property
+    def part_name(self) -> str:
+        """The part of file names before the frame number where each subject has files in one folder."""
+        return f"{self.name}.{self.subject}" if self.subject else self.name
+
     def numbered(self, kind: str, quality: str, numbers: Iterable[int]) -> list[str]:
         """Return the paths of numbered files of a kind; `quality` matters for pictures only.
 
         They are strings: a plan names so many that making Path objects would take most of its time.
         """
-        begin, suffix = f"{self.home}/{_NUMBERED[kind].format(quality)}/{self.name}.", SUFFIXES[kind]
+        within, suffix = _NUMBERED[kind].format(quality), SUFFIXES[kind]
+        if self.subject and kind in ("mesh", "normals"):
+            within = f"{within}/{self.subject}"
+        begin = f"{self.home}/{within}/{self.name}."
         return [f"{begin}{number:04d}{suffix}" for number in numbers]
 
     def cameras(self) -> Path:
@@ -141,6 +151,8 @@ OUTPUTS = (
     OutputFolder("renders/review/**", "review pages", "review …"),
     OutputFolder("renders/**/meshes", "mesh frames", None),
     OutputFolder("renders/**/normals", "meshes ready to be rendered", None),
+    OutputFolder("renders/**/meshes/{subject}", "mesh frames of a subject", None),
+    OutputFolder("renders/**/normals/{subject}", "meshes of a subject ready to be rendered", None),
     OutputFolder("renders/**", "cameras", None, files="*.cameras.json"),
     OutputFolder("renders/**/raw", "rendered frames", None),
     OutputFolder("renders/**/statistics", "seconds of rendering", None),

@@ -18,6 +18,7 @@ from render.post.image import write_exr
 from render.scene.aovs import RenderedFrame
 from render.scene.light_groups import light_layers
 from render.scene.materials import LOOKS, Material
+from render.scene.scene import SUBJECT
 
 if TYPE_CHECKING:
     from pipeline.production.render_inputs.framing import Framing
@@ -62,7 +63,11 @@ class FinishedFrames:
         picture, quality = self.request.picture(number), self.request.quality
         around = (framing_at(self.framings, number, offset) for offset in (0.0, -1.0, 1.0))
         now, before, after = (Viewpoint(framing.camera, framing.placement) for framing in around)
-        size, materials = (quality.width, quality.height), {"subject": material_name(picture.look)}
+        size = quality.width, quality.height
+        parts = self.request.parts
+        materials = {
+            part.source.subject or SUBJECT: material_name(part.picture(number).look) for part in parts
+        }
         return LayerInputs(now, before, after, size, picture.stage, materials)
 
 

@@ -23,6 +23,7 @@ from pipeline.production.render_inputs.shading import Shading, radii
 from pipeline.production.render_inputs.view_geometry import BoundingSpheres, rotate_y
 from pipeline.production.request.framing_inputs import note_framing
 from pipeline.production.request.keys import thresholds_at
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_notes import new_notes
 from pipeline.production.store import readers
 from pipeline.production.store.readers import write_npz
@@ -168,7 +169,7 @@ def _last_before(context: Context, number: int) -> MeshFrame | None:
     for earlier in sorted((n for n in request.shot.motion.frames if n < number), reverse=True):
         if context.has("mesh", request.mesh_key(earlier)):
             with suppress(FrameError):
-                return read_mesh_frame(context, earlier)
+                return read_mesh_frame(context, request, earlier)
     return None
 
 
@@ -184,7 +185,7 @@ def smooth_normals(context: Context) -> bool:
         key = request.normals_key(number)
 
         def write(path: Path) -> None:
-            write_npz(path, readers.with_key(key, shading_of(context, number).arrays()))
+            write_npz(path, readers.with_key(key, shading_of(context, request, number).arrays()))
 
         return context.make("normals", key, request.place("normals", number), write)
 
@@ -224,9 +225,8 @@ def frame_camera(context: Context) -> bool:
     try:
         found = context.make("cameras", request.cameras_key, request.folders.cameras(), write)
     except FlowsculptError as error:
-        context.survey(
-            {angle.mesh for angle in angles.values()}, lambda number: read_mesh_frame(context, number)
-        )
+        for part in request.parts:
+            context.survey({angle.mesh for angle in angles.values()}, partial(read_mesh_frame, context, part))
         context.fail(error)
         return False
     _remember_keys(context)
@@ -238,11 +238,20 @@ def frame_camera(context: Context) -> bool:
 
 def _spheres(context: Context, number: int) -> BoundingSpheres:
     """Return what a camera must show of a mesh frame. Raises what `read_mesh_frame` raises."""
-    request, key = context.request, context.request.mesh_key(number)
+    parts = [_spheres_of(context, part, number) for part in context.request.parts]
+    if len(parts) == 1:
+        return parts[0]
+    points, around = zip(*parts, strict=True)
+    return BoundingSpheres(np.concatenate(points), np.concatenate(around))
+
+
+def _spheres_of(context: Context, request: RenderRequest, number: int) -> BoundingSpheres:
+    """Return what a camera must show of one subject."""
+    key = request.mesh_key(number)
     if request.shot.motion.subject.is_surface:
         points = context.read("mesh", key, request.place("mesh", number), readers.vertices(key))
         return BoundingSpheres(points, np.zeros(len(points)))
-    frame = read_mesh_frame(context, number)
+    frame = read_mesh_frame(context, request, number)
     if frame.lattice is None:
         return BoundingSpheres(frame.mesh.vertices, radii(frame))
     points = bspline_surface(frame.mesh.vertices, frame.lattice, request.shot.picture.tessellate).vertices
@@ -259,13 +268,13 @@ def _remember_keys(context: Context) -> None:
     keys.remember()
 
 
-def shading_of(context: Context, number: int) -> Shading:
-    """Return how a mesh frame is shaded. Raises what `read_mesh_frame` raises."""
-    request, frame = context.request, read_mesh_frame(context, number)
-    return Shading.of(frame, thresholds_at(request.shot.motion, number), request.shot.picture.tessellate)
+def shading_of(context: Context, request: RenderRequest, number: int) -> Shading:
+    """Return how a mesh frame of a request is shaded. Raises what `read_mesh_frame` raises."""
+    frame, picture = read_mesh_frame(context, request, number), request.shot.picture
+    return Shading.of(frame, thresholds_at(request.shot.motion, number), picture.tessellate)
 
 
-def read_mesh_frame(context: Context, number: int) -> MeshFrame:
-    """Read a mesh frame from the store. Raises FrameError where it is missing or corrupt."""
-    request, key = context.request, context.request.mesh_key(number)
+def read_mesh_frame(context: Context, request: RenderRequest, number: int) -> MeshFrame:
+    """Read a mesh frame of a request from the store. Raises FrameError where it is missing or corrupt."""
+    key = request.mesh_key(number)
     return context.read("mesh", key, request.place("mesh", number), readers.mesh_frame(key))

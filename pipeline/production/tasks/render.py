@@ -5,38 +5,29 @@ from __future__ import annotations
 import json
 import resource
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from pipeline.arrays import AnyArray
-from pipeline.production.render_inputs.facets import diced, pieces_without_facets
 from pipeline.production.render_inputs.framing import Framing
-from pipeline.production.render_inputs.view_geometry import rotate_y
 from pipeline.production.request.keys import FrameKeys, raw_header
-from pipeline.production.store import readers
 from pipeline.production.store.store import Key
 from pipeline.production.store.unfinished import checkpoint_of
 from pipeline.production.tasks.finished_frames import raw_attributes
 from pipeline.production.tasks.job import Context
+from pipeline.production.tasks.shown_frame import ShownFrame, subject_looks
 from pipeline.production.tasks.supervisor import MemoryGuard, StopRequest, deferred_signals
 from render.frame.checkpoint import Checkpoint
 from render.frame.render_frame import render_frame
-from render.frame.sample_batches import ShutterInterval
 from render.mitsuba.engine import Engine, choose
 from render.post.image import write_exr
 from render.scene.aovs import RenderedFrame
-from render.scene.measure import SPEED
-from render.scene.scene import MotionSample, Scene
-from render.scene.spheres import Spheres
-from render.scene.surface import Surface, outlines
+from render.scene.scene import Scene
 
 if TYPE_CHECKING:  # what only some pictures need takes half a second
-    from pipeline.production.render_inputs.shading import Shading, Shown, SurfaceMotion
+    pass
 
 
 def render(context: Context) -> bool:
@@ -86,8 +77,10 @@ class _Renderer:
         sample, shutter, following = ShownFrame(context, number, self.framings).moments()
         lights = picture.lights.turned(request.angles[number].lights)
         placed = sample.placement, sample.camera
+        first, *others = subject_looks(request, number, sample)
+        scene = Scene(first.geometry, first.material, lights, picture.stage, *placed, picture.working_space)
         layers = render_frame(
-            Scene(sample.subject, picture.look, lights, picture.stage, *placed, picture.working_space),
+            replace(scene, others=tuple(others), name=first.name),
             request.quality_of(number),
             request.seed(number),
             self.engine,
@@ -109,132 +102,6 @@ class _Renderer:
         """Report a sample batch of a picture, unless the process is to end."""
         self.stop.check()
         self.context.write("pass", number, done=done, most=most)
-
-
-@dataclass(frozen=True)
-class ShownFrame:
-    """The subject, camera and stage of one picture, at the picture and around it."""
-
-    context: Context
-    number: int
-    framings: Mapping[int, Framing]
-
-    def moments(self) -> tuple[MotionSample, ShutterInterval | None, MotionSample | None]:
-        """Return the picture's moment, its shutter, and the next picture's moment; None for what it lacks."""
-        request, number, framing = self.context.request, self.number, self.framings[self.number]
-        spin, vertices, normals = self._spin, self._arrays["vertices"], self._arrays.get("normals")
-        turned_normals = None if normals is None else rotate_y(normals, spin, about_origin=True)
-        shown = rotate_y(vertices, spin), turned_normals
-        speeds = self._speeds()
-        if not request.offsets(number):
-            return MotionSample(self._subject(shown, speeds), framing.placement, framing.camera), None, None
-        from pipeline.production.render_inputs.shading import framing_at
-
-        motion = self._motion()
-        attributes = {**self._motion_attributes(motion), **speeds}
-
-        def at(offset: float) -> MotionSample:
-            there = framing_at(self.framings, number, offset)
-            return MotionSample(self._subject(motion.at(offset), attributes), there.placement, there.camera)
-
-        sample = MotionSample(self._subject(shown, attributes), framing.placement, framing.camera)
-        opened = request.open_at(number)
-        following = at(1.0) if "motion" in request.aovs.extra else None
-        return sample, None if opened is None else ShutterInterval(*opened, at), following
-
-    @property
-    def _mesh(self) -> int:
-        return self.context.request.angles[self.number].mesh
-
-    @property
-    def _spin(self) -> float:
-        return self.context.request.angles[self.number].spin
-
-    @cached_property
-    def _shading(self) -> Shading:
-        """The shading of the mesh, diced for this picture where the shot asks for that."""
-        from pipeline.production.tasks.meshes import shading_of
-
-        request = self.context.request
-        shading, pixels = shading_of(self.context, self._mesh), request.shot.picture.dicing
-        if pixels is None:
-            return replace(shading, pieces=self._pieces)
-        return shading.cut_for(self.framings[self.number].camera, request.quality, pixels, self._spin)
-
-    @cached_property
-    def _stored_arrays(self) -> Mapping[str, AnyArray]:
-        """The arrays of the surface as `smooth_normals` stored them."""
-        request = self.context.request
-        key, place = request.normals_key(self._mesh), request.place("normals", self._mesh)
-        return self.context.read("normals", key, place, readers.arrays(key))
-
-    @cached_property
-    def _pieces(self) -> int:
-        """The pieces of each edge, where the shot does not ask for dicing."""
-        request, arrays = self.context.request, self._stored_arrays
-        picture = request.shot.picture
-        if not picture.hide_facets or "faces" not in arrays:
-            return picture.tessellate
-        camera = self.framings[self.number].camera
-        return pieces_without_facets(arrays, camera, request.quality, self._spin)
-
-    @cached_property
-    def _arrays(self) -> Mapping[str, AnyArray]:
-        """The arrays of the surface, with the edges of the resampled mesh where a wireframe shows them."""
-        request = self.context.request
-        picture = request.picture(self.number)
-        if picture.dicing is None:
-            arrays, pieces = self._stored_arrays, self._pieces
-            if picture.hide_facets and "faces" in arrays:
-                arrays = diced(arrays, pieces)
-        else:
-            arrays, pieces = self._shading.arrays(), self._shading.pieces
-        if picture.look.wireframe is None or "faces" not in arrays:
-            return arrays
-        from pipeline.shot.point_subjects import ControlNet
-
-        if isinstance(request.shot.motion.subject, ControlNet):
-            return arrays  # all edges of a net are drawn
-        return {**arrays, "edges": outlines(arrays["faces"], pieces)}
-
-    def _motion(self) -> SurfaceMotion:
-        from pipeline.production.render_inputs.shading import flow_motion, turntable_motion
-
-        request = self.context.request
-        motion = request.shot.motion
-        if request.turntable is None:
-            return flow_motion(motion, self._shading)
-        vertices, normals = self._arrays["vertices"], self._arrays.get("normals")
-        turn = request.turntable.step(self.number)
-        return turntable_motion(vertices, normals, self._spin, turn, float(motion.rate.fps))
-
-    def _speeds(self) -> dict[str, AnyArray]:
-        """Return the vertex attribute of a look that shows speeds."""
-        request = self.context.request
-        if not request.measures_speed:
-            return {}
-        from pipeline.production.render_inputs.shading import speeds
-
-        return {SPEED: speeds(request.shot.motion, self._shading)}
-
-    def _motion_attributes(self, motion: SurfaceMotion) -> dict[str, AnyArray]:
-        """Return the vertex attributes that the AOVs need."""
-        attributes: dict[str, Callable[[], AnyArray]] = {
-            "velocity": motion.velocity,
-            "before": partial(motion.displacement, -1.0),
-            "after": partial(motion.displacement, 1.0),
-        }
-        names = self.context.request.aovs.extra
-        return {name: attributes[name]().astype(np.float32) for name in names if name in attributes}
-
-    def _subject(self, shown: Shown, attributes: Mapping[str, AnyArray]) -> Surface | Spheres:
-        """Return the surface, or the spheres, with these vertices and normals."""
-        arrays, (points, normals) = self._arrays, shown
-        vertices, material = points.astype(np.float32), arrays["material"]
-        if normals is None:
-            return Spheres(vertices, arrays["radii"], attributes, material)
-        edges = arrays.get("edges")
-        return Surface(vertices, normals.astype(np.float32), arrays["faces"], attributes, material, edges)
 
 
 def _write_statistics(

@@ -1,0 +1,182 @@
+"""Shots of several subjects in production: chains of their own, one picture of all, and files for each."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.dailies.measures import measured
+from pipeline.dailies.turntable import TurntableRequest
+from pipeline.errors import UsageError
+from pipeline.production.execution.project import Project
+from pipeline.production.planning.frame_states import mesh_states
+from pipeline.production.planning.plan import Plan
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.store.history import History
+from pipeline.production.tasks.job import Context
+from pipeline.production.tasks.worker import task_of
+from render.post.cryptomatte import OBJECT, matte_of
+from render.post.image import read_exr, read_header
+from tests.conftest import commanded
+
+NAME, QUALITY = "T010_two", "draft.scale6.7"
+SHOT = """\
+title: Two
+frames: 1-3
+subjects:
+  crane: {solid: box, size: [0.6, 0.6, 0.6], place: [-0.8, 0, 0], look: glaze}
+  heron: {solid: icosphere, radius: 0.4, place: [0.8, 0, 0], look: chrome}
+resample: {max_edge_length: 0.5}
+flows:
+  - twist: {axis: y, amount: {ease: linear, keys: {1: 0, 3: 40}}}
+shutter: {angle: 180}
+layers: nuke
+quality: {draft: {samples: 2, auxiliary_samples: 1, denoise: fast, temporal_denoise: 0}}
+"""
+
+
+def planned(root: Path, text: str = SHOT) -> Plan:
+    (root / "shots").mkdir(exist_ok=True)
+    (root / "shots" / f"{NAME}.yaml").write_text(text)
+    return Project(root, 2).pictures([str(root / "shots" / f"{NAME}.yaml")], QUALITY)
+
+
+def done(root: Path, plan: Plan) -> Plan:
+    for job in plan.jobs:
+        assert task_of(job.stage)(Context.of(root, plan, job.name)), job.name
+    return plan
+
+
+def request_of(root: Path) -> RenderRequest:
+    return Project(root, 2).request(root / "shots" / f"{NAME}.yaml", QUALITY)
+
+
+def test_each_subject_is_simulated_by_a_job_of_its_own_and_pictures_wait_for_all(tmp_path: Path) -> None:
+    plan = planned(tmp_path)
+    thawed = Plan.thaw(tmp_path / plan.freeze(tmp_path))
+    by_output = {job.output: job for job in thawed.jobs}
+    stages = sorted(job.stage for job in thawed.jobs)
+    assert stages == [
+        "assemble",
+        "finish",
+        "frame_camera",
+        "render",
+        *["simulate"] * 2,
+        *["smooth_normals"] * 2,
+    ]
+    subject = {job.name: thawed.requests[job.requests[0]].source.subject for job in thawed.jobs}
+    for job in thawed.jobs:
+        read = [by_output[output] for output in thawed.all_inputs(job)]
+        found = sorted((each.stage, subject[each.name]) for each in read)
+        if job.stage == "smooth_normals":
+            assert found == [("simulate", subject[job.name])]
+        if job.stage == "frame_camera":
+            assert found == [("simulate", "crane"), ("simulate", "heron")]
+
+
+def test_an_edit_of_one_subject_leaves_the_keys_and_files_of_the_others_alone(tmp_path: Path) -> None:
+    planned(tmp_path)
+    before = request_of(tmp_path)
+    planned(tmp_path, SHOT.replace("radius: 0.4", "radius: 0.3"))
+    after = request_of(tmp_path)
+    crane, heron = zip(before.parts, after.parts, strict=True)
+    assert crane[0].mesh_key(3) == crane[1].mesh_key(3) and crane[0].normals_key(3) == crane[1].normals_key(3)
+    assert heron[0].mesh_key(1) != heron[1].mesh_key(1)
+    assert before.cameras_key != after.cameras_key and before.normals_key(1) != after.normals_key(1)
+    planned(tmp_path, SHOT.replace("look: chrome", "look: glass"))
+    relit = request_of(tmp_path)
+    assert relit.cameras_key == before.cameras_key and relit.normals_key(2) == before.normals_key(2)
+    assert relit.appearance != before.appearance
+    planned(tmp_path, SHOT.replace("heron:", "stork:"))
+    assert request_of(tmp_path).normals_key(1) != before.normals_key(1), "pictures show the names in mattes"
+
+
+def test_a_subject_of_a_shot_has_the_meshes_of_a_shot_with_that_subject_alone(tmp_path: Path) -> None:
+    planned(tmp_path)
+    crane = request_of(tmp_path).parts[0]
+    entry = "subject: {solid: box, size: [0.6, 0.6, 0.6]}\n"
+    first, last = SHOT.index("subjects:"), SHOT.index("resample:")
+    planned(tmp_path, SHOT.replace(", place: [-0.8, 0, 0]", ""))
+    alone = request_of(tmp_path).parts[0]
+    planned(tmp_path, SHOT[:first] + entry + SHOT[last:])
+    assert alone.mesh_key(3) == request_of(tmp_path).mesh_key(3) != crane.mesh_key(3)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("several")
+    done(root, planned(root))
+    return root
+
+
+def test_a_picture_shows_each_subject_with_its_look_and_mattes_tell_them_apart(made: Path) -> None:
+    request = request_of(made)
+    layers, header = read_exr(made / request.place("frame", 2))
+    crypto = {name: layers[name] for name in layers.arrays if name.startswith(OBJECT)}
+    crane, heron = (matte_of(name, OBJECT, crypto) for name in ("crane", "heron"))
+    assert crane.max() > 0.9 and heron.max() > 0.9
+    columns = np.arange(crane.shape[1])
+    assert (crane.sum(axis=0) @ columns) / crane.sum() < (heron.sum(axis=0) @ columns) / heron.sum()
+    assert float((crane + heron).sum()) == pytest.approx(float(layers["matte"].sum()), rel=0.15)
+    assert {part["name"]: part["look"]["model"] for part in header["subjects"]} == {
+        "crane": "plastic",
+        "heron": "metal",
+    }
+
+
+def test_nothing_is_to_be_done_twice_and_one_edit_makes_one_chain_again(made: Path) -> None:
+    assert planned(made).jobs == ()
+    edited = planned(made, SHOT.replace("radius: 0.4", "radius: 0.3"))
+    chains = [job for job in edited.jobs if job.stage in ("simulate", "smooth_normals")]
+    assert {edited.requests[job.requests[0]].source.subject for job in chains} == {"heron"}
+    states = mesh_states(request_of(made), Project(made, 2).store, History.of(made))
+    assert list(states.stale) == [1, 2, 3]
+    planned(made)
+    assert list(mesh_states(request_of(made), Project(made, 2).store, History.of(made)).done) == [1, 2, 3]
+
+
+def test_measures_of_several_subjects_are_those_of_all_taken_together(made: Path) -> None:
+    request, store = request_of(made), Project(made, 2).store
+    together = measured(request, store, [2], 1)[2]
+    each = [measured(part, store, [2], 1)[2] for part in request.parts]
+    for name in ("vertices", "faces", "area", "volume"):
+        assert together[name] == pytest.approx(sum(part[name] for part in each))
+    assert sum(together["quality"]) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_commands_work_on_each_subject_or_on_the_one_that_is_named(
+    made: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(made)
+    code, said = commanded(made, "validate", NAME)
+    assert code == 0 and "crane" in said and "heron" in said
+    assert commanded(made, "figures", NAME)[0] == 0
+    home = made / "renders" / NAME
+    assert {page.name for page in home.glob("*.svg")} == {
+        f"{NAME}.{s}.figures.svg" for s in ("crane", "heron")
+    }
+    code, said = commanded(made, "preview", NAME, "--at", "2")
+    assert code == 0, said
+    assert commanded(made, "figures", NAME, "--subject", "herron") == (
+        UsageError.exit_code,
+        f"{NAME} has no subject 'herron'. Did you mean 'heron'?",
+    )
+
+
+def test_the_turntable_of_several_subjects_turns_them_about_one_axis(
+    made: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(made)
+    turning = TurntableRequest(Project(made, 2), NAME, QUALITY, 2, 2, turn="object", bare=True)
+    done(made, turning.plan())
+    (request,) = turning.requests
+    positions = []
+    for number in (1, 2):
+        raw, _ = read_exr(made / request.place("raw", number))
+        crane = raw["coverage.crane"]
+        positions.append((crane.sum(axis=0) @ np.arange(crane.shape[1])) / crane.sum() / crane.shape[1])
+    assert positions[0] < 0.45 < 0.55 < positions[1], "half a turn exchanges their sides"
+    assert json.dumps(read_header(made / request.place("raw", 1))["subjects"])
