@@ -51,6 +51,10 @@ def output_option(help: str, metavar: str = "FILE") -> Any:
 
 
 Shot = Annotated[str, typer.Argument(metavar="SHOT", help="A name in shots/, or the path of a shot file.")]
+Subject = Annotated[
+    str | None,
+    typer.Option("--subject", metavar="NAME", help="One of the shot's subjects, if it has several."),
+]
 Shots = Annotated[list[str], shots_argument("Names in shots/, or paths of shot files.")]
 Frames = Annotated[
     str | None,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -113,18 +113,49 @@ def measured(
 ) -> dict[int, dict[str, Any]]:
     """Return the measures of all simulated meshes, by frame, as plain data; call `tell` after each frame.
 
-    Crossings are those that the simulation counted, and those of the last frame; with `count_crossings` of
-    every frame.
+    Those of several subjects are taken together. Crossings are those that the simulation counted, and those
+    of the last frame; with `count_crossings` of every frame.
     """
     last = request.shot.frames.last
 
     def one(number: int) -> tuple[int, dict[str, Any] | None]:
-        data = _of_frame(request, store, number, count_crossings or number == last)
+        found = [_of_frame(part, store, number, count_crossings or number == last) for part in request.parts]
+        each = [data for data in found if data is not None]
+        data = together(each) if len(each) == len(found) else None
         tell()
         return number, data
 
     with ThreadPoolExecutor(threads) as pool:
         return {number: data for number, data in pool.map(one, numbers) if data is not None}
+
+
+def together(each: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return the measures of several subjects taken as one surface; a measure that one of them lacks is None.
+
+    Histograms of edges have the range of the longest, and are None where ranges differ.
+    """
+    if len(each) == 1:
+        return each[0]
+    faces = np.array([data["faces"] for data in each], np.float64)
+
+    def values(name: str) -> list[Any] | None:
+        found = [data[name] for data in each]
+        return None if None in found else found
+
+    def mean(name: str) -> Any:
+        found = values(name)
+        return None if found is None else np.average(found, axis=0, weights=faces).round(5).tolist()
+
+    sums = ("vertices", "faces", "splits", "collapses", "flips", "too_short", "crossings", "area", "volume")
+    tops = {data["edge_top"] for data in each}
+    return {
+        **{name: None if (found := values(name)) is None else sum(found) for name in sums},
+        "mean_edge": mean("mean_edge"),
+        "edge_top": each[0]["edge_top"] if len(tops) == 1 else None,
+        "edges": mean("edges") if len(tops) == 1 else None,
+        "quality": mean("quality"),
+        "worst": None if (worst := values("worst")) is None else min(worst),
+    }
 
 
 def _of_frame(
@@ -167,11 +198,17 @@ def simulated(request: RenderRequest, store: Store, number: int, kind: str) -> t
 
 
 def limits_of(request: RenderRequest) -> tuple[float | None, float | None]:
-    """Return minimum and maximum edge length of the first frame, scene units; None if they are no numbers."""
-    resampling = request.shot.motion.resampling_at(request.shot.frames.first)
-    said = resampling.settings() if resampling else {}
-    low, high = (said.get(name) for name in ("min_edge_length", "max_edge_length"))
-    return _as_number(low), _as_number(high)
+    """Return minimum and maximum edge length of the first frame, scene units; None if they are no numbers.
+
+    None too where several subjects have different ones.
+    """
+    found = set()
+    for part in request.shot.parts:
+        resampling = part.motion.resampling_at(part.frames.first)
+        said = resampling.settings() if resampling else {}
+        found.add(tuple(_as_number(said.get(name)) for name in ("min_edge_length", "max_edge_length")))
+    low, high = found.pop() if len(found) == 1 else (None, None)
+    return low, high
 
 
 def _as_number(value: object) -> float | None:

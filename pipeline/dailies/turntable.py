@@ -56,6 +56,7 @@ class TurntableRequest:
     looks    names of looks that replace the shot's own; each has its own turntable
     bare     True keeps the shot's own stage and camera, without grey ball, chrome ball and chart
     up       the axis, y or z, that points up in a mesh file; by default that of most files of its format
+    of       the name of one of several subjects of the shot, which then turns alone
 
     Raises UsageError for values that make no turntable.
     """
@@ -69,6 +70,7 @@ class TurntableRequest:
     looks: tuple[str, ...] = ()
     bare: bool = False
     up: str | None = None
+    of: str | None = None
 
     def __post_init__(self) -> None:
         if self.frames < 2:
@@ -108,8 +110,9 @@ class TurntableRequest:
         return Path(self.subject).suffix.lower().lstrip(".") in FORMATS
 
     def _take(self, path: Path, of_file: bool, look: str | None) -> RenderRequest:
-        project = replace(self.project, settings=tuple(self._settings(look)))
-        request = project.request(path, self.quality)
+        subjects = self.project.request(path, self.quality).source.summary.subjects if look else ()
+        project = replace(self.project, settings=tuple(self._settings(look, subjects)))
+        request = project.request(path, self.quality).of_subject(self.of)
         known = FrameRange(request.source.summary.frames)
         at = known.first if self.at is None else self.at
         if at not in known:
@@ -118,12 +121,16 @@ class TurntableRequest:
         numbers = tuple(number for turn in self.turns for number in table.numbers(turn))
         return replace(request, requested=numbers, turntable=table)
 
-    def _settings(self, look: str | None) -> Iterator[str]:
-        """Yield settings of the shot; the user's come last and win."""
+    def _settings(self, look: str | None, subjects: Sequence[str]) -> Iterator[str]:
+        """Yield settings of the shot; the user's come last and win.
+
+        subjects  the names of several subjects, each of which may have a look of its own
+        """
         if not self.bare:
             yield f"stage={STAGE}"
         if look is not None:
             yield f"look={look}"
+            yield from (f"subjects.{name}.look={look}" for name in subjects)
         yield from self.project.settings
 
     def plan(self) -> Plan:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -55,28 +56,70 @@ def preview(
     size: tuple[int, int],
     display: str,
     edges: Edges | None = None,
+    others: Sequence[Shape] = (),
 ) -> Preview:
-    """Render a surface on its stage. size: width and height in pixels"""
+    """Render a surface on its stage.
+
+    size    width and height in pixels
+    others  further subjects. Those that light passes through look as if they were of one material, the first
+            one's
+    """
     setup = replace(setup, lights=setup.lights.without_maps())
-    subject = subject.for_kernels()
-    has_floor, opacity = setup.stage.kind != "none", contact_opacity(subject.material)
-    contact = ContactShadow.of(subject.vertices, setup.placement, has_floor, opacity)
-    is_clear = subject.material.is_clear
-    canvas = Canvas.of(camera, setup, contact, size, "" if is_clear else display, edges is not None)
-    faces = VisibleFaces.of(subject, canvas.projection, canvas.nearness.shape)
+    shapes = [shape.for_kernels() for shape in (subject, *others)]
+    opaque = [shape for shape in shapes if not shape.material.is_clear]
+    clear = [shape for shape in shapes if shape.material.is_clear]
+    whole = _joined([*opaque, *clear])
+    has_floor, opacity = setup.stage.kind != "none", contact_opacity(whole.material)
+    contact = ContactShadow.of(whole.vertices, setup.placement, has_floor, opacity)
+    canvas = Canvas.of(camera, setup, contact, size, "" if clear else display, edges is not None)
+    faces = VisibleFaces.of(whole, canvas.projection, canvas.nearness.shape)
     shadow = ShadowMap.of(faces.shape, setup, faces.outwards)
-    if not is_clear:
-        canvas.draw(faces, shadow)
+    drawn = 0
+    for shape in opaque:
+        canvas.draw(_faces_of(shape, faces, canvas), shadow, drawn)
+        drawn += len(shape.faces)
     if setup.stage.kind != "none":
         stage = stage_shape(setup.stage, setup.placement)
         stage_faces = VisibleFaces.of(stage, canvas.projection, canvas.nearness.shape)
-        canvas.draw(stage_faces, shadow, len(subject.faces), is_stage=True)
-    picture = _through(canvas, faces, shadow, display) if is_clear else canvas.picture()
+        canvas.draw(stage_faces, shadow, len(whole.faces), is_stage=True)
+    if clear:
+        picture = _through(canvas, _faces_of(_joined(clear), faces, canvas), shadow, display)
+    else:
+        picture = canvas.picture()
     if edges is not None:
         ink = np.array([*edges.colour, edges.opacity, edges.width])
         draw_edges(faces.screen, faces.shape.faces, canvas.face_ids, ink, picture)
     middle = SUPERSAMPLING // 2
     return Preview(picture, canvas.nearness[middle::SUPERSAMPLING, middle::SUPERSAMPLING])
+
+
+def _faces_of(shape: Shape, whole: VisibleFaces, canvas: Canvas) -> VisibleFaces:
+    """Return the faces of a shape that may be visible; those of the whole where that is the shape."""
+    if len(shape.faces) == len(whole.shape.faces):
+        return whole
+    return VisibleFaces.of(shape, canvas.projection, canvas.nearness.shape)
+
+
+def _joined(shapes: Sequence[Shape]) -> Shape:
+    """Return one shape of all, with the material of the first; each keeps its colours."""
+    first = shapes[0]
+    if len(shapes) == 1:
+        return first
+    starts = np.cumsum([0, *(len(shape.vertices) for shape in shapes[:-1])])
+    colours = [
+        np.broadcast_to(
+            shape.material.colour if shape.colours is None else shape.colours, shape.vertices.shape
+        )
+        for shape in shapes
+    ]
+    return Shape(
+        np.concatenate([shape.vertices for shape in shapes]),
+        np.concatenate([shape.normals for shape in shapes]),
+        np.concatenate([shape.faces + start for shape, start in zip(shapes, starts, strict=True)]),
+        first.material,
+        np.concatenate(colours),
+        all(shape.closed for shape in shapes),
+    ).for_kernels()
 
 
 def with_lines(

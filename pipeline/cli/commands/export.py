@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,7 +11,15 @@ import typer
 
 from pipeline.cli.execution import execute, report_notes, report_plan
 from pipeline.cli.farm_files import FOR_FARMS, FarmFiles
-from pipeline.cli.options import Common, Frames, PictureOptions, Quality, output_option, require_one_of
+from pipeline.cli.options import (
+    Common,
+    Frames,
+    PictureOptions,
+    Quality,
+    Subject,
+    output_option,
+    require_one_of,
+)
 from pipeline.cli.output import exit_with, print_error, print_result, progress_bars
 from pipeline.dailies.delivery.timeline import MEDIA, Timeline
 from pipeline.dailies.interchange.model_export import MODELS, ModelExport, require_still
@@ -20,7 +29,6 @@ from pipeline.errors import FrameError, UsageError
 from pipeline.mesh.usd_files import require_usd
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import mesh_states
-from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import FILM, find_edit
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import writing
@@ -67,6 +75,7 @@ def export(
         str | None, typer.Option(metavar="NAME", help="kubernetes: the container image of the pods.")
     ] = None,
     frames: Frames = None,
+    subject: Subject = None,
     quality: Quality = DEFAULT_QUALITY,
 ) -> None:
     """Write a shot for other 3-D programs, a render manager's job, or an editing program's timeline.
@@ -114,42 +123,65 @@ def export(
         _timeline(common, project, quality, names[0] if names else FILM.stem, output, media, frames)
     else:
         (shot,) = _require_names(names, form)
-        asked = project.asked(shot, quality, frames, mesh_states, variant="none")
+        asked = project.asked(shot, quality, frames, mesh_states, variant="none").of_subject(subject)
         require_still(form, frames, len(asked.requested))
-        _geometry(common, project, _export_of(common, project, asked, form, output, size))
+        exports = [_export_of(common, project, part, form, output, size) for part in _parts(asked, form)]
+        _geometry(common, project, asked, exports)
 
 
-def _geometry(common: Common, project: Project, export: UsdExport | ModelExport) -> None:
+def _parts(asked: RenderRequest, form: str) -> Sequence[RenderRequest]:
+    """Return the requests that are exported one by one: each subject has files of its own.
+
+    Raises UsageError for a stage of several subjects.
+    """
+    if form == "usd" and (len(asked.parts) > 1 or asked.source.subject):
+        raise UsageError(
+            f"{asked.name} has several subjects, and a USD stage is written of a shot with one. Export them "
+            "as ply, obj or glb, a file for each"
+        )
+    return asked.parts
+
+
+def _geometry(
+    common: Common, project: Project, asked: RenderRequest, exports: Sequence[UsdExport | ModelExport]
+) -> None:
     """Simulate what is missing, write the files that are not current, and report them."""
+    plan_of = project.geometry if isinstance(exports[0], UsdExport) else project.mesh_frames
     if common.dry_run:
-        report_plan(common, _plan_of(project, export))
+        report_plan(common, plan_of(asked))
         if not common.json:
-            print_result(
-                f"Then: writing {plural(len(export.stale()), 'frame')} to {export.folder}.", {}, False
-            )
+            for export in exports:
+                frames = plural(len(export.stale()), "frame")
+                print_result(f"Then: writing {frames} to {export.folder}.", {}, False)
         return
     started = time.monotonic()
-    outcome = execute(common, lambda: _plan_of(project, export))
+    outcome = execute(common, lambda: plan_of(asked))
+    faults: list[str] = []
     with writing(common.root, common.wait), progress_bars(common.progress) as bar:
-        faults = export.write(bar("exporting", len(export.stale())))
+        for export in exports:
+            faults += export.write(bar("exporting", len(export.stale())))
     for fault in faults:
         print_error(fault)
-    seconds, written, shown = time.monotonic() - started, export.files.written, export.shown()
+    seconds = time.monotonic() - started
+    told = [_told(export, faults, seconds) for export in exports]
+    words = "\n".join(words for words, _ in told)
+    facts: Any = told[0][1] if len(told) == 1 else [facts for _, facts in told]
+    print_result(words, facts, common.json)
+    exit_with(outcome.exit_code or (FrameError.exit_code if faults else 0))
+
+
+def _told(
+    export: UsdExport | ModelExport, faults: Sequence[str], seconds: float
+) -> tuple[str, dict[str, Any]]:
+    """Return what an export has written, in words and as data."""
+    written, shown = export.files.written, export.shown()
     words = f"{export.path}: {plural(len(shown), 'frame')}, {plural(len(written), 'file')} written"
     words += f" in {seconds:.0f} s."
     facts: dict[str, Any] = {"path": str(export.path), "frames": shown, "written": list(written)}
     if isinstance(export, ModelExport) and not faults and (report := export.print_report()):
         facts["model"] = report.as_data()
         words += f"\n{report.in_words()}"
-    facts |= {"failed": faults, "seconds": round(seconds, 2)}
-    print_result(words, facts, common.json)
-    exit_with(outcome.exit_code or (FrameError.exit_code if faults else 0))
-
-
-def _plan_of(project: Project, export: UsdExport | ModelExport) -> Plan:
-    """Return the plan of what is exported: mesh frames, and of a stage also cameras."""
-    has_cameras = isinstance(export, UsdExport)
-    return project.geometry(export.request) if has_cameras else project.mesh_frames(export.request)
+    return words, facts | {"failed": list(faults), "seconds": round(seconds, 2)}
 
 
 def _export_of(

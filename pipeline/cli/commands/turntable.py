@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from pipeline.cli.execution import execute_and_report
-from pipeline.cli.options import Common, Quality, Scale, ShotOptions, Variant, at_option, words_of
+from pipeline.cli.options import Common, Quality, Scale, ShotOptions, Subject, Variant, at_option, words_of
 from pipeline.cli.output import progress_bars
 from pipeline.dailies.turntable import BOTH, TurntableRequest, TurntableSheets
 from pipeline.production.request.crop_and_scale import cropped_name
@@ -44,6 +44,7 @@ def turntable(
             help="The axis of the mesh file that points up. Default: z of an STL, y of any other file.",
         ),
     ] = None,
+    part: Subject = None,
     quality: Quality = DEFAULT_QUALITY,
     scale: Scale = None,
     variant: Variant = None,
@@ -54,13 +55,13 @@ def turntable(
     A grey ball, a chrome ball and a colour chart stand beside the object. `flowsculpt turntable model.obj
     --look clay,glaze,chrome` renders each look, and one movie of all three side by side. Most STL files
     have z up and are stood up; `--up y` leaves one as it is, and `--up z` stands up another that lies on
-    its face.
+    its face. Several subjects turn together; `--subject heron` turns one of them alone.
     """
     project = options.project(common, variant)
     named = cropped_name(quality, None, scale)
     fault = "--look names no look; write one, or several as in clay,glaze,chrome"
     looks = () if look is None else words_of(look, fault)
-    request = TurntableRequest(project, subject, named, at, frames, turn, looks, bare, up)
+    request = TurntableRequest(project, subject, named, at, frames, turn, looks, bare, up, part)
 
     def draw() -> list[Path]:
         with progress_bars(common.progress) as bar:

@@ -22,8 +22,10 @@ from pipeline.production.maintenance.finding import Finding
 from pipeline.production.maintenance.first_frame import FirstFrame, FirstFrames
 from pipeline.production.maintenance.scene_rules import findings
 from pipeline.production.request.lookup import NO_SHOTS, edit_names, find_edit, find_shot, shot_names
-from pipeline.shot import read_film, read_shot
+from pipeline.shot import Shot, read_film, read_shot
+from pipeline.shot.subject_views import SubjectView, subject_views
 from pipeline.shot.yaml.inheritance import inherited
+from pipeline.shot.yaml.source import YamlSource
 
 
 def validate(
@@ -56,13 +58,16 @@ def validate(
 
 @dataclass
 class _Check:
-    """The result for one file. Errors and warnings begin with file, line and column."""
+    """The result for one file. Errors and warnings begin with file, line and column.
+
+    firsts  the first frame of each of several subjects by name, or of the one under an empty name
+    """
 
     name: str
     errors: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    first: FirstFrame | None = None
+    firsts: dict[str, FirstFrame] = field(default_factory=dict)
     exit_code: int = 0
 
     def add_error(self, error: FlowsculptError) -> None:
@@ -71,7 +76,10 @@ class _Check:
 
     def as_data(self) -> dict[str, Any]:
         facts = {"file": self.name, "errors": self.errors, "warnings": self.warnings, "notes": self.notes}
-        return facts if self.first is None else {**facts, "first_frame": self.first.as_data()}
+        frames = {name: first.as_data() for name, first in self.firsts.items()}
+        if "" in frames:
+            return {**facts, "first_frame": frames[""]}
+        return {**facts, "first_frames": frames} if frames else facts
 
 
 def _check_edit(name: str, settings: tuple[str, ...]) -> _Check:
@@ -93,23 +101,33 @@ def _check(name: str, settings: tuple[str, ...], first_frames: FirstFrames) -> _
         check.add_error(error)
         return check
     check.notes += [f"{name}: {line}" for line in shot.notes]
+    views = {view.name: view for view in subject_views(source)}
+    for part in shot.parts:
+        _check_scene(check, part, source, views.get(part.subject), first_frames)
+    check.notes = list(dict.fromkeys(check.notes))
+    return check
+
+
+def _check_scene(
+    check: _Check, shot: Shot, source: YamlSource, view: SubjectView | None, first_frames: FirstFrames
+) -> None:
+    """Check the scene of a shot of one subject; `view` is that of the subject, if it is one of several."""
     check.notes += [flow.advice for flow in python_flows(shot.motion.flow)]
     try:
-        check.first = first_frames.of(shot.motion)
-        found = findings(shot, check.first)
+        first = check.firsts[shot.subject] = first_frames.of(shot.motion)
+        found = findings(shot, first)
+        check.notes += [f"{check.name}: model repaired: {line}" for line in first.repairs]
+        check.notes += [f"{check.name}: model: {line}" for line in first.notes]
     except FlowsculptError as error:
         place = ("resample", "max_edge_length") if isinstance(error, FrameError) else ("subject", "model")
         found = [Finding(place, str(error), is_error=True)]
     for finding in found:
-        line = f"{source.place(finding.where)}: {finding.text}"
+        where = finding.where if view is None else view.in_file(finding.where)
+        line = f"{source.place(where)}: {finding.text}"
         if finding.is_error:
             check.add_error(ShotError(line))
-        else:
+        elif line not in check.warnings:
             check.warnings.append(line)
-    if check.first:
-        check.notes += [f"{name}: model repaired: {line}" for line in check.first.repairs]
-        check.notes += [f"{name}: model: {line}" for line in check.first.notes]
-    return check
 
 
 def _report(common: Common, checks: list[_Check]) -> None:
@@ -134,9 +152,8 @@ def _report(common: Common, checks: list[_Check]) -> None:
 def _print_first_frames(checks: list[_Check]) -> None:
     rows = table("shot", "subject", "units", "vertices", "memory")
     for check in checks:
-        if check.first is not None:
-            first = check.first
+        for name, first in check.firsts.items():
             facts = f"{first.extent:.3g}", f"{first.vertices:,}", size(first.memory)
-            rows.add_row(check.name, first.subject, *facts)
+            rows.add_row(check.name, f"{name}: {first.subject}" if name else first.subject, *facts)
     if rows.row_count:
         out.print(rows)

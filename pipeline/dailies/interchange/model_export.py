@@ -58,7 +58,12 @@ class ModelExport:
     @cached_property
     def files(self) -> KeyedFiles:
         """The files of the folder."""
-        return KeyedFiles(self.folder, f"{self.request.name}.{self.form}.keys.json", self.store)
+        return KeyedFiles(self.folder, f"{self._name}.{self.form}.keys.json", self.store)
+
+    @property
+    def _name(self) -> str:
+        """The name of the shot in files, with that of its subject if it has several."""
+        return self.request.motion_folders.part_name
 
     @property
     def path(self) -> Path:
@@ -89,7 +94,7 @@ class ModelExport:
                     frame = stored_frame(self.request, self.store, number)
                     self.files.write(self._file(number), self._key(number), self._writer(number, frame))
                 except FrameError as error:
-                    faults.append(f"{self.request.name} {error.of(number)}")
+                    faults.append(f"{self._name} {error.of(number)}")
                 passed()
         return faults
 
@@ -99,11 +104,11 @@ class ModelExport:
             return None
         (number,) = self.request.requested
         frame = stored_frame(self.request, self.store, number)
-        return PrintReport.of(print_model(frame, self.longest, f"{self.request.name} frame {number}"))
+        return PrintReport.of(print_model(frame, self.longest, f"{self._name} frame {number}"))
 
     def _writer(self, number: int, frame: ExportedFrame) -> Callable[[Path], object]:
         """Return the function that writes a frame to a path. Raises MeshError for a frame of no such form."""
-        name, look = f"{self.request.name} frame {number}", self.request.shot.picture.look
+        name, look = f"{self._name} frame {number}", self.request.shot.picture.look
         if self.form == "stl":
             model = print_model(frame, self.longest, name)
             return lambda path: write_mesh(model, path)
@@ -124,4 +129,4 @@ class ModelExport:
         return key_of(frame_key(self.request, number), self.form, more)
 
     def _file(self, number: int) -> str:
-        return f"{self.request.name}.{number:04d}.{self.form}"
+        return f"{self._name}.{number:04d}.{self.form}"

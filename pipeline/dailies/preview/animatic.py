@@ -28,6 +28,7 @@ from pipeline.production.render_inputs.view_geometry import BoundingSpheres, Ext
 from pipeline.production.request.audio import samples_of
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Store
+from pipeline.shot import Motion
 from render.movie.codecs import PLAYBLAST
 from render.movie.encode import write_movie
 from render.movie.sequences import timecode
@@ -116,7 +117,7 @@ class Animatic:
 
     def _pictures(self, framed: Iterator[Framed], size: tuple[int, int], display: str) -> Iterator[Picture]:
         first = next(framed)
-        closed = is_closed(self.stream.arrays(self.sketch.request, first[0]))
+        closed = all(map(is_closed, self.stream.each(self.sketch.request, first[0])))
         sketch = replace(self.sketch, closed=closed)
         return drawn(sketch, self.stream, itertools.chain([first], framed), size, display)
 
@@ -148,7 +149,7 @@ def drawn(
     """Draw frames in order as uint8 (H, W, 3), several at a time, while the next are simulated."""
 
     def draw(number: int, framing: Framing) -> Picture:
-        return sketch.picture(number, stream.arrays(sketch.request, number), framing, size, display)
+        return sketch.picture(number, stream.each(sketch.request, number), framing, size, display)
 
     with ThreadPoolExecutor(THREADS) as pool:
         under_way: deque[tuple[int, Future[Picture]]] = deque()
@@ -211,7 +212,7 @@ def framings_while(
     """Yield camera and stage of frames while the stream plays them, each when its camera is settled."""
 
     def extent_of(index: int) -> Extent:
-        return _extent(stream.arrays(request, numbers[index]))
+        return _together([_extent(arrays) for arrays in stream.each(request, numbers[index])])
 
     framer = Framer([request.view(n) for n in numbers], extent_of, request.aspect, request.follow)
     stage, left = request.shot.picture.stage, iter(numbers)
@@ -235,9 +236,13 @@ def framing_of_still(
 
     numbers  all frames that they depend on; the stream has played those up to the frame
     """
-    extents = [_extent(stream.arrays(request, n)) for n in numbers if n <= number]
-    last = len(extents)
-    extents += _moved(request, extents[-1], numbers[last:])
+    known = [[_extent(arrays) for arrays in stream.each(request, n)] for n in numbers if n <= number]
+    last = len(known)
+    motions = [part.motion for part in request.shot.parts]
+    later = [
+        _moved(motion, extent, numbers[last:]) for motion, extent in zip(motions, known[-1], strict=True)
+    ]
+    extents = [_together(each) for each in (*known, *zip(*later, strict=False))]
     views = [request.view(n) for n in numbers[: len(extents)]]
     framing = frame_all(views, lambda i: extents[i], request.aspect, request.follow)[last - 1]
     return with_stage_in_view(framing, request.shot.picture.stage)
@@ -248,10 +253,19 @@ def _extent(arrays: dict[str, AnyArray]) -> Extent:
     return BoundingSpheres(points, arrays["radii"]) if "radii" in arrays else points
 
 
-def _moved(request: RenderRequest, extent: Extent, numbers: Sequence[int]) -> list[Extent]:
+def _together(extents: Sequence[Extent]) -> Extent:
+    """Return one extent of all subjects."""
+    if len(extents) == 1:
+        return extents[0]
+    spheres = [e if isinstance(e, BoundingSpheres) else BoundingSpheres(e, np.zeros(len(e))) for e in extents]
+    points, radii = zip(*spheres, strict=True)
+    return BoundingSpheres(np.concatenate(points), np.concatenate(radii))
+
+
+def _moved(motion: Motion, extent: Extent, numbers: Sequence[int]) -> list[Extent]:
     """Return a sample of an extent at later frames, up to the first at which the flow fails."""
     points, radii = extent if isinstance(extent, BoundingSpheres) else (extent, None)
-    chosen, motion = outline(points), request.shot.motion
+    chosen = outline(points)
     moved, later = points[chosen].astype(np.float64), list[Extent]()
     for number in numbers:
         try:

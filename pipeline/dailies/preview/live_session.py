@@ -125,7 +125,7 @@ class LiveSession:
         for number in self.stream.play(request, numbers):
             check()
             if number == numbers[0]:
-                sketch = replace(sketch, closed=is_closed(self.stream.arrays(request, number)))
+                sketch = replace(sketch, closed=all(map(is_closed, self.stream.each(request, number))))
             if is_simulated:
                 continue  # the frames are drawn at once with their new cameras
             framing = known.get(number) or framings_of(request, self.stream, [number])[number]
@@ -194,13 +194,14 @@ def files_of(source: ShotSource) -> set[Path]:
 def _recipe(surfaces: FramedSurfaces, number: int) -> tuple[Any, ...]:
     """Return everything that decides a picture."""
     request, sketch = surfaces.sketch.request, surfaces.sketch
-    shown = request.shot.picture
-    flows = repr(flow_cache_data(request.shot.motion, number, (0.0, STEP))) if sketch.flow else ""
+    shown = request.picture(number)
+    motions = [part.motion for part in request.shot.parts] if sketch.flow else []
+    flows = repr([flow_cache_data(motion, number, (0.0, STEP)) for motion in motions])
     return (
         request.normals_key(number),
         repr(speed_data(request, number)),
         surfaces.framings[number],
-        (shown.look, shown.lights, shown.stage, shown.view),
+        (*(part.picture(number).look for part in request.parts), shown.lights, shown.stage, shown.view),
         (sketch.flow, flows, sketch.edges, sketch.burn_in),
     )
 

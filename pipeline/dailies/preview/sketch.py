@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -43,7 +43,7 @@ class Sketch:
     flow     draw streamlines
     edges    draw the edges of faces
     burn_in  fields that are written over the picture
-    closed   True if the surface has no boundary, so that its inner side is never seen
+    closed   True if no surface has a boundary, so that inner sides are never seen
     """
 
     request: RenderRequest
@@ -55,20 +55,32 @@ class Sketch:
     def picture(
         self,
         number: int,
-        arrays: Mapping[str, AnyArray],
+        surfaces: Sequence[Mapping[str, AnyArray]],
         framing: Framing,
         size: tuple[int, int],
         display: str,
     ) -> NDArray[Any]:
-        """Draw a frame as uint8 (H, W, 3). Raises FrameError where the flow fails."""
-        picture = self.request.picture(number)
+        """Draw a frame as uint8 (H, W, 3). Raises FrameError where the flow fails.
+
+        surfaces  the arrays of each subject
+        """
+        picture, parts = self.request.picture(number), self.request.parts
         setup = StageSetup(picture.lights, picture.stage, framing.placement, picture.view.for_previews())
-        shape = shape_of(arrays, picture.look)._replace(closed=self.closed)
-        raster = preview(shape, setup, framing.camera, size, display, Edges() if self.edges else None)
+        first, *others = (
+            shape_of(arrays, part.picture(number).look)._replace(closed=self.closed)
+            for arrays, part in zip(surfaces, parts, strict=True)
+        )
+        edges = Edges() if self.edges else None
+        raster = preview(first, setup, framing.camera, size, display, edges, others)
         values = raster.picture
         if self.flow:
-            lines = streamlines(self.request.shot.motion, number, arrays["vertices"].astype(np.float64))
             width = max(1.0, LINE * size[0])
+            lines = _joined(
+                [
+                    streamlines(part.shot.motion, number, arrays["vertices"].astype(np.float64))
+                    for arrays, part in zip(surfaces, parts, strict=True)
+                ]
+            )
             values = with_lines(raster, lines.points, *line_colours(lines), framing.camera, width)
         pixels: NDArray[Any] = quantise(values)
         return pixels if self.burn_in is None else self.burn_in.over(pixels, self._facts(number))
@@ -143,6 +155,12 @@ class StreamlineSet(NamedTuple):
 
     points: Floats
     speeds: Floats
+
+
+def _joined(sets: Sequence[StreamlineSet]) -> StreamlineSet:
+    """Return the streamlines around all subjects."""
+    points, speeds = zip(*sets, strict=True)
+    return StreamlineSet(np.concatenate(points), np.concatenate(speeds))
 
 
 def streamlines(motion: Motion, frame: int, vertices: Points) -> StreamlineSet:

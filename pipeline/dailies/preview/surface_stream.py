@@ -205,9 +205,14 @@ class SurfaceStream:
 
         Raises FrameError where the flow or the resampling fails, after all frames before it.
         """
-        frames = request.shot.motion.frames
-        self.surfaces.keep_only({_key(request, n) for n in frames})
-        self.meshes.keep_only({request.mesh_key(n) for n in frames})
+        frames, numbers = request.shot.frames, list(numbers)
+        self.surfaces.keep_only({_key(part, n) for part in request.parts for n in frames})
+        self.meshes.keep_only({part.mesh_key(n) for part in request.parts for n in frames})
+        played = [self._play(part, numbers) for part in request.parts]
+        yield from played[0] if len(played) == 1 else map(min, zip(*played, strict=True))
+
+    def _play(self, request: RenderRequest, numbers: list[int]) -> Iterator[int]:
+        """Compute the surfaces of one subject, as `play` does."""
         with ThreadPoolExecutor(1) as pool:
             under_way: deque[tuple[int, Future[None]]] = deque()
             failure = None
@@ -230,17 +235,21 @@ class SurfaceStream:
                 raise failure
 
     def knows(self, request: RenderRequest, number: int) -> bool:
-        """Tell whether the surface of a frame is there without simulation."""
-        return _key(request, number) in self.surfaces
+        """Tell whether the surfaces of a frame are there without simulation."""
+        return all(_key(part, number) in self.surfaces for part in request.parts)
 
     def arrays(self, request: RenderRequest, number: int) -> dict[str, AnyArray]:
-        """Return the arrays of a frame that was played."""
+        """Return the arrays of a frame that was played, of a request of one subject."""
         return dict(self.surfaces.get(_key(request, number)))
+
+    def each(self, request: RenderRequest, number: int) -> list[dict[str, AnyArray]]:
+        """Return the arrays of each subject of a frame that was played."""
+        return [self.arrays(part, number) for part in request.parts]
 
     def drawn(self, request: RenderRequest, number: int) -> None:
         """Note that a frame is drawn; forget it unless another preview follows."""
-        if self.once:
-            self.surfaces.drop(_key(request, number))
+        for part in request.parts if self.once else ():
+            self.surfaces.drop(_key(part, number))
 
     def _submitted(
         self, request: RenderRequest, numbers: list[int], pool: ThreadPoolExecutor

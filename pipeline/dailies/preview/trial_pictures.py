@@ -92,6 +92,8 @@ class TrialPictures:
             raise UsageError(f"frame {number} is not simulated yet; the drag shows nothing until it is")
         request = _with_text(drawn.sketch.request, self.editor.trial(digest, edits))
         names = {edit.where[0] for edit in edits}
+        if request.shot.subjects:
+            raise UsageError("a drag shows shots of one subject; let go to see all of them")
         if names - FLOW - DRAWN or (request.measures_speed and names & FLOW):
             raise UsageError("this changes the mesh from its first frame on; let go to see it")
         arrays = self.session.arrays(drawn, number)
@@ -101,7 +103,7 @@ class TrialPictures:
             arrays = self._moved(drawn, arrays, request, number)
         framing = self._framing(drawn, request, number) if "camera" in names else drawn.framing
         sketch = replace(drawn.sketch, request=request, flow=False, burn_in=None)
-        picture = sketch.picture(number, arrays, framing, size_for(request.aspect, SIZE), "srgb")
+        picture = sketch.picture(number, [arrays], framing, size_for(request.aspect, SIZE), "srgb")
         return {
             "picture": base64.b64encode(jpeg_bytes(picture)).decode(),
             "camera": camera_data(framing.camera, request.aspect),

@@ -59,35 +59,52 @@ class PageMeshes:
 
     def chosen(self, most: int) -> list[int]:
         """Return at most so many simulated frames, evenly spaced, with the first and the last."""
-        files = {n: file[0] for n in sorted(self.request.angles) if (file := self._file(n))}
+        files = {n: found for n in sorted(self.request.angles) if (found := self._files(n))}
         if not files or most < 1:
             return []
         numbers = list(files)
-        largest = max(files[number].stat().st_size for number in numbers[-3:])
+        largest = max(sum(path.stat().st_size for path, _ in files[number]) for number in numbers[-3:])
         count = max(1, min(most, len(numbers), BUDGET // max(1, largest)))
         indices = np.linspace(0, len(numbers) - 1, count).round().astype(int)
         return [numbers[index] for index in dict.fromkeys(indices.tolist())]
 
     def write(self, number: int) -> str | None:
         """Write one frame unless it is there, and return its file's name; None if it cannot be read."""
-        file = self._file(number)
-        if file is None:
+        files = self._files(number)
+        if not files:
             return None
-        path, key = file
-        name = f"{key_of('model', FORMAT, key)}.js"
+        keys = [key for _, key in files]
+        name = f"{key_of('model', FORMAT, keys if len(keys) > 1 else keys[0])}.js"
         if not self.store.is_whole(self.folder / name):
             try:
-                self.store.digests.check(path)
-                arrays = readers.arrays(key)(path)
+                for path, _ in files:
+                    self.store.digests.check(path)
+                arrays = joined([readers.arrays(key)(path) for path, key in files])
             except (CorruptFileError, OSError):
                 return None
             script = as_script(name, arrays)
             self.store.write(self.folder / name, lambda draft: draft.write_text(script))
         return name
 
-    def _file(self, number: int) -> tuple[Path, Key] | None:
-        """Return path and key of the normals of a frame, if it is simulated."""
-        return simulated(self.request, self.store, number, "normals")
+    def _files(self, number: int) -> list[tuple[Path, Key]]:
+        """Return path and key of the normals of each subject of a frame; none unless all are simulated."""
+        files = [simulated(part, self.store, number, "normals") for part in self.request.parts]
+        found = [file for file in files if file is not None]
+        return found if len(found) == len(files) else []
+
+
+def joined(subjects: Sequence[dict[str, AnyArray]]) -> dict[str, AnyArray]:
+    """Return the arrays of several surfaces as those of one; clouds beside surfaces are left out."""
+    surfaces = [arrays for arrays in subjects if "faces" in arrays] or list(subjects)
+    if len(surfaces) == 1:
+        return surfaces[0]
+    starts = np.cumsum([0, *(len(arrays["vertices"]) for arrays in surfaces[:-1])])
+    names = ("vertices", "normals") if "faces" in surfaces[0] else ("vertices", "radii")
+    together = {name: np.concatenate([arrays[name] for arrays in surfaces]) for name in names}
+    if "faces" not in surfaces[0]:
+        return together
+    faces = [arrays["faces"] + start for arrays, start in zip(surfaces, starts, strict=True)]
+    return {**together, "faces": np.concatenate(faces)}
 
 
 def as_script(name: str, arrays: dict[str, AnyArray]) -> str:
