@@ -20,14 +20,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.dailies.review.sequences import PictureFile, PictureSequence
+from pipeline.dailies.review.sequences import PictureSequence
 from pipeline.production.store.store import DAMAGED, Store, key_of
 from render.base.errors import RenderError
 from render.post.colour import quantise, to_display, view_table
 from render.post.image import read_exr, read_header
 from render.post.view import ColourView
 
-FORMAT = 1
+FORMAT = 2
 
 VIEW = "view"
 """The table of the view of a sequence, as a layer: display values by light."""
@@ -75,14 +75,10 @@ class LayerWriter:
         picture = sequence.pictures[number]
         try:
             self.store.digests.check(picture.path)
-            arrays = dict(read_exr(picture.path)[0].arrays)
+            finished = read_exr(picture.path)[0].arrays
             display = sequence.display
-            shown = quantise(to_display(arrays["beauty"], display.exposure, "srgb", display.view))
-            arrays = {
-                "beauty": arrays.pop("beauty"),
-                **arrays,
-                **_raw_layers(sequence, number, picture, arrays),
-            }
+            shown = quantise(to_display(finished["beauty"], display.exposure, "srgb", display.view))
+            arrays = {**finished, **_raw_layers(sequence, number, finished)}
         except (*DAMAGED, RenderError, ValueError):
             return {}
         files = {}
@@ -111,10 +107,13 @@ class LayerWriter:
 
 
 def _raw_layers(
-    sequence: PictureSequence, number: int, picture: PictureFile, present: dict[str, Any]
-) -> dict[str, Any]:
-    """Return the AOVs of the rendered frame that the finished one was made from, if it is there."""
-    path = sequence.raws.get(number)
+    sequence: PictureSequence, number: int, finished: Mapping[str, NDArray[Any]]
+) -> dict[str, NDArray[Any]]:
+    """Return the AOVs of the rendered frame that the finished one was made from and does not have.
+
+    There are none where the rendered frame is gone, or was rendered anew since.
+    """
+    path, picture = sequence.raws.get(number), sequence.pictures[number]
     if path is None or not path.is_file():
         return {}
     try:
@@ -123,7 +122,7 @@ def _raw_layers(
         arrays = read_exr(path)[0].arrays
     except RenderError:
         return {}
-    return {name: arrays[name] for name in sorted(arrays) if name not in present}
+    return {name: arrays[name] for name in sorted(arrays) if name not in finished}
 
 
 def _write_script(

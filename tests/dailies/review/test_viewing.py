@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import base64
+import json
 import shutil
+import zlib
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from pipeline.dailies.review.layers import as_script
-from render.post.image import read_exr, read_png
+from pipeline.dailies.review.layers import LayerWriter, as_script
+from pipeline.dailies.review.sequences import PLAIN, PictureSequence
+from pipeline.production.execution.project import Project
+from render.post.image import read_exr, read_png, write_exr
+from render.scene.aovs import RenderedFrame
 from tests.dailies.review.looker import Looker, Opened
 from tests.dailies.review.studio import NAME, Desk
 
@@ -24,6 +32,35 @@ def layered(desk: Desk, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pa
     assert code == 0 and "layers of 9 frames" in said
     yield desk.page("layered")
     shutil.rmtree(desk.page("layered").parent)
+
+
+def test_layers_are_the_finished_light_and_the_aovs_of_the_frame_it_was_made_from(tmp_path: Path) -> None:
+    def written(name: str, header: dict[str, str], **arrays: np.ndarray) -> Path:
+        write_exr(tmp_path / f"{name}.exr", RenderedFrame(arrays, {}), header)
+        return tmp_path / f"{name}.exr"
+
+    clean, noisy = np.full((4, 6, 3), 0.5, np.float32), np.full((4, 6, 3), 0.25, np.float32)
+    depth = np.full((4, 6), 3.0, np.float32)
+    finished = written("frame", {"key": "f" * 32, "raw_key": "a" * 32}, beauty=clean)
+    raws = {
+        1: written("raw", {"key": "a" * 32}, beauty=noisy, depth=depth),
+        2: written("another", {"key": "b" * 32}, beauty=noisy, depth=depth),
+    }
+    known: dict[str, Any] = {"shot": NAME, "kind": "render", "label": "draft", "quality": "draft"}
+    sequence = PictureSequence(
+        **known, subject=NAME, numbers=(1, 2), files={}, display=PLAIN, faults={}, seconds={}, raws=raws
+    )
+    (tmp_path / "layers").mkdir()
+    store = Project(tmp_path, 1).store
+    for number, names in ((1, ["picture", "beauty", "depth", "view"]), (2, ["picture", "beauty", "view"])):
+        one = replace(sequence, files={number: finished})
+        layers = LayerWriter(store, tmp_path / "layers", 1, 1).write(one, lambda: None)[number]
+        assert list(layers) == names
+        script = (tmp_path / "layers" / layers["beauty"]).read_text()
+        data = json.loads(script.partition(", ")[2].removesuffix(");\n"))
+        steps = list(zlib.decompress(base64.b64decode(data["data"])))
+        bits = steps[0] + 256 * steps[len(steps) // 2]
+        assert bits == np.float16(0.5).view(np.uint16), "the finished beauty"
 
 
 def wait_for_layers(look: Looker) -> None:
