@@ -9,13 +9,14 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.cli.options import Common, PictureOptions, Quality, Shot
+from pipeline.cli.options import Common, Frames, PictureOptions, Quality, Shot
 from pipeline.cli.output import exit_with, print_error, print_result, table
-from pipeline.errors import MissingInputError
+from pipeline.errors import MissingInputError, UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.store.paths import PUBLISHED, published
 from pipeline.production.versions.hook import Hook
+from pipeline.production.versions.patch import Patch
 from pipeline.production.versions.provenance import FILE, Provenance, records
 from pipeline.production.versions.publish import Release
 from render.base.plural import plural
@@ -34,6 +35,10 @@ def publish(
     copy: Annotated[
         bool, typer.Option("--copy", help="Copy the rendered files instead of linking them.")
     ] = False,
+    patch: Annotated[
+        str | None, typer.Option(metavar="V002", help="Replace the frames of -f in this version.")
+    ] = None,
+    frames: Frames = None,
     hook: Annotated[
         list[str] | None,
         typer.Option(metavar="CMD", help="Pass the version as JSON to this command. Repeatable."),
@@ -47,6 +52,9 @@ def publish(
 
     The provenance.json of a version holds the shot file, keys, seeds, packages, host and timings;
     `flowsculpt render --from FILE` reproduces the version from it.
+
+    `flowsculpt publish A010_cube --patch v002 -f 40-60` publishes v002 again with frames 40 to 60 as they are
+    rendered now; the other frames need not be rendered.
 
     The files are links to the rendered ones and take no space; damage in place damages both. `--copy` avoids
     that. `flowsculpt verify` checks published files.
@@ -62,7 +70,13 @@ def publish(
     words += [word for option, value in given.items() if value is not None for word in (option, value)]
     words += [word for setting in options.settings or () for word in ("--set", setting)]
     words += ["--allow-code"] * options.allow_code
-    done = Release(request, project.store, shlex.join(words), note, version, copy).publish(common.dry_run)
+    words += ["-f", frames] if frames else []
+    if (patch is None) != (frames is None):
+        raise UsageError("--patch and -f go together: the version, and its frames that are rendered anew")
+    release = Release(request, project.store, shlex.join(words), note, version, copy)
+    if patch is not None and frames is not None:
+        release = Patch(**vars(release), base=patch, frames=frames)
+    done = release.publish(common.dry_run)
     for each in () if common.dry_run else hooks:
         each.tell(done)
     facts = {

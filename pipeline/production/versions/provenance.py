@@ -79,6 +79,8 @@ class Provenance:
     host     what it was published on
     timings  seconds by stage, as the runs that made it told them
     notes    the file of the shot's notes at that time and its SHA-256; empty if there were none
+    patch    the version that it is a patch of, the frames of the patch, and the SHA-256 of that version's
+             provenance; empty if all frames are from `source`
     """
 
     shot: str
@@ -100,6 +102,7 @@ class Provenance:
     host: Mapping[str, Any]
     timings: Mapping[str, float]
     notes: Mapping[str, str] = field(default_factory=dict)
+    patch: Mapping[str, str] = field(default_factory=dict)
 
     def as_data(self) -> dict[str, Any]:
         return {"format": FORMAT, **to_plain(self)}
@@ -165,10 +168,10 @@ def _require_whole(record: Provenance) -> None:
     known = is_quality(record.quality) and record.source.name == record.shot
     if not (named and known and record.frames and isinstance(record.source.text, str)):
         raise ValueError
-    if not {"file", "key", "sha256"} <= set(record.movie) or set(record.notes) not in (
-        set(),
-        {"file", "sha256"},
-    ):
+    is_patch = set(record.patch) in (set(), {"version", "frames", "sha256"})
+    if not {"file", "key", "sha256"} <= set(record.movie) or not is_patch:
+        raise KeyError
+    if set(record.notes) not in (set(), {"file", "sha256"}):
         raise KeyError
 
 

@@ -19,13 +19,14 @@ import re
 import shutil
 import time
 import uuid
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline.errors import FrameError, MissingInputError, UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.planning.timings import seconds_of_render, total_seconds
-from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.keys import FrameKeys, PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import lock_name, making, writing
 from pipeline.production.store.paths import published
@@ -114,7 +115,8 @@ class Release:
         final = self._home / version
         if not dry:
             notes = self._notes()
-            freeze(self.store, self._record(version, keys, notes), final, self.copy, notes)
+            record = self._record(version, keys, notes)
+            freeze(self.store, record, final, self.copy, notes, self._files())
         return Published(version, final, before=False)
 
     def _version(self, taken: list[str]) -> str:
@@ -131,24 +133,34 @@ class Release:
             )
         return self.version
 
-    def _keys(self) -> PictureKeys:
+    def _keys(self) -> Mapping[int, FrameKeys]:
         """Return the keys of its frames. Raises MissingInputError or UsageError if some are not current."""
         request, store = self.request, self.store
-        keys = request.picture_keys(store)
-        missing: list[int] = []
-        stale: list[int] = []
-        for number in request.angles:
-            place = request.place("frame", number)
-            if not store.shows("frame", keys[number].frame if keys else None, place):
-                (stale if (store.root / place).exists() else missing).append(number)
-        self._require(*(_listed(numbers) if numbers else "" for numbers in (missing, stale)))
-        assert keys is not None, "frames that are shown have keys"
+        keys = self._rendered(request.angles)
         if not store.shows("movie", self._movie_key(keys), request.movie_path):
             name, there = request.movie_path.name, (store.root / request.movie_path).exists()
             self._require("" if there else name, name if there else "")
         return keys
 
-    def _movie_key(self, keys: PictureKeys) -> Key:
+    def _files(self) -> Mapping[int, Path]:
+        """Return the files of frames that the store need not have."""
+        return {}
+
+    def _rendered(self, numbers: Collection[int]) -> PictureKeys:
+        """Return keys of frames. Raises MissingInputError or UsageError if some of these are not current."""
+        request, store = self.request, self.store
+        keys = request.picture_keys(store, numbers)
+        missing: list[int] = []
+        stale: list[int] = []
+        for number in numbers:
+            place = request.place("frame", number)
+            if not store.shows("frame", keys[number].frame if keys else None, place):
+                (stale if (store.root / place).exists() else missing).append(number)
+        self._require(*(_listed(numbers) if numbers else "" for numbers in (missing, stale)))
+        assert keys is not None, "frames that are shown have keys"
+        return keys
+
+    def _movie_key(self, keys: Mapping[int, FrameKeys]) -> Key:
         return self.request.movie_key([keys[n].frame for n in sorted(self.request.angles)])
 
     def _require(self, missing: str, stale: str) -> None:
@@ -167,7 +179,7 @@ class Release:
         notes = NotesFolder(self.store.root).notes(self.request.name)
         return as_text(notes).encode() if notes else b""
 
-    def _record(self, version: str, keys: PictureKeys, notes: bytes) -> Provenance:
+    def _record(self, version: str, keys: Mapping[int, FrameKeys], notes: bytes) -> Provenance:
         request, root, movie = self.request, self.store.root, self._movie_key(keys)
         return Provenance(
             shot=request.name,
@@ -191,7 +203,7 @@ class Release:
             notes={"file": NOTES, "sha256": hashlib.sha256(notes).hexdigest()} if notes else {},
         )
 
-    def _frame(self, number: int, keys: PictureKeys) -> FrameRecord:
+    def _frame(self, number: int, keys: Mapping[int, FrameKeys]) -> FrameRecord:
         request, found = self.request, keys[number]
         file, mesh = self.store.path("frame", found.frame), request.angles[number].mesh
         try:
@@ -240,11 +252,20 @@ def _user() -> str:
     return ""
 
 
-def freeze(store: Store, record: Provenance, final: Path, copy: bool = False, notes: bytes = b"") -> None:
+def freeze(
+    store: Store,
+    record: Provenance,
+    final: Path,
+    copy: bool = False,
+    notes: bytes = b"",
+    files: Mapping[int, Path] | None = None,
+) -> None:
     """Lay the frames and the movie of a version at `final`, and its provenance and notes beside them.
 
     Frames are links to the files of the store, which take no space. They are copies where links fail, and
     with `copy`. The movie is a copy: the store's stays writable, for Snakemake makes no protected file again.
+
+    files  of frames that are not in the store, by their numbers
 
     Raises MachineError where the disk refuses; then nothing is left of it.
     """
@@ -252,8 +273,8 @@ def freeze(store: Store, record: Provenance, final: Path, copy: bool = False, no
     freeze_frame = _copy if copy else _link
     with disk_errors(final):
         try:
-            for frame in record.frames.values():
-                source = store.path("frame", frame.frame)
+            for number, frame in record.frames.items():
+                source = (files or {}).get(number) or store.path("frame", frame.frame)
                 freeze_frame(source, draft / frame.file)
                 store.digests.add_copy(final / frame.file, source)
             _copy(store.path("movie", record.movie["key"]), draft / record.movie["file"])

@@ -48,7 +48,7 @@ class Reproduction:
     source   its provenance file
     project  where it is asked for; the reproduction has a root of its own below. Its variant, if it names
              one, replaces the one that rendered the version
-    frames   a range of its frames; by default all, and the movie
+    frames   a range of its frames; by default all, and the movie. Of a patch, those that it has replaced
     """
 
     record: Provenance
@@ -67,11 +67,18 @@ class Reproduction:
 
     @cached_property
     def numbers(self) -> tuple[int, ...]:
-        """The frames to be compared. Raises UsageError where some are not in the version."""
+        """The frames to be compared. Raises UsageError where some are not in the version, or not its own."""
+        patch = self.record.patch
+        whole = FrameRange.parse(patch["frames"]) if patch else FrameRange.of(self.record.frames)
         if self.frames is None:
-            return tuple(self.record.frames)
-        whole, asked = FrameRange.of(self.record.frames), FrameRange.parse(self.frames)
+            return tuple(whole)
+        asked = FrameRange.parse(self.frames)
         outside = asked.outside(whole)
+        if outside and patch:
+            raise UsageError(
+                f"{self.source}: {self.record.version} has frames {outside} from {patch['version']}; make "
+                f"them again from the provenance of that"
+            )
         if outside:
             raise UsageError(
                 f"{self.source}: frames {outside} are not in {self.record.version}, which has {whole}; ask "
@@ -113,7 +120,7 @@ class Reproduction:
         """Return the plan. Raises what `request` raises."""
         planner, request = replace(self.project, root=self.home).planner(), self.request
         planner.pictures(request)
-        if self.frames is None:
+        if self._has_movie:
             planner.movie(request)
         return planner.plan()
 
@@ -121,7 +128,12 @@ class Reproduction:
         """Compare every frame, and the movie if all frames are made."""
         keys = self.request.picture_keys(self.store)
         found = [self._frame(number, keys) for number in self.numbers]
-        return found if self.frames is not None else [*found, self._movie()]
+        return [*found, self._movie()] if self._has_movie else found
+
+    @property
+    def _has_movie(self) -> bool:
+        """True if the movie is made again: that of a patch is of frames from two versions."""
+        return self.frames is None and not self.record.patch
 
     def _variant(self, notes: list[str]) -> str:
         variant, on_nodes = self.project.variant or self.record.variant, not self.project.profile.is_local
