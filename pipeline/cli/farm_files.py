@@ -16,7 +16,7 @@ from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.execution import kubernetes, openjd
 from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.profile import SIDE_BY_SIDE, Share
+from pipeline.production.planning.profile import Share
 from pipeline.production.store.remote_url import store_url
 from render.base.atomic_write import atomic_write, disk_errors
 
@@ -53,7 +53,7 @@ class FarmFiles:
 
     def write(self, common: Common, plan: Plan, name: str) -> None:
         """Write a whole plan in the format, and report the files; `name` is the job's."""
-        share = common.profile.share or Share.of({})
+        share = common.profile.exported_share
         if self.form == "plan":
             self._plan(common, plan)
         elif self.form == "openjd":
@@ -87,9 +87,8 @@ class FarmFiles:
         print_result(f"{self.output}, {beside}: {common.done('written')}.", facts, common.json)
 
     def _manifests(self, common: Common, plan: Plan, share: Share) -> None:
-        is_local = common.profile.is_local
-        most = SIDE_BY_SIDE if is_local else common.profile.side_by_side(common.cores)
-        job = kubernetes.KubernetesJob(plan, str(self.image), store_url(), share.threads, most)
+        jobs = common.profile.jobs
+        job = kubernetes.KubernetesJob(plan, str(self.image), store_url(), share.threads, jobs)
         made, script = job.manifests(), job.script()
         if not common.dry_run:
             with disk_errors(self.output):

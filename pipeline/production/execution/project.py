@@ -19,7 +19,7 @@ from pipeline.production.planning.frame_states import (
 )
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.planner import Planner
-from pipeline.production.planning.profile import Profile, Share
+from pipeline.production.planning.profile import Profile
 from pipeline.production.planning.timings import measured
 from pipeline.production.request.crop_and_scale import require_quality
 from pipeline.production.request.edit import Edit, ResolvedEdit, resolved_edit
@@ -139,7 +139,7 @@ class Project:
         if len(edits) > 1:
             raise UsageError(f"{', '.join(edits)} are several edits, and a plan makes one film; name one")
         nothing = Store(self.root / STATE / "nothing", url=None)
-        planner = Planner(nothing, 1, 1, self.notes, self.profile.share or Share.of({}))
+        planner = Planner(nothing, 1, 1, self.notes, self.profile.exported_share)
         far = replace(self, for_farm=True)
         for shot in shots:
             if shot in edits:
@@ -251,9 +251,11 @@ class Project:
     def variant_of(self, shot: str) -> str:
         """Return the variant that renders a shot: one asked for, that of the profile, or one that works.
 
-        Raises as `variant_for`.
+        One that is only named in the profile is not replaced by another, even if this machine lacks it: who
+        fetches the frames of a farm needs no GPU. Raises as `variant_for`.
         """
-        on_nodes, asked = self.for_farm or not self.profile.is_local, self.variant or self.profile.variant
+        on_nodes = self.for_farm or self.variant is None or not self.profile.is_local
+        asked = self.variant or self.profile.variant
         return variant_for(self.root, shot, asked, self.notes.append, on_nodes)
 
     def as_finished(self, request: RenderRequest) -> RenderRequest:

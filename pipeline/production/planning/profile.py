@@ -99,15 +99,21 @@ class Profile:
 
     def side_by_side(self, cores: int) -> int:
         """Return how many jobs run at once on a machine with so many cores, or on the farm."""
-        return (
-            cores if self.is_local else _whole(str(self._file), "jobs", self._said.get("jobs"), SIDE_BY_SIDE)
-        )
+        return cores if self.is_local else self.jobs
+
+    @property
+    def jobs(self) -> int:
+        """How many jobs a farm gets at once. A profile without an executor may say it for exported jobs."""
+        return _whole(str(self._file), "jobs", self._said.get("jobs"), SIDE_BY_SIDE)
 
     @property
     def share(self) -> Share | None:
         """The size of each job; None where jobs share this machine's cores."""
-        if self.is_local:
-            return None
+        return None if self.is_local else self.exported_share
+
+    @property
+    def exported_share(self) -> Share:
+        """The size of each task of an exported job, for which a profile without an executor speaks too."""
         if "frames" in self._config:
             raise UsageError(f"{self._file}: config: frames is called min_frames; rename it")
         return Share.of(self._config, f"{self._file}: config")

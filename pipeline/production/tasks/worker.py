@@ -76,7 +76,7 @@ def main(
         context.bring_inputs_to_now()
         if job.stage != "render":
             return _finished(context, whole)
-        if context.plan.farm and (fault := _unfit(context)):
+        if fault := _unfit(context):
             return fault
         code = Supervisor(context, renderer(plan_path, context.job)).run()
         if code == 0 and job.output and not (root / job.output).exists():
@@ -93,7 +93,7 @@ def _finished(context: Context, whole: Context) -> int:
 
 
 def _unfit(context: Context) -> int:
-    """Return 0 where this node renders with the plan's variant; else say what it lacks, and the exit code."""
+    """Return 0 where this machine renders with the plan's variant; else report what it lacks and return 4."""
     try:
         require_variant(context.request.variant)
     except VariantError as error:

@@ -7,12 +7,13 @@ import time
 import pytest
 
 from pipeline.errors import MachineError, MissingInputError, UsageError
+from pipeline.production.execution.job_resources import gpus, memory_mib
 from pipeline.production.execution.project import Project
 from pipeline.production.execution.snakemake import _words, complaint
 from pipeline.production.planning.batches import batches
 from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.planning.profile import SIDE_BY_SIDE, Profile
-from pipeline.production.planning.timings import LEAST_MIB, START_MINUTES, MeasuredResources
+from pipeline.production.planning.timings import LEAST_MIB, START_MINUTES, UNMEASURED_MIB, MeasuredResources
 from pipeline.production.store.event_log import EventLog, EventReader
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.store import Store
@@ -183,6 +184,22 @@ def test_a_profile_names_the_variant_of_its_nodes(folder):
     with pytest.raises(UsageError, match="variant is 'cuda', which Mitsuba does not have"):
         _ = Profile.named("mine").variant
     assert Profile.local().variant is None
+
+
+def test_a_profile_without_an_executor_says_what_an_exported_job_asks_for(folder):
+    profile(folder, "jobs: 7\nconfig: {threads: 16, variant: cuda_ad_rgb}\n")
+    ours = Profile.named("mine")
+    assert ours.is_local and ours.share is None and ours.jobs == 7 and ours.exported_share.threads == 16
+    plan = Project(folder, 1, profile=ours).whole([NAME], "draft")
+    assert plan.requests[0].variant == "cuda_ad_rgb"
+    render = next(job for job in plan.jobs if job.stage == "render")
+    assert (memory_mib(plan, render), gpus(plan, render), render.threads) == (UNMEASURED_MIB, 1, 16)
+
+
+def test_who_fetches_the_frames_of_a_farm_needs_no_gpu(folder):
+    profile(folder, "config: {variant: cuda_ad_rgb}\n")
+    plan = Project(folder, 1, profile=Profile.named("mine")).pictures([NAME], "draft")
+    assert plan.requests[0].variant == "cuda_ad_rgb" and plan.notes == ()
 
 
 def test_inputs_from_the_future_are_given_the_present_time(context):
