@@ -26,6 +26,7 @@ from render.base.errors import RenderError
 from render.post.colour import quantise, to_display, view_table
 from render.post.image import read_exr, read_header
 from render.post.view import ColourView
+from render.scene.light_groups import PREFIX
 
 FORMAT = 2
 
@@ -128,7 +129,7 @@ def _raw_layers(
 def _write_script(
     draft: Path, file: str, name: str, values: NDArray[Any], exposure: float, view: str
 ) -> None:
-    is_shown = name == "beauty" or name.startswith("light_")
+    is_shown = name == "beauty" or name.startswith(PREFIX)
     draft.write_text(as_script(file, name, values, exposure, {"view": view} if is_shown else {}))
 
 
@@ -152,7 +153,7 @@ def as_script(
     if name == DISPLAY:
         kind, bits, low, high = "display", planes.astype("<u2"), 0.0, 255.0
     else:
-        is_light = name in LIGHT or name.startswith("light_")
+        is_light = name in LIGHT or name.startswith(PREFIX)
         kind = "light" if is_light or name in REFLECTANCE else "data"
         bits = np.clip(planes, -LARGEST_HALF, LARGEST_HALF).astype("<f2").view("<u2")
         low, high = _range(planes) if kind == "data" else (0.0, 2.0**-exposure if is_light else 1.0)

@@ -74,7 +74,7 @@ class NoteStroke(_Document):
 
 
 class NoteRevision(_Document):
-    """What a note says since one moment."""
+    """One revision of a note: what it says from one moment on."""
 
     shot: Annotated[str, Field(pattern=f"^{NAME}$", max_length=MOST_LETTERS)]
     sequence: Annotated[Line, Field(description="The sequence's name on the page, as `v001 daily`.")]

@@ -141,6 +141,22 @@ def test_drawings_lie_on_the_picture_at_any_size_and_on_their_frame(
     look.press("Shift+H", "b")
 
 
+def test_each_side_of_two_pictures_has_the_notes_of_its_own_sequence(
+    opened: Opened, page: Callable[..., Path]
+) -> None:
+    look = opened(page(note()), b="T010_tiny · daily.scale50", frame=4)
+    for mode, share in (("s", 1.6), ("w", 0.8)):
+        look.press(mode, "5")
+        drawn(look, (share, 0.2), (share + 0.1, 0.4))
+        look.press("b")
+    assert [each["sequence"] for each in notes_of(look)] == ["draft", "daily.scale50"]
+    assert len(notes_of(look)[1]["drawings"]) == 2
+    look.press("q")
+    assert look.tab.locator(".note-sequence").all_inner_texts() == ["draft", "daily.scale50"]
+    look.press("1")
+    assert look.tab.locator(".note-card").count() == 1
+
+
 def test_downloads_are_read_by_python_and_by_opentimelineio(
     opened: Opened, page: Callable[..., Path]
 ) -> None:

@@ -16,6 +16,10 @@ class InkLayer {
     if (mode === "grid") return [];
     const [one, other] = stage.places(), half = this.canvas.width / 2, whole = this.canvas.width;
     if (mode === "side") return [{ sequence: a, place: one, from: 0, to: half }, { sequence: b, place: other, from: half, to: whole }];
+    if (mode === "wipe") {
+      const edge = stage.wipeAt(one);
+      return [{ sequence: a, place: one, from: 0, to: edge }, { sequence: b, place: one, from: edge, to: whole }];
+    }
     return [{ sequence: mode === "b" ? b : a, place: one, from: 0, to: whole }];
   }
 

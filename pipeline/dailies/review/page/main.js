@@ -45,6 +45,9 @@ class Review {
   /** The sequence that notes are written on. */
   get shownSequence() { return this.mode === "b" ? this.b : this.a; }
 
+  /** The sequences that are seen: one, or both. */
+  get shownSequences() { return ["wipe", "difference", "side"].includes(this.mode) ? [...new Set([this.a, this.b])] : [this.shownSequence]; }
+
   // What people ask for
 
   choose(side, sequence) {

@@ -72,15 +72,23 @@ class NotesPanel {
 
   /** Show what a note is about: its first frame, of its sequence. */
   #goTo(note) {
-    const { review } = this, shown = review.shownSequence;
+    const { review } = this;
     const own = review.sequences.find((each) => each.shot === note.shot && each.label === note.sequence);
     this.#choose(note.id);
-    if (own && !review.notes.of(shown).includes(note)) review.choose(review.mode === "b" ? "b" : "a", own);
+    if (own && !review.shownSequences.some((each) => review.notes.of(each).includes(note))) review.choose(review.mode === "b" ? "b" : "a", own);
     review.jump(note.first);
     review.redraw();
   }
 
-  #notes() { return this.showsAll ? this.review.notes.all : this.review.notes.of(this.review.shownSequence); }
+  #notes() {
+    const { notes, shownSequences } = this.review;
+    if (this.showsAll) return notes.all;
+    const shown = new Set(shownSequences.flatMap((each) => notes.of(each)));
+    return notes.all.filter((note) => shown.has(note));
+  }
+
+  /** Tell whether cards name their sequence. */
+  get #namesSequences() { return this.showsAll || this.review.shownSequences.length > 1; }
 
   // How it looks
 
@@ -120,7 +128,7 @@ class NotesPanel {
   /** Draw the cards again where anything on them has changed, and tell those of the frame that is shown. */
   #list() {
     const notes = this.#notes(), { frame } = this.review.transport;
-    const state = JSON.stringify([notes.map((note) => [note.id, note.modified]), this.review.chosenNote, this.edited, this.review.a.index, this.showsAll]);
+    const state = JSON.stringify([notes.map((note) => [note.id, note.modified]), this.review.chosenNote, this.edited, this.#namesSequences, this.showsAll]);
     if (state !== this.state) this.#buildCards(notes);
     this.state = state;
     notes.forEach((note, i) => this.list.children[i].classList.toggle("here", note.first <= frame && frame <= note.last));
@@ -144,7 +152,7 @@ class NotesPanel {
     const about = part("span", "note-about", `${authorOf(note)} · ${timeOf(note)}`);
     about.title = `Written ${note.created.slice(0, 16).replace("T", " ")} UTC${note.history.length ? `; ${note.history.length} earlier versions are kept` : ""}`;
     card.append(part("div", "note-head", frames, part("span", "note-status", STATUS_NAMES[note.status][0]), part("span", "grow"), about));
-    if (this.showsAll) card.append(part("p", "note-sequence", `${review.isAlone ? "" : `${note.shot} · `}${note.sequence}`));
+    if (this.#namesSequences) card.append(part("p", "note-sequence", `${review.isAlone ? "" : `${note.shot} · `}${note.sequence}`));
     if (this.edited === note.id) card.append(this.#form(note));
     else if (note.text) card.append(part("p", "note-text", note.text));
     const extras = [note.drawings.length ? strokesOf(note) : "", this.#isOutdated(note) ? "the picture has changed since" : ""].filter(Boolean);
