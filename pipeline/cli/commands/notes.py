@@ -43,14 +43,13 @@ def notes(
     listing = table("sequence", "frames", "status", "by", "time (UTC)", "note")
     for note in live:
         listing.add_row(*(readable(word).replace("[", r"\[") for word in _row(note)))
-    words = (
-        listing if live else f"{name} has no notes; flowsculpt review {name} writes the page to take them."
-    )
+    kind = f"{status} notes" if status else "notes"
+    none = f"{name} has no {kind}; flowsculpt review {name} writes the page to take them."
     facts = {"path": str(folder.path(name)), "added": added, **as_data(found)}
-    print_result(words, facts, common.json)
+    print_result(listing if live else none, facts, common.json)
     if added and not common.json:
-        changes = ", ".join(f"{shot} {count}" for shot, count in added.items())
-        typer.echo(f"{common.done('merged')} new or changed: {changes}.", err=True)
+        changes = (f"{plural(count, 'new or changed note')} of {shot}" for shot, count in added.items())
+        typer.echo(f"{', '.join(changes)}: {common.done('merged')}.", err=True)
 
 
 def _row(note: ReviewNote) -> tuple[str, ...]:
