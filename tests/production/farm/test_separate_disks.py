@@ -6,13 +6,20 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.production.store.s3 import BUCKET
+import pytest
+
+from pipeline.errors import MachineError
+from pipeline.production.execution import task as tasks
+from pipeline.production.execution.project import Project
+from pipeline.production.store import remote
+from pipeline.production.store.remote_url import VARIABLE
+from pipeline.production.store.store import Store
 
 NAME = "T010_tiny"
 QUALITY = "draft.scale10"
 
 
-def task(plan: Path, root: Path, store: str, *words: str) -> subprocess.CompletedProcess[str]:
+def do_task(plan: Path, root: Path, store: str, *words: str) -> subprocess.CompletedProcess[str]:
     """Do a task in a root of its own, from a folder without shots."""
     command = [sys.executable, "-m", "pipeline.cli", "--no-progress", "--store", store, "--root", str(root)]
     return subprocess.run(
@@ -20,23 +27,32 @@ def task(plan: Path, root: Path, store: str, *words: str) -> subprocess.Complete
     )
 
 
-def test_workers_with_empty_roots_render_a_shot_by_its_plan_and_the_store_alone(project, store, tmp_path):
-    frames = ("-f", "1-2", "-q", QUALITY)
-    far = tmp_path / "far"
-    far.mkdir()
-    assert project.run("export", "plan", NAME, *frames, "-o", str(far / "plan.json")).code == 0
+def test_workers_with_empty_roots_render_a_shot_by_its_plan_and_the_store_alone(
+    project, store, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(project.path)
+    plan = tmp_path / "far" / "plan.json"
+    plan.parent.mkdir()
+    Project(project.path, 1).whole([NAME], QUALITY, "1").write(plan)
     surfaces = ("simulate", "smooth_normals", "frame_camera")
-    for root, words in (("one", (*surfaces, "render:1")), ("two", ("render:2", "finish", "assemble"))):
-        done = task(far / "plan.json", far / root, store, *words)
+    for root, words in (("one", surfaces), ("two", ("render:1", "finish", "assemble"))):
+        done = do_task(plan, plan.parent / root, store, *words)
         assert done.returncode == 0, done.stderr
-    assert len(list((far / "one").rglob("raw/*.exr"))) == 1
-    left = project.run("--dry-run", "render", NAME, *frames, "--store", store)
-    assert "Nothing to be done" in left.out and "would be fetched" in left.out
+    assert not list((plan.parent / "one").rglob("*.exr"))
+    monkeypatch.setenv(VARIABLE, store)
+    here = Project(project.path, 1)
+    left = here.pictures([NAME], QUALITY, "1")
+    assert left.jobs == () and len(left.remote_names(here.store)) >= 2  # the frame and its movie
 
 
-def test_a_task_whose_frames_the_store_does_not_take_fails(project, store, tmp_path):
-    assert project.run("export", "plan", NAME, "-q", QUALITY, "-o", "plan.json").code == 0
-    gone = store.replace(BUCKET, "no-such-bucket")
-    done = task(project.path / "plan.json", tmp_path / "root", gone, "simulate")
-    assert done.returncode == 4
-    assert "it did not take 6 files, which other workers would miss" in done.stderr
+def test_a_task_whose_files_the_store_does_not_take_fails_until_it_does(tmp_path, monkeypatch):
+    share = tmp_path / "share"
+    monkeypatch.setenv(VARIABLE, f"file://{share}")
+    monkeypatch.setattr(remote, "PATIENCE", 0.1)
+    Store(tmp_path).put("cameras", "ab" * 32, lambda path: path.write_text("{}"))
+    with pytest.raises(MachineError, match="it did not take 1 file, which other workers would miss"):
+        tasks._upload_rest(tmp_path)
+    share.mkdir()
+    remote._opened.cache_clear()
+    tasks._upload_rest(tmp_path)
+    assert [path.suffix for path in share.rglob("*") if path.is_file()] == [".json"]
