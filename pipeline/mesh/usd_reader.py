@@ -56,7 +56,7 @@ def answer(path: str, question: str, options: str) -> bytes:
     except FlowsculptError as error:
         return json.dumps({"fault": str(error)}).encode()
     except Tf.ErrorException as error:
-        raise ValueError(_first_words(error)) from None
+        raise ValueError(_first_words(error, path)) from None
 
 
 def _load_usd() -> None:
@@ -156,7 +156,7 @@ def _opened(path: str) -> Usd.Stage:
     errors = stage.GetCompositionErrors()
     if errors:
         more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
-        raise MeshError(f"its layers do not compose{more}: {_one_line(str(errors[0]))}")
+        raise MeshError(f"its layers do not compose{more}: {_one_line(str(errors[0]), path)}")
     return stage
 
 
@@ -217,14 +217,16 @@ def _remedy(stage: Usd.Stage) -> str:
     return f"Write prim: {brief(meshes[0])}, which is a mesh."
 
 
-def _first_words(error: Any) -> str:
-    """Return the first of the errors that USD collected."""
+def _first_words(error: Any, path: str) -> str:
+    """Return the first of the errors that USD collected about the stage at a path."""
     said = [part.commentary for part in error.args if hasattr(part, "commentary")]
-    return _one_line(said[0] if said else str(error))
+    return _one_line(said[0] if said else str(error), path)
 
 
-def _one_line(text: str) -> str:
-    return textwrap.shorten(text, 200, placeholder="…")
+def _one_line(text: str, path: str) -> str:
+    """Return what USD says on one line, with files by their names and without names of its C++ code."""
+    plain = text.replace(f"{Path(path).parent}/", "").partition(" matching pxrInternal")[0]
+    return textwrap.shorten(plain, 200, placeholder="…")
 
 
 if __name__ == "__main__":

@@ -28,8 +28,8 @@ from tests.fuzz.mutations import mutated
 from tests.fuzz.samples import samples
 
 MOST_SECONDS, MOST_BYTES, MOST_WORDS = 5.0, 512 << 20, 1200
-CRASHING = ("stage",)
-"""Kinds whose library may crash on a damaged file; the message then says so."""
+CRASHING, CRASHED = ("stage",), "its reader crashed"
+"""Kinds whose library may crash on a damaged file, and what the message then says."""
 
 PATIENCE = 60.0
 """Seconds until a worker is ended; `MOST_SECONDS` are of its CPU."""
@@ -284,7 +284,7 @@ class Worker:
             code = self._process.exitcode or 0
             if kind in CRASHING:
                 self._start()
-                return Attempt("", "its reader crashed")
+                return Attempt("", CRASHED)
             fault = f"crash {signal.Signals(-code).name if code < 0 else code}"
         self.close()
         self._start()
@@ -332,7 +332,8 @@ def main() -> None:
         for number, (kind, name, content, attempt) in enumerate(
             attempts(chosen.seed, folder, tuple(chosen.kind)), 1
         ):
-            tally["refused" if attempt.message else "read"] += not attempt.fault
+            known = {"": "read", CRASHED: "refused, as the library crashed"}
+            tally[known.get(attempt.message, "refused")] += not attempt.fault
             slowest, largest = (
                 max(slowest, (attempt.seconds, name)),
                 max(largest, (attempt.megabytes, name)),
