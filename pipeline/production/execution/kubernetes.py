@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,9 @@ MOST_LETTERS = 50
 
 MOST_BYTES = 900_000
 """Size of a plan in a ConfigMap, which may have 1 MiB with all that is around it."""
+
+EVERYWHERE = "kubernetes"
+"""The name of a plan in a cluster, and of its host."""
 
 PLAN, WORK = Path("/plan"), Path("/show")
 """Folders of a pod: of the plan, and of its outputs."""
@@ -101,14 +104,13 @@ class KubernetesJob:
 
     @cached_property
     def _text(self) -> str:
-        return json.dumps(to_plain(self.plan))
+        """The plan, without when and where it was made: of the same shots it is the same."""
+        return json.dumps(to_plain(replace(self.plan, name=EVERYWHERE, host=EVERYWHERE)))
 
     @cached_property
     def _digest(self) -> str:
-        """Names the objects: those of a Job cannot be changed, so another plan has others."""
-        return key_of(
-            "kubernetes", [job.key for job in self.plan.jobs], self.image, self.store, self.threads
-        )[:8]
+        """Names the objects: those in a cluster cannot be changed, so another plan has others."""
+        return key_of("kubernetes", self._text, self.image, self.store, self.threads)[:8]
 
     @property
     def _config(self) -> str:

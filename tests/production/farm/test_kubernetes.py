@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -118,12 +119,19 @@ def test_pods_ask_for_cores_memory_a_gpu_and_a_time_limit_and_share_out_the_fram
     assert "nvidia.com/gpu" not in limits
 
 
-def test_another_plan_has_jobs_of_other_names_for_a_job_cannot_be_changed(project, monkeypatch):
+def test_the_same_shot_has_the_same_objects_and_an_edited_one_others_for_they_cannot_be_changed(
+    project, monkeypatch
+):
     monkeypatch.chdir(project.path)
-    before = job_of(project, NAME).script()
-    assert job_of(project, NAME).script() == before
+    before = job_of(project, NAME)
+    later = replace(before, plan=replace(before.plan, name="20990101-000000-1", host="another"))
+    assert later.manifests() == before.manifests() and later.script() == before.script()
     project.shot.write_text(project.shot.read_text().replace("azimuth: -30", "azimuth: 30"))
-    assert job_of(project, NAME).script() != before
+    names, others = (
+        {part["metadata"]["name"] for parts in job.manifests().values() for part in parts}
+        for job in (before, job_of(project, NAME))
+    )
+    assert not names & others
 
 
 @pytest.mark.parametrize("address", [None, "file:///mnt/share"])
