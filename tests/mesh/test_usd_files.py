@@ -199,6 +199,19 @@ def test_a_shot_heeds_the_axis_and_follows_every_layer(tmp_path: Path) -> None:
         read_shot(tmp_path / "a.yaml")
 
 
+def test_a_region_of_a_stage_follows_its_layers(tmp_path: Path) -> None:
+    part = stage_at(tmp_path / "part.usda")
+    add_box(part, "/World/box")
+    part.Save()
+    stage = stage_at(tmp_path / "a.usda")
+    stage.GetRootLayer().subLayerPaths.append("./part.usda")
+    stage.Save()
+    region = "{within: {region: {mesh: a.usda}, flows: [{translation: {rate: [1, 0, 0]}}]}}"
+    text = f"title: A\nframes: 1-2\nsubject: {{solid: box}}\nresample: off\nflows: [{region}]\n"
+    shot = read_shot(tmp_path / "a.yaml", text)
+    assert [file.name for file, _ in shot.files] == ["a.usda", "part.usda"]
+
+
 def test_settings_of_stages_are_refused_for_other_models(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     (tmp_path / "a.yaml").write_text(SHOT % "a.obj, prim: /World")
@@ -210,10 +223,9 @@ def test_every_form_of_stage_holds_the_same_model(tmp_path: Path) -> None:
     first = stage_at(tmp_path / "a.usda")
     add_box(first, "/World/box").CreateSubdivisionSchemeAttr(UsdGeom.Tokens.catmullClark)
     first.Save()
-    for name in ("b.usdc", "b.usd"):
-        first.GetRootLayer().Export(str(tmp_path / name))
+    first.GetRootLayer().Export(str(tmp_path / "b.usd"))  # binary
     assert UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(tmp_path / "a.usda")), str(tmp_path / "b.usdz"))
-    meshes = [read_surface(tmp_path / name) for name in ("a.usda", "b.usdc", "b.usd", "b.usdz")]
+    meshes = [read_surface(tmp_path / name) for name in ("a.usda", "b.usd", "b.usdz")]
     for read in meshes:
         assert np.array_equal(read.mesh.vertices, meshes[0].mesh.vertices)
         assert np.array_equal(read.mesh.corners, meshes[0].mesh.corners)

@@ -13,6 +13,8 @@ import OpenImageIO as oiio
 import pytest
 from pxr import Usd, UsdGeom
 
+from pipeline.mesh.read import read_surface, usual_up
+from pipeline.mesh.usd_files import StagePart
 from pipeline.production.execution.project import Project
 from pipeline.production.store.readers import read_npz
 from render.post.image import read_exr
@@ -132,3 +134,37 @@ def test_cycles_renders_an_exported_frame_as_we_do_blurred_by_motion(tmp_path, m
     assert np.allclose(ours.mean(axis=(0, 1)), pixels.mean(axis=(0, 1)), rtol=0.02)
     apart = np.abs(ours - pixels).mean(axis=2) / (ours.mean(axis=2) + 0.05)
     assert np.median(apart) < 0.03 and np.quantile(apart, 0.98) < 0.15
+
+
+WRITER = """\
+import sys
+import bpy, numpy as np
+bpy.ops.wm.read_factory_settings(use_empty=True)
+bpy.ops.mesh.primitive_torus_add(location=(3, 0, 1), rotation=(0.3, 0.2, 0.1))
+torus = bpy.context.object
+torus.name, torus.scale = "torus", (1, 2, -1)
+bpy.ops.mesh.primitive_cube_add(location=(-3, 0, 0))
+crease = bpy.context.object.data.attributes.new("crease_edge", "FLOAT", "EDGE")
+crease.data[0].value = 1.0
+bpy.ops.wm.usd_export(filepath=sys.argv[1])
+bpy.context.view_layer.update()
+place = np.array(torus.matrix_world)
+points = np.array([vertex.co for vertex in torus.data.vertices])
+np.savez(sys.argv[2], points=points @ place[:3, :3].T + place[:3, 3], faces=len(torus.data.polygons))
+"""
+
+
+def test_a_stage_that_blender_wrote_is_read_as_it_stands_there(tmp_path: Path) -> None:
+    script, stage, result = tmp_path / "write.py", tmp_path / "scene.usdc", tmp_path / "scene.npz"
+    script.write_text(WRITER)
+    command = [sys.executable, "-P", str(script), str(stage), str(result)]
+    environment = {**os.environ, "PYTHONPATH": str(BLENDER)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600)
+    assert result.is_file(), done.stdout + done.stderr
+    with np.load(result) as arrays:
+        points, faces = arrays["points"], int(arrays["faces"])
+    torus = read_surface(stage, part=StagePart("/root/torus"))
+    assert usual_up(stage) == "z" and torus.faces == faces and torus.repairs == ()
+    assert np.allclose(torus.mesh.vertices, points, atol=1e-6)
+    both = read_surface(stage)
+    assert (both.vertices, both.faces, len(both.mesh.creases)) == (len(points) + 8, faces + 6, 1)

@@ -232,7 +232,7 @@ def edges(pairs: NDArray[Any]) -> set[tuple[int, ...]]:
     return {tuple(sorted(pair)) for pair in pairs.tolist()}
 
 
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(frames())
 def test_a_glb_is_read_as_the_surface_before_its_vertices_were_split(
     place: Path, frame: ExportedFrame
