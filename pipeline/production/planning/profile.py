@@ -103,7 +103,7 @@ class Profile:
 
     @property
     def jobs(self) -> int:
-        """How many jobs a farm gets at once. A profile without an executor may say it for exported jobs."""
+        """Return how many jobs a farm gets at once, or how many pods an exported job has at once."""
         return _whole(str(self._file), "jobs", self._said.get("jobs"), SIDE_BY_SIDE)
 
     @property
