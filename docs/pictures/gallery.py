@@ -29,6 +29,7 @@ STILLS = {
     "B090_enright": 84,
     "B100_torus": 118,
     "B110_abc": 130,
+    "B120_pillars": 120,
     "B130_pulse": 131,
 }
 """The frame that shows most of each shot."""

@@ -140,7 +140,7 @@ def along_velocities(motion: Motion, frame: int) -> Iterator[tuple[str, Streamli
     for k, flow in enumerate(flows):
         for step in flow.steps(*motion.step(frame)):
             if isinstance(step.flow, Streamlines):
-                yield f"flows.{k}", step.flow, step.time, step.dt
+                yield motion.place_of_flow(k), step.flow, step.time, step.dt
 
 
 def _cost(

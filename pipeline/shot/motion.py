@@ -106,6 +106,7 @@ class Motion:
                 is as far as the length scale of the flow allows, whatever the edges
     place       where the origin of the subject is before it moves, scene units
     copies      where copies of the subject are instead
+    flow_places places of its flows in the shot file, for messages; by default flows.0, flows.1, …
     """
 
     frames: FrameRange
@@ -117,6 +118,7 @@ class Motion:
     max_step: float | None = None
     place: Vector = ORIGIN
     copies: Copies | None = None
+    flow_places: tuple[str, ...] = ()
 
     @cached_property
     def clock(self) -> Clock:
@@ -149,6 +151,10 @@ class Motion:
             latest = self.resampling if same else replace(self.resampling, thresholds=now)
             self._latest["resampling"] = frame, latest
         return latest
+
+    def place_of_flow(self, index: int) -> str:
+        """Return the place in the shot file of one of its flows, such as `flows.0`."""
+        return self.flow_places[index] if self.flow_places else f"flows.{index}"
 
     def limit_steps(self, flow: Flow, frame: int) -> Flow:
         """Return a flow whose sub-steps into that frame are no longer than `max_step`, if there is one.

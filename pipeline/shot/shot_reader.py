@@ -148,13 +148,20 @@ def _with_subjects(shot: Shot, document: ShotDocument, clock: Clock, folder: Pat
         replace(
             shot,
             subject=name,
-            motion=_motion(document, entry, clock, folder),
+            motion=replace(_motion(document, entry, clock, folder), flow_places=_flow_places(document, name)),
             picture=_picture(document, clock, entry),
         )
         for name, entry in (document.subjects or {}).items()
     )
     first = subjects[0].picture
     return replace(shot, picture=replace(shot.picture, look=first.look, stage=first.stage), subjects=subjects)
+
+
+def _flow_places(document: ShotDocument, name: str) -> tuple[str, ...]:
+    """Return the places of the flows of one of several subjects: those of the shot, then its own."""
+    own = (document.subjects or {})[name].flows
+    shared = [f"flows.{index}" for index in range(len(document.flows))]
+    return (*shared, *(f"subjects.{name}.flows.{index}" for index in range(len(own))))
 
 
 def _require_room(shot: Shot, source: YamlSource) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.animation import animate
@@ -59,6 +59,8 @@ def test_each_subject_has_its_own_settings_and_else_those_of_the_shot() -> None:
 def test_flows_of_the_shot_move_all_subjects_and_those_of_a_subject_follow() -> None:
     crane, heron = (part.motion.flow.flows for part in shot_of().subjects)
     assert crane == heron[:1] and len(heron) == 2
+    motion = shot_of().subjects[1].motion
+    assert [motion.place_of_flow(k) for k in (0, 1)] == ["flows.0", "subjects.heron.flows.0"]
     shared_alone = read_shot(
         "a.yaml", SHOT.replace("    flows:\n      - rotation: {axis: x, speed: 90}\n", "")
     )
@@ -84,6 +86,7 @@ def test_a_moved_solid_keeps_its_exact_surface() -> None:
     assert np.hypot(ring, points[:, 1]) == pytest.approx(0.2, abs=1e-9)
 
 
+@settings(deadline=None, max_examples=30)  # a busy machine takes its time
 @given(st.integers(1, 12), st.integers(0, 2**31))
 def test_copies_lie_in_the_region_and_apart_and_their_seed_decides_where(count: int, seed: int) -> None:
     copies = Copies(count, seed, BoxRegion(centre=(1.0, 0.0, 0.0), size=(6.0, 4.0, 4.0)))

@@ -162,7 +162,7 @@ def _lengths(corners: Points) -> Points:
 def _substeps(motion: Motion, number: int, first: FirstFrame, k: int) -> float:
     """Return the most sub-steps of the flow with index k on the way into a frame; 0 of a map."""
     costs = flow_costs(motion, number, first.points)
-    return max((cost.substeps for cost in costs if cost.place == f"flows.{k}"), default=0.0)
+    return max((cost.substeps for cost in costs if cost.place == motion.place_of_flow(k)), default=0.0)
 
 
 def _moved_frames(shot: Shot) -> list[int]:
@@ -172,8 +172,7 @@ def _moved_frames(shot: Shot) -> list[int]:
 
 def _where(place: str) -> Where:
     """Return the path of `flows.0`; of all flows for an empty place."""
-    index = place.partition(".")[2]
-    return ("flows", int(index)) if index else ("flows",)
+    return tuple(int(step) if step.isdigit() else step for step in place.split(".")) if place else ("flows",)
 
 
 def _seconds(shot: Shot, number: int, first: FirstFrame, cost: FlowCost) -> float:
