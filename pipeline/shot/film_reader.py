@@ -10,15 +10,13 @@ from pipeline.errors import FlowsculptError, MissingInputError, ShotError, Usage
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.documents.fields import is_number
 from pipeline.shot.documents.film import FilmDocument
+from pipeline.shot.documents.sound import SUFFIXES
 from pipeline.shot.shot import Card, Clip, Film, Shot
 from pipeline.shot.shot_reader import read_rate, read_shot
 from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, is_there, name_fault, shown
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from pipeline.shot.yaml.validation import Checks, unforeseen, validated
 from render.base.plural import plural
-
-SOUNDS = (".wav", ".flac", ".aif", ".aiff", ".mp3", ".m4a", ".ogg", ".opus")
-"""Usual endings of sound files, for suggestions; any file that FFmpeg reads will do."""
 
 
 def read_film(path: str | Path, settings: Iterable[str] = (), text: str | None = None) -> Film:
@@ -176,7 +174,7 @@ def _dissolves(
 def _missing_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:
     name = source.get("sound", "file")
     if isinstance(name, str) and not is_there(folder / name):
-        known = sorted(file.name for file in folder.glob("*") if file.suffix.lower() in SOUNDS)
+        known = sorted(file.name for file in folder.glob("*") if file.suffix.lower() in SUFFIXES)
         text = (
             f"there is no sound {shown(folder / name)}; it is looked for beside the edit. "
             f"{suggestion(name, known)}"

@@ -55,14 +55,15 @@ def test_a_patch_has_the_new_frames_of_its_range_and_the_files_of_the_version_be
 
 def test_a_patch_is_verified_and_its_own_frames_are_made_again(desk: Desk) -> None:
     rendered(desk)
-    made = patch(desk).publish()
-    code, words = desk.command("verify", "--json")
-    assert code == 0, words
-    record, project = Provenance.read(made.folder / FILE), Project(desk.root, 1)
-    again = Reproduction(record, made.folder / FILE, project)
+    for command in (f"publish {NAME} -q draft --scale 10% --patch v001 -f 2-3", "verify"):
+        code, words = desk.command(*command.split())
+        assert code == 0, words
+    source = desk.home / "v002" / FILE
+    record, project = Provenance.read(source), Project(desk.root, 1)
+    again = Reproduction(record, source, project)
     assert again.numbers == (2, 3)
     with pytest.raises(UsageError, match="v002 has frames 4 from v001; make them again from the provenance"):
-        Reproduction(record, made.folder / FILE, project, "3-4").numbers  # noqa: B018
+        Reproduction(record, source, project, "3-4").numbers  # noqa: B018
 
 
 def lost(desk: Desk) -> None:

@@ -74,11 +74,11 @@ def test_everything_that_may_be_keyed_may_follow_a_sound_and_is_drawn(tones: Pat
 
 
 def test_the_key_belongs_to_the_content_of_the_sound(tones: Path, tmp_path: Path) -> None:
-    before = mesh_keys(shot_of(tones).motion)
+    before = mesh_keys(shot_of(tones))
     shutil.copy(tones / "a.wav", tmp_path / "another name.wav")
-    assert mesh_keys(shot_of(tmp_path, audio="another name.wav").motion) == before
+    assert mesh_keys(shot_of(tmp_path, audio="another name.wav")) == before
     write_sound(tmp_path / "a.wav", np.where(times(1) < 0.7, 0.0, sine(100, 1)))
-    other = mesh_keys(shot_of(tmp_path).motion)
+    other = mesh_keys(shot_of(tmp_path))
     same = [number for number in before if before[number] == other[number]]
     assert same == list(range(1, same[-1] + 1)) and 11 <= same[-1] <= 13  # up to the change, at 0.5 s
 
@@ -121,6 +121,9 @@ def test_a_sound_that_ends_early_or_is_silent_is_noted(tones: Path) -> None:
         ({"normalise": "rms"}, "'rms' is no normalisation"),
         ({"gain": "[1, 2, 3]"}, "gain"),
         ({"volume": "3"}, "volume is not known"),
+        ({"attack": "5ms"}, "5ms has a unit; it is a number of seconds. Write 0.005."),
+        ({"offset": "3"}, "offset is called base"),
+        ({"audio": "", "sound": "a.wav"}, "a value that follows a sound has audio. Write {audio: a.wav}."),
     ],
 )
 def test_a_mistake_is_told_with_place_rule_and_remedy(

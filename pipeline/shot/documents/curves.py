@@ -2,6 +2,7 @@
 
 import math
 import re
+from pathlib import Path
 from typing import Annotated, Any, Generic, NamedTuple, TypeGuard, TypeVar, cast, get_args
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
@@ -30,7 +31,7 @@ from pipeline.shot.documents.fields import (
     optional,
     vector,
 )
-from pipeline.shot.documents.sound import FromSound, FromSoundTriple
+from pipeline.shot.documents.sound import SUFFIXES, FromSound, FromSoundTriple
 from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.validation import bad_curve, bad_value
 
@@ -197,6 +198,11 @@ def _require_form(value: Any) -> Any:
             raise bad_value(f"keys are values by their frames. Write keys: {_by_frame(keys)}.")
         if {"x", "y", "z"} == set(value):
             raise bad_value(f"a place is a list. Write {in_yaml([value[name] for name in 'xyz'])}.")
+        sound = next((value[word] for word in _SOUND_WORDS if isinstance(value.get(word), str)), None)
+        if sound is not None and not {"keys", "formula", "audio"} & value.keys():
+            raise bad_value(f"a value that follows a sound has audio. Write {{audio: {sound}}}.")
+    elif isinstance(value, str) and Path(value).suffix.lower() in SUFFIXES:
+        raise bad_value(f"a value that follows a sound is a mapping. Write {{audio: {value}}}.")
     elif isinstance(value, str) and not is_written_number(value) and _is_formula(value):
         raise bad_value(f"{shortened(value)} is a formula. Write {{formula: {value}}}.")
     return value
@@ -220,6 +226,9 @@ def _by_frame(keys: list[Any]) -> str:
         return in_yaml({key[0]: key[1] for key in keys})
     return f"{{1: {in_yaml(keys[0])}, …}}" if keys else "{1: 0, 24: 1}"
 
+
+_SOUND_WORDS = ("sound", "file", "music")
+"""Words for the file of a sound in other places."""
 
 CURVE_FORM = BeforeValidator(_require_form)
 

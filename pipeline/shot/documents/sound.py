@@ -1,5 +1,6 @@
 """Sound in a shot file: values that follow one, and the sound that is heard."""
 
+import re
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -8,6 +9,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, model_
 from pipeline.flow.sound_curve import Envelope, SoundCurve
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.fields import (
+    MAPPING_IS_SECOND,
     ByForm,
     Document,
     Real,
@@ -27,8 +29,20 @@ BANDS = {"all": (20.0, 20000.0), "bass": (20.0, 250.0), "mid": (250.0, 4000.0), 
 NARROWEST = 10.0
 """Width of the narrowest band, in Hz."""
 
+SUFFIXES = (".wav", ".flac", ".aif", ".aiff", ".mp3", ".m4a", ".ogg", ".opus")
+"""Usual endings of sound files, for suggestions; any file that FFmpeg reads will do."""
+
+
+def _require_seconds(value: Any) -> Any:
+    """Refuse a duration with a unit, with the seconds that it is."""
+    if isinstance(value, str) and (match := re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(m?)s\s*", value)):
+        seconds = float(match[1]) * (0.001 if match[2] else 1.0)
+        raise bad_value(f"{value} has a unit; it is a number of seconds. Write {seconds:g}.")
+    return value
+
+
 Frequency = Annotated[float, Field(ge=0, le=400_000)]
-Duration = Annotated[float, Field(ge=0, le=60)]
+Duration = Annotated[float, BeforeValidator(_require_seconds), Field(ge=0, le=60)]
 Seconds = Annotated[float, Field(ge=0, le=86400)]
 Start = Annotated[float, Field(ge=-86400, le=86400)]
 
@@ -173,7 +187,16 @@ class SoundDocument(Document):
         return SoundTrack(file, digest_of_file(file), **{name: float(v) for name, v in values.items()})
 
 
+def _require_mapping(value: Any) -> Any:
+    """Refuse the name of a file alone, with the mapping that it belongs in."""
+    if isinstance(value, str) and value != "off":
+        raise bad_value(f"a sound is a mapping, or off. Write {in_yaml({'file': value})}.")
+    return value
+
+
 SoundField = Annotated[
-    Annotated[str, one_of(("off",), "sound")] | SoundDocument, ByForm(lambda value: isinstance(value, dict))
+    Annotated[str, one_of(("off",), "sound")] | SoundDocument,
+    MAPPING_IS_SECOND,
+    BeforeValidator(_require_mapping),
 ]
 """`{file: music.wav}`, or `off`."""
