@@ -90,9 +90,7 @@ class StageMeshes:
         ]
         while waiting:
             prim, purpose = waiting.pop()
-            self._prims += 1
-            if self._prims > MOST_PRIMS:
-                raise MeshError(f"it has over {MOST_PRIMS} prims with its instances; read fewer by prim")
+            self._count(1)
             shape = UsdGeom.Imageable(prim)
             if shape and shape.GetVisibilityAttr().Get(self.time) == UsdGeom.Tokens.invisible:
                 continue
@@ -105,6 +103,12 @@ class StageMeshes:
                 below = UsdGeom.Imageable(child)
                 told = purpose or UsdGeom.Imageable.PurposeInfo()
                 waiting.append((child, below.ComputePurposeInfo(told) if below else purpose))
+
+    def _count(self, prims: int) -> None:
+        """Count prims that are visited. Raises MeshError for too many."""
+        self._prims += prims
+        if self._prims > MOST_PRIMS:
+            raise MeshError(f"it has over {MOST_PRIMS} prims with its instances; read fewer by prim")
 
     def _add_prim(self, prim: Usd.Prim, to_stage: Floats, depth: int) -> None:
         """Add a prim, which lies on the stage by a matrix (4, 4)."""
@@ -161,6 +165,7 @@ class StageMeshes:
         for number in np.unique(which[shown]).tolist():
             if not prototypes[number]:
                 raise MeshError(f"{brief(path)}: its prototype {number} is not on the stage")
+            self._count(int((shown & (which == number)).sum()))
             here = placements[shown & (which == number)]
             self._add_prototype(prototypes[number], [matrix @ to_stage for matrix in here], depth)
 
@@ -189,7 +194,7 @@ class StageMeshes:
 
     @property
     def omitted_words(self) -> str:
-        """What was left out: `2 Cube, 1 BasisCurves`."""
+        """Number and type of prims that were left out: `2 Cube, 1 BasisCurves`."""
         return ", ".join(f"{count} {brief(name)}" for name, count in sorted(self.omitted.items())[:5])
 
     def notes(self) -> list[str]:

@@ -31,7 +31,7 @@ MOST_BYTES = 1 << 30
 _MOST_LAYERS = 10_000
 
 _ADDRESSES = 16 << 30
-"""Bytes of addresses that USD may reserve on starting; it uses a hundredth of them."""
+"""Bytes of addresses that USD may reserve on starting; it uses a tenth of them."""
 
 
 def answer(path: str, question: str, options: str) -> bytes:

@@ -140,6 +140,16 @@ def _clips(text: str) -> str:
     return _usda(f'def "A" (\n clips = {{\n {text}\n }}\n) {{ }}')
 
 
+def _crowd(count: int) -> str:
+    """Return a stage of one point instancer whose prototype is no mesh."""
+    indices, places = ", ".join("0" * count), ", ".join(["(0, 0, 0)"] * count)
+    return _usda(
+        'def PointInstancer "A" {\n rel prototypes = </A/s>\n'
+        f" int[] protoIndices = [{indices}]\n point3f[] positions = [{places}]\n"
+        ' def Sphere "s" { }\n }'
+    )
+
+
 def _doubled_instances(levels: int) -> str:
     """Return a stage whose prims refer twice to the one before, as instances: 2^levels meshes."""
     parts = [_MESH.replace('"A"', '"p0"') % ("[3]", "[0, 1, 2]", "")]
@@ -340,6 +350,7 @@ PAST_FAILURES = (  # one line each, however long
         "names its value clips by a template",
     ),
     PastFailure("stage", "number.usda", _bytes(_clips("int default = 3")), "/A: its value clips are no"),
+    PastFailure("stage", "crowd.usda", _bytes(_crowd(60_000)), "it has over 50000 prims"),
     PastFailure("stage", "deep.usda", _bytes(_usda('def "A" { ' * 100_000)), "its reader crashed"),
     PastFailure(
         "stage", "brackets.usda", _bytes(_usda('def "A" { int a = ' + "[" * 100_000)), "cannot be read"
