@@ -24,8 +24,8 @@ from render.base.plural import indefinite, plural
 
 MEASURES = {measure for kind in SOLIDS.values() for measure in kind.measures}
 
-SUBJECT_NAME = r"[A-Za-z][A-Za-z0-9_-]{0,39}"
-"""Names of subjects: they become part of file names and of mattes."""
+SUBJECT_NAME = r"[A-Za-z][A-Za-z0-9_]{0,39}"
+"""Names of subjects: they become part of file names, of mattes and of prims in USD."""
 
 OBJECTS = ("stage", "plinth", "grey", "chrome", "chart", "wireframe")
 """Names of other objects in pictures, which mattes have too."""
@@ -73,7 +73,7 @@ def one_or_several(source: YamlSource) -> Iterator[Problem]:
 def _name_fault(name: Any) -> str | None:
     """Return rule and remedy for a name that no subject can have; None for a good one."""
     if not isinstance(name, str) or not re.fullmatch(SUBJECT_NAME, name):
-        rule = "a name begins with a letter and has letters, digits, _ and - alone, 40 at most"
+        rule = "a name begins with a letter and has letters, digits and _ alone, 40 at most"
         return f"{shortened(name)} cannot name a subject; {rule}. Rename it."
     if name in OBJECTS or name.endswith("_wireframe"):
         return f"{name} is the name of something else in pictures. Rename the subject, such as {name}_1."

@@ -87,7 +87,7 @@ def export(
 
     `flowsculpt export ply A010_cube -f 1-24` writes renders/A010_cube/models/A010_cube.0001.ply and so on,
     `flowsculpt export stl A010_cube -f 40 --size 120` a model to be printed, 120 mm long, and reports its
-    volume and its thinnest wall.
+    volume and its thinnest wall. Of several subjects each has a file; `--subject heron` chooses one.
 
     `flowsculpt export openjd A010_cube` writes a job template that renders the shot and assembles its movie,
     and beside it the plan that its tasks read, template.yaml.plan.json: the shot as it is now. `flowsculpt
@@ -130,16 +130,18 @@ def export(
 
 
 def _parts(asked: RenderRequest, form: str) -> Sequence[RenderRequest]:
-    """Return the requests that are exported one by one: each subject has files of its own.
+    """Return the requests that are exported one by one: a stage holds all subjects, mesh files one each.
 
-    Raises UsageError for a stage of several subjects.
+    Raises UsageError for a stage of one of several subjects.
     """
-    if form == "usd" and (len(asked.parts) > 1 or asked.source.subject):
+    if form != "usd":
+        return asked.parts
+    if asked.source.subject:
         raise UsageError(
-            f"{asked.name} has several subjects, and a USD stage is written of a shot with one. Export them "
-            "as ply, obj or glb, a file for each"
+            f"--subject {asked.source.subject}: a USD stage holds all subjects of {asked.name}, each as a "
+            "prim. Leave --subject out"
         )
-    return asked.parts
+    return [asked]
 
 
 def _geometry(

@@ -6,28 +6,22 @@ renders/<shot>/usd/<shot>.0001.usdc       the clip of a frame
 renders/<shot>/usd/<shot>.sky.exr         what surrounds the scene, where it is not of one colour
 renders/<shot>/usd/<shot>.colour.exr      the picture that colours the sculpture, where its look has one
 renders/<shot>/usd/<shot>.keys.json       what each file was made from
+
+Of several subjects, manifest, clips and colour are <shot>.<subject>.manifest.usda and so on, for each.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.dailies.interchange.exported_frame import colour_texture, frame_key, has_colours, stored_frame
 from pipeline.dailies.interchange.keyed_files import KeyedFiles
-from pipeline.dailies.interchange.usd_clips import (
-    SCULPTURE,
-    SampledAttribute,
-    sampled_attributes,
-    write_clip,
-    write_manifest,
-)
 from pipeline.dailies.interchange.usd_lights import sky_map, write_picture
-from pipeline.dailies.interchange.usd_stage import StageContent, root_prim, write_root
+from pipeline.dailies.interchange.usd_sculpture import SculptureFiles
+from pipeline.dailies.interchange.usd_stage import StageContent, write_root
 from pipeline.errors import FrameError
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import EXPORT
@@ -59,18 +53,19 @@ class UsdExport:
         """The path of the stage that other programs open."""
         return self.folder / self._root
 
+    @cached_property
+    def _sculptures(self) -> tuple[SculptureFiles, ...]:
+        return tuple(SculptureFiles(part, self.store, self.files) for part in self.request.parts)
+
     def stale(self) -> list[int]:
-        """Return the frames of the request whose clips are missing, damaged, or of an earlier shot."""
-        return [
-            n
-            for n in sorted(self.request.requested)
-            if not self.files.is_current(self._clip(n), self._key(n))
-        ]
+        """Return the frames of the request with a clip that is missing, damaged, or of an earlier shot."""
+        numbers = sorted(self.request.requested)
+        return sorted({n for sculpture in self._sculptures for n in sculpture.stale(numbers)})
 
     def write(self, passed: Callable[[], None]) -> list[str]:
         """Write the clips that are not current, and what refers to them; return messages of failed frames.
 
-        passed  is called after each clip
+        passed  is called after each frame
 
         The stage shows all frames whose clips are current, those of earlier exports too. Raises MachineError
         where the disk refuses, FrameError where there are no cameras or no frame could be exported.
@@ -80,7 +75,9 @@ class UsdExport:
         with self.files.noting():
             for number in self.stale():
                 try:
-                    self._write_clip(number)
+                    for sculpture in self._sculptures:
+                        if sculpture.stale([number]):
+                            sculpture.write_clip(number)
                 except FrameError as error:
                     faults.append(f"{self.request.name} {error.of(number)}")
                 passed()
@@ -91,19 +88,7 @@ class UsdExport:
 
     def shown(self) -> list[int]:
         """Return the frames whose clips are current, in ascending order."""
-        pattern = re.compile(re.escape(self.request.name) + r"\.(\d{4,})\.usdc")
-        keys = self.files.keys()
-        there = {int(match[1]): key for name, key in keys.items() if (match := pattern.fullmatch(name))}
-        known = set(self.request.angles)
-        return sorted(n for n, key in there.items() if n in known and key == self._key(n))
-
-    def _write_clip(self, number: int) -> None:
-        frame = stored_frame(self.request, self.store, number)
-        self.files.write(
-            self._clip(number),
-            self._key(number),
-            lambda draft: write_clip(draft, self._sculpture, number, frame, self._attributes),
-        )
+        return sorted(set.intersection(*(sculpture.shown() for sculpture in self._sculptures)))
 
     def _framings(self) -> Mapping[int, Framing]:
         """Return camera and set of every frame. Raises FrameError where they were not found."""
@@ -116,25 +101,14 @@ class UsdExport:
         return framings
 
     def _write_others(self, framings: Mapping[int, Framing]) -> None:
-        """Write the manifest, the map of the sky and the root, each if it has changed."""
-        names = [attribute.name for attribute in self._attributes]
-        self._write_if_changed(
-            self._manifest,
-            key_of(EXPORT.recipe, self._sculpture, names),
-            lambda draft: write_manifest(draft, self._sculpture, self._attributes),
-        )
+        """Write the manifests, the map of the sky and the root, each if it has changed."""
+        for sculpture in self._sculptures:
+            sculpture.write_others()
         lights = self.request.shot.picture.lights
         pixels = sky_map(lights) if self.request.shot.picture.look.is_lit else None
         if pixels is not None:
             self._write_if_changed(
                 self._sky, key_of(EXPORT.recipe, to_plain(lights)), lambda draft: write_picture(draft, pixels)
-            )
-        texture = colour_texture(self.request.shot.picture.look)
-        if texture is not None:
-            self._write_if_changed(
-                self._texture,
-                key_of(EXPORT.recipe, to_plain(texture)),
-                lambda draft: write_picture(draft, texture.pixels()),
             )
         content = self._content(framings)
         self._write_if_changed(self._root, self._root_key(content), lambda draft: write_root(draft, content))
@@ -147,21 +121,18 @@ class UsdExport:
         request, shown = self.request, self.shown()
         return StageContent(
             shot=request.shot,
+            sculptures=tuple(sculpture.content(shown) for sculpture in self._sculptures),
             framings={number: framings[number] for number in shown},
             shutters={number: request.open_at(number) for number in shown},
-            clips={number: self._clip(number) for number in shown},
-            manifest=self._manifest,
             sky=self._sky,
-            texture=self._texture,
             aspect=request.aspect,
-            is_cloud=self._is_cloud,
-            attributes=self._attributes,
         )
 
     def _root_key(self, content: StageContent) -> Key:
         picture = self.request.shot.picture
         described = (picture.look, picture.lights, picture.stage)
         camera = (picture.camera.sensor_width, picture.camera.unit, content.aspect)
+        several = [[sculpture.prim, to_plain(sculpture.look)] for sculpture in content.sculptures]
         return key_of(
             EXPORT.recipe,
             self.request.shot.heading,
@@ -170,47 +141,13 @@ class UsdExport:
             camera,
             {str(number): to_plain(framing) for number, framing in content.framings.items()},
             {str(number): shutter for number, shutter in content.shutters.items()},
+            *([several] if self.request.shot.subjects else []),
         )
-
-    def _key(self, number: int) -> Key:
-        if number not in self._keys:
-            self._keys[number] = frame_key(self.request, number)
-        return self._keys[number]
-
-    @cached_property
-    def _keys(self) -> dict[int, Key]:
-        return {}
-
-    @cached_property
-    def _attributes(self) -> tuple[SampledAttribute, ...]:
-        look = self.request.shot.picture.look
-        return sampled_attributes(self._is_cloud, has_colours(look), look.texture_projection is not None)
-
-    @cached_property
-    def _is_cloud(self) -> bool:
-        from pipeline.shot.point_subjects import Cloud
-
-        return isinstance(self.request.shot.motion.subject, Cloud)
-
-    @cached_property
-    def _sculpture(self) -> str:
-        return f"{root_prim(self.request.shot)}/{SCULPTURE}"
-
-    def _clip(self, number: int) -> str:
-        return f"{self.request.name}.{number:04d}.usdc"
 
     @property
     def _root(self) -> str:
         return f"{self.request.name}.usda"
 
     @property
-    def _manifest(self) -> str:
-        return f"{self.request.name}.manifest.usda"
-
-    @property
     def _sky(self) -> str:
         return f"{self.request.name}.sky.exr"
-
-    @property
-    def _texture(self) -> str:
-        return f"{self.request.name}.colour.exr"

@@ -22,7 +22,7 @@ from pipeline.dailies.interchange.usd_materials import add_material, bind
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.shot import Shot
 from render.base.serialise import Colour
-from render.scene.materials import Diffuse, Satin
+from render.scene.materials import Diffuse, Material, Satin
 from render.scene.stage import Stage
 
 if TYPE_CHECKING:
@@ -33,30 +33,49 @@ METRE = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class StageContent:
-    """Content of a root stage.
+class StageSculpture:
+    """One subject of a root stage.
 
-    framings    camera and place of the set, by the number of each exported frame, in ascending order
-    shutters    opening and closing by frame number, in frames from the frame; None without motion blur
+    prim        path of its prim in the stage
+    look        its material
     clips       names of the clips, by frame number
     manifest    name of the layer that declares the clips' attributes
-    sky         name of the map of what surrounds the scene
-    texture     name of the picture that colours the sculpture
-    aspect      width to height of the picture
-    is_cloud    whether the subject is a point cloud
+    texture     name of the picture that colours it
+    is_cloud    whether it is a point cloud
     attributes  the attributes of the clips
     """
 
-    shot: Shot
-    framings: Mapping[int, Framing]
-    shutters: Mapping[int, tuple[float, float] | None]
+    prim: str
+    look: Material
     clips: Mapping[int, str]
     manifest: str
-    sky: str
     texture: str
-    aspect: float
     is_cloud: bool
     attributes: tuple[SampledAttribute, ...]
+
+    @property
+    def material(self) -> str:
+        """The name of its material in the stage: `sculpture`, or `sculpture_<name>` of one of several."""
+        return "_".join(self.prim.split("/")[2:])
+
+
+@dataclass(frozen=True, eq=False)
+class StageContent:
+    """Content of a root stage.
+
+    sculptures  one, or one for each of several subjects
+    framings    camera and place of the set, by the number of each exported frame, in ascending order
+    shutters    opening and closing by frame number, in frames from the frame; None without motion blur
+    sky         name of the map of what surrounds the scene
+    aspect      width to height of the picture
+    """
+
+    shot: Shot
+    sculptures: tuple[StageSculpture, ...]
+    framings: Mapping[int, Framing]
+    shutters: Mapping[int, tuple[float, float] | None]
+    sky: str
+    aspect: float
 
 
 def root_prim(shot: Shot) -> str:
@@ -64,6 +83,12 @@ def root_prim(shot: Shot) -> str:
     from pxr import Tf
 
     return f"/{Tf.MakeValidIdentifier(shot.name)}"
+
+
+def sculpture_prim(shot: Shot) -> str:
+    """Return the path of the prim of a shot's subject; those of several stand below one prim, by name."""
+    home = f"{root_prim(shot)}/{SCULPTURE}"
+    return f"{home}/{shot.subject}" if shot.subject else home
 
 
 def unit_of(shot: Shot) -> float:
@@ -88,8 +113,11 @@ def write_root(path: Path, content: StageContent) -> None:
     stage.GetRootLayer().documentation = shot.heading
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, home).GetPrim())
     UsdGeom.Scope.Define(stage, f"{home}/materials")
-    material = add_material(stage, f"{home}/materials/{SCULPTURE}", shot.picture.look, content.texture)
-    _add_sculpture(stage, f"{home}/{SCULPTURE}", content, material)
+    if len(content.sculptures) > 1 or content.sculptures[0].prim != f"{home}/{SCULPTURE}":
+        UsdGeom.Xform.Define(stage, f"{home}/{SCULPTURE}")
+    for sculpture in content.sculptures:
+        place = f"{home}/materials/{sculpture.material}"
+        _add_sculpture(stage, sculpture, add_material(stage, place, sculpture.look, sculpture.texture))
     if shot.picture.look.is_lit:
         _add_set(stage, home, content)
     cameras = {number: framing.camera for number, framing in content.framings.items()}
@@ -99,32 +127,33 @@ def write_root(path: Path, content: StageContent) -> None:
     add_camera(stage, f"{home}/camera", cameras, content.shutters, lens)
     layer = Sdf.Layer.CreateAnonymous(".usda")  # without a stage, which would look for the clips
     layer.TransferContent(stage.GetRootLayer())
-    layer.GetPrimAtPath(f"{home}/{SCULPTURE}").SetInfo("clips", {"default": _clips(content)})
+    for sculpture in content.sculptures:
+        layer.GetPrimAtPath(sculpture.prim).SetInfo("clips", {"default": _clips(sculpture)})
     write_layer(path, layer)
 
 
-def _add_sculpture(stage: Usd.Stage, path: str, content: StageContent, material: UsdShade.Material) -> None:
+def _add_sculpture(stage: Usd.Stage, content: StageSculpture, material: UsdShade.Material) -> None:
     from pxr import UsdGeom, Vt
 
     schema: Any = UsdGeom.Points if content.is_cloud else UsdGeom.Mesh
-    sculpture = schema.Define(stage, path)
-    declare(stage.GetRootLayer().GetPrimAtPath(path), content.attributes)
+    sculpture = schema.Define(stage, content.prim)
+    declare(stage.GetRootLayer().GetPrimAtPath(content.prim), content.attributes)
     if not content.is_cloud:
         sculpture.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
         sculpture.CreateDoubleSidedAttr(True)
     if not any(attribute.name == "primvars:displayColor" for attribute in content.attributes):
-        sculpture.CreateDisplayColorAttr(Vt.Vec3fArray([content.shot.picture.look.colour]))
+        sculpture.CreateDisplayColorAttr(Vt.Vec3fArray([content.look.colour]))
     bind(sculpture.GetPrim(), material)
 
 
-def _clips(content: StageContent) -> dict[str, Any]:
+def _clips(content: StageSculpture) -> dict[str, Any]:
     """Return the metadata that names the clips and says which is shown when."""
     from pxr import Gf, Sdf, Vt
 
     numbers = tuple(content.clips)
     return {
         "assetPaths": Sdf.AssetPathArray([Sdf.AssetPath(f"./{name}") for name in content.clips.values()]),
-        "primPath": f"{root_prim(content.shot)}/{SCULPTURE}",
+        "primPath": content.prim,
         "manifestAssetPath": Sdf.AssetPath(f"./{content.manifest}"),
         "active": Vt.Vec2dArray([Gf.Vec2d(number, index) for index, number in enumerate(numbers)]),
         "times": Vt.Vec2dArray([Gf.Vec2d(*pair) for pair in clip_times(numbers)]),
