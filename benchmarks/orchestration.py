@@ -23,6 +23,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import chdir
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -33,8 +34,8 @@ from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
 from pipeline.production.render_inputs.framing import Framing
+from pipeline.production.store.ended_runs import summarise
 from pipeline.production.store.event_log import RUNS
-from pipeline.production.store.history import summarise
 from pipeline.production.store.paths import EVENTS, STATE
 from pipeline.production.store.store import Store
 from render.base.serialise import to_plain
@@ -112,7 +113,7 @@ def history(names: list[str], frames: int) -> Iterator[Target]:
         spent = timed(lambda: summarise(Path.cwd()))
     work = f"{len(names)} × {frames} frames after {RUNS} runs"
     yield Target(work, "summary of a run: s of a core", spent.cpu)
-    process = subprocess.Popen(_line("status", *names), stdout=subprocess.DEVNULL, env=_environment())
+    process = subprocess.Popen(command_line("status", *names), stdout=subprocess.DEVNULL, env=environment())
     used = os.wait4(process.pid, 0)[2]
     yield Target(work, "status: s of a core", used.ru_utime + used.ru_stime, most=2.0)
     yield Target(work, "status: MiB", used.ru_maxrss / 1024.0, most=300.0)
@@ -149,22 +150,30 @@ def write_shots(count: int, frames: int) -> list[str]:
     return names
 
 
-def fill(plan: Plan) -> None:
-    """Put dummies into the store for every file of a plan's requests, and cameras that stand still."""
+def fill(plan: Plan, share: float = 1.0) -> None:
+    """Put dummies into the store for the files of a plan's requests, and cameras that stand still.
+
+    share  the part of each request's frames that are filled in, from the first on; movies only of all
+    """
     framing = Framing(Camera((0.0, 1.0, 8.0), (0.0, 0.0, 0.0)), StagePlacement((0.0, -1.0, 0.0), 1.0, 0.0))
-    store = Project(Path.cwd(), CORES).store
+    store, clips = Project(Path.cwd(), CORES).store, []
     for request in plan.requests:
-        cameras = {str(number): to_plain(framing) for number in request.angles}
-        _put(store, "cameras", request.cameras_key, json.dumps(cameras))
+        cameras = json.dumps({str(number): to_plain(framing) for number in request.angles})
+        store.put("cameras", request.cameras_key, partial(_write, text=cameras))
         keys = request.picture_keys(store)
         assert keys is not None
-        files = [("mesh", request.mesh_key(n)) for n in request.requested]
-        files += [("normals", request.normals_key(n)) for n in request.requested]
-        files += [(kind, getattr(keys[n], kind)) for n in request.requested for kind in ("raw", "frame")]
-        files.append(("movie", request.movie_key([keys[n].frame for n in sorted(request.requested)])))
+        clips.append(keys)
+        held = request.requested[: int(share * len(request.requested))]
+        files = [("mesh", request.mesh_key(n)) for n in held]
+        files += [("normals", request.normals_key(n)) for n in held]
+        files += [(kind, getattr(keys[n], kind)) for n in held for kind in ("raw", "frame")]
+        if share == 1.0:
+            files.append(("movie", request.movie_key([keys[n].frame for n in sorted(held)])))
         keys.remember()  # as finding cameras does
         for kind, key in files:
             _put(store, kind, key, "a dummy")
+    if plan.film is not None and share == 1.0:
+        _put(store, "movie", plan.film.key(plan.requests, clips), "a dummy")
 
 
 def carry_out(plan: Plan) -> None:
@@ -176,29 +185,28 @@ def carry_out(plan: Plan) -> None:
 
 def snakemake_looks_at(plan: Plan) -> None:
     """Have Snakemake build the graph of a plan's jobs, and run none."""
-    words = [
-        sys.executable,
-        "-m",
-        "snakemake",
-        "--snakefile",
-        str(snakemake.snakefile()),
-        "--cores",
-        str(CORES),
-    ]
-    words += ["--workflow-profile", str(snakemake.snakefile().parent / "profiles/default"), "--quiet", "all"]
-    frozen = plan.freeze(Path.cwd())
-    subprocess.run([*words, "--dry-run", "--config", f"plan={frozen}"], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(graph_line(plan), check=True, stdout=subprocess.DEVNULL)
+
+
+def graph_line(plan: Plan) -> list[str]:
+    """Freeze a plan; return the arguments of a process in which Snakemake builds its graph and runs none."""
+    rules = snakemake.snakefile()
+    words = [sys.executable, "-m", "snakemake", "--snakefile", str(rules), "--cores", str(CORES)]
+    words += ["--workflow-profile", str(rules.parent / "profiles/default"), "--quiet", "all"]
+    return [*words, "--dry-run", "--config", f"plan={plan.freeze(Path.cwd())}"]
 
 
 def command(*words: str) -> None:
-    subprocess.run(_line(*words), check=True, stdout=subprocess.DEVNULL, env=_environment())
+    subprocess.run(command_line(*words), check=True, stdout=subprocess.DEVNULL, env=environment())
 
 
-def _line(*words: str) -> list[str]:
+def command_line(*words: str) -> list[str]:
+    """Return the arguments of the process of a command of flowsculpt."""
     return [sys.executable, "-m", "pipeline.cli", "--no-progress", "-j", str(CORES), *words]
 
 
-def _environment() -> dict[str, str]:
+def environment() -> dict[str, str]:
+    """Return the environment of processes: they run this checkout."""
     return {**os.environ, "PYTHONPATH": _room()}
 
 
@@ -218,11 +226,18 @@ def _room() -> str:
     return str(Path(__file__).parents[1])
 
 
+def _write(path: Path, text: str) -> None:
+    path.write_text(text)
+
+
 def _put(store: Store, kind: str, key: str, text: str) -> None:
     """Put a file into the store without flushing the disk, which takes most of the time of small files."""
     path = store.path(kind, key)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text)
+    try:
+        path.write_text(text)
+    except FileNotFoundError:
+        path.parent.mkdir(parents=True)
+        path.write_text(text)
 
 
 if __name__ == "__main__":

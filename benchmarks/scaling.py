@@ -3,7 +3,8 @@
 With a ROOT, a run that was recorded there is replayed: a small simulation of discrete events, in which
 workers take jobs whose predecessors are done, the most urgent first, and hold them for as long as the event
 log says. With as many workers as the run had, the result must equal the recorded time. Without a ROOT the
-model of docs/scaling.md is evaluated: planned shots on a farm whose jobs each wait for its queue.
+models of docs/scaling.md are evaluated: planned shots on a farm whose jobs each wait for its queue, and what
+planning takes (`benchmarks.planning`), beside its measurement.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks import planning
 from benchmarks.report import Row, keep, show
 from pipeline.production.maintenance.run_report import named_run
 from pipeline.production.planning.batches import batches
@@ -137,3 +139,4 @@ if __name__ == "__main__":
         check(Path(sys.argv[1]), named_run(Path(sys.argv[1]), next(iter(sys.argv[2:]), None)))
     else:
         model()
+        show("Targets", [target.row for target in planning.main()])
