@@ -13,8 +13,8 @@ from pipeline.production.execution.recovery import PATIENCE, RetryPolicy, watche
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
 from pipeline.production.request.planning_cache import PlanningCache
+from pipeline.production.store.ended_runs import summarise
 from pipeline.production.store.event_log import Event, EventLog, EventReader
-from pipeline.production.store.history import summarise
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.store import Store

@@ -8,7 +8,6 @@ input function is called.
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shutil
@@ -25,12 +24,13 @@ from typing import TYPE_CHECKING, Any
 from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.execution import job_resources
 from pipeline.production.execution.run import with_inputs_here
-from pipeline.production.planning.plan import Job, Plan, movie_record, write_manifest
+from pipeline.production.planning.done_files import check_done_files, movie_record
+from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.planning.profile import Share
 from pipeline.production.request.crop_and_scale import today_name
 from pipeline.production.request.lookup import FILM, find_edit, find_shot
 from pipeline.production.stages import STAGES, forced_with
-from pipeline.production.store.history import summarise
+from pipeline.production.store.ended_runs import summarise
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.store import Store
 from pipeline.production.store.uploads import upload_missed
@@ -74,7 +74,7 @@ class PlannedWorkflow:
             else:
                 plan = self._planned()
             if self._workflow.is_main_process:
-                _check_done_files(plan, Store(self._root))
+                check_done_files(plan, Store(self._root))
         except FlowsculptError as error:
             raise SystemExit(str(error)) from None
         return plan
@@ -273,36 +273,6 @@ def _shot_of(match: re.Match[str], target: str) -> str:
     if match["home"] != match["name"]:
         raise UsageError(f"{target}: files of a shot lie in renders/SHOT and begin with its name")
     return match["name"]
-
-
-def _check_done_files(plan: Plan, store: Store) -> None:
-    """Have done-files tell the truth: what was evicted from the store is not done, what is in it is.
-
-    All get the same old time, for Snakemake runs jobs again whose inputs are newer than their outputs.
-    """
-    for job in plan.jobs:
-        if STAGES[job.stage].makes == "movie":
-            continue
-        path = store.root / job.output
-        if job.output in plan.manifests and not path.exists():
-            write_manifest(path, *plan.manifests[job.output])
-        # What pictures are cannot be told before their cameras are known.
-        is_motion = not STAGES[job.stage].per_quality
-        if job.output in plan.manifests or (is_motion and _is_true(job, path, store)):
-            os.utime(path, (1, 1))
-        else:
-            path.unlink(missing_ok=True)
-
-
-def _is_true(job: Job, path: Path, store: Store) -> bool:
-    """Tell whether a done-file names all that its job makes, and the store holds it."""
-    try:
-        manifest = json.loads(path.read_text())
-        kind, keys = manifest["kind"], manifest["keys"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return False
-    made = 1 if job.stage == "frame_camera" else len(job.frames)
-    return len(keys) == made and all(store.holds(kind, key) for key in keys)
 
 
 def _allowed(value: Any) -> bool:

@@ -26,7 +26,7 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import logs_of
 from pipeline.production.store.locks import lock_name
-from pipeline.production.store.paths import DONE, PLANS
+from pipeline.production.store.paths import PLANS
 from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write
 from render.base.serialise import NOT_PLAIN, from_plain, to_plain
@@ -256,23 +256,6 @@ def versions_here() -> dict[str, str]:
         for part, value in stage.recipe.items()
         if part != "stage"
     }
-
-
-def done_file(stage: str, shot: str, quality: str, frames: Sequence[int], key: str) -> str:
-    """Return where a job says that it is done. The name holds the key, so an edited shot asks for another."""
-    home = f"{DONE}/{shot}/{quality}" if STAGES[stage].per_quality else f"{DONE}/{shot}"
-    return f"{home}/{stage}/{min(frames):04d}-{max(frames):04d}.{key}"
-
-
-def movie_record(movie: str) -> str:
-    """Return the file, relative to the root, that holds the key by which Snakemake knows a movie."""
-    return f"{DONE}/{movie}.key"
-
-
-def write_manifest(path: Path, kind: str, keys: Sequence[Key]) -> None:
-    """Write a done-file: the kind and the keys of what its job has made."""
-    with atomic_write(path) as draft:
-        draft.write_text(json.dumps({"kind": kind, "keys": list(keys)}))
 
 
 def with_threads(jobs: Sequence[Job], cores: int, share: Share | None = None) -> list[Job]:

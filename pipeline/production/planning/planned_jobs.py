@@ -12,8 +12,9 @@ from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import Any
 
+from pipeline.production.planning.done_files import done_file
 from pipeline.production.planning.entry import PlanEntry
-from pipeline.production.planning.plan import Job, done_file
+from pipeline.production.planning.plan import Job
 from pipeline.production.stages import STAGES
 from pipeline.production.store.store import Key, key_of
 

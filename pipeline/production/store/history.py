@@ -13,21 +13,16 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
-import platform
-import shutil
-import time
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pipeline.errors import MachineError
 from pipeline.production.stages import STAGES
-from pipeline.production.store.event_log import RUNS, Event, EventReader, logs_of
-from pipeline.production.store.locks import lock_name, of_key
-from pipeline.production.store.paths import LOGS, STATE
+from pipeline.production.store.event_log import Event, EventReader, logs_of
+from pipeline.production.store.locks import lock_name
+from pipeline.production.store.paths import STATE
 from render.base.atomic_write import atomic_write
 
 HISTORY = STATE / "history"
@@ -35,19 +30,8 @@ HISTORY = STATE / "history"
 SHARED = "meshes"
 """Stands for the quality of files that all qualities share."""
 
-KEPT_BYTES = 64 * 1024 * 1024
-"""The most that the logs of ended runs take, but those of the last LATEST runs."""
-
-LATEST = 3
-
-SILENT_SECONDS = 24 * 3600.0
-"""Seconds without a line after which a run of another host counts as ended."""
-
 _ENDINGS = ("frame", "fail", "hung")
 """Events that end the work on a frame."""
-
-_TAIL = 4096
-"""Bytes at the end of a log in which its last line is sought."""
 
 
 class Made(NamedTuple):
@@ -103,9 +87,9 @@ class History:
     @classmethod
     def of(cls, root: Path) -> History:
         """Return the history with the runs that are at work, and those that were killed."""
-        history, ended = cls(root), _logs_added(root)
+        history, ended = cls(root), logs_added(root)
         for log in logs_of(root):
-            if ended.get(log.stem) != _size(log):
+            if ended.get(log.stem) != size_of(log):
                 history.add(log)
         return history
 
@@ -227,40 +211,7 @@ class _Run:
                 works.pop((job, frame))
 
 
-def summarise(root: Path) -> None:
-    """Add the logs of ended runs to the summaries, and remove old ones. Ignore errors of the disk."""
-    logs = logs_of(root)
-    if not logs:
-        return
-    with contextlib.suppress(OSError, MachineError), of_key(root, "history", lambda: None):
-        added = before = _logs_added(root)
-        for log in logs:
-            if added.get(log.stem) != _size(log) and _has_ended(log):
-                history, size = History(root), _size(log)
-                history.add(log)
-                history.write()
-                added = {**added, log.stem: size}
-        kept = {log.stem for log in _rotated(root, [log for log in logs if log.stem in added])}
-        added = {name: size for name, size in added.items() if name in kept}
-        if added != before:
-            with atomic_write(root / HISTORY / "logs.json", flush=False) as draft:
-                draft.write_text(json.dumps(added))
-
-
-def _rotated(root: Path, logs: Sequence[Path]) -> Iterator[Path]:
-    """Remove the logs of all but the latest runs, Snakemake's too; yield those that stay."""
-    total = 0
-    for age, log in enumerate(reversed(logs)):
-        total += _size(log)
-        if age < LATEST or (age < RUNS and total <= KEPT_BYTES):
-            yield log
-            continue
-        for path in log.parent.glob(f"{log.stem}.*jsonl"):
-            path.unlink(missing_ok=True)
-        shutil.rmtree(root / LOGS / log.stem, ignore_errors=True)
-
-
-def _logs_added(root: Path) -> dict[str, int]:
+def logs_added(root: Path) -> dict[str, int]:
     """Return the size that each log had when it was added to the summaries."""
     with contextlib.suppress(OSError, ValueError):
         return dict(json.loads((root / HISTORY / "logs.json").read_text()))
@@ -271,43 +222,13 @@ def _summary(root: Path, place: Place) -> Path:
     return root / HISTORY / f"{lock_name(*place)}.json"
 
 
-def _size(log: Path) -> int:
+def size_of(log: Path) -> int:
     """Return the bytes of a log and of those of other hosts."""
     total = 0
     for path in log.parent.glob(f"{log.stem}.*jsonl"):
         with contextlib.suppress(OSError):
             total += path.stat().st_size
     return total
-
-
-def _has_ended(log: Path) -> bool:
-    """Tell whether a run has ended: its log says so, its process is gone, or it is silent for very long."""
-    try:
-        with log.open("rb") as file:
-            first = file.readline()
-            file.seek(max(0, log.stat().st_size - _TAIL))
-            last = file.read().rstrip(b"\n").rpartition(b"\n")[2]
-        if json.loads(last)["event"] == "ran":
-            return True
-        event = json.loads(first)
-    except (OSError, ValueError, KeyError):
-        event = {}
-    if event.get("host") == platform.node():
-        process = log.stem.rpartition("-")[2]
-        return not (process.isdecimal() and _is_alive(int(process)))
-    with contextlib.suppress(OSError):
-        return time.time() - log.stat().st_mtime > SILENT_SECONDS
-    return False
-
-
-def _is_alive(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:  # of another user
-        return True
-    return True
 
 
 def _works_on(process: int, job: str) -> bool:

@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import FlowsculptError, FrameError
-from pipeline.production.planning.plan import Job, Plan, movie_record, write_manifest
+from pipeline.production.planning.done_files import movie_record, write_manifest
+from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import Event, EventLog, EventReader

@@ -20,7 +20,8 @@ from types import FrameType
 from typing import Any
 
 from pipeline.errors import FlowsculptError, FrameError
-from pipeline.production.planning.plan import Plan, write_manifest
+from pipeline.production.planning.done_files import write_manifest
+from pipeline.production.planning.plan import Plan
 from pipeline.production.request.variants import ON_GPU, VariantError, require_variant
 from pipeline.production.stages import STAGES
 from pipeline.production.store.locks import of_key, writing
