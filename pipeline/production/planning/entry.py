@@ -73,6 +73,14 @@ class PlanEntry:
         """The mesh frames that pictures of the whole request show."""
         return sorted({angle.mesh for angle in self.request.angles.values()})
 
+    def require_permission(self) -> None:
+        """Raises UsageError where the shot runs Python files, and may not."""
+        if self.request.source.summary.runs_python:
+            from pipeline.flow.flow import require_permission
+
+            for part in self.request.shot.parts:
+                require_permission(part.motion.flow)
+
     def numbers(self, state: str) -> list[int]:
         """Return the mesh frames in a state."""
         return sorted(n for n, found in self.meshes.items() if found == state)

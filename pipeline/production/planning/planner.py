@@ -218,7 +218,7 @@ class Planner:
         key, path = request.cameras_key, request.folders.cameras().as_posix()
         framed = entry.keys is not None and self._has("frame_camera", "cameras", key, path)
         if any(map(request.follows_flow, unrendered)):
-            _require_permission(request)
+            entry.require_permission()
         needed = {request.angles[n].mesh for n in unrendered if request.needs_mesh(n)}
         for part in self._parts(entry):
             rough = self._absent(part, "smooth_normals", shown)
@@ -243,7 +243,7 @@ class Planner:
         """Note the mesh frames that are not there; which jobs simulate them is known last."""
         missing = self._absent(entry, "simulate", wanted)
         if missing:
-            _require_permission(entry.request)
+            entry.require_permission()
         entry.meshes |= dict.fromkeys(missing, "wanted")
         if self.whole:
             absent = set(self._absent(entry, "simulate", entry.shown, fetch=False))
@@ -291,12 +291,3 @@ class Planner:
 
 def _union(windows: Iterable[Sequence[int]]) -> list[int]:
     return sorted({number for window in windows for number in window})
-
-
-def _require_permission(request: RenderRequest) -> None:
-    """Raises UsageError where the shot runs Python files, and may not."""
-    if request.source.summary.runs_python:
-        from pipeline.flow.flow import require_permission
-
-        for part in request.shot.parts:
-            require_permission(part.motion.flow)
