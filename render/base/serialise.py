@@ -29,19 +29,23 @@ NOT_PLAIN = {"plain": False}
 It needs a default."""
 
 
+_LEAVES = frozenset({str, int, float, bool, type(None)})
+"""Types that JSON holds as they are: most of what is turned into plain values."""
+
+
 def to_plain(value: Any) -> Any:
     """Return a value that `json.dumps` takes and `from_plain` turns back.
 
     A dataclass becomes a dict by field name, without its NOT_PLAIN fields; a mapping, a dict whose keys are
     strings; a tuple, a list; a path, a string. Anything else is returned unchanged.
     """
-    if isinstance(value, str | int | float):
-        return value
     kind: Any = type(value)
+    if kind in _LEAVES:
+        return value
     if _is_record(kind):
         return {name: to_plain(getattr(value, name)) for name in _plain_names(kind)}
     if isinstance(value, list | tuple):
-        return [to_plain(item) for item in value]
+        return [item if type(item) in _LEAVES else to_plain(item) for item in value]
     if isinstance(value, Mapping):
         return {str(key): to_plain(item) for key, item in value.items()}
     return str(value) if isinstance(value, Path) else value

@@ -125,7 +125,10 @@ class KnownPictures:
 
     def state(self, number: int) -> str:
         """Return the state of a finished frame: done, remote, stale, unframed or missing."""
-        place, is_held = self._place("frame", number), self.holds("frame", number)
+        place = self._place("frame", number)
+        if self.is_framed and self._store.shows("frame", self._key("frame", number), place):
+            return "done"  # shown, so the store holds it: most frames need no further look
+        is_held = self.holds("frame", number)
         is_shown = self.keys is None or (
             is_held is not False and self._store.shows("frame", self.keys[number].frame, place)
         )
