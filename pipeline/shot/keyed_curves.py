@@ -85,7 +85,8 @@ def _curve(names: tuple[str, ...], unit: str, value: Any, clock: Clock) -> Keyed
     curve = curve_of(value, clock)
     first, last = clock.frames.first, clock.frames.last
     frames = np.linspace(first, last, SAMPLES * (last - first) + 1)
-    time_of = clock.flow_time if names[0] == "flows" else clock.time
+    is_of_flow = names[0] == "flows" or (names[0], names[2:3]) == ("subjects", ("flows",))
+    time_of = clock.flow_time if is_of_flow else clock.time
     times = np.array([time_of(float(frame)) for frame in frames])
     values = np.array([curve.at(float(time)) for time in times])
     return KeyedCurve(".".join(names), unit, frames, values, _keys(curve, frames, times))

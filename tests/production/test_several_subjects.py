@@ -12,6 +12,8 @@ from pipeline.dailies.measures import measured
 from pipeline.dailies.turntable import TurntableRequest
 from pipeline.errors import UsageError
 from pipeline.production.execution.project import Project
+from pipeline.production.maintenance.clean import collect_garbage
+from pipeline.production.maintenance.repair import Evicted, repairs
 from pipeline.production.planning.frame_states import mesh_states
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import RenderRequest
@@ -180,3 +182,19 @@ def test_the_turntable_of_several_subjects_turns_them_about_one_axis(
         positions.append((crane.sum(axis=0) @ np.arange(crane.shape[1])) / crane.sum() / crane.shape[1])
     assert positions[0] < 0.45 < 0.55 < positions[1], "half a turn exchanges their sides"
     assert json.dumps(read_header(made / request.place("raw", 1))["subjects"])
+
+
+def test_meshes_of_each_subject_are_kept_by_cleaning_and_made_again_after_damage(made: Path) -> None:
+    request, store = request_of(made), Project(made, 2).store
+    heron = request.parts[1]
+    shown = made / heron.place("mesh", 2)
+    shown.unlink()
+    removed = collect_garbage(store, [request], keep=1, dry_run=True).removed
+    assert store.path("mesh", heron.mesh_key(2)) not in removed
+    key = heron.mesh_key(2)
+    store.discard("mesh", key)
+    lost = Evicted(frozenset({("mesh", key)}), (heron.place("mesh", 2),), ())
+    plan = repairs(Project(made, 2), [request], (), lost)
+    assert [(job.stage, job.frames) for job in plan.jobs] == [("simulate", (2,))]
+    done(made, plan)
+    assert shown.exists()

@@ -64,8 +64,9 @@ def _needs(request: RenderRequest, store: Store) -> Iterator[tuple[str, Key]]:
     """Yield kind and key of every file on the way to the pictures of a request."""
     with contextlib.suppress(FlowsculptError):  # a shot that cannot be read any more needs nothing
         for angle in request.angles.values():
-            yield "mesh", request.mesh_key(angle.mesh)
-            yield "normals", request.normals_key(angle.mesh)
+            for part in request.parts:
+                yield "mesh", part.mesh_key(angle.mesh)
+                yield "normals", part.normals_key(angle.mesh)
         yield "cameras", request.cameras_key
         keys = request.picture_keys(store)
         if keys is None:

@@ -56,6 +56,8 @@ def last_requests(root: Path, count: int) -> Iterator[RenderRequest]:
             for data in json.loads(path.read_text())["requests"]:
                 if not is_quality(data["quality_name"]):
                     continue  # a quality of an earlier version
+                if data["source"].get("subject"):
+                    continue  # one of several subjects, whose shot is in the plan too
                 about = data["source"]["path"], data["quality_name"], str(data["turntable"]), data.get("home")
                 seen[about] += 1
                 if seen[about] <= count:

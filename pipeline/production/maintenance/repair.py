@@ -117,9 +117,9 @@ class _Repairs:
         """Plan what a request makes again."""
         planner, store, every = self.planner, self.planner.store, tuple(request.angles)
         meshes = tuple(dict.fromkeys(angle.mesh for angle in request.angles.values()))
-        if lost := self._claim(request, "mesh", meshes, request.mesh_key):
+        if lost := self._claim_of_each(request, "mesh", meshes):
             planner.simulate(replace(request, requested=lost))
-        if lost := self._claim(request, "normals", meshes, request.normals_key):
+        if lost := self._claim_of_each(request, "normals", meshes):
             turned = tuple(n for n, angle in request.angles.items() if angle.mesh in lost)
             planner.surfaces(replace(request, requested=turned if request.turntable else lost))
         keys = request.picture_keys(store)
@@ -154,6 +154,15 @@ class _Repairs:
                 self.planner.pictures(request)
             self.planner.film(edit, requests)
             self._film = True
+
+    def _claim_of_each(self, request: RenderRequest, kind: str, numbers: Sequence[int]) -> tuple[int, ...]:
+        """Return the numbers of lost meshes or normals of any subject, as `_claim` does."""
+        lost: set[int] = set()
+        for part in request.parts:
+            lost.update(
+                self._claim(part, kind, numbers, part.mesh_key if kind == "mesh" else part.normals_key)
+            )
+        return tuple(n for n in numbers if n in lost)
 
     def _claim(
         self, request: RenderRequest, kind: str, numbers: Sequence[int], key_of: Callable[[int], Key]

@@ -327,7 +327,7 @@ class _Mapping:
         return f"{name} belongs under {owners}. Write {entry} under {'.'.join(path[:depth])}."
 
     def _remedy(self, name: Any) -> str:
-        in_flows = FLOW_REMEDIES if self.where[:1] == ("flows",) else {}
+        in_flows = FLOW_REMEDIES if "flows" in self.where[:3] else {}
         if (remedy := in_flows.get(as_name(name)) or REMEDIES.get(as_name(name))) is not None:
             self.found.covered.add(self.where)
             return f"{remedy}."
