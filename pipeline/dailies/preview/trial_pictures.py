@@ -39,8 +39,8 @@ SIZE = (240, 135)
 MOST_STEPS = 24
 """Steps in which points are carried to a frame; each spans several frames in a long shot."""
 
-MOST_WEIGHTS = 1 << 23
-"""Weights of carried points for vertices, at most, and with it their memory: 32 MiB."""
+MOST_WEIGHTS = 1 << 22
+"""Weights of carried points for vertices, at most, and with it their memory: 16 MiB."""
 
 MOST_CARRIED, LEAST_CARRIED = 500, 60
 """Points that are carried: the more vertices, the fewer."""
@@ -189,12 +189,19 @@ def _carried_to(motion: Motion, points: Points, number: int) -> Points:
 
 def _weights(vertices: AnyArray, points: Points) -> AnyArray:
     """Return the weight (V, S) of each point for each vertex: the inverse fourth power of their distance."""
-    near = points.astype(np.float32)
-    squares = (vertices**2).sum(axis=1)[:, None] + (near**2).sum(axis=1) - 2.0 * vertices @ near.T
+    middle = points.mean(axis=0)
+    near, places = (points - middle).astype(np.float32), (vertices - middle).astype(np.float32)
     size = float(np.ptp(near, axis=0).max()) or 1.0
-    weights = 1.0 / (np.maximum(squares, 0.0) + np.float32((0.02 * size) ** 2)) ** 2
+    weights: AnyArray = places @ near.T  # every step in place: they are millions
+    weights *= -2.0
+    weights += (places**2).sum(axis=1)[:, None]
+    weights += (near**2).sum(axis=1)
+    np.maximum(weights, 0.0, out=weights)
+    weights += np.float32((0.02 * size) ** 2)
+    np.multiply(weights, weights, out=weights)
+    np.reciprocal(weights, out=weights)
     weights /= weights.sum(axis=1, keepdims=True)
-    return np.asarray(weights, np.float32)
+    return weights
 
 
 def _turned(arrays: Mapping[str, AnyArray], vertices: AnyArray) -> AnyArray:
