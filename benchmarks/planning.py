@@ -5,10 +5,10 @@ under the right keys, so nothing is rendered; cameras are real and stand still. 
 process of its own: CPU seconds of all its threads, seconds by the clock, and the most memory that it held at
 once.
 
-A model is fitted to the CPU seconds of each case over all sizes: a fixed part, a part for each shot and one
-for each frame. Relative errors count, so that small films weigh as much as large ones. Prints a table of
-measurements beside the model, and one of the model; writes `benchmarks/out/planning.json` and
-`planning_model.json`. A hundred shots of 1000 frames take 2 GB of disk and some minutes.
+A model is fitted to the CPU seconds of each case where three sizes or more are measured: a fixed part, a part
+for each shot and one for each frame. Relative errors count, so that small films weigh as much as large ones.
+Prints a table of measurements beside the model, and one of the model; writes `benchmarks/out/planning.json`
+and `planning_model.json`. A hundred shots of 1000 frames take 2 GB of disk and some minutes.
 """
 
 from __future__ import annotations
@@ -60,10 +60,11 @@ def main(sizes: Sequence[tuple[int, int]] = SIZES) -> list[Target]:
                 costs.setdefault(case, {})[shots, frames] = cost
     rows, parts = list[Row](), list[Row]()
     for case, measured in costs.items():
-        model = fitted(measured)
-        parts.append({"case": case, "fixed, s": model[0], "ms a shot": model[1], "µs a frame": model[2]})
+        model = fitted(measured) if len(measured) >= 3 else None
+        if model is not None:
+            parts.append({"case": case, "fixed, s": model[0], "ms a shot": model[1], "µs a frame": model[2]})
         for (shots, frames), cost in measured.items():
-            predicted = model @ _terms(shots, frames)
+            predicted = "" if model is None else model @ _terms(shots, frames)
             size: Row = {"case": case, "shots": float(shots), "frames of each": float(frames)}
             taken: Row = {"s of a core": cost.cpu, "s by the clock": cost.clock, "MB": cost.megabytes}
             rows.append({**size, **taken, "model, s": predicted})
