@@ -28,8 +28,8 @@ from pipeline.shot.yaml.validation import ParseContext
 SECTIONS = ("flows", "subject", "resample", "camera", "shutter", "look", "lights", "stage", "smooth", "speed")
 """Entries of a shot whose values are listed, in the order of the list."""
 
-MOST_SAMPLES = 480
-"""Samples of a curve over the shot, at most; two in a frame."""
+LEAST_SAMPLES, MOST_SAMPLES = 121, 480
+"""Samples of a curve over the shot; two in a frame where that is between them."""
 
 
 @dataclass(frozen=True)
@@ -169,9 +169,9 @@ class _Walk:
         )
 
     def _curve(self, value: Keyed[Any] | OverTime | OverTimeTriple, where: Where) -> SampledCurve:
-        """Return a curve at up to two times in a frame, by its own clock."""
+        """Return the samples of a curve, by its own clock."""
         first, last = self.clock.frames.first, self.clock.frames.last
-        frames = np.linspace(first, last, max(2, min(MOST_SAMPLES, 2 * (last - first) + 1)))
+        frames = np.linspace(first, last, min(MOST_SAMPLES, max(LEAST_SAMPLES, 2 * (last - first) + 1)))
         curve = curve_of(value, self.clock)
         values = [list(curve.at(self.clock.time(float(frame)))) for frame in frames]
         keys = []
