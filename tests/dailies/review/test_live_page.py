@@ -61,8 +61,8 @@ class Follower:
 
         at  where it is held, as a fraction of its width and height
         """
-        box = self.tab.locator(selector).first.bounding_box()
-        assert box is not None
+        boxes = (self.tab.locator(selector).first.bounding_box() for _ in range(50))
+        box = next(filter(None, boxes))  # none while a new state replaces the element
         x, y = box["x"] + box["width"] * at, box["y"] + box["height"] * at
         self.tab.mouse.move(x, y)
         self.tab.mouse.down()
