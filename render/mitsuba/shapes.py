@@ -15,13 +15,10 @@ from render.scene import reference_objects
 from render.scene.camera import Camera
 from render.scene.materials import Material
 from render.scene.reference_objects import CHROME, GREY
-from render.scene.stage import Stage, StagePlacement
+from render.scene.stage import PLINTH, Stage, StagePlacement
 from render.scene.surface import Surface
 from render.scene.vertex_colours import shaded_colours
 from render.scene.working_space import WorkingSpace, converted_pixels
-
-PLINTH = (0.56, 0.555, 0.545)
-"""Reflectance of a plinth: a white one would outshine the subject."""
 
 BACKGROUND = ((0.012, 0.016, 0.10), (0.05, 0.05, 0.22), (0.42, 0.20, 0.34))
 """Colours behind the subject, from the top of the picture to the bottom."""

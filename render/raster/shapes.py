@@ -15,7 +15,7 @@ from render.raster.projection import CLOCKWISE, project, sort_faces
 from render.scene.camera import Camera
 from render.scene.lights import LightRig
 from render.scene.materials import Diffuse, Material
-from render.scene.stage import Stage, StagePlacement
+from render.scene.stage import PLINTH, Stage, StagePlacement
 
 Floats = NDArray[np.float64]
 
@@ -76,13 +76,18 @@ class ScreenProjection(NamedTuple):
 @lru_cache(maxsize=4)
 def stage_shape(stage: Stage, placement: StagePlacement) -> Shape:
     """Return the whole stage in scene units."""
-    return Shape(*placement.placed(stage.mesh()), Diffuse(stage.colour)).for_kernels()
+    shape = Shape(*placement.placed(stage.mesh()), Diffuse(stage.colour)).for_kernels()
+    if stage.kind != "plinth":
+        return shape
+    colours = np.tile(stage.colour, (len(shape.vertices), 1))
+    colours[len(stage.backdrop()[0]) :] = PLINTH
+    return shape._replace(colours=colours)
 
 
 @lru_cache(maxsize=4)
 def plinth_shape(stage: Stage, placement: StagePlacement) -> Shape:
     """Return the plinth in scene units."""
-    return Shape(*placement.placed(stage.plinth()), Diffuse(stage.colour)).for_kernels()
+    return Shape(*placement.placed(stage.plinth()), Diffuse(PLINTH)).for_kernels()
 
 
 @dataclass(frozen=True, eq=False)

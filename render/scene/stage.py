@@ -20,6 +20,9 @@ KINDS = ("cyclorama", "ground", "plinth", "turntable", "none")
 BEVEL = 0.025
 """Radius of a plinth's edges, stage units: rounded edges catch the light."""
 
+PLINTH = (0.56, 0.555, 0.545)
+"""Reflectance of a plinth, linear Rec.709: a white one would outshine the subject."""
+
 FLAT_RADIUS, HORIZON_RADIUS, HORIZON_HEIGHT = 40.0, 400.0, 4.0
 """The ground: radius to which it is flat, its outer radius, and its height there, stage units."""
 

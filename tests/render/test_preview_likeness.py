@@ -14,7 +14,7 @@ from render.scene.aovs import RenderedFrame
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.quality import Quality
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.stage import PLINTH, STAGES, StagePlacement
 from render.scene.surface import Surface
 from tests.render.conftest import CAMERA, ball
 
@@ -52,3 +52,18 @@ def test_a_preview_is_about_as_bright_as_the_render(
     inside = layers["matte"] > 0.5
     for part in (inside, ~inside):
         assert np.abs(drawn[part].mean(axis=0) - light[part].mean(axis=0)).max() < TOLERANCE
+
+
+def test_a_plinth_is_as_grey_as_in_the_render_whatever_the_colour_of_the_wall(
+    pebble: Surface, rendered: Callable[..., RenderedFrame]
+) -> None:
+    stage = replace(STAGES["plinth"], colour=(0.5, 0.1, 0.05))
+    layers = rendered(surface=pebble, look=LOOKS["clay"], quality=QUALITY, stage=stage)
+    shape = Shape(pebble.vertices, pebble.normals, pebble.faces, LOOKS["clay"], closed=True)
+    setup = StageSetup(LIGHTS["studio"], stage, StagePlacement())
+    drawn = preview(shape, setup, CAMERA, (QUALITY.width, QUALITY.height), "srgb").picture
+    light = to_display(layers["beauty"], display="srgb")
+    plinth = np.all(np.abs(layers["albedo"] - PLINTH) < 1e-2, axis=2) & (layers["matte"] == 0.0)
+    assert np.count_nonzero(plinth) > 300
+    shown, expected = (picture[plinth].mean(axis=0) for picture in (drawn, light))
+    assert np.abs((shown - shown.mean()) - (expected - expected.mean())).max() < TOLERANCE / 2
