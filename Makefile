@@ -3,11 +3,15 @@ PYTHON ?= python3
 BIN := .venv/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 
-.PHONY: film test quick soak bench blender check docs reference figures pictures setup lock clean
+.PHONY: film showreel test quick soak bench blender check docs reference figures pictures setup lock clean
 .DELETE_ON_ERROR:
 
 film: .venv/ready
 	$(BIN)/flowsculpt -j $(CORES) film
+
+# Every shot of the gallery in two minutes, with cards, dissolves and music.
+showreel: .venv/ready
+	$(BIN)/flowsculpt -j $(CORES) film showreel
 
 test: .venv/ready-dev check
 	$(BIN)/python -m pytest -m "not soak" -n 2 --dist loadfile

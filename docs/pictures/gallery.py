@@ -31,6 +31,8 @@ STILLS = {
     "B110_abc": 130,
     "B120_pillars": 120,
     "B130_pulse": 131,
+    "B140_pearls": 120,
+    "B150_pair": 170,
 }
 """The frame that shows most of each shot."""
 
