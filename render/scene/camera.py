@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from render.base.errors import BadInputError
 from render.base.serialise import Triple
 
+_NEAREST = 1e-100
+"""Distance of the target, scene units, below which squares underflow and the view has no direction."""
+
 
 @dataclass(frozen=True)
 class Camera:
@@ -50,7 +53,8 @@ class Camera:
         x, y, z = (to - start for to, start in zip(self.target, self.origin, strict=True))
         up_x, up_y, up_z = self.up
         aside = math.hypot(y * up_z - z * up_y, z * up_x - x * up_z, x * up_y - y * up_x)
-        if aside <= 1e-9 * math.hypot(x, y, z):
+        distance = math.hypot(x, y, z)
+        if distance < _NEAREST or aside <= 1e-9 * distance:
             raise BadInputError(
                 f"the camera at {self.origin} has no direction; its target must be off its up axis"
             )
