@@ -151,6 +151,8 @@ class FromSound(_FollowsSound):
 class FromSoundTriple(_FollowsSound):
     """`{audio: music.wav, gain: [0, 1, 0]}`: as FromSound, for a vector."""
 
+    example = "{audio: music.wav, gain: [0, 1, 0]}"
+
     gain: Triple = Field(description="what the level 1 adds along x, y and z, in the unit of the value")
     base: Triple = Field([0.0, 0.0, 0.0], description="the vector in silence")
 
