@@ -150,6 +150,7 @@ def test_the_command_forces_rendering_once_and_shows_what_it_made(finished: Any)
     assert finished.run("render", NAME, "-q", QUALITY).out.startswith("Nothing to be done")
 
 
+@pytest.mark.soak
 def test_a_film_is_forced_with_all_of_its_frames_and_movies(finished: Any) -> None:
     def force() -> None:
         done = finished.run("film", "-q", QUALITY, "--force", "--json")
