@@ -146,7 +146,7 @@ torus.name, torus.scale = "torus", (1, 2, -1)
 bpy.ops.mesh.primitive_cube_add(location=(-3, 0, 0))
 crease = bpy.context.object.data.attributes.new("crease_edge", "FLOAT", "EDGE")
 crease.data[0].value = 1.0
-bpy.ops.wm.usd_export(filepath=sys.argv[1])
+bpy.ops.wm.usd_export(filepath=sys.argv[1], root_prim_path="/scene")
 bpy.context.view_layer.update()
 place = np.array(torus.matrix_world)
 points = np.array([vertex.co for vertex in torus.data.vertices])
@@ -163,7 +163,7 @@ def test_a_stage_that_blender_wrote_is_read_as_it_stands_there(tmp_path: Path) -
     assert result.is_file(), done.stdout + done.stderr
     with np.load(result) as arrays:
         points, faces = arrays["points"], int(arrays["faces"])
-    torus = read_surface(stage, part=StagePart("/root/torus"))
+    torus = read_surface(stage, part=StagePart("/scene/torus"))
     assert usual_up(stage) == "z" and torus.faces == faces and torus.repairs == ()
     assert np.allclose(torus.mesh.vertices, points, atol=1e-6)
     both = read_surface(stage)
