@@ -42,7 +42,7 @@ PLAN = ("film", "--dry-run")
 
 
 class Cost(NamedTuple):
-    """What a process took: CPU seconds, seconds by the clock, and memory at its peak, megabytes."""
+    """Costs of a process: CPU seconds, seconds by the clock, and memory at its peak, megabytes."""
 
     cpu: float
     clock: float

@@ -34,7 +34,7 @@ Mesh = TypeVar("Mesh", TriangleMesh, PolygonMesh)
 
 @dataclass(frozen=True)
 class Copies:
-    """How often a subject is there, and where.
+    """The number of copies of a subject, and their places.
 
     seed    another one scatters the copies differently
     region  holds the bounding spheres of all copies in the first frame

@@ -50,7 +50,7 @@ class AovSelection:
 
 @dataclass(frozen=True)
 class FrameOverride:
-    """What some frames have in place of their shot's.
+    """A look, lights and a quality of some frames, in place of their shot's.
 
     look, lights  None for the shot's
     qualities     settings by the names of qualities and of fields of `Quality`

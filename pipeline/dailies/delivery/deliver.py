@@ -121,7 +121,7 @@ class Delivery:
 
     @property
     def _sounds(self) -> tuple[AudioClip, ...]:
-        """What is heard: a sound of its own, or those of the frames."""
+        """The sound of the movie: its own, or the sounds of the frames."""
         if self.options.audio is None:
             return self.source.sounds
         return (AudioClip((self.options.audio,), 0, self.source.count),)

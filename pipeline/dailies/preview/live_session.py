@@ -24,7 +24,7 @@ from render.post.image import jpeg_bytes
 from render.scene.camera import Camera
 
 READY = "Up to date."
-"""What the page says when it shows the whole shot."""
+"""The message of the page when it shows the whole shot."""
 
 
 class EditedError(Exception):

@@ -1,4 +1,4 @@
-"""What the live page can ask for: the state of the shot file, edits, undo, redo and pictures of a drag.
+"""Answers to the live page: the state of the shot file, edits, undo, redo and pictures of a drag.
 
 Every request and every answer is a JSON object.
 """

@@ -29,7 +29,7 @@ _LACKING = {
     "llvm_ad_rgb": f"it has no libLLVM of version {OLDEST_VERSION} or later that works; on Debian and Ubuntu "
     "`python -m render.mitsuba.engine` there fetches one",
 }
-"""What a machine lacks where a variant does not work, by variant."""
+"""Reasons why a machine cannot use a variant, by variant."""
 
 
 class VariantError(MachineError):

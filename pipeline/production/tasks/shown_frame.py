@@ -1,4 +1,4 @@
-"""What one picture shows: its subjects, its camera and its stage, at its moment and around it."""
+"""The scene of one picture: its subjects, its camera and its stage, at its moment and around it."""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ class OverTimeTriple(Document):
 
 
 Changing = Keyed[Any] | OverTime | OverTimeTriple | FromSound | FromSoundTriple
-"""What changes over time."""
+"""A parsed value that changes over time."""
 
 _CHANGING = (Keyed, OverTime, OverTimeTriple, FromSound, FromSoundTriple)
 

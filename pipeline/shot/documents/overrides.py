@@ -35,7 +35,7 @@ OverriddenFrames = Annotated[str, BeforeValidator(_as_text)]
 
 
 class OverrideDocument(Document):
-    """What some frames of a shot have in place of the shot's; see `override_checks`."""
+    """A look, lights and a quality of some frames, in place of the shot's; see `override_checks`."""
 
     example = "{frames: 40-60, look: glaze}"
 

@@ -34,7 +34,7 @@ class CopiesDocument(Document):
 
 
 class SubjectSettings(Document):
-    """What an entry of `subjects` may hold beside the names of its solid, model, cloud or net."""
+    """Names in an entry of `subjects`, besides those of its solid, model, cloud or net."""
 
     place: Triple = Field(ORIGIN, description="where its origin is before it moves (units)")
     copies: CopiesDocument | None = optional("copies of it, scattered in a region")
