@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import sys
+import threading
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -42,14 +44,16 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
 
 @pytest.fixture
 def calls(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
-    """Counts of looks at files, of digests, and of JSON files that are parsed."""
-    counts = Counter[str]()
+    """Counts of looks at files of the film, of digests, and of JSON files that are parsed, by this thread."""
+    counts, thread = Counter[str](), threading.get_ident()
+    elsewhere = (sys.prefix, sys.base_prefix, str(Path(__file__).parents[2]))  # Python reads sources
 
     def count(module: Any, name: str, what: str) -> None:
         function = getattr(module, name)
 
         def counted(*arguments: Any, **named: Any) -> Any:
-            counts[what] += 1
+            if threading.get_ident() == thread and not str(arguments[0]).startswith(elsewhere):
+                counts[what] += 1
             return function(*arguments, **named)
 
         monkeypatch.setattr(module, name, counted)
