@@ -51,8 +51,14 @@ def take_of(shot: Path, quality: str = "draft") -> RenderRequest:
 
 def keys_of(request: RenderRequest) -> list[object]:
     frames = range(1, 6)
-    told = [(request.mesh_key(n), request.normals_key(n), request.follows_flow(n)) for n in frames]
-    return [told, request.cameras_key, request.reach, request.movie_key([]), request.still_key("png", "0")]
+    told = [(request.mesh_key(n), request.normals_key(n), request.summary.follows_flow(n)) for n in frames]
+    return [
+        told,
+        request.cameras_key,
+        request.summary.reach,
+        request.movie_key([]),
+        request.still_key("png", "0"),
+    ]
 
 
 def never(*arguments: object) -> None:

@@ -30,7 +30,6 @@ from pipeline.dailies.preview.staging import actions_of
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.production.request.lookup import find_shot
-from pipeline.production.request.shot_notes import new_notes
 from pipeline.production.store.store import Store
 from render.base.plural import plural
 from render.graphics.burn_in import BurnIn
@@ -123,7 +122,7 @@ def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, pat
                     animatic.movie(path, report)
                 else:
                     animatic.still(at, path, report)
-    for line in new_notes(sketch.request):
+    for line in sketch.request.source.new_notes():
         print_warning(f"{sketch.request.name}: {line}")
     words = f"{path}: {frames}{' would be drawn' if common.dry_run else ''}."
     print_result(words, {"path": str(path), "frames": len(numbers)}, common.json)

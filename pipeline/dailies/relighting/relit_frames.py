@@ -118,9 +118,9 @@ class RelitFrames:
             path,
             RenderedFrame({"beauty": light, "alpha": finished["alpha"]}),
             entries,
-            dict(self.request.precision),
+            dict(self.request.summary.precision),
             attributes=exr_attributes(self.request, number, self._framings),
-            convention=self.request.layers,
+            convention=self.request.summary.layers,
         )
 
     def _make_movie(self, passed: Callable[[], None]) -> None:

@@ -21,7 +21,8 @@ from pipeline.errors import FlowsculptError
 from pipeline.frames import FrameRange
 from pipeline.production.maintenance.differences import MISSING, Difference, differences
 from pipeline.production.planning.frame_states import KnownPictures
-from pipeline.production.request.keys import PictureKeys, picture_header, raw_header
+from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.picture_header import picture_header, raw_header
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.stages import STAGES
@@ -158,7 +159,7 @@ class _Frame:
         """Yield that frames around it are not rendered yet, if it is to be averaged with them."""
         keys = self._known.keys
         assert keys is not None, "the caller checks"
-        whole = self.request.window(self.number, self.request.angles.__contains__)
+        whole = self.request.summary.window(self.number, self.request.angles.__contains__)
         if others := FrameRange.of(sorted(set(whole) - set(keys[self.number].window))):
             yield f"it is averaged with frames {others} too once they are rendered"
 
@@ -225,8 +226,8 @@ class _Frame:
         others = [n for n in keys.window if n != self.number]
         if header.get("raw_key", keys.raw) != keys.raw:
             yield "what was rendered differs: by the flow or the cameras during its exposure"
-        elif header.get(CONVENTION) != self.request.layers:
-            now, then = self.request.layers or "none", header.get(CONVENTION) or "none"
+        elif header.get(CONVENTION) != self.request.summary.layers:
+            now, then = self.request.summary.layers or "none", header.get(CONVENTION) or "none"
             yield f"its layers for compositing differ: {then} before, {now} now"
         elif before != others:
             yield f"it was averaged with frames {before}, and would be with frames {others} now"

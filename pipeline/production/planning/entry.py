@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from pipeline.production.request.keys import CameraFile, FrameKeys, PictureKeys
+from pipeline.production.request.cameras import CameraFile
+from pipeline.production.request.keys import FrameKeys, PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Key, Store
 
@@ -27,7 +28,7 @@ class _PlaceholderKeys(dict[int, FrameKeys]):
         self._request, self._asked = request, frozenset(request.requested)
 
     def __missing__(self, number: int) -> FrameKeys:
-        window = self._request.window(number, self._asked.__contains__)
+        window = self._request.summary.window(number, self._asked.__contains__)
         raw = f"{self._request.identity}.{number}"
         self[number] = FrameKeys(raw, f"{raw}.{window[0]}.{window[-1]}", window)
         return self[number]

@@ -12,7 +12,7 @@ from typing import Any
 
 from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
-from pipeline.production.request.framing_inputs import ShownCameras
+from pipeline.production.request.cameras import ShownCameras
 from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.store.history import SHARED, History
@@ -179,7 +179,7 @@ class KnownPictures:
         """Return the frames that a finished frame is averaged with."""
         assert self.keys is not None, "the caller checks"
         was_rendered = self.keys.is_available
-        return self._request.window(number, lambda n: n in self._rendered or was_rendered(n))
+        return self._request.summary.window(number, lambda n: n in self._rendered or was_rendered(n))
 
 
 def _undone(store: Store, place: str) -> str:

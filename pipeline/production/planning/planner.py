@@ -217,9 +217,9 @@ class Planner:
         shown = sorted({request.angles[n].mesh for n in unrendered})
         key, path = request.cameras_key, request.folders.cameras().as_posix()
         framed = entry.keys is not None and self._has("frame_camera", "cameras", key, path)
-        if any(map(request.follows_flow, unrendered)):
+        if any(map(request.summary.follows_flow, unrendered)):
             entry.require_permission()
-        needed = {request.angles[n].mesh for n in unrendered if request.needs_mesh(n)}
+        needed = {request.angles[n].mesh for n in unrendered if request.summary.needs_mesh(n)}
         for part in self._parts(entry):
             rough = self._absent(part, "smooth_normals", shown)
             self._meshes_of(part, sorted({*rough, *needed}) if framed else entry.shown)
@@ -264,7 +264,8 @@ class Planner:
             meshes: tuple[int, ...] = ()
             if stage == "render":
                 reads = list(dict.fromkeys(request.angles[n].mesh for n in batch))
-                meshes = tuple(dict.fromkeys(request.angles[n].mesh for n in batch if request.needs_mesh(n)))
+                needed = filter(request.summary.needs_mesh, batch)
+                meshes = tuple(dict.fromkeys(request.angles[n].mesh for n in needed))
             elif stage == "finish":
                 reads = _union(entry.names[n].window for n in batch)
             self._planned.add(entry, stage, batch, [keys[n] for n in batch], reads, present, meshes=meshes)

@@ -1,4 +1,4 @@
-"""The keys of a request's files: digests of all that these are made from, and the header that records them.
+"""The keys of a request's files: digests of all that these are made from.
 
 Meshes and normals are keyed by the motion of a shot, each mesh by the one before it. Pictures are keyed by
 normals, camera and appearance; their keys are found by need, since most runs need few.
@@ -6,19 +6,14 @@ normals, camera and appearance; their keys are found by need, since most runs ne
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.errors import FrameError
-from pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS
-from pipeline.production.store.digests import CorruptFileError
+from pipeline.production.request.cameras import CameraFile
+from pipeline.production.stages import FINISH, RENDER, SIMULATE, SMOOTH_NORMALS
 from pipeline.production.store.store import Key, Store, key_of
-from render.base.errors import BadInputError
-from render.base.serialise import from_plain, to_plain
+from render.base.serialise import to_plain
 
 if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
     from pipeline.production.render_inputs.framing import Framing
@@ -75,20 +70,6 @@ def thresholds_at(motion: Motion, number: int) -> Thresholds:
 
     resampling = motion.resampling_at(number)
     return resampling.thresholds if resampling else Thresholds(1.0)
-
-
-def cameras_key(request: RenderRequest) -> Key:
-    """Return the key of the cameras: they depend on all meshes that the request shows."""
-    shown = sorted({angle.mesh for angle in request.angles.values()})
-    return key_of(
-        FRAME_CAMERA.recipe,
-        [request.mesh_key(n) for n in shown],
-        [[n, angle.mesh, angle.spin, request.view(n)] for n, angle in request.angles.items()],
-        request.aspect,
-        request.follow,
-        request.net_pieces,
-        request.shot.picture.stage.camera_move,
-    )
 
 
 def appearance(request: RenderRequest, number: int) -> Key:
@@ -171,68 +152,6 @@ class FrameKeys:
     window: tuple[int, ...]
 
 
-class CameraFile(Mapping[int, "Framing"]):
-    """Camera and stage of every picture of a request, by number; each is built when it is asked for.
-
-    The file is parsed when the first is: most plans find all keys in the planning cache and need none.
-    """
-
-    def __init__(
-        self, store: Store, key: Key, numbers: Collection[int], parse: Callable[[], Mapping[str, Any]]
-    ) -> None:
-        """Hold the cameras of the pictures `numbers`; `parse` returns the plain data of all, by number."""
-        self._store, self.key, self._numbers, self._parse = store, key, numbers, parse
-        self._built: dict[int, Framing] = {}
-
-    @classmethod
-    def of(cls, store: Store, key: Key, numbers: Collection[int]) -> CameraFile | None:
-        """Return None where the store does not hold it; a damaged file is evicted.
-
-        Raises MachineError where the disk refuses a file that the remote store has.
-        """
-        path = store.path("cameras", key)
-        try:
-            store.bring("cameras", key)
-            is_known = store.digests.check(path)
-            text = path.read_text()
-            cameras = cls(store, key, numbers, lambda: json.loads(text))
-            if not is_known and not cameras._data.keys() >= set(map(str, numbers)):
-                raise CorruptFileError(f"{path} lacks cameras")
-            return cameras
-        except FileNotFoundError:
-            return None
-        except (CorruptFileError, ValueError, AttributeError):
-            store.discard("cameras", key)
-            return None
-
-    @cached_property
-    def _data(self) -> Mapping[str, Any]:
-        return self._parse()
-
-    def __getitem__(self, number: int) -> Framing:
-        """Raises FrameError where it cannot be read; the file is then evicted."""
-        if number not in self._numbers:
-            raise KeyError(number)
-        if number not in self._built:
-            from pipeline.production.render_inputs.framing import Framing
-
-            try:
-                self._built[number] = from_plain(Framing, self._data[str(number)])
-            except (ValueError, TypeError, AttributeError, KeyError, BadInputError) as error:
-                self._store.discard("cameras", self.key)
-                raise FrameError("its camera cannot be read; run again to frame the shot again") from error
-        return self._built[number]
-
-    def __iter__(self) -> Iterator[int]:
-        return iter(self._numbers)
-
-    def __len__(self) -> int:
-        return len(self._numbers)
-
-    def __contains__(self, number: object) -> bool:
-        return number in self._numbers
-
-
 class PictureKeys(Mapping[int, FrameKeys]):
     """The keys of a request's frames by number, each found when it is asked for: most runs need few.
 
@@ -258,8 +177,8 @@ class PictureKeys(Mapping[int, FrameKeys]):
     def __getitem__(self, number: int) -> FrameKeys:
         if number not in self._keys:
             request = self._request
-            keys = self._averaged(number, request.window(number, self.is_available))
-            whole = request.window(number, self._cameras.__contains__)
+            keys = self._averaged(number, request.summary.window(number, self.is_available))
+            whole = request.summary.window(number, self._cameras.__contains__)
             if whole != keys.window:
                 best = self._averaged(number, whole)
                 keys = best if self._store.holds("frame", best.frame) else keys
@@ -278,10 +197,10 @@ class PictureKeys(Mapping[int, FrameKeys]):
 
     def _layers_data(self, number: int) -> list[Any]:
         """Return what decides the layers for compositing: their names, and cameras for motion vectors."""
-        if self._request.layers is None:
+        if self._request.summary.layers is None:
             return []
         around = [to_plain(self._cameras[n]) for n in (number - 1, number + 1) if n in self._cameras]
-        return [self._request.layers, around]
+        return [self._request.summary.layers, around]
 
     def __iter__(self) -> Iterator[int]:
         return iter(self._request.angles)
@@ -314,61 +233,3 @@ class PictureKeys(Mapping[int, FrameKeys]):
         if number not in self._raws:
             self._raws[number] = raw_key(self._request, number, self._cameras)
         return self._raws[number]
-
-
-def raw_header(request: RenderRequest, number: int, framing: Framing, keys: FrameKeys) -> dict[str, Any]:
-    """Return what the EXR of a raw picture says of itself, plain data: enough to make it again.
-
-    It stands in the file as `flowsculpt:` entries.
-    """
-    return {
-        "key": keys.raw,
-        **to_plain(framing),
-        "stage_placement": to_plain(framing.placement),  # resampling has a setting of the shorter name
-        **picture_header(request, number),
-    }
-
-
-def picture_header(request: RenderRequest, number: int) -> dict[str, Any]:
-    """Return the part of `raw_header` that is known before the shot is framed.
-
-    inputs  digests of the files that the shot reads, by their names without folders
-    """
-    angle, picture = request.angles[number], request.picture(number)
-    resampling = request.shot.motion.resampling_at(angle.mesh)
-    several = {"subjects": [_subject_header(part, number) for part in request.parts]}
-    return {
-        "shot": request.shot.name,
-        "frame": number,
-        "quality": request.quality_name,
-        "variant": request.variant,
-        "mesh_key": request.mesh_key(angle.mesh),
-        "seed": request.seed(number),
-        "angle": to_plain(angle),
-        "normals_key": request.normals_key(angle.mesh),
-        "inputs": {Path(path).name: digest for path, digest in request.source.summary.inputs},
-        "stages": {stage.name: stage.recipe for stage in (SIMULATE, SMOOTH_NORMALS, FRAME_CAMERA, RENDER)},
-        "look": to_plain(picture.look),
-        "lights": to_plain(replace(picture.lights, exposure=0.0)),
-        "stage": to_plain(picture.stage),
-        "settings": to_plain(request.quality_of(number)),
-        "dicing": picture.dicing,
-        "aovs": dict(request.aovs.precision),
-        "working_space": picture.working_space.name,
-        "shutter": request.open_at(number),
-        **(resampling.settings() if resampling else {"resample": "off"}),
-        **(several if request.shot.subjects else {}),
-    }
-
-
-def _subject_header(part: RenderRequest, number: int) -> dict[str, Any]:
-    """Return what the header says of one of several subjects."""
-    mesh = part.angles[number].mesh
-    resampling = part.shot.motion.resampling_at(mesh)
-    return {
-        "name": part.source.subject,
-        "look": to_plain(part.picture(number).look),
-        "mesh_key": part.mesh_key(mesh),
-        "normals_key": part.normals_key(mesh),
-        **(resampling.settings() if resampling else {"resample": "off"}),
-    }

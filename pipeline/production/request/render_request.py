@@ -5,7 +5,7 @@ The request of a shot shows each mesh frame once. That of a turntable shows one 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,15 +13,17 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.frames import FrameRange
 from pipeline.production.request.audio import AudioClip, sound_of_frames
+from pipeline.production.request.cameras import CameraFile
 from pipeline.production.request.crop_and_scale import base_of, movie_bits, quality_named
-from pipeline.production.request.keys import CameraFile, PictureKeys, appearance, cameras_key
+from pipeline.production.request.keys import PictureKeys, appearance
 from pipeline.production.request.planning_cache import PlanningCache
+from pipeline.production.request.request_summary import RequestSummary
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.request.turntable import Turntable, TurntableAngle, framed_whole
 from pipeline.production.stages import ASSEMBLE, STAGES, STILLS
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Key, Store, key_of
-from render.base.serialise import from_plain, to_plain
+from render.base.serialise import to_plain
 from render.scene.quality import Quality
 
 if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
@@ -31,31 +33,6 @@ if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the 
 
 FORMS = tuple(stage.name for stage in STILLS)
 """Forms of stills; a stage has the name of each."""
-
-
-@dataclass(frozen=True)
-class _Facts:
-    """Facts that planning needs of a request again and again; the planning cache holds them.
-
-    cameras      the key of its cameras
-    reach        frames to either side that the temporal denoiser reads
-    precision    AOVs that the shot names, and `half` or `float`
-    layers       the program whose channel names finished frames have; None without layers for compositing
-    follow_flow  pictures that need their mesh and the flow
-    need_mesh    pictures made of their mesh itself, not of what `smooth_normals` keeps for rendering
-    overrides    frames of each override of the shot; a turntable has none
-    restyled     frames whose look or lights an override changes
-    """
-
-    cameras: Key
-    reach: int
-    quality: Quality
-    precision: tuple[tuple[str, str], ...]
-    layers: str | None
-    follow_flow: tuple[int, ...]
-    need_mesh: tuple[int, ...]
-    overrides: tuple[tuple[int, ...], ...] = ()
-    restyled: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -207,19 +184,6 @@ class RenderRequest:
         return seed_of(self.folders.name, number)
 
     @property
-    def net_pieces(self) -> int | list[Any] | None:
-        """Pieces into which the surface of a net is cut for its cameras; None for other subjects.
-
-        Of several subjects, a list.
-        """
-        from pipeline.shot.point_subjects import ControlNet
-
-        if self.shot.subjects:
-            return [part.net_pieces for part in self.parts]
-        is_net = isinstance(self.shot.motion.subject, ControlNet)
-        return self.shot.picture.tessellate if is_net else None
-
-    @property
     def follow(self) -> float:
         """The share by which the camera follows the sculpture, 0 to 1; that of a turntable stands still."""
         return 0.0 if self.turntable else self.shot.picture.camera.follow
@@ -237,24 +201,14 @@ class RenderRequest:
 
     def picture(self, number: int) -> Picture:
         """Return what decides how a frame looks: the shot's picture, with its override if it has one."""
-        picture, override = self.shot.picture, self._overridden.get(number)
+        picture, override = self.shot.picture, self.summary.override_of(number)
         return picture if override is None else picture.overridden(picture.overrides[override])
 
     def quality_of(self, number: int) -> Quality:
         """Return the quality of a frame; size, crop and denoising are those of all frames."""
-        if number not in self._overridden:
+        if self.summary.override_of(number) is None:
             return self.quality
         return quality_named(self.quality_name, self.picture(number).qualities)
-
-    @cached_property
-    def _overridden(self) -> dict[int, int]:
-        """The index of the override of each frame that has one."""
-        return {number: index for index, numbers in enumerate(self._facts.overrides) for number in numbers}
-
-    @cached_property
-    def _seen(self) -> dict[int, int]:
-        """The index of the override of each frame whose look or lights are not the shot's."""
-        return {number: self._overridden[number] for number in self._facts.restyled}
 
     def _time(self, number: int) -> float:
         return self.shot.motion.clock.time(self.angles[number].mesh)
@@ -289,31 +243,17 @@ class RenderRequest:
         patterns = [part.picture.look.pattern for part in self.shot.parts]
         return any(isinstance(pattern, Measure) and pattern.of == SPEED for pattern in patterns)
 
-    # What planning asks for, from the cache where it is there
+    # Keys
 
     @cached_property
-    def _facts(self) -> _Facts:
-        cache, found_from = self.source.cache, ("request", self.identity)
-        known = cache.get(*found_from)
-        if known is not None:
-            return from_plain(_Facts, known)
-        follow_flow = tuple(
-            n for n in self.angles if self.measures_speed or (self.turntable is None and self.offsets(n))
-        )
-        overrides = () if self.turntable else self.shot.picture.overrides
-        facts = _Facts(
-            cameras=cameras_key(self),
-            reach=self.temporal_reach,
-            quality=self.quality_of_shot,
-            precision=tuple(self.shot.picture.aovs.precision),
-            layers=self.shot.picture.layers,
-            follow_flow=follow_flow,
-            need_mesh=follow_flow if self.shot.picture.dicing is None else tuple(self.angles),
-            overrides=tuple(override.frames.numbers for override in overrides),
-            restyled=tuple(n for override in overrides if override.is_seen for n in override.frames),
-        )
-        cache.put(to_plain(facts), *found_from)
-        return facts
+    def summary(self) -> RequestSummary:
+        """The summary for planning. The shot is read only where the planning cache lacks it."""
+        return RequestSummary.of(self)
+
+    @property
+    def quality(self) -> Quality:
+        """The quality of all frames but those whose override has another."""
+        return self.summary.quality
 
     @cached_property
     def identity(self) -> Key:
@@ -323,56 +263,6 @@ class RenderRequest:
         data["source"] = {**data["source"], "inputs": summary.inputs}
         return key_of(data, summary.meshes, summary.normals)
 
-    @property
-    def quality(self) -> Quality:
-        return self._facts.quality
-
-    @property
-    def precision(self) -> tuple[tuple[str, str], ...]:
-        """AOVs that the shot names, and `half` or `float`."""
-        return self._facts.precision
-
-    @property
-    def layers(self) -> str | None:
-        """The program whose channel names finished frames have; None without layers for compositing."""
-        return self._facts.layers
-
-    @property
-    def reach(self) -> int:
-        """`temporal_reach`, without reading the shot."""
-        return self._facts.reach
-
-    def follows_flow(self, number: int) -> bool:
-        """Tell whether a picture needs its mesh and the flow; those of a turntable only turn."""
-        return number in self._numbers[0]
-
-    def needs_mesh(self, number: int) -> bool:
-        """Tell whether a picture is made of its mesh itself, not of what `smooth_normals` keeps of it."""
-        return number in self._numbers[1]
-
-    @cached_property
-    def _numbers(self) -> tuple[frozenset[int], frozenset[int]]:
-        return frozenset(self._facts.follow_flow), frozenset(self._facts.need_mesh)
-
-    def window(self, number: int, is_available: Callable[[int], bool]) -> tuple[int, ...]:
-        """Return the frames that the temporal denoiser reads: available ones around `number`, no gaps.
-
-        They have its look and lights.
-        """
-        first = last = number
-        styles = self._seen
-
-        def is_alike(other: int) -> bool:
-            return styles.get(other) == styles.get(number) and is_available(other)
-
-        while number - first < self.reach and is_alike(first - 1):
-            first -= 1
-        while last - number < self.reach and is_alike(last + 1):
-            last += 1
-        return tuple(range(first, last + 1))
-
-    # Keys
-
     def mesh_key(self, number: int) -> Key:
         return self.source.summary.meshes[number]
 
@@ -381,7 +271,7 @@ class RenderRequest:
 
     @property
     def cameras_key(self) -> Key:
-        return self._facts.cameras
+        return self.summary.cameras
 
     def framings(self, store: Store) -> CameraFile | None:
         """Return camera and stage of every picture, or None where the store does not hold them."""
@@ -389,7 +279,7 @@ class RenderRequest:
 
     def appearance(self, number: int) -> Key:
         """Return the digest of what a picture shares with all others of the same override, or of none."""
-        override = self._overridden.get(number)
+        override = self.summary.override_of(number)
         if override not in self._appearances:
             self._appearances[override] = appearance(self, number)
         return self._appearances[override]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -148,6 +149,18 @@ class ShotSource:
         if not self.shot.picture.view.digest:  # a colour config may read tables that no digest covers
             self.cache.put(to_plain(summary), *self._read_from)
         return summary
+
+    def new_notes(self) -> tuple[str, ...]:
+        """Return notes on the shot's model and sounds, unless the same contents had the same notes before."""
+        notes = (*(note for part in self.shot.parts for note in part.motion.subject.notes), *self.shot.notes)
+        told_of = "notes on files", self.summary.inputs, notes
+        if not notes or self.cache.get(*told_of):
+            return ()
+        if self.cache.root is not None:
+            with contextlib.suppress(OSError):
+                (self.cache.root / STATE).mkdir(parents=True, exist_ok=True)
+        self.cache.put(True, *told_of)
+        return notes
 
     @property
     def _read_from(self) -> tuple[Any, ...]:

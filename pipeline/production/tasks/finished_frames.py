@@ -41,19 +41,19 @@ class FinishedFrames:
         alpha = np.minimum(sum(shadow.values(), frame["alpha"]), np.float32(1.0))
         groups = {name: frame[name] for name in light_layers(frame.arrays)}
         layers = light = {"beauty": frame["beauty"], "alpha": alpha, **groups}
-        if request.layers is not None:
+        if request.summary.layers is not None:
             inputs = self._inputs(number)
-            extra = {name: frame[name] for name, _ in request.precision if name in frame.arrays}
+            extra = {name: frame[name] for name, _ in request.summary.precision if name in frame.arrays}
             layers = {**extra, **compositing_layers(frame, inputs), **shadow, **light}
-            standard = mattes_header(frame, inputs, request.layers)
+            standard = mattes_header(frame, inputs, request.summary.layers)
         write_exr(
             path,
             RenderedFrame(layers, frame.facts),
             header,
-            dict(request.precision),
+            dict(request.summary.precision),
             attributes=exr_attributes(request, number, self.framings),
             standard=standard,
-            convention=request.layers,
+            convention=request.summary.layers,
         )
 
     def _inputs(self, number: int) -> LayerInputs:

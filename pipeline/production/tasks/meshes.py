@@ -21,10 +21,9 @@ from pipeline.mesh.control_net import bspline_surface
 from pipeline.production.render_inputs.framing import frame_all, with_stage_in_view
 from pipeline.production.render_inputs.shading import Shading, radii
 from pipeline.production.render_inputs.view_geometry import BoundingSpheres, rotate_y
-from pipeline.production.request.framing_inputs import note_framing
+from pipeline.production.request.cameras import note_framing
 from pipeline.production.request.keys import thresholds_at
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_notes import new_notes
 from pipeline.production.store import readers
 from pipeline.production.store.readers import write_npz
 from pipeline.production.tasks.job import Context
@@ -142,7 +141,7 @@ def return_freed_memory() -> None:
 def _tell_notes(context: Context) -> None:
     """Warn of what was repaired in the file of the subject, and of its place; once for each content."""
     request = context.request
-    for line in new_notes(request):
+    for line in request.source.new_notes():
         context.warn(request.shot.frames.first, f"{request.name}: {line}")
 
 

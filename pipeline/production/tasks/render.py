@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.production.render_inputs.framing import Framing
-from pipeline.production.request.keys import FrameKeys, raw_header
+from pipeline.production.request.keys import FrameKeys
+from pipeline.production.request.picture_header import raw_header
 from pipeline.production.store.store import Key
 from pipeline.production.store.unfinished import checkpoint_of
 from pipeline.production.tasks.finished_frames import raw_attributes

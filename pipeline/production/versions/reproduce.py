@@ -100,9 +100,8 @@ class Reproduction:
         Raises UsageError or MissingInputError where files that the version was made from have changed.
         """
         request = RenderRequest(self._source, self.record.quality, self._variant([]), self.numbers)
-        around = {
-            n for number in self.numbers for n in request.window(number, self.record.frames.__contains__)
-        }
+        is_recorded, window = self.record.frames.__contains__, request.summary.window
+        around = {n for number in self.numbers for n in window(number, is_recorded)}
         return replace(request, requested=tuple(sorted(around)))
 
     @cached_property

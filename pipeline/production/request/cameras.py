@@ -1,25 +1,118 @@
-"""Digests of what decides the camera of each picture: they tell which cameras stay before these are framed.
+"""The cameras of a request: their key, their file, and digests of what decides the camera of each picture.
 
 The cameras of a shot share a key, which any edit of a mesh changes. Most pictures keep their camera all the
-same, for it depends on frames near them. Framing a shot notes the digests of what it framed; planning
-compares them with those of today while the new cameras are not there.
+same, for it depends on frames near them. Framing a shot notes the digests of what it framed. Planning
+compares them with those of today while the new cameras are not there, and so knows which cameras stay.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
-from pipeline.production.request.keys import CameraFile
+from pipeline.errors import FrameError
 from pipeline.production.stages import FRAME_CAMERA
+from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.store import Key, Store, key_of
+from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
 
 if TYPE_CHECKING:
+    from pipeline.production.render_inputs.framing import Framing
     from pipeline.production.request.render_request import RenderRequest
+
+
+def cameras_key(request: RenderRequest) -> Key:
+    """Return the key of the cameras: they depend on all meshes that the request shows."""
+    shown = sorted({angle.mesh for angle in request.angles.values()})
+    return key_of(
+        FRAME_CAMERA.recipe,
+        [request.mesh_key(n) for n in shown],
+        [[n, angle.mesh, angle.spin, request.view(n)] for n, angle in request.angles.items()],
+        request.aspect,
+        request.follow,
+        _net_pieces(request),
+        request.shot.picture.stage.camera_move,
+    )
+
+
+def _net_pieces(request: RenderRequest) -> int | list[Any] | None:
+    """Return the pieces into which the surface of a net is cut for its cameras; None for other subjects.
+
+    Of several subjects, a list.
+    """
+    from pipeline.shot.point_subjects import ControlNet
+
+    if request.shot.subjects:
+        return [_net_pieces(part) for part in request.parts]
+    is_net = isinstance(request.shot.motion.subject, ControlNet)
+    return request.shot.picture.tessellate if is_net else None
+
+
+class CameraFile(Mapping[int, "Framing"]):
+    """Camera and stage of every picture of a request, by number; each is built when it is asked for.
+
+    The file is parsed when the first is: most plans find all keys in the planning cache and need none.
+    """
+
+    def __init__(
+        self, store: Store, key: Key, numbers: Collection[int], parse: Callable[[], Mapping[str, Any]]
+    ) -> None:
+        """Hold the cameras of the pictures `numbers`; `parse` returns the plain data of all, by number."""
+        self._store, self.key, self._numbers, self._parse = store, key, numbers, parse
+        self._built: dict[int, Framing] = {}
+
+    @classmethod
+    def of(cls, store: Store, key: Key, numbers: Collection[int]) -> CameraFile | None:
+        """Return None where the store does not hold it; a damaged file is evicted.
+
+        Raises MachineError where the disk refuses a file that the remote store has.
+        """
+        path = store.path("cameras", key)
+        try:
+            store.bring("cameras", key)
+            is_known = store.digests.check(path)
+            text = path.read_text()
+            cameras = cls(store, key, numbers, lambda: json.loads(text))
+            if not is_known and not cameras._data.keys() >= set(map(str, numbers)):
+                raise CorruptFileError(f"{path} lacks cameras")
+            return cameras
+        except FileNotFoundError:
+            return None
+        except (CorruptFileError, ValueError, AttributeError):
+            store.discard("cameras", key)
+            return None
+
+    @cached_property
+    def _data(self) -> Mapping[str, Any]:
+        return self._parse()
+
+    def __getitem__(self, number: int) -> Framing:
+        """Raises FrameError where it cannot be read; the file is then evicted."""
+        if number not in self._numbers:
+            raise KeyError(number)
+        if number not in self._built:
+            from pipeline.production.render_inputs.framing import Framing
+
+            try:
+                self._built[number] = from_plain(Framing, self._data[str(number)])
+            except (ValueError, TypeError, AttributeError, KeyError, BadInputError) as error:
+                self._store.discard("cameras", self.key)
+                raise FrameError("its camera cannot be read; run again to frame the shot again") from error
+        return self._built[number]
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._numbers)
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    def __contains__(self, number: object) -> bool:
+        return number in self._numbers
 
 
 @dataclass(frozen=True)
@@ -109,7 +202,7 @@ def _inputs(request: RenderRequest) -> dict[int, Key]:
     numbers = sorted(request.angles)
     views = {number: request.view(number) for number in numbers}
     move = request.shot.picture.stage.camera_move
-    shared = key_of(FRAME_CAMERA.recipe, request.aspect, request.follow, request.net_pieces, move)
+    shared = key_of(FRAME_CAMERA.recipe, request.aspect, request.follow, _net_pieces(request), move)
     parts = [
         key_of(request.mesh_key(request.angles[n].mesh), request.angles[n].spin, views[n]) for n in numbers
     ]
