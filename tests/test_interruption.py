@@ -13,7 +13,7 @@ from threading import Thread, current_thread, main_thread
 import numba
 import pytest
 
-from pipeline.interruption import interruptible
+from pipeline.long_computations import interruptible
 from pipeline.mesh import icosphere
 from pipeline.resample import Thresholds, resample, resample_pass
 
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.quick
 
 SLEEPING = """
 import ctypes
-from pipeline.interruption import interruptible
+from pipeline.long_computations import interruptible
 print("begins", flush=True)
 interruptible(lambda: ctypes.CDLL(None).sleep(60))
 """

@@ -12,7 +12,7 @@ from pipeline.animation.loop import animate
 from pipeline.arrays import Points
 from pipeline.flow import Streamlines
 from pipeline.flow.flow_map import CARRYING
-from pipeline.progress import Progress, reporting_to
+from pipeline.long_computations import Progress, reporting_to
 from pipeline.shot import Motion, Shot
 
 SLOW_SECONDS = 60.0

@@ -20,8 +20,8 @@ from pipeline.flow.kernels import streamlines as kernels
 from pipeline.flow.kernels.instructions import BLOCK, COLUMNS, EXTERNAL
 from pipeline.flow.parameters import kernel_points, vector_at
 from pipeline.flow.velocity import Program, VelocityField, opcodes_of, sensitivity, table_of
+from pipeline.long_computations import report_progress
 from pipeline.mesh.point_order import morton_order
-from pipeline.progress import report_progress
 
 STEP_LIMIT = 0.1
 """The largest sub-step × gradient bound.

@@ -17,11 +17,10 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import MeshError
 from pipeline.mesh.duplicate_faces import cut_repeats, find_duplicates
 from pipeline.mesh.face_soup import FaceSoup
-from pipeline.mesh.fans import detached_corners
 from pipeline.mesh.file_surface import FileSurface
 from pipeline.mesh.merging import MergedSurface, merge_coincident
 from pipeline.mesh.polygon_mesh import PolygonMesh
-from pipeline.mesh.side_links import link_sides
+from pipeline.mesh.side_links import detached_corners, link_sides
 from pipeline.mesh.triangle_mesh import edge_keys
 from pipeline.mesh.validation import twin_corners, validate
 from pipeline.mesh.winding import Winding, find_winding

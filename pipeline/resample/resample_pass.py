@@ -11,9 +11,8 @@ import numpy as np
 
 from pipeline.arrays import Indices, Points
 from pipeline.errors import FlowsculptError, FrameError
-from pipeline.interruption import interruptible
+from pipeline.long_computations import interruptible, report_progress
 from pipeline.mesh.halfedge_mesh import WORTH_SHARING, HalfedgeMesh
-from pipeline.progress import report_progress
 from pipeline.resample.kernels.can_collapse import REASONS, TOO_LONG
 from pipeline.resample.kernels.collapse import collapse_and_flip, collapse_queued
 from pipeline.resample.kernels.edge_scans import (

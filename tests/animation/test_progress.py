@@ -18,7 +18,7 @@ from pipeline.animation.flow_cost import costliest_flow
 from pipeline.flow import Streamlines
 from pipeline.flow import streamlines as streamlines_module
 from pipeline.flow.catalogue.vortices import CurlNoise, Vortex
-from pipeline.progress import Progress, reporting_to
+from pipeline.long_computations import Progress, reporting_to
 from pipeline.shot import read_shot
 from pipeline.shot.shot import Shot
 

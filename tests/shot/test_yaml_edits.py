@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.shot.yaml.edits import ValueEdit, edited
-from pipeline.shot.yaml.flow_style import flow_style
+from pipeline.shot.yaml.plain_text import flow_style
 from pipeline.shot.yaml.source import YamlSource
 
 FILE = Path("A010_a.yaml")

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from pipeline.production.execution import job_resources
 from pipeline.production.execution.task import BY_FRAMES
+from pipeline.production.planning import timings
 from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.stages import STAGES
 
@@ -54,18 +54,18 @@ class FarmStep:
     @property
     def memory_mib(self) -> int:
         """The memory of a task, MiB."""
-        return max(job_resources.memory_mib(self.plan, job) for job in self.jobs)
+        return max(timings.memory_mib(self.plan, job) for job in self.jobs)
 
     @property
     def gpus(self) -> int:
         """The GPUs of a task."""
-        return max(job_resources.gpus(self.plan, job) or 0 for job in self.jobs)
+        return max(timings.gpus(self.plan, job) or 0 for job in self.jobs)
 
     def minutes(self, threads: int, chunk: int) -> int:
         """Return the time limit of a task on so many threads; `chunk` are the frames of one."""
         if self.frames:
-            return max(job_resources.minutes(self.plan, job, threads, chunk) or 0 for job in self.jobs)
-        return sum(job_resources.minutes(self.plan, job, threads) or 0 for job in self.jobs)
+            return max(timings.minutes(self.plan, job, threads, chunk) or 0 for job in self.jobs)
+        return sum(timings.minutes(self.plan, job, threads) or 0 for job in self.jobs)
 
 
 def steps_of(plan: Plan) -> list[FarmStep]:

@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FlowsculptError, UsageError, suggestion
-from pipeline.production.execution import job_resources
 from pipeline.production.execution.run import with_inputs_here
+from pipeline.production.planning import timings
 from pipeline.production.planning.done_files import check_done_files, movie_record
 from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.planning.profile import Share
@@ -125,16 +125,16 @@ class PlannedWorkflow:
 
     def memory(self, rule: str, wildcards: Any) -> int:
         """Return the MiB that a job needs, by what earlier pictures took."""
-        return job_resources.memory_mib(self.plan, self._job(rule, wildcards))
+        return timings.memory_mib(self.plan, self._job(rule, wildcards))
 
     def minutes(self, rule: str, wildcards: Any, threads: int, attempt: int) -> int | None:
         """Return the minutes that a job may take, as long as jobs of a farm may; None on this machine."""
-        limit = job_resources.minutes(self.plan, self._job(rule, wildcards), threads)
+        limit = timings.minutes(self.plan, self._job(rule, wildcards), threads)
         return None if limit is None else limit * attempt
 
     def gpus(self, rule: str, wildcards: Any) -> int | None:
         """Return 1 for a job of a farm that renders with CUDA, else None."""
-        return job_resources.gpus(self.plan, self._job(rule, wildcards))
+        return timings.gpus(self.plan, self._job(rule, wildcards))
 
     def _job(self, rule: str, wildcards: Any) -> Job:
         if rule in ("assemble", "film"):

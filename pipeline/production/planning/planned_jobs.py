@@ -1,4 +1,4 @@
-"""The jobs of a plan, and which of them makes each file.
+"""The jobs of a plan, which of them makes each file, and the batches of frames that one job renders.
 
 Jobs are known by the keys of what they make, so what several requests need is made once.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter, defaultdict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import Any
@@ -17,6 +17,15 @@ from pipeline.production.planning.entry import PlanEntry
 from pipeline.production.planning.plan import Job
 from pipeline.production.stages import STAGES
 from pipeline.production.store.store import Key, key_of
+
+MAX_BATCH = 256
+"""Frames a process renders at most before it gives its memory back."""
+
+MIN_BATCH = 4
+"""Frames that are not worth the start of a second process: one renders them on all cores."""
+
+MIN_LAST_BATCH = 64
+"""Frames of a batch from which on batches become no smaller, while there are more of them than cores."""
 
 MIN_SHARED = 8
 """Frames that a simulation has in common with others from which on these wait for them: to wait costs the
@@ -116,3 +125,31 @@ def _pieces(
         else:
             pieces.append((is_shared, piece))
     return pieces
+
+
+def batches(numbers: Sequence[int], cores: int, least: int = MIN_BATCH) -> list[tuple[int, ...]]:
+    """Split frames into batches, none longer than MAX_BATCH, enough of them to keep the cores busy, but none
+    needlessly shorter than `least`.
+
+    Frames in ascending order are split into neighbours, long batches first, for each costs a process the time
+    to start, and shorter ones towards the end, so that no core waits long for another (guided
+    self-scheduling: Polychronopoulos & Kuck, 1987). Frames in another order, such as coarse first, are dealt
+    out, so that all cores work on the first ones first.
+    """
+    cores = max(1, cores)
+    share = -(-len(numbers) // cores)
+    if list(numbers) == sorted(numbers):
+        return list(_guided(numbers, cores, max(least, min(MIN_LAST_BATCH, share))))
+    size = min(MAX_BATCH, max(least, share))
+    hands = [numbers[i : i + size * cores] for i in range(0, len(numbers), size * cores)]
+    dealt = (tuple(hand[i::cores]) for hand in hands for i in range(cores))
+    return [batch for batch in dealt if batch]
+
+
+def _guided(numbers: Sequence[int], cores: int, least: int) -> Iterator[tuple[int, ...]]:
+    """Yield batches of half of each core's share of what is left."""
+    begun = 0
+    while begun < len(numbers):
+        size = min(MAX_BATCH, max(least, (len(numbers) - begun) // (2 * cores)))
+        yield tuple(numbers[begun : begun + size])
+        begun += size

@@ -11,10 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.errors import UsageError
-from pipeline.production.planning.batches import MIN_BATCH, batches
 from pipeline.production.planning.entry import PlanEntry
 from pipeline.production.planning.plan import Link, Plan, with_threads
-from pipeline.production.planning.planned_jobs import PlannedJobs
+from pipeline.production.planning.planned_jobs import MIN_BATCH, PlannedJobs, batches
 from pipeline.production.planning.profile import Share
 from pipeline.production.planning.timings import measured
 from pipeline.production.request.edit import Edit

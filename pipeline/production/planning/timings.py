@@ -1,5 +1,8 @@
 """Time and memory of finished frames, and what jobs therefore request of a farm or of this machine.
 
+Renders request what earlier frames of their shot and quality took. Other jobs, and renders before there are
+any, request defaults.
+
 A render writes statistics beside each picture, and every job appends to the event log of its run. Both are
 left out where they are missing or damaged: they inform, and decide no result.
 """
@@ -14,10 +17,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pipeline.production.request.variants import ON_GPU
 from pipeline.production.stages import STAGES
 from pipeline.production.store.history import History
 
 if TYPE_CHECKING:
+    from pipeline.production.planning.plan import Job, Plan
     from pipeline.production.request.render_request import RenderRequest
     from pipeline.production.store.store import Key
 
@@ -174,3 +179,28 @@ def measured(
         if (resources := MeasuredResources.of(folder)) is not None:
             known[place] = resources
     return known
+
+
+def memory_mib(plan: Plan, job: Job) -> int:
+    """Return the memory of a job, MiB."""
+    measured = plan.measured.get(job.requests[0])
+    if job.stage == "render" and measured:
+        return measured.memory_mib
+    return UNMEASURED_MIB if plan.farm else LEAST_MIB
+
+
+def minutes(plan: Plan, job: Job, threads: int, frames: int | None = None) -> int | None:
+    """Return the time limit of a job on so many threads; None on this machine, where it has none.
+
+    frames  how many it renders, by default all of its own
+    """
+    measured = plan.measured.get(job.requests[0])
+    if job.stage == "render" and measured:
+        return measured.minutes(len(job.frames) if frames is None else frames, threads)
+    return UNMEASURED_MINUTES if plan.farm else None
+
+
+def gpus(plan: Plan, job: Job) -> int | None:
+    """Return 1 for a job of a farm that renders with CUDA, else None."""
+    on_gpu = job.stage == "render" and plan.requests[job.requests[0]].variant == ON_GPU
+    return 1 if plan.farm and on_gpu else None

@@ -19,8 +19,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from pipeline.errors import ShotError
 from pipeline.shot.yaml.edited_text import TextMapping, entry_end, node_end, replaced
-from pipeline.shot.yaml.flow_style import flow_style
-from pipeline.shot.yaml.plain_text import dotted
+from pipeline.shot.yaml.plain_text import dotted, flow_style
 from pipeline.shot.yaml.source import Where, YamlSource, composed, scalar
 
 TimeOf = Callable[[Any], float | None]

@@ -1,7 +1,9 @@
-"""Values and paths as messages show them, in the words of a shot file."""
+"""Values and paths as text: as messages show them, and as a shot file has them in one line."""
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -10,6 +12,9 @@ from pipeline.shot.yaml.source import Where
 
 MOST_CHARACTERS = 100
 """Longest value that a message writes out."""
+
+_PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_./-]*( [A-Za-z0-9_./+*-]+)*|\d+(\.\d+)?s")
+_WORDS = ("true", "false", "null", "True", "False", "Null", "TRUE", "FALSE", "NULL")
 
 
 def dotted(where: Where) -> str:
@@ -53,3 +58,30 @@ def shown(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     return "empty" if value is None else shortened(value)
+
+
+def flow_style(value: Any, quote: str = '"') -> str:
+    """Return plain data as one line that reads back as the same values, YAML's flow style: `{axis: y}`.
+
+    quote  the quotation mark around a text that needs one, where the text allows it
+
+    Numbers are written in the fewest digits that read back as the same double.
+    """
+    if isinstance(value, dict):
+        return (
+            "{" + ", ".join(f"{flow_style(name)}: {flow_style(item)}" for name, item in value.items()) + "}"
+        )
+    if isinstance(value, list):
+        return "[" + ", ".join(map(flow_style, value)) + "]"
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float) and value.is_integer() and abs(value) < 1e15:
+        return str(int(value))
+    if isinstance(value, int | float):
+        return repr(value)
+    text = str(value)
+    if quote == "'" and "'" not in text and text.isprintable():
+        return f"'{text}'"
+    return text if _PLAIN.fullmatch(text) and text not in _WORDS else json.dumps(text, ensure_ascii=False)

@@ -7,13 +7,19 @@ import time
 import pytest
 
 from pipeline.errors import MachineError, MissingInputError, UsageError
-from pipeline.production.execution.job_resources import gpus, memory_mib
 from pipeline.production.execution.project import Project
 from pipeline.production.execution.snakemake import _words, complaint
-from pipeline.production.planning.batches import batches
 from pipeline.production.planning.plan import Job, Plan
+from pipeline.production.planning.planned_jobs import batches
 from pipeline.production.planning.profile import SIDE_BY_SIDE, Profile
-from pipeline.production.planning.timings import LEAST_MIB, START_MINUTES, UNMEASURED_MIB, MeasuredResources
+from pipeline.production.planning.timings import (
+    LEAST_MIB,
+    START_MINUTES,
+    UNMEASURED_MIB,
+    MeasuredResources,
+    gpus,
+    memory_mib,
+)
 from pipeline.production.store.event_log import EventLog, EventReader
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.store import Store
