@@ -25,7 +25,10 @@ from pipeline.shot.yaml.schema_walk import choices, field_names, members
 from pipeline.shot.yaml.source import Where, YamlSource
 from pipeline.shot.yaml.validation import ParseContext
 
-SECTIONS = ("flows", "subject", "resample", "camera", "shutter", "look", "lights", "stage", "smooth", "speed")
+SECTIONS = (
+    *("flows", "subject", "subjects", "resample", "camera", "shutter", "look", "lights", "stage", "smooth"),
+    "speed",
+)
 """Entries of a shot whose values are listed, in the order of the list."""
 
 LEAST_SAMPLES, MOST_SAMPLES = 121, 480

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import socket
-import threading
 import urllib.error
 import urllib.parse
 import urllib.request
@@ -13,59 +11,23 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import imageio.v3 as iio
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from pipeline.dailies.preview import live_server
 from pipeline.dailies.preview.live_feed import LiveFeed
 from pipeline.dailies.preview.live_server import serving
 from pipeline.dailies.preview.live_session import LiveSession
-from pipeline.dailies.preview.shot_editor import ShotEditor, edits_in
-from pipeline.dailies.preview.sketch import Sketch
+from pipeline.dailies.preview.shot_editor import ShotEditor
 from pipeline.dailies.preview.staging import actions_of
 from pipeline.dailies.preview.surface_stream import SurfaceStream
-from pipeline.dailies.preview.trial_pictures import TrialPictures
-from pipeline.errors import FlowsculptError
 from pipeline.production.execution.project import Project
-from pipeline.shot.yaml.edits import ValueEdit
 from tests.conftest import TINY
-
-NAME = "T010_tiny"
-PATIENCE = 60.0
-
-
-class Follower:
-    """Someone who follows a tiny shot while it is worked on."""
-
-    def __init__(self, root: Path) -> None:
-        self.root, self.shot = root, root / "shots" / f"{NAME}.yaml"
-        self.shot.parent.mkdir()
-        self.shot.write_text(TINY)
-        self.feed, self.stream = LiveFeed(), SurfaceStream(Project(root, 2).store)
-        self.movies = 0
-        self.session = session = LiveSession(self._sketch, self.feed, self.stream, self._done, {self.shot})
-        self.heard = self.feed.subscribe()
-        threading.Thread(target=session.follow, daemon=True).start()
-
-    def until(self, words: str) -> list[dict[str, Any]]:
-        """All that is heard until something is said that begins with these words."""
-        messages = []
-        while not (messages and messages[-1].get("words", "").startswith(words)):
-            messages.append(self.heard.get(timeout=PATIENCE))
-        return messages
-
-    def _sketch(self) -> Sketch:
-        return Sketch(Project(self.root, 2).request(self.shot, "draft", None, variant="none"))
-
-    def _done(self, ready: object) -> None:
-        self.movies += 1
+from tests.dailies.live_follower import NAME, PATIENCE, Follower
 
 
 @pytest.fixture
 def follower(tmp_path: Path) -> Iterator[Follower]:
-    made = Follower(tmp_path)
+    made = Follower(tmp_path, TINY)
     yield made
     made.stream.__exit__(None, None, None)
 
@@ -210,56 +172,3 @@ def test_a_request_that_announces_more_than_it_sends_is_cut_off(
     with socket.create_connection(place, timeout=PATIENCE) as client:
         client.sendall(f"{head}Content-Type: application/json\r\nContent-Length: 100\r\n\r\n{{".encode())
         assert client.recv(1000) == b""
-
-
-def test_a_drag_shows_the_current_frame_at_once_and_writes_nothing(follower: Follower) -> None:
-    follower.until("Up")
-    editor = ShotEditor(follower.shot)
-    pictures = TrialPictures(editor, follower.session)
-    digest = editor.state()["digest"]
-
-    def shown(*edits: dict[str, Any], frame: int = 4) -> dict[str, Any]:
-        return pictures.picture(digest, edits_in(list(edits)), frame)
-
-    def pixels(answer: dict[str, Any]) -> NDArray[Any]:
-        return np.asarray(iio.imread(base64.b64decode(answer["picture"])), float)
-
-    twist = {"kind": "set", "where": ["flows", 0, "twist", "amount", "keys", "4"], "value": 36}
-    same = shown({**ELEVATION, "value": 14})
-    assert pixels(same).shape == (136, 240, 3)
-    full = follower.feed.picture(1, 4)
-    assert full is not None
-    small = np.asarray(iio.imread(full), float)[::2, ::2][:135]
-    assert np.abs(pixels(same)[:135] - small).mean() < 4, "the picture of the frame, but small"
-    assert np.abs(pixels(shown({**twist, "where": [*twist["where"][:-1], 4]})) - pixels(same)).mean() < 1
-    higher = shown(ELEVATION)
-    assert higher["camera"]["origin"][1] > same["camera"]["origin"][1] and "Small" in higher["words"]
-    wrung = shown({**twist, "where": [*twist["where"][:-1], 4], "value": 10})
-    assert "Approximate" in wrung["words"] and np.abs(pixels(wrung) - pixels(same)).mean() > 2
-    for edit, words in (
-        ({"kind": "set", "where": ["subject", "size"], "value": [1, 1, 1]}, "let go to see it"),
-        ({**ELEVATION, "value": "high"}, "elevation"),
-    ):
-        with pytest.raises(FlowsculptError, match=words):
-            shown(edit)
-    with pytest.raises(FlowsculptError, match="frame 9 is not simulated yet"):
-        shown(ELEVATION, frame=9)
-    assert follower.shot.read_text() == TINY
-
-
-def test_the_picture_of_a_drag_is_near_the_simulated_one(follower: Follower) -> None:
-    follower.until("Up")
-    editor = ShotEditor(follower.shot)
-    state = editor.state()
-    edits = [ValueEdit("set", ("flows", 0, "twist", "amount", "keys", 4), 10)]
-    trial = TrialPictures(editor, follower.session).picture(state["digest"], edits, 4)
-    before, picture = (
-        follower.feed.picture(1, 4),
-        np.asarray(iio.imread(base64.b64decode(trial["picture"])), float),
-    )
-    editor.edit(state["digest"], edits)
-    follower.until("Up")
-    after = follower.feed.picture(2, 4)
-    assert before is not None and after is not None
-    old, new = (np.asarray(iio.imread(jpeg), float)[::2, ::2][:135] for jpeg in (before, after))
-    assert np.abs(picture[:135] - new).mean() < 0.6 * np.abs(old - new).mean()

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 from pipeline.animation import FrameProgress
@@ -19,6 +20,7 @@ from pipeline.errors import FlowsculptError
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.render_inputs.shading import STEP, flow_cache_data
 from pipeline.production.request.keys import speed_data
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from render.post.image import jpeg_bytes
 from render.scene.camera import Camera
@@ -68,10 +70,12 @@ class LiveSession:
     _drawn: dict[int, Drawn] = field(default_factory=dict)
     _framings: Mapping[int, Framing] = field(default_factory=dict)
     _rests_until: float = 0.0
+    _edited: Event = field(default_factory=Event)
 
     def follow(self) -> None:
         """Show the shot now and after each save, until the process is interrupted."""
         while True:
+            self._edited.clear()
             self._before = stamp(self.watched)
             try:
                 self._show(self._require_unedited)
@@ -80,20 +84,25 @@ class LiveSession:
                 continue
             except FlowsculptError as error:
                 self.feed.say(str(error), trouble=True)
-            wait_for_edit(self.watched, self._before)
+            wait_for_edit(self.watched, self._before, self._edited)
 
     def hold(self) -> None:
         """Rest for a moment, so that pictures of a drag come at once."""
         self._rests_until = time.monotonic() + REST_SECONDS
+
+    def resume(self) -> None:
+        """End the rest and look at the files at once: they have been edited."""
+        self._rests_until = 0.0
+        self._edited.set()
 
     def drawn(self, number: int) -> Drawn | None:
         """Return the latest picture of a frame, if its surface is still there."""
         drawn = self._drawn.get(number)
         return drawn if drawn and self.stream.knows(drawn.sketch.request, number) else None
 
-    def arrays(self, drawn: Drawn, number: int) -> dict[str, AnyArray]:
-        """Return the arrays of a frame that is drawn."""
-        return self.stream.arrays(drawn.sketch.request, number)
+    def arrays(self, request: RenderRequest, number: int) -> dict[str, AnyArray]:
+        """Return the arrays of a frame that is drawn, of a request of one subject."""
+        return self.stream.arrays(request, number)
 
     def _require_unedited(self) -> None:
         while time.monotonic() < self._rests_until:
@@ -122,7 +131,9 @@ class LiveSession:
         self.stream.callback = within_frame
         known = request.framings(self.stream.store) or self._framings
         is_simulated = all(self.stream.knows(request, number) for number in numbers)
-        for number in self.stream.play(request, numbers):
+        self._drawn = {number: drawn for number, drawn in self._drawn.items() if number in request.angles}
+        shown = [(drawn.sketch.request, number) for number, drawn in self._drawn.items()]
+        for number in self.stream.play(request, numbers, shown):
             check()
             if number == numbers[0]:
                 sketch = replace(sketch, closed=all(map(is_closed, self.stream.each(request, number))))
@@ -228,13 +239,18 @@ def stamp(paths: Collection[Path]) -> Stamp:
     return frozenset(entries)
 
 
-def wait_for_edit(paths: Collection[Path], before: Stamp) -> None:
-    """Wait until files differ from `before` and have stopped changing."""
+def wait_for_edit(paths: Collection[Path], before: Stamp, edited: Event | None = None) -> None:
+    """Wait until files differ from `before` and have stopped changing.
+
+    edited  set by whoever has written one of them whole: then there is nothing to wait for
+    """
+    edited = edited or Event()
     now = before
     while now == before:
-        time.sleep(POLL_SECONDS)
+        is_whole = edited.wait(POLL_SECONDS)
+        edited.clear()
         now = stamp(paths)
-    last = before
+    last = now if is_whole else before
     while now != last:
         time.sleep(POLL_SECONDS / 2)
         last, now = now, stamp(paths)

@@ -23,7 +23,7 @@ from pipeline.shot.yaml.edits import ValueEdit, edited, parsed
 from pipeline.shot.yaml.inheritance import inherited_files
 from pipeline.shot.yaml.lookup import text_of
 from pipeline.shot.yaml.plain_text import dotted
-from pipeline.shot.yaml.source import YamlSource
+from pipeline.shot.yaml.source import Where, YamlSource
 from render.base.atomic_write import atomic_write
 from render.base.input_files import read_input
 
@@ -33,6 +33,7 @@ MOST_STEPS = 200
 MOST_EDITS, DEEPEST_PATH = 64, 24
 """Values that one request may change, and steps of a path."""
 
+PATH_FORM = "the path of an edit is a list of names and numbers"
 
 _NUMBER = re.compile(r"-?\d{1,12}(\.\d{1,12})?")
 
@@ -225,10 +226,16 @@ def _edit_in(item: Any) -> ValueEdit:
     kind, where, value = item["kind"], item["where"], item.get("value")
     if kind not in ("set", "remove", "rename"):
         raise UsageError("the kind of an edit is set, remove or rename")
-    is_path = isinstance(where, list) and 0 < len(where) <= DEEPEST_PATH and all(map(_is_step, where))
-    if not is_path or (kind == "rename" and not _is_step(value)):
-        raise UsageError("the path of an edit is a list of names and numbers")
-    return ValueEdit(kind, tuple(where), value if kind == "rename" else _with_times(value))
+    if kind == "rename" and not _is_step(value):
+        raise UsageError(PATH_FORM)
+    return ValueEdit(kind, where_in(where), value if kind == "rename" else _with_times(value))
+
+
+def where_in(steps: Any) -> Where:
+    """Return the path that a request gives. Raises UsageError where it has another form."""
+    if not isinstance(steps, list) or not 0 < len(steps) <= DEEPEST_PATH or not all(map(_is_step, steps)):
+        raise UsageError(PATH_FORM)
+    return tuple(steps)
 
 
 def _with_times(value: Any) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray, Floats, Points, Vectors
 from pipeline.flow import checked_displacement
 from pipeline.kernels import readable
-from pipeline.mesh import icosphere
+from pipeline.mesh import TriangleMesh, icosphere
 from pipeline.mesh.kernels.halfedge import SOUND, match_twins
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.request.render_request import RenderRequest
@@ -29,6 +30,14 @@ from render.scene.vertex_colours import vertex_colours
 MOST_BALLS = 20_000
 """Most points of a cloud that are drawn; of more points a part is drawn, with larger balls."""
 
+QUICK_VERTICES = 60_000
+"""Vertices of all balls of a quick picture, about; where balls are many, each is an octahedron."""
+
+OCTAHEDRON = TriangleMesh(
+    np.concatenate([np.eye(3), -np.eye(3)]),
+    [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]],
+)
+
 LINE = 1 / 600
 """Width of a streamline, over that of the picture."""
 
@@ -44,6 +53,7 @@ class Sketch:
     edges    draw the edges of faces
     burn_in  fields that are written over the picture
     closed   True if no surface has a boundary, so that inner sides are never seen
+    quick    draw points as coarse balls
     """
 
     request: RenderRequest
@@ -51,6 +61,7 @@ class Sketch:
     edges: bool = False
     burn_in: BurnIn | None = None
     closed: bool = False
+    quick: bool = False
 
     def picture(
         self,
@@ -67,7 +78,7 @@ class Sketch:
         picture, parts = self.request.picture(number), self.request.parts
         setup = StageSetup(picture.lights, picture.stage, framing.placement, picture.view.for_previews())
         first, *others = (
-            shape_of(arrays, part.picture(number).look)._replace(closed=self.closed)
+            shape_of(arrays, part.picture(number).look, self.quick)._replace(closed=self.closed)
             for arrays, part in zip(surfaces, parts, strict=True)
         )
         edges = Edges() if self.edges else None
@@ -96,8 +107,8 @@ class Sketch:
         }
 
 
-def shape_of(arrays: Mapping[str, AnyArray], look: Material) -> Shape:
-    """Return the shape of a frame's arrays; of a cloud, a small ball for each point."""
+def shape_of(arrays: Mapping[str, AnyArray], look: Material, quick: bool = False) -> Shape:
+    """Return the shape of a frame's arrays; of a cloud, a ball for each point, which is coarse if `quick`."""
     attributes = {SPEED: arrays[SPEED]} if SPEED in arrays else {}
     vertices, no_faces = arrays["vertices"], np.empty((0, 3), np.int32)
     normals, faces = arrays.get("normals", vertices), arrays.get("faces", no_faces)
@@ -106,12 +117,27 @@ def shape_of(arrays: Mapping[str, AnyArray], look: Material) -> Shape:
         return Shape(vertices, normals, faces, look, colours)
     step = -(-len(vertices) // MOST_BALLS)
     points, radii = vertices[::step], arrays["radii"][::step] * step ** (1 / 3)
-    ball = icosphere(2)
+    ball = _quick_ball(len(points)) if quick else icosphere(2)
     count = len(ball.vertices)
     vertices = (points[:, None] + radii[:, None, None] * ball.vertices).reshape(-1, 3)
     faces = (ball.faces + count * np.arange(len(points), dtype=np.int32)[:, None, None]).reshape(-1, 3)
     colours = None if colours is None else colours[::step].repeat(count, axis=0)
-    return Shape(vertices, np.tile(ball.vertices, (len(points), 1)), faces.astype(np.int32), look, colours)
+    normals = ball.vertices / np.linalg.norm(ball.vertices, axis=1, keepdims=True)
+    return Shape(vertices, np.tile(normals, (len(points), 1)), faces.astype(np.int32), look, colours)
+
+
+@lru_cache(maxsize=16)
+def _quick_ball(count: int) -> TriangleMesh:
+    """Return a ball to be drawn at so many points, with the mean outline of a sphere of radius 1.
+
+    The mean area of a convex solid's shadows is a quarter of its surface (Cauchy).
+    """
+    fits = (ball for ball in (icosphere(2), icosphere(1)) if len(ball.vertices) * count <= QUICK_VERTICES)
+    ball = next(fits, OCTAHEDRON)
+    corners = ball.vertices[ball.faces]
+    sides = corners[:, 1:] - corners[:, :1]
+    area = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum()
+    return ball.with_vertices(ball.vertices * (4.0 * np.pi / area) ** 0.5)
 
 
 def is_closed(arrays: Mapping[str, AnyArray]) -> bool:

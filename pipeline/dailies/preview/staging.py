@@ -5,12 +5,12 @@ Every request and every answer is a JSON object.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from pipeline.dailies.preview.live_server import Action
 from pipeline.dailies.preview.live_session import LiveSession
-from pipeline.dailies.preview.shot_editor import ShotEditor, edits_in
+from pipeline.dailies.preview.shot_editor import ShotEditor, edits_in, where_in
 from pipeline.dailies.preview.trial_pictures import TrialPictures
 from pipeline.errors import UsageError
 
@@ -24,25 +24,41 @@ def actions_of(editor: ShotEditor, session: LiveSession) -> dict[str, Action]:
         _note_frame(session, asked)
         return editor.state()
 
-    def edit(asked: Mapping[str, Any]) -> dict[str, Any]:
+    def edited(asked: Mapping[str, Any], write: Callable[[str], dict[str, Any]]) -> dict[str, Any]:
+        """Write an edit of the text that the page shows, and end the rest of a drag."""
         _note_frame(session, asked)
-        return editor.edit(_text(asked, "digest"), edits_in(asked.get("edits")), _text(asked, "gesture", ""))
+        try:
+            return write(_text(asked, "digest"))
+        finally:
+            session.resume()
+
+    def edit(asked: Mapping[str, Any]) -> dict[str, Any]:
+        return edited(
+            asked,
+            lambda digest: editor.edit(digest, edits_in(asked.get("edits")), _text(asked, "gesture", "")),
+        )
 
     def undo(asked: Mapping[str, Any]) -> dict[str, Any]:
-        _note_frame(session, asked)
-        return editor.undo(_text(asked, "digest"))
+        return edited(asked, editor.undo)
 
     def redo(asked: Mapping[str, Any]) -> dict[str, Any]:
-        _note_frame(session, asked)
-        return editor.redo(_text(asked, "digest"))
+        return edited(asked, editor.redo)
+
+    def prepare(asked: Mapping[str, Any]) -> dict[str, Any]:
+        pictures.prepare(where_in(asked.get("where")), _frame(asked))
+        return {}
 
     def follow(asked: Mapping[str, Any]) -> dict[str, Any]:
-        frame = asked.get("frame")
-        if not isinstance(frame, int):
-            raise UsageError("frame must be a number")
-        return pictures.picture(_text(asked, "digest"), edits_in(asked.get("edits")), frame)
+        return pictures.picture(_text(asked, "digest"), edits_in(asked.get("edits")), _frame(asked))
 
-    return {"state": state, "edit": edit, "undo": undo, "redo": redo, "follow": follow}
+    return {action.__name__: action for action in (state, edit, undo, redo, prepare, follow)}
+
+
+def _frame(asked: Mapping[str, Any]) -> int:
+    frame = asked.get("frame")
+    if not isinstance(frame, int):
+        raise UsageError("frame must be a number")
+    return frame
 
 
 def _note_frame(session: LiveSession, asked: Mapping[str, Any]) -> None:

@@ -200,13 +200,21 @@ class SurfaceStream:
     ) -> None:
         self.surfaces.close()
 
-    def play(self, request: RenderRequest, numbers: Iterable[int]) -> Iterator[int]:
+    def play(
+        self,
+        request: RenderRequest,
+        numbers: Iterable[int],
+        shown: Iterable[tuple[RenderRequest, int]] = (),
+    ) -> Iterator[int]:
         """Compute the surfaces of frames in ascending order, and yield each number when its surface is there.
+
+        shown  frames of earlier requests, whose surfaces are kept too
 
         Raises FrameError where the flow or the resampling fails, after all frames before it.
         """
         frames, numbers = request.shot.frames, list(numbers)
-        self.surfaces.keep_only({_key(part, n) for part in request.parts for n in frames})
+        wanted = [*((request, n) for n in frames), *shown]
+        self.surfaces.keep_only({_key(part, n) for each, n in wanted for part in each.parts})
         self.meshes.keep_only({part.mesh_key(n) for part in request.parts for n in frames})
         played = [self._play(part, numbers) for part in request.parts]
         yield from played[0] if len(played) == 1 else map(min, zip(*played, strict=True))
