@@ -10,7 +10,7 @@ import typing
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel
@@ -19,6 +19,7 @@ from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import KeyDocument, Keyed, OverTime, OverTimeTriple, curve_of
 from pipeline.shot.documents.fields import is_number
 from pipeline.shot.documents.shot import ShotDocument
+from pipeline.shot.flow_times import flow_frames
 from pipeline.shot.shot_reader import read_clock, with_speed
 from pipeline.shot.yaml.inheritance import inherited
 from pipeline.shot.yaml.schema_walk import choices, field_names, members
@@ -83,10 +84,22 @@ class SampledCurve:
     formula: Any
 
 
+class SettableShot(NamedTuple):
+    """What an editor shows of a shot file.
+
+    values       in the order of SECTIONS
+    flow_frames  see `pipeline.shot.flow_times.flow_frames`
+    """
+
+    clock: Clock
+    values: list[SettableValue]
+    flow_frames: dict[Where, list[float]]
+
+
 def settable_values(
     path: Path, text: str, settings: tuple[str, ...] = (), beside: Mapping[str, str] | None = None
-) -> tuple[Clock, list[SettableValue]]:
-    """Return the clock of a valid shot file and its values, in the order of SECTIONS.
+) -> SettableShot:
+    """Return the clock, the values and the times of flows of a valid shot file.
 
     Arguments are those of `read_shot`, which reports mistakes; raises pydantic's errors where there are any.
     """
@@ -96,21 +109,29 @@ def settable_values(
     clock, _ = with_speed(clock, source)
     context = {"clock": clock, "parse_context": ParseContext(path.parent)}
     document = ShotDocument.model_validate(source.data, context=context)
-    walk = _Walk(source, clock)
+    times = flow_frames(document, clock)
+    ends = [clock.frames.first, clock.frames.last, *(frame for frames in times.values() for frame in frames)]
+    walk = _Walk(source, clock, math.floor(min(ends)), math.ceil(max(ends)))
     fields = field_names([ShotDocument])
-    return clock, [
+    values = [
         found
         for name in SECTIONS
         for found in walk.values(getattr(document, name), (name,), fields[name], _description(document, name))
     ]
+    return SettableShot(clock, values, times)
 
 
 @dataclass(frozen=True)
 class _Walk:
-    """Lists the values of documents."""
+    """Lists the values of documents.
+
+    first, last  frames between which curves are sampled: those that the shot or one of its flows reaches
+    """
 
     source: YamlSource
     clock: Clock
+    first: int
+    last: int
 
     def values(self, value: Any, where: Where, kind: Any, description: str) -> Iterator[SettableValue]:
         """Yield the values within a part of a document.
@@ -173,7 +194,7 @@ class _Walk:
 
     def _curve(self, value: Keyed[Any] | OverTime | OverTimeTriple, where: Where) -> SampledCurve:
         """Return the samples of a curve, by its own clock."""
-        first, last = self.clock.frames.first, self.clock.frames.last
+        first, last = self.first, self.last
         frames = np.linspace(first, last, min(MOST_SAMPLES, max(LEAST_SAMPLES, 2 * (last - first) + 1)))
         curve = curve_of(value, self.clock)
         values = [list(curve.at(self.clock.time(float(frame)))) for frame in frames]
@@ -185,7 +206,7 @@ class _Walk:
                 keys.append(
                     {
                         "time": time,
-                        "frame": round(first + seconds * float(self.clock.rate.fps), 6),
+                        "frame": round(self.clock.frames.first + seconds * float(self.clock.rate.fps), 6),
                         "value": item.value if isinstance(item.value, list) else [item.value],
                         "ease": item.ease,
                         "left": self._handle(item.left),

@@ -29,7 +29,7 @@ ADDRESS = "127.0.0.1"
 
 SCRIPTS = (
     *("api.js", "shot.js", "projection.js", "film.js", "follow.js", "fields.js", "values.js", "timeline.js"),
-    *("curve_plot.js", "handles.js", "orbit.js", "keys.js", "main.js"),
+    *("curve_plot.js", "placement.js", "handles.js", "orbit.js", "keys.js", "main.js"),
 )
 
 SCRIPT, STYLE = "text/javascript; charset=utf-8", "text/css; charset=utf-8"

@@ -137,7 +137,7 @@ class ShotEditor:
         """Return the state of a text. Raises ShotError where it is not a valid shot."""
         beside = inherited_files(self.path, text)
         read_shot(self.path, text, self.settings, beside, self.allow_code)
-        clock, values = settable_values(self.path, text, self.settings, beside)
+        clock, values, flow_frames = settable_values(self.path, text, self.settings, beside)
         return {
             "digest": digest_of(text),
             "shot": self.path.stem,
@@ -145,6 +145,7 @@ class ShotEditor:
             "last": clock.frames.last,
             "fps": float(clock.rate.fps),
             "values": [_plain(asdict(value)) for value in values],
+            "flow_frames": [{"where": where, "frames": frames} for where, frames in flow_frames.items()],
             **self._can(),
         }
 

@@ -57,7 +57,7 @@ class CurvePlot {
   }
 
   drawNow() {
-    const x = this.x(this.page.film.at);
+    const x = this.x(this.page.shot.frameOf(this.value.where, this.page.film.at));
     this.now?.setAttribute("x1", x);
     this.now?.setAttribute("x2", x);
   }
@@ -88,7 +88,11 @@ class CurvePlot {
       this.row.timeline.take(this.page.shot.state.values);
     });
     dragOf(point, {
-      start: () => { this.dragged = true; this.row.timeline.point = index; },
+      start: () => {
+        this.dragged = true;
+        this.row.timeline.point = index;
+        this.page.follow.prepare(this.value.where);
+      },
       click: () => { this.dragged = false; this.row.timeline.take(this.page.shot.state.values); },
       move: (event) => {
         const to = this.#moved(event, key, part);
@@ -165,7 +169,10 @@ class CurvePlot {
         return [frames, this.#numberAt(event) - number];
       };
       dragOf(grip, {
-        start: () => { this.dragged = true; },
+        start: () => {
+          this.dragged = true;
+          this.page.follow.prepare(this.value.where);
+        },
         move: (event) => {
           const [frames, value] = moved(event);
           for (const [element, x, y] of [[dot, "cx", "cy"], [arm, "x2", "y2"]]) {

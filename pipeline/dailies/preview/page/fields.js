@@ -41,7 +41,7 @@ class Field {
     this.draw();
   }
 
-  get frame() { return this.page.film.at; }
+  get frame() { return this.page.shot.frameOf(this.value.where, this.page.film.at); }
   get now() { return this.page.shot.at(this.value, this.frame); }
 
   changes(given) { return this.page.shot.change(this.value, given, this.frame); }
@@ -118,13 +118,14 @@ function written(number) { return String(+Number(number).toPrecision(6)); }
 class NumberValue extends Field {
   constructor(page, value, name) {
     super(page, value, name);
-    const number = Number(page.shot.at(value, page.film.at));
+    const number = Number(this.now);
     [this.low, this.high] = rangeOf(value, number);
     this.slider = make("input", { type: "range" });
     this.slider.setAttribute("aria-label", this.words);
     this.input = this.numberInput(`${this.words}, number`, () => this.now, (to, gesture) => this.set(this.#fit(to), gesture), null, () => this.step);
     this.row.append(this.slider, this.input);
     if (value.can_change || value.curve) this.addKeyButton();
+    this.slider.addEventListener("pointerdown", () => page.follow.prepare(value.where));
     this.slider.addEventListener("input", () => { this.input.value = written(this.#slid); this.show(this.#slid); });
     this.slider.addEventListener("change", () => this.set(this.#slid));
     this.take(value);

@@ -7,6 +7,9 @@ class Follow {
     Object.assign(this, { page, waiting: null, isAsking: false, drags: false });
   }
 
+  /** The pointer goes down on a value: until it moves the server can prepare the first picture. */
+  prepare(where) { ask("prepare", { where, frame: this.page.film.at }).catch(() => {}); }
+
   /** Show the current frame with edits that are not written. */
   show(edits) {
     if (!edits.length) return;

@@ -1,7 +1,6 @@
 "use strict";
 // Handles in the picture: the centre, the axis and the radius of each flow and region, at the current frame.
 
-const CLOSED_TO = ["placed", "mirrored"]; // whose flows have places of their own
 const RING = 48;
 
 class Handles {
@@ -12,7 +11,7 @@ class Handles {
     const found = new Map();
     for (const value of this.page.shot.state?.values ?? []) {
       const { where } = value, name = where.at(-1);
-      if (where[0] !== "flows" || where.some((part) => CLOSED_TO.includes(part)) || !["centre", "axis", "normal", "radius"].includes(name)) continue;
+      if (flowsAt(where) < 0 || !["centre", "axis", "normal", "radius"].includes(name)) continue;
       const key = nameOf(where.slice(0, -1));
       found.set(key, { ...found.get(key), where: where.slice(0, -1), [name === "normal" ? "axis" : name]: value });
     }
@@ -34,16 +33,19 @@ class Handles {
     if (focused) this.layer.querySelector(`[data-handle="${CSS.escape(focused)}"]`)?.focus();
   }
 
-  #now(value) { return this.page.shot.at(value, this.page.film.at); }
+  #now(value) { return this.page.shot.at(value, this.page.shot.frameOf(value.where, this.page.film.at)); }
 
+  /** Draw the handles of a flow or region, where the compositions that it is within put it. */
   #drawPlace(place, projection) {
-    const centre = place.centre ? this.#now(place.centre) : [0, 0, 0], at = projection.point(centre);
+    const placement = place.placement = placementOf(this.page.shot, place.where, this.page.film.at);
+    const centre = placement.point(place.centre ? this.#now(place.centre) : [0, 0, 0]), at = projection.point(centre);
     if (!at) return;
-    const axis = place.axis ? unitOf(this.#now(place.axis)) : null, radius = place.radius ? this.#now(place.radius) : null;
+    const axis = place.axis ? unitOf(placement.direction(this.#now(place.axis))) : null;
+    const radius = place.radius ? placement.scale * this.#now(place.radius) : null;
     const title = titleOf(groupOf([...place.where, ""]))[0], around = this.layer.appendChild(svg("g"));
     if (radius > 0) this.#ring(place, centre, axis, radius, projection, title, around);
     if (axis) this.#axis(place, centre, axis, radius > 0 ? radius : 90 * projection.unit(at.depth), projection, title, around);
-    if (place.centre) this.#centre(place.centre, centre, at, projection, title, around);
+    if (place.centre) this.#centre(place, centre, at, projection, title, around);
   }
 
   #group(holder, name, label, value) {
@@ -54,8 +56,9 @@ class Handles {
 
   /** Wire a handle: `given(dx, dy)` is what its value becomes for a drag, from event to event. */
   #wire(group, value, given, keyed, draw) {
-    const edits = (to) => this.page.shot.change(value, to, this.page.film.at);
+    const { shot, film } = this.page, edits = (to) => shot.change(value, to, shot.frameOf(value.where, film.at));
     dragOf(group, {
+      start: () => this.page.follow.prepare(value.where),
       move: (event, begun) => { const to = given(event, begun); draw?.(to); this.page.follow.show(edits(to)); },
       end: (event, begun) => this.page.follow.end(edits(given(event, begun))),
       cancel: () => this.page.follow.cancel(),
@@ -70,15 +73,16 @@ class Handles {
     });
   }
 
-  #centre(value, centre, at, projection, title, around) {
+  #centre(place, centre, at, projection, title, around) {
+    const { placement, centre: value } = place;
     const group = this.#group(this.layer, nameOf(value.where), `Centre of ${title}`, centre.map(written).join(", "));
     const dot = group.appendChild(svg("circle", { class: "spot", cx: at.x, cy: at.y, r: 6 }));
     const words = around.appendChild(svg("text", { x: at.x + 10, y: at.y - 8 }));
     words.textContent = title;
     const step = projection.unit(at.depth);
-    const moved = (dx, dy) => plus(centre, projection.shift(dx, dy, at.depth)).map((part) => rounded(part, 10 * step));
+    const moved = (dx, dy) => placement.pointInside(plus(centre, projection.shift(dx, dy, at.depth))).map((part) => rounded(part, (10 * step) / placement.scale));
     const draw = (to) => {
-      const spot = projection.point(to);
+      const spot = projection.point(placement.point(to));
       if (!spot) return;
       dot.setAttribute("cx", spot.x);
       dot.setAttribute("cy", spot.y);
@@ -94,24 +98,24 @@ class Handles {
     group.append(svg("line", { class: "shade", x1: from.x, y1: from.y, x2: to.x, y2: to.y }));
     const stem = group.appendChild(svg("line", { class: "stem", x1: from.x, y1: from.y, x2: to.x, y2: to.y }));
     const tip = group.appendChild(svg("rect", { class: "tip", x: to.x - 5, y: to.y - 5, width: 10, height: 10, rx: 2 }));
-    const isNear = dot(axis, projection.camera.axes[2]) < 0;
+    const { placement } = place, isNear = dot(axis, projection.camera.axes[2]) < 0;
     const aimed = (event) => {
       const box = this.layer.getBoundingClientRect();
-      return this.#written(sphereHit(projection, event.clientX - box.left, event.clientY - box.top, centre, size, isNear));
+      return this.#written(placement, sphereHit(projection, event.clientX - box.left, event.clientY - box.top, centre, size, isNear));
     };
     const draw = (given) => {
-      const end = projection.point(plus(centre, vectorOf(given), size));
+      const end = projection.point(plus(centre, placement.direction(vectorOf(given)), size));
       if (!end) return;
       stem.setAttribute("x2", end.x); stem.setAttribute("y2", end.y);
       tip.setAttribute("x", end.x - 5); tip.setAttribute("y", end.y - 5);
     };
-    const turned = (dx, dy) => this.#written(unitOf(plus(plus(axis, projection.camera.axes[0], 0.06 * dx), projection.camera.axes[1], -0.06 * dy)));
-    this.#wire(group, place.axis, aimed, turned, draw);
+    const tilted = (dx, dy) => this.#written(placement, unitOf(plus(plus(axis, projection.camera.axes[0], 0.06 * dx), projection.camera.axes[1], -0.06 * dy)));
+    this.#wire(group, place.axis, aimed, tilted, draw);
   }
 
   /** An axis as the file has it: a letter within three degrees of x, y or z, else a vector. */
-  #written(axis) {
-    const i = axis.findIndex((part) => part > Math.cos((3 * Math.PI) / 180));
+  #written(placement, direction) {
+    const axis = placement.directionInside(direction), i = axis.findIndex((part) => part > Math.cos((3 * Math.PI) / 180));
     return i < 0 ? axis.map((part) => rounded(part, 0.01)) : "xyz"[i];
   }
 
@@ -121,16 +125,16 @@ class Handles {
       const points = Array.from({ length: RING }, (_, i) => projection.point(plus(plus(centre, first, size * Math.cos((2 * Math.PI * i) / RING)), second, size * Math.sin((2 * Math.PI * i) / RING))));
       return points.every(Boolean) ? `M${points.map((point) => `${point.x.toFixed(1)} ${point.y.toFixed(1)}`).join("L")}Z` : "";
     };
-    const group = this.#group(around, nameOf(place.radius.where), `Radius of ${title}`, written(radius)), d = path(radius);
+    const group = this.#group(around, nameOf(place.radius.where), `Radius of ${title}`, written(radius / place.placement.scale)), d = path(radius);
     group.append(svg("path", { class: "shade", d }));
     const rim = group.appendChild(svg("path", { class: "rim", d }));
     group.append(svg("path", { class: "grip", d }));
-    const at = projection.point(centre), { layer } = this;
+    const at = projection.point(centre), { layer } = this, { scale } = place.placement;
     const sized = (event, begun) => {
       const box = layer.getBoundingClientRect(), away = (each) => Math.hypot(each.clientX - box.left - at.x, each.clientY - box.top - at.y);
-      return Math.max(1e-3, rounded((radius * away(event)) / Math.max(4, away(begun)), 10 * projection.unit(at.depth)));
+      return Math.max(1e-3, rounded((radius * away(event)) / Math.max(4, away(begun)) / scale, (10 * projection.unit(at.depth)) / scale));
     };
-    this.#wire(group, place.radius, sized, (dx, dy) => Math.max(1e-3, rounded(radius * (1 + 0.05 * (dx - dy)), radius / 100)), (size) => rim.setAttribute("d", path(size)));
+    this.#wire(group, place.radius, sized, (dx, dy) => Math.max(1e-3, rounded((radius / scale) * (1 + 0.05 * (dx - dy)), radius / scale / 100)), (size) => rim.setAttribute("d", path(scale * size)));
   }
 }
 

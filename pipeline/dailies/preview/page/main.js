@@ -127,7 +127,7 @@ class LivePage {
 
   addKey() {
     const row = this.timeline.rows.find((each) => each.isChosen);
-    if (row?.value.curve.formula === null) row.add(this.film.at);
+    if (row?.value.curve.formula === null) row.add(this.shot.frameOf(row.value.where, this.film.at));
   }
 
   help() { showHelp(id("help")); }

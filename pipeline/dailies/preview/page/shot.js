@@ -49,6 +49,13 @@ class Shot {
     this.page.draw();
   }
 
+  /** The frame by the time of a flow, where `speed`, `reversed` or `repeated` gives it one of its own. */
+  frameOf(where, frame) {
+    const around = this.state.flow_frames.filter((each) => each.where.every((part, i) => part === where[i]));
+    const { frames } = around.reduce((inner, each) => (each.where.length > (inner.where?.length ?? -1) ? each : inner), {});
+    return frames?.[frame - this.state.first] ?? frame;
+  }
+
   /** The value at a frame: of a curve by its samples, three numbers of a vector or an axis. */
   at(value, frame) {
     if (value.form === "axis" && typeof value.value === "string") return ["x", "y", "z"].map((name) => +(name === value.value));

@@ -51,7 +51,7 @@ class CurveRow {
 
   get title() {
     const group = groupOf(this.value.where), [words] = titleOf(group), rest = this.value.where.slice(group.length).join(" ");
-    const number = group[0] === "flows" ? ` ${group.filter((part) => typeof part === "number").join(".")}` : "";
+    const number = flowsAt(group) >= 0 ? ` ${group.filter((part) => typeof part === "number").join(".")}` : "";
     return `${words}${number} ${rest}`.trim().replaceAll("_", " ");
   }
 

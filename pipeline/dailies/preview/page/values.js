@@ -1,23 +1,28 @@
 "use strict";
 // The panel: a group for each flow and each entry of the shot, a field for each value.
 
-const OPEN = ["flows", "camera"];
 const PARTS = { flows: "Flow", subject: "Subject", resample: "Resampling", camera: "Camera", shutter: "Shutter", look: "Look", lights: "Lights", stage: "Stage", smooth: "Smoothing", speed: "Speed" };
-const AXES = { sum: "sum", within: "within", blend: "blend", placed: "placed", mirrored: "mirrored", repeated: "repeated", reversed: "reversed", sequence: "sequence" };
+const WRAPPERS = { sum: "sum", within: "within", blend: "blend", placed: "placed", mirrored: "mirrored", repeated: "repeated", reversed: "reversed", sequence: "sequence" };
 
-/** The path of the group that a value is in: its flow, or the entry of the shot. */
+/** The place in a path of the list of flows, of the shot or of one of its subjects; -1 for other values. */
+function flowsAt(where) { return where[0] === "flows" ? 0 : where[0] === "subjects" && where[2] === "flows" ? 2 : -1; }
+
+/** The path of the group that a value is in: its flow, its subject or the entry of the shot. */
 function groupOf(where) {
-  if (where[0] !== "flows") return where.slice(0, 1);
-  let end = 2;
-  for (let i = 1; i < where.length - 1; i++) if (typeof where[i] === "number" && typeof where[i + 1] === "string" && where[i - 1] !== "keys") end = i + 2;
+  const start = flowsAt(where);
+  if (start < 0) return where.slice(0, where[0] === "subjects" ? 2 : 1);
+  let end = start + 2;
+  for (let i = start + 1; i < where.length - 1; i++) if (typeof where[i] === "number" && typeof where[i + 1] === "string" && where[i - 1] !== "keys") end = i + 2;
   return where.slice(0, Math.min(end, where.length - 1));
 }
 
 /** A group in words: Flow 1: vortex in sum. */
 function titleOf(group) {
-  if (group[0] !== "flows") return [PARTS[group[0]], ""];
-  const around = group.slice(2, -1).filter((part) => part in AXES), numbers = group.filter((part) => typeof part === "number");
-  return [String(group.at(-1)).replaceAll("_", " "), `flow ${numbers.join(".")}${around.length ? `, in ${around.join(", ")}` : ""}`];
+  const start = flowsAt(group);
+  if (start < 0) return group[0] === "subjects" ? [group[1].replaceAll("_", " "), "subject"] : [PARTS[group[0]], ""];
+  const around = group.slice(start + 2, -1).filter((part) => part in WRAPPERS), numbers = group.filter((part) => typeof part === "number");
+  const words = [`flow ${numbers.join(".")}`, ...(start ? [`of ${group[1]}`] : []), ...(around.length ? [`in ${around.join(", ")}`] : [])];
+  return [String(group.at(-1)).replaceAll("_", " "), words.join(", ")];
 }
 
 class Values {
@@ -41,7 +46,7 @@ class Values {
     const groups = new Map();
     for (const value of values) {
       const group = groupOf(value.where), key = nameOf(group);
-      if (!groups.has(key)) groups.set(key, this.#group(group, known.has(key) ? !closed.has(key) : OPEN.includes(group[0])));
+      if (!groups.has(key)) groups.set(key, this.#group(group, known.has(key) ? !closed.has(key) : group[0] === "camera" || flowsAt(group) >= 0));
       const rest = value.where.slice(group.length).map((part) => String(part).replaceAll("_", " "));
       const field = fieldOf(this.page, value, rest.join(" › ") || PARTS[group[0]].toLowerCase());
       this.fields.push(field);
