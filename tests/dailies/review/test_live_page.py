@@ -3,107 +3,23 @@
 from __future__ import annotations
 
 import re
-import threading
 from collections.abc import Iterator
-from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser
-from playwright.sync_api import Page as Tab
 
-from pipeline.dailies.preview.live_feed import LiveFeed
-from pipeline.dailies.preview.live_server import serving
-from pipeline.dailies.preview.live_session import READY, LiveSession
-from pipeline.dailies.preview.shot_editor import ShotEditor
-from pipeline.dailies.preview.sketch import Sketch
-from pipeline.dailies.preview.staging import actions_of
-from pipeline.dailies.preview.surface_stream import SurfaceStream
-from pipeline.production.execution.project import Project
 from tests.conftest import TINY
-from tests.dailies.review.chromium import wait_for
+from tests.dailies.review.live_page import CURRENT, SHOWN, Follower, live_page
 
-NAME = "T010_tiny"
 VORTEX = "  - vortex: {axis: z, centre: [0.5, 0.25, 0], radius: 0.6, strength: 1} # stirred\n"
 SHOT = TINY.replace("flows:\n", f"flows: # two\n{VORTEX}")
-SHOWN = f"document.getElementById('state').textContent === '{READY}' && page.film.arrived.size === 6"
-CURRENT = "page.film.isCurrent && page.film.arrived.size === 6"
-
-
-@dataclass
-class Follower:
-    """Somebody at the page, and the shot that they work on."""
-
-    tab: Tab
-    shot: Path
-
-    def wait(self, condition: str) -> None:
-        wait_for(self.tab, condition, 60.0)
-
-    def wait_for_text(self, pattern: str) -> re.Match[str]:
-        """Wait until the shot file matches a pattern."""
-        for _ in range(500):
-            if found := re.search(pattern, self.shot.read_text()):
-                return found
-            self.tab.wait_for_timeout(20)
-        raise AssertionError(f"{pattern} is not in\n{self.shot.read_text()}")
-
-    @property
-    def frame(self) -> int:
-        return int(self.tab.input_value("#frame"))
-
-    def at(self, frame: int) -> None:
-        self.tab.evaluate(f"page.film.seek({frame})")
-
-    def drag(self, selector: str, dx: float, dy: float, follows: str = "", at: float = 0.5) -> None:
-        """Drag something, and while it is held wait until the page shows what follows from it.
-
-        at  where it is held, as a fraction of its width and height
-        """
-        boxes = (self.tab.locator(selector).first.bounding_box() for _ in range(50))
-        box = next(filter(None, boxes))  # none while a new state replaces the element
-        x, y = box["x"] + box["width"] * at, box["y"] + box["height"] * at
-        self.tab.mouse.move(x, y)
-        self.tab.mouse.down()
-        for share in (0.4, 1.0):
-            self.tab.mouse.move(x + share * dx, y + share * dy)
-        if follows:
-            self.wait(f"document.getElementById('tag').textContent.startsWith('{follows}')")
-        self.tab.mouse.up()
-
-    @property
-    def trouble(self) -> str:
-        return self.tab.inner_text("#trouble")
 
 
 @pytest.fixture
 def follower(browser: Browser, tmp_path: Path) -> Iterator[Follower]:
-    shot = tmp_path / "shots" / f"{NAME}.yaml"
-    shot.parent.mkdir()
-    shot.write_text(SHOT)
-
-    def sketch() -> Sketch:
-        return Sketch(Project(tmp_path, 2).request(shot, "draft", None, variant="none"))
-
-    feed, complaints = LiveFeed(), []
-    with SurfaceStream(Project(tmp_path, 2).store) as stream:
-        session = LiveSession(sketch, feed, stream, lambda ready: None, {shot})
-        with serving(feed, 0, actions_of(ShotEditor(shot), session)) as address:
-            threading.Thread(target=session.follow, daemon=True).start()
-            context = browser.new_context(viewport={"width": 1280, "height": 800}, reduced_motion="reduce")
-            tab = context.new_page()
-            tab.on("console", lambda message: complaints.append(message.text))
-            tab.on("pageerror", lambda error: complaints.append(str(error)))
-            tab.goto(address)
-            made = Follower(tab, shot)
-            made.wait(SHOWN)
-            yield made
-            tab.wait_for_timeout(250)  # the session notices a last edit,
-            made.wait(SHOWN)  # and reads no surface after they are gone
-            context.close()
-    refusals = [each for each in complaints if "status of 409" not in each and "status of 422" not in each]
-    assert refusals == []
+    with live_page(browser, tmp_path, SHOT) as made:
+        yield made
 
 
 def test_frames_are_shown_and_stepped_by_keys(follower: Follower) -> None:
@@ -131,16 +47,12 @@ def test_a_save_is_seen_and_a_mistake_told_until_it_is_mended(follower: Follower
 
 
 def test_axe_finds_nothing_serious(follower: Follower) -> None:
-    axe = (files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
-    follower.tab.evaluate(f"(() => {{ {axe} }})()")
     follower.at(4)
     follower.tab.click(".curve .open")
     for look in ("", "?"):
         if look:
             follower.tab.keyboard.press(look)
-        found = follower.tab.evaluate("axe.run(document, {resultTypes: ['violations'], preload: false})")
-        bad = [(each["id"], each["nodes"][0]["failureSummary"]) for each in found["violations"]]
-        assert bad == []
+        assert follower.violations() == []
 
 
 def test_numbers_are_set_by_slider_and_field_and_undone_with_their_comments(follower: Follower) -> None:

@@ -205,14 +205,14 @@ class CurvePlot {
 }
 
 /** Follow a pointer from pressing to release; Escape gives up, and without a move it is a click.
- *  Until then no new state is drawn, which would replace what is dragged. */
+ *  Until then no new state is drawn, which would replace `dragOf.active`, the element that is dragged. */
 function dragOf(element, { start, move, end, cancel, click }) {
   element.addEventListener("pointerdown", (event) => {
     if (event.button !== 0) return;
     event.preventDefault();
     event.stopPropagation();
     start?.(event);
-    dragOf.isActive = true;
+    dragOf.active = element;
     element.setPointerCapture(event.pointerId);
     element.focus?.({ preventScroll: true });
     let moved = false;
@@ -224,7 +224,7 @@ function dragOf(element, { start, move, end, cancel, click }) {
     }, { signal });
     const stop = (next, act) => {
       events.abort();
-      dragOf.isActive = false;
+      dragOf.active = null;
       if (moved) act?.(next, event);
       else click?.(next);
       if (!moved || act !== end) page.draw();

@@ -143,7 +143,8 @@ class NumberValue extends Field {
     Object.assign(this.slider, { min: this.low, max: this.high, step: this.step, value: number, disabled: isFormula });
     if (this.value.low === 0 && this.low === 0 && this.step < number) this.slider.min = this.value.form === "whole" ? 0 : this.step;
     this.input.disabled = isFormula;
-    if (document.activeElement !== this.input || !this.page.follow.drags) this.input.value = written(number);
+    const isBetween = this.value.curve && !this.keyHere; // keys: as many digits as one can tell apart
+    if (document.activeElement !== this.input || !this.page.follow.drags) this.input.value = isBetween ? String(+number.toPrecision(4)) : written(number);
     this.drawKey();
   }
 }

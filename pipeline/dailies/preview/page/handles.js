@@ -1,6 +1,9 @@
 "use strict";
-// Handles in the picture: the centre, the axis and the radius of each flow and region, at the current frame.
+// Handles in the picture: the centre, the axis and the radius of each flow and region, at the current frame. The name
+// beside a centre moves it too, for centres of several flows may lie at one place.
 
+const NAMES = { centre: "centre", translate: "centre", axis: "axis", normal: "axis", radius: "radius" };
+const LINE = 16, COLUMN = 84; // pixels that a name takes
 const RING = 48;
 
 class Handles {
@@ -11,9 +14,9 @@ class Handles {
     const found = new Map();
     for (const value of this.page.shot.state?.values ?? []) {
       const { where } = value, name = where.at(-1);
-      if (flowsAt(where) < 0 || !["centre", "axis", "normal", "radius"].includes(name)) continue;
+      if (flowsAt(where) < 0 || !(name in NAMES)) continue;
       const key = nameOf(where.slice(0, -1));
-      found.set(key, { ...found.get(key), where: where.slice(0, -1), [name === "normal" ? "axis" : name]: value });
+      found.set(key, { ...found.get(key), where: where.slice(0, -1), [NAMES[name]]: value });
     }
     return [...found.values()].filter((place) => place.centre || place.axis);
   }
@@ -24,25 +27,34 @@ class Handles {
   }
 
   draw() {
-    if (dragOf.isActive) return;
+    if (this.layer.contains(dragOf.active)) return;
     const focused = this.layer.contains(document.activeElement) ? document.activeElement.dataset.handle : null;
     this.layer.replaceChildren();
     const projection = this.page.projection;
     if (!this.isShown || !projection || !this.page.shot.state || (this.page.film.playing && !this.page.film.follows)) return;
-    for (const place of this.places) this.#drawPlace(place, projection);
+    const { places } = this;
+    this.words = [];
+    for (const place of places) this.#drawPlace(place, projection, this.#nameOf(place, places));
     if (focused) this.layer.querySelector(`[data-handle="${CSS.escape(focused)}"]`)?.focus();
   }
 
   #now(value) { return this.page.shot.at(value, this.page.shot.frameOf(value.where, this.page.film.at)); }
 
+  /** The name of a flow or region, with its number where others have the same. */
+  #nameOf(place, places) {
+    const titleAt = (each) => titleOf(groupOf([...each.where, ""]))[0], title = titleAt(place);
+    if (places.filter((each) => titleAt(each) === title).length < 2) return title;
+    return `${title} ${place.where.filter((part) => typeof part === "number").join(".")}`;
+  }
+
   /** Draw the handles of a flow or region, where the compositions that it is within put it. */
-  #drawPlace(place, projection) {
+  #drawPlace(place, projection, title) {
     const placement = place.placement = placementOf(this.page.shot, place.where, this.page.film.at);
     const centre = placement.point(place.centre ? this.#now(place.centre) : [0, 0, 0]), at = projection.point(centre);
     if (!at) return;
     const axis = place.axis ? unitOf(placement.direction(this.#now(place.axis))) : null;
     const radius = place.radius ? placement.scale * this.#now(place.radius) : null;
-    const title = titleOf(groupOf([...place.where, ""]))[0], around = this.layer.appendChild(svg("g"));
+    const around = this.layer.appendChild(svg("g"));
     if (radius > 0) this.#ring(place, centre, axis, radius, projection, title, around);
     if (axis) this.#axis(place, centre, axis, radius > 0 ? radius : 90 * projection.unit(at.depth), projection, title, around);
     if (place.centre) this.#centre(place, centre, at, projection, title, around);
@@ -75,9 +87,9 @@ class Handles {
 
   #centre(place, centre, at, projection, title, around) {
     const { placement, centre: value } = place;
-    const group = this.#group(this.layer, nameOf(value.where), `Centre of ${title}`, centre.map(written).join(", "));
+    const group = this.#group(this.layer, nameOf(value.where), `Centre of ${title}`, this.#now(value).map(written).join(", "));
     const dot = group.appendChild(svg("circle", { class: "spot", cx: at.x, cy: at.y, r: 6 }));
-    const words = around.appendChild(svg("text", { x: at.x + 10, y: at.y - 8 }));
+    const words = group.appendChild(svg("text", { x: at.x + 10, y: this.#lineFor(at) }));
     words.textContent = title;
     const step = projection.unit(at.depth);
     const moved = (dx, dy) => placement.pointInside(plus(centre, projection.shift(dx, dy, at.depth))).map((part) => rounded(part, (10 * step) / placement.scale));
@@ -86,15 +98,23 @@ class Handles {
       if (!spot) return;
       dot.setAttribute("cx", spot.x);
       dot.setAttribute("cy", spot.y);
-      around.setAttribute("transform", `translate(${spot.x - at.x} ${spot.y - at.y})`);
+      for (const part of [around, words]) part.setAttribute("transform", `translate(${spot.x - at.x} ${spot.y - at.y})`);
     };
     this.#wire(group, value, (event, begun) => moved(event.clientX - begun.clientX, event.clientY - begun.clientY), (dx, dy) => moved(8 * dx, 8 * dy), draw);
+  }
+
+  /** Where the name of a centre goes: beside it, below names that are there. */
+  #lineFor(at) {
+    let y = at.y - 8;
+    while (this.words.some((each) => Math.abs(each.x - at.x) < COLUMN && Math.abs(each.y - y) < LINE)) y += LINE;
+    this.words.push({ x: at.x, y });
+    return y;
   }
 
   #axis(place, centre, axis, size, projection, title, around) {
     const from = projection.point(centre), to = projection.point(plus(centre, axis, size));
     if (!from || !to) return;
-    const group = this.#group(around, nameOf(place.axis.where), `Axis of ${title}`, axis.map(written).join(", "));
+    const group = this.#group(around, nameOf(place.axis.where), `Axis of ${title}`, this.#now(place.axis).map(written).join(", "));
     group.append(svg("line", { class: "shade", x1: from.x, y1: from.y, x2: to.x, y2: to.y }));
     const stem = group.appendChild(svg("line", { class: "stem", x1: from.x, y1: from.y, x2: to.x, y2: to.y }));
     const tip = group.appendChild(svg("rect", { class: "tip", x: to.x - 5, y: to.y - 5, width: 10, height: 10, rx: 2 }));

@@ -23,6 +23,7 @@ class LivePage {
     document.addEventListener("click", (event) => { // so that the next Space plays
       if (event.detail > 0) event.target.closest("button:not(.open)")?.blur();
     });
+    if (window.matchMedia("(max-width: 860px)").matches) this.togglePanel(); // there it covers the picture
     this.#listenToStrip(id("strip"));
     new ResizeObserver(() => this.#resized()).observe(id("viewer"));
     listenForKeys(this);
@@ -69,7 +70,7 @@ class LivePage {
   /** A new state of the file. */
   draw() {
     const { state } = this.shot;
-    if (!state || dragOf.isActive) return;
+    if (!state || dragOf.active) return;
     id("undo").disabled = !state.can_undo;
     id("redo").disabled = !state.can_redo;
     this.values.take(state.values);

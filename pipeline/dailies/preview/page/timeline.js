@@ -24,6 +24,7 @@ class Timeline {
     this.chosen = this.chosen === name ? "" : name;
     this.point = 0;
     this.take(this.page.shot.state.values);
+    this.rows.find((row) => row.isChosen)?.element.scrollIntoView({ block: "nearest" });
   }
 
   draw() { for (const row of this.rows) row.plot.draw(); }
