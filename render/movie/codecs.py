@@ -72,7 +72,7 @@ class Encode:
 
 _MP4 = Container("mp4", ".mp4", {"movflags": "+faststart+write_colr"}, "aac")
 _MOV = Container("mov", ".mov", {"movflags": "+write_colr"}, "pcm_s24le")
-_MKV = Container("matroska", ".mkv", {"fflags": "+bitexact"}, "pcm_s24le")  # else identifiers are random
+MATROSKA = Container("matroska", ".mkv", {"fflags": "+bitexact"}, "pcm_s24le")  # else identifiers are random
 _WEBP = Container("webp", ".webp")
 
 _X264 = {
@@ -107,7 +107,7 @@ PRORES4444 = Encode("prores4444", _MOV, "prores_ks", "yuv444p10le", _PRORES, alp
 AV1 = Encode("av1", _MP4, "libsvtav1", "yuv420p10le", _SVT_AV1, min_size=64)
 """AV1 of 10 bits, for the web: the smallest."""
 
-FFV1 = Encode("ffv1", _MKV, "ffv1", "gbrp16le", _FFV1)
+FFV1 = Encode("ffv1", MATROSKA, "ffv1", "gbrp16le", _FFV1)
 """FFV1 in Matroska, RGB of 16 bits, for the archive: nothing is lost, damage is noticed."""
 
 WEBP = Encode("webp", _WEBP, "libwebp_anim", "bgra", _LIBWEBP, display="srgb")

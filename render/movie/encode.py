@@ -20,7 +20,9 @@ from render.base.atomic_write import atomic_write
 from render.base.errors import BadInputError, MachineError
 from render.movie.codecs import Encode, require_size
 from render.movie.planes import Frame, pad_to_even, require_frame, to_pixel_format
+from render.movie.projection_tags import is_tagged, tag_movie
 from render.movie.sound import AudioStream, Samples
+from render.scene.projection import PERSPECTIVE, Projection
 
 _BT709, _RGB = 1, 0
 _LIMITED, _FULL = 1, 2
@@ -35,12 +37,14 @@ def write_movie(
     encode: Encode,
     timecode: str = "",
     sound: Iterator[Samples] | None = None,
+    projection: Projection = PERSPECTIVE,
 ) -> int:
     """Encode display frames (H, W, 3) or (H, W, 4) as they come; return how many there were.
 
-    rate      frames per second
-    timecode  of the first frame; empty for none
-    sound     blocks from `render.movie.sound.blocks`; dropped where the file can hold no sound
+    rate        frames per second
+    timecode    of the first frame; empty for none
+    sound       blocks from `render.movie.sound.blocks`; dropped where the file can hold no sound
+    projection  of the frames; the file is tagged with it where `projection_tags.is_tagged`
 
     Where colour has half the resolution, an odd last column or row is repeated once. The movie appears under
     its name only when complete, and the same input gives the same bytes.
@@ -56,7 +60,7 @@ def write_movie(
     shape, can_reorder, count = first[0].shape, len(first) == _REORDER, 0
     require_size(encode, shape[1], shape[0])
     with (
-        _movie_file(path, encode, shape) as file,
+        _movie_file(path, encode, shape, projection) as file,
         _open_movie(file, encode, shape, rate, can_reorder) as (movie, container),
     ):
         if timecode and encode.has_timecode:
@@ -81,18 +85,23 @@ def write_movie(
 
 
 @contextmanager
-def _movie_file(path: Path, encode: Encode, shape: tuple[int, ...]) -> Iterator[_MovieFile]:
-    """Open the file of a movie. Raises MachineError where the disk or the encoder fails."""
-    with atomic_write(path) as temporary, _restrained_svt(), closing(_MovieFile(temporary)) as file:
-        try:
-            yield file
-        except av.error.FFmpegError as error:
+def _movie_file(
+    path: Path, encode: Encode, shape: tuple[int, ...], projection: Projection
+) -> Iterator[_MovieFile]:
+    """Open the file of a movie, and tag it at last. Raises MachineError where disk or encoder fail."""
+    with atomic_write(path) as temporary:
+        with _restrained_svt(), closing(_MovieFile(temporary)) as file:
+            try:
+                yield file
+            except av.error.FFmpegError as error:
+                file.require_written()
+                raise MachineError(
+                    f"{path}: the encoder {encode.codec} failed on frames of {_size(shape)} "
+                    f"({error.strerror}); choose another encode, such as ffv1, or another size"
+                ) from None
             file.require_written()
-            raise MachineError(
-                f"{path}: the encoder {encode.codec} failed on frames of {_size(shape)} ({error.strerror}); "
-                "choose another encode, such as ffv1, or another size"
-            ) from None
-        file.require_written()
+        if is_tagged(projection, encode.container.format):
+            tag_movie(temporary, projection, encode.container.format)
 
 
 @contextmanager
