@@ -16,7 +16,8 @@ from pipeline.errors import FlowsculptError, FrameError
 from pipeline.flow.catalogue.deformations import Deformation
 from pipeline.flow.catalogue.user_fields import FormulaField
 from pipeline.flow.flow import Flow, FlowStep
-from pipeline.flow.streamlines import StepPlan, Streamlines
+from pipeline.flow.step_plan import StepPlan
+from pipeline.flow.streamlines import Streamlines
 
 
 def checked_displacement(

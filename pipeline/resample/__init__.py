@@ -4,7 +4,7 @@ from pipeline.resample.creases import WithinBall, WithinBox, edges_by_angle, edg
 from pipeline.resample.exact_placement import Exact
 from pipeline.resample.placement import Chord, Curved, Placement
 from pipeline.resample.polyhedra import PolyhedralReport, PolyhedralResampler
-from pipeline.resample.resample_pass import Report
+from pipeline.resample.report import Report
 from pipeline.resample.resampler import Resampler, resample
 from pipeline.resample.sizing_field import Curvature, DistanceToCamera, ThresholdFormula
 from pipeline.resample.thresholds import Thresholds

@@ -1,11 +1,9 @@
-"""One resample pass over a surface: find edges, split, collapse, flip, relax, compact; and its report."""
+"""One resample pass over a surface: find edges, split, collapse, flip, relax, compact."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from types import MappingProxyType
+from collections.abc import Callable
 
 import numpy as np
 
@@ -32,6 +30,7 @@ from pipeline.resample.kernels.ring import MAX_SPOKES, new_ring
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE, BIRTH_SIZE, longest_edges_first, split_edges
 from pipeline.resample.kernels.untangle import count_tangled, untangle, untangle_listed
 from pipeline.resample.placement import Placement
+from pipeline.resample.report import Report
 from pipeline.resample.thresholds import Thresholds, TriangleShape
 from pipeline.resample.vertex_budget import require_room, require_room_for_area
 
@@ -41,52 +40,6 @@ _ALL_UPRIGHT = "all upright"  # name of the mesh's mark
 _SLACK = 1.2  # times the maximum: the length an edge may have until `make_room` splits it
 _RINGS = (new_ring(), new_ring())
 _STACK: Indices = np.empty(MAX_STACK + 1, np.int32)
-
-
-@dataclass(frozen=True)
-class Report:
-    """Counts of one frame.
-
-    splits, collapses, flips   operations done
-    passes                     rounds of splitting until no edge was too long
-    refused                    edges still too short, by the reason why they may not collapse:
-                               link       the surface would no longer be a manifold
-                               boundary   two boundaries would meet, or a boundary triangle vanish
-                               feature    two corners or two creases would become one
-                               too_long   an edge over the maximum would appear
-                               fold       a face would turn over or become a sliver
-                               shape      a tendril would lose over 5% of the maximum edge at its tip
-                               crowded    an end has more than 511 neighbours
-    vertices, faces, edges     counts after the pass
-    too_long, too_short        edges outside their limits; too_long is 0, too_short the sum of `refused`
-    shortest, longest          edge lengths, scene units
-    relaxed                    vertices moved within the surface for the shape of their triangles
-    on_chord                   new vertices left at the middle of their edge, because the surface would have
-                               folded at their proper place
-    """
-
-    splits: int
-    collapses: int
-    flips: int
-    passes: int
-    vertices: int
-    faces: int
-    edges: int
-    too_long: int
-    too_short: int
-    shortest: float
-    longest: float
-    relaxed: int = 0
-    on_chord: int = 0
-    refused: Mapping[str, int] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "refused", MappingProxyType(dict(self.refused)))
-
-    @property
-    def within_limits(self) -> float:
-        """Share of the edges within their length limits, 0 to 1."""
-        return 1.0 - (self.too_long + self.too_short) / self.edges
 
 
 class ResamplePass:

@@ -20,7 +20,8 @@ from pipeline.mesh.point_order import morton_order
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample.placement import Chord, Curved, Placement
 from pipeline.resample.quadrisection import quadrisect
-from pipeline.resample.resample_pass import Report, ResamplePass, changes_of, forget_rest, reset
+from pipeline.resample.report import Report
+from pipeline.resample.resample_pass import ResamplePass, changes_of, forget_rest, reset
 from pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Thresholds, TriangleShape
 
 Splits = Literal["edges", "faces"]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from render.base.serialise import Triple
-from render.integrator.light_sampler import emitter_pointers
+from render.integrator.sampled_emitters import emitter_pointers
 
 
 @dataclass(frozen=True)

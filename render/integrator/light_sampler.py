@@ -9,66 +9,17 @@ find it best. Daylight and environment maps are sampled in two ways, as bright p
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from render.base.serialise import Triple
-from render.scene.camera import unit
-from render.scene.lights import LightRig
+from render.integrator.sampled_emitters import SampledEmitter, emitter_pointers
 
 UNIFORM_FRACTION = 0.1
 """Fraction of the probability that is the same for all emitters."""
 
 _MIN_SURFACE_COSINE, _MIN_EMITTER_COSINE = 0.05, 0.02
 """Least cosines used in estimates: emitters have a width, and glossy surfaces reflect at grazing angles."""
-
-_LUMA = np.array([0.2126, 0.7152, 0.0722])
-
-
-@dataclass(frozen=True)
-class SampledEmitter:
-    """An emitter for next event estimation.
-
-    name      of its shape or emitter in the scene
-    strength  luminance times area, or irradiance of a distant light; None where it is unknown
-    position  of its middle, scene units; None for a distant light
-    facing    direction it shines to; None where `strength` is
-    sun       of daylight: the unit vector to it, and its angular diameter in radians
-    """
-
-    name: str
-    strength: float | None = None
-    position: Triple | None = None
-    facing: Triple | None = None
-    sun: tuple[Triple, float] | None = None
-
-
-def sampled_emitters(lights: LightRig, to_scene: NDArray[np.float64]) -> list[SampledEmitter]:
-    """Return the emitters of a rig to sample. to_scene: similarity transform (4, 4) from stage units"""
-    turn, scale = to_scene[:3, :3], float(np.cbrt(np.linalg.det(to_scene[:3, :3])))
-    sampled = []
-    for index, box in enumerate(lights.softboxes):
-        strength = float(_LUMA @ box.radiance) * box.width * box.height * scale**2
-        position = turn @ box.position + to_scene[:3, 3]
-        facing = unit(turn @ np.subtract(box.target, box.position))
-        sampled.append(SampledEmitter(f"softbox{index}", strength, _triple(position), _triple(facing)))
-    for index, sun in enumerate(lights.suns):
-        facing = unit(turn @ sun.direction)
-        sampled.append(SampledEmitter(f"sun{index}", float(_LUMA @ sun.irradiance), None, _triple(facing)))
-    if lights.daylight:
-        sampled.append(SampledEmitter("sky", sun=(lights.daylight.direction, lights.daylight.width)))
-    elif lights.environment:
-        sampled.append(SampledEmitter("sky"))
-    return sampled
-
-
-def _triple(vector: NDArray[np.float64]) -> Triple:
-    x, y, z = (float(part) for part in vector)
-    return x, y, z
 
 
 @dataclass
@@ -327,18 +278,3 @@ def _opaque(kind: Any, value: Any) -> Any:
     data = kind(value)
     dr.make_opaque(data)
     return data
-
-
-def emitter_pointers(scene: Any, names: Iterable[str]) -> list[Any]:
-    """Return pointers to emitters of a scene by their names."""
-    import drjit as dr
-    import mitsuba as mi
-
-    present = [_name(emitter) for emitter in scene.emitters()]
-    pointers = scene.emitters_dr()
-    return [dr.gather(mi.EmitterPtr, pointers, dr.opaque(mi.UInt32, present.index(name))) for name in names]
-
-
-def _name(emitter: Any) -> str:
-    shape = emitter.get_shape()
-    return str(shape.id() if shape is not None else emitter.id())

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
 from render.integrator.emitter_groups import EmitterGroups
-from render.integrator.light_sampler import LightSampler, sampled_emitters
+from render.integrator.light_sampler import LightSampler
+from render.integrator.sampled_emitters import sampled_emitters
 from render.mitsuba import emitters, materials
 from render.mitsuba.loading import load_scene
 from render.mitsuba.sensor import sensor

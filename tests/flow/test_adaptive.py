@@ -35,7 +35,8 @@ from pipeline.flow.composed_fields import RegionField, Within
 from pipeline.flow.composed_maps import Mirror, Placed, Transform
 from pipeline.flow.flow_map import FlowMap, FrameStep
 from pipeline.flow.regions import SphereRegion
-from pipeline.flow.streamlines import MAX_SUBSTEPS, StepPlan
+from pipeline.flow.step_plan import StepPlan
+from pipeline.flow.streamlines import MAX_SUBSTEPS
 
 DT = 1 / 24
 SWIRL = Sum((Vortex(radius=0.3, strength=keyed((0.0, 1.0), (0.0, 6.0))), Strain(rate=0.7)))

@@ -24,7 +24,7 @@ from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.flow.composed_fields import RegionField
 from pipeline.flow.flow_map import FlowMap, FrameStep
 from pipeline.flow.regions import MeshRegion
-from pipeline.flow.streamlines import StepPlan
+from pipeline.flow.step_plan import StepPlan
 from pipeline.flow.triangle_tree import ClosedSurface, _lookup
 from pipeline.mesh import icosphere
 

@@ -134,7 +134,7 @@ class _End(NamedTuple):
 def can_collapse(editor: PolyhedronEditor, h: int) -> Decision:
     """Decide whether the edge of h may collapse, and to which share of its length, by the rules of version 2.
 
-    Reasons as in `pipeline.resample.resample_pass`: link, boundary, feature, too_long, fold.
+    Reasons as in `pipeline.resample.report`: link, boundary, feature, too_long, fold.
     """
     near, far = _end(editor, h), _end(editor, h ^ 1)
     fault = _link_fault(editor, h, near, far)

@@ -15,7 +15,8 @@ from pipeline.resample.polyhedra.collapse import Collapser
 from pipeline.resample.polyhedra.editor import LengthLimits, PolyhedronEditor, inherited
 from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Polyhedron
 from pipeline.resample.polyhedra.slicing import Cutting, Slicer
-from pipeline.resample.resample_pass import Report, not_finite
+from pipeline.resample.report import Report
+from pipeline.resample.resample_pass import not_finite
 from pipeline.resample.thresholds import Thresholds
 
 Collapse = Literal["edges", "areas"]
