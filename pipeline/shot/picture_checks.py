@@ -7,7 +7,7 @@ from typing import Any
 
 from pipeline.errors import suggestion
 from pipeline.shot.documents.fields import is_number
-from pipeline.shot.documents.lights_and_stage import ENVIRONMENTS, softbox_name
+from pipeline.shot.documents.lights import ENVIRONMENTS, softbox_name
 from pipeline.shot.yaml.plain_text import listed
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from render.scene.light_groups import BACKGROUND

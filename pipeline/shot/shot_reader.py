@@ -22,12 +22,12 @@ from pipeline.shot.clock import Clock, parse_frames, parse_rate
 from pipeline.shot.documents.bsdf import bsdf_problems
 from pipeline.shot.documents.curves import NumberField, number
 from pipeline.shot.documents.fields import vector
-from pipeline.shot.documents.lights_and_stage import StageDocument
 from pipeline.shot.documents.look import look_of
 from pipeline.shot.documents.overrides import built_lights
 from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.shot import ShotDocument
 from pipeline.shot.documents.sound import SoundDocument
+from pipeline.shot.documents.stage import StageDocument
 from pipeline.shot.documents.subject import CloudDocument, NetDocument, SubjectDocument
 from pipeline.shot.documents.subjects import SubjectEntry, SubjectSettings
 from pipeline.shot.model_subject import Model

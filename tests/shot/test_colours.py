@@ -11,12 +11,13 @@ from hypothesis import strategies as st
 from pipeline.shot import read_shot
 from pipeline.shot.documents import (
     camera,
-    lights_and_stage,
+    lights,
     look,
     look_parts,
     regions,
     resampling,
     shot,
+    stage,
     subject,
 )
 from pipeline.shot.documents.colours import linear_of
@@ -59,7 +60,7 @@ def test_a_colour_of_srgb_is_the_same_as_its_linear_numbers(entry: str) -> None:
 def test_the_examples_of_messages_are_what_a_shot_can_have() -> None:
     from ruamel.yaml import YAML
 
-    modules = camera, lights_and_stage, look, look_parts, regions, resampling, shot, subject
+    modules = camera, lights, look, look_parts, regions, resampling, shot, stage, subject
     documents = {each for module in modules for each in vars(module).values() if isinstance(each, type)}
     with_example = [each for each in documents if issubclass(each, Document) and each.example]
     assert len(with_example) > 12

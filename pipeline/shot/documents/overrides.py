@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from pipeline.frames import FrameRange
 from pipeline.shot.documents.fields import MAPPING_IS_SECOND, Document, one_of, optional
-from pipeline.shot.documents.lights_and_stage import LightsDocument, require_rig
+from pipeline.shot.documents.lights import LightsDocument, require_rig
 from pipeline.shot.documents.look import LookField, look_of
 from pipeline.shot.documents.quality import QualitiesDocument
 from pipeline.shot.shot import FrameOverride

@@ -26,12 +26,13 @@ from pipeline.shot.documents.fields import (
     optional,
 )
 from pipeline.shot.documents.flows import DASHES, FlowDocument
-from pipeline.shot.documents.lights_and_stage import LightGroupsField, StageDocument
+from pipeline.shot.documents.lights import LightGroupsField
 from pipeline.shot.documents.look import LookField
 from pipeline.shot.documents.overrides import LightsField, OverrideDocument
 from pipeline.shot.documents.quality import QualitiesDocument
 from pipeline.shot.documents.resampling import ResampleField
 from pipeline.shot.documents.sound import SoundField
+from pipeline.shot.documents.stage import StageDocument
 from pipeline.shot.documents.subject import SubjectDocument
 from pipeline.shot.documents.subjects import SubjectsField
 from pipeline.shot.yaml.plain_text import in_yaml
