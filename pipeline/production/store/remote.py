@@ -6,56 +6,33 @@ The digest in the name says what the content must be, so a file that is truncate
 is told from a whole one by whoever reads it, and writing takes one request. One listing of a kind of files
 answers for all its keys; it is made of sixteen, side by side, by the first digit of the key.
 
-Nothing here raises an error for what the remote store does. It is asked again for some seconds; then a
-warning is logged, and for a minute, later longer, the answer to everything is that it holds nothing.
+Nothing here raises an error for what the remote store does. While it does not answer (`remote_requests.py`),
+the answer to everything is that it holds nothing.
 """
 
 from __future__ import annotations
 
 import contextlib
 import errno
-import logging
 import math
 import os
-import random
 import re
 import threading
 import time
 import uuid
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, TypeVar
 
 from pipeline.production.store.digests import digest_of
+from pipeline.production.store.remote_requests import NO_FOLDER, RemoteRequests, UnreachableError
 from pipeline.production.store.remote_url import checked_url, open_url
 from render.base.atomic_write import machine_error
-from render.base.errors import MachineError
-
-T = TypeVar("T")
-
-LOG = logging.getLogger("flowsculpt.store")
-"""Logger of warnings, which the command line and jobs pass on to the user."""
 
 LISTED_SECONDS = 60.0
 """Seconds for which a listing counts: what others upload meanwhile is seen after these."""
-
-PATIENCE = 5.0
-"""Seconds for which a request that failed is tried again."""
-
-FIRST_PAUSE = 0.25
-"""Seconds before the second try; each further pause is twice as long."""
-
-REQUEST_SECONDS = 300.0
-"""Seconds that one request may take, the transfer of a file too: of 900 MB at 3 MB/s."""
-
-SILENT_SECONDS = 60.0
-"""Seconds for which a remote store that failed is left alone; twice as many each further time, up to
-MAX_SILENT_SECONDS."""
-
-MAX_SILENT_SECONDS = 3600.0
 
 SIDE_BY_SIDE = 16
 """Requests that are made at once."""
@@ -70,28 +47,19 @@ _LOCAL_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 """Errors of the disk that a file is fetched to."""
 
 
-class _UnreachableError(Exception):
-    """The remote store does not answer, and has been told of."""
-
-
 @dataclass(eq=False)
 class RemoteStore:
     """The remote store at a checked address. One for each process and address: `RemoteStore.of`.
 
-    files  the fsspec file system
-    home   the path in it
-    told   the warnings that this process has logged
+    requests  makes the requests to its file system
+    home      its path there
     """
 
     url: str
-    files: Any
+    requests: RemoteRequests
     home: str
-    told: set[str] = field(default_factory=set)
     _listed: dict[str, tuple[float, dict[str, list[str]]]] = field(default_factory=dict)
     _bad: set[str] = field(default_factory=set)
-    _silent_until: float = 0.0
-    _silence: float = SILENT_SECONDS
-    _fault: str | None = None
     _listing_lock: threading.Lock = field(default_factory=threading.Lock)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
@@ -116,31 +84,31 @@ class RemoteStore:
 
     def fault(self) -> str | None:
         """Ask the remote store for a listing; return what is wrong with it, or None."""
-        with contextlib.suppress(_UnreachableError):
-            if not self._tried(lambda: self._call("exists", self._bucket)):
-                return _NO_FOLDER
+        with contextlib.suppress(UnreachableError):
+            if not self.requests.tried(lambda: self.requests.call("exists", self._bucket)):
+                return NO_FOLDER
             self._names_of("cameras")
-        return self._fault
+        return self.requests.fault
 
     def _names(self, kind: str, key: str) -> list[str]:
         return [name for name in self._listing(kind).get(key, ()) if name not in self._bad]
 
     def _listing(self, kind: str) -> dict[str, list[str]]:
         """Return the names of files of a kind by key, as of LISTED_SECONDS ago or later."""
-        if time.monotonic() < self._silent_until:
+        if self.requests.is_silent:
             return {}
         with self._listing_lock:
             made, names = self._listed.get(kind, (-math.inf, {}))
             if time.monotonic() - made > LISTED_SECONDS:
                 try:
                     names = self._names_of(kind)
-                except _UnreachableError:
+                except UnreachableError:
                     return {}
                 self._listed[kind] = time.monotonic(), names
             return names
 
     def _names_of(self, kind: str) -> dict[str, list[str]]:
-        """Ask for the names of all files of a kind, by key. Raises _UnreachableError."""
+        """Ask for the names of all files of a kind, by key. Raises UnreachableError."""
         found: dict[str, list[str]] = {}
         with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
             for paths in pool.map(self._ls, self._ls(f"{self.home}/{kind}")):
@@ -153,12 +121,12 @@ class RemoteStore:
     def _ls(self, folder: str) -> list[str]:
         def ask() -> list[str]:
             try:
-                return list(self._call("ls", folder, detail=False))
+                return list(self.requests.call("ls", folder, detail=False))
             except FileNotFoundError:  # nothing was put there yet
                 self._require_folder()
                 return []
 
-        return self._tried(ask)
+        return self.requests.tried(ask)
 
     # Files
 
@@ -167,15 +135,15 @@ class RemoteStore:
 
         Raises MachineError where the disk of `draft` refuses.
         """
-        with contextlib.suppress(_UnreachableError):
+        with contextlib.suppress(UnreachableError):
             for name in self._names(kind, key):
                 for _ in range(2):  # damaged on the way, perhaps
-                    if not self._tried(partial(self._get, self._place(kind, name), draft)):
+                    if not self.requests.tried(partial(self._get, self._place(kind, name), draft)):
                         break
                     if digest_of(draft) == _digest_in(name):
                         return _digest_in(name)
                 else:
-                    self._tell(
+                    self.requests.warn(
                         f"{self.url}: {kind}/{name[0]}/{name} is not what was stored: it is left alone, and "
                         "replaced once it is made again"
                     )
@@ -186,7 +154,7 @@ class RemoteStore:
         """Write a remote file to `draft`; return whether it was there."""
         try:
             draft.parent.mkdir(parents=True, exist_ok=True)
-            self._call("get_file", place, str(draft))
+            self.requests.call("get_file", place, str(draft))
         except FileNotFoundError:
             return False
         except OSError as error:
@@ -204,8 +172,8 @@ class RemoteStore:
         listed = self._listing(kind) if replace else self._listed.get(kind, (0.0, {}))[1]
         others = [other for other in listed.get(key, ()) if other != name]
         try:
-            self._tried(lambda: self._put(path, self._place(kind, name)))
-        except _UnreachableError:
+            self.requests.tried(lambda: self._put(path, self._place(kind, name)))
+        except UnreachableError:
             return False
         with self._lock:
             self._bad.discard(name)
@@ -219,29 +187,29 @@ class RemoteStore:
         """Remove the files of `key`: they are what was sent, and cannot be read."""
         names = self._names(kind, key)
         if names:
-            self._tell(f"{self.url}: {kind}/{key[0]}/{names[0]} cannot be read; it is made again")
+            self.requests.warn(f"{self.url}: {kind}/{key[0]}/{names[0]} cannot be read; it is made again")
         self._remove(kind, names)
 
     def _remove(self, kind: str, names: Sequence[str]) -> None:
         self._bad.update(names)
         for name in names:
             with contextlib.suppress(Exception):  # whoever may not remove it leaves it alone
-                self._call("rm_file", self._place(kind, name))
+                self.requests.call("rm_file", self._place(kind, name))
 
     def _put(self, path: Path, place: str) -> None:
         if self._is_bucket:
-            self._call("put_file", str(path), place)
+            self.requests.call("put_file", str(path), place)
             return
         self._require_folder()
         draft = f"{self.home}/tmp/{uuid.uuid4().hex}"
         try:
             for folder in (draft, place):
-                self.files.makedirs(folder.rpartition("/")[0], exist_ok=True)
-            self._call("put_file", str(path), draft)
-            self.files.mv(draft, place)
+                self.requests.files.makedirs(folder.rpartition("/")[0], exist_ok=True)
+            self.requests.call("put_file", str(path), draft)
+            self.requests.files.mv(draft, place)
         except BaseException:
             with contextlib.suppress(Exception):
-                self.files.rm_file(draft)
+                self.requests.files.rm_file(draft)
             raise
 
     def _place(self, kind: str, name: str) -> str:
@@ -258,97 +226,17 @@ class RemoteStore:
 
     def _require_folder(self) -> None:
         """Raise NotADirectoryError where the folder is not there, as when a share is not mounted."""
-        if not (self._is_bucket or self.files.isdir(self.home)):
+        if not (self._is_bucket or self.requests.files.isdir(self.home)):
             raise NotADirectoryError(self.home)
-
-    # Requests
-
-    def _call(self, method: str, *arguments: Any, **options: Any) -> Any:
-        """Call a method of the file system; one that can be ended ends after REQUEST_SECONDS."""
-        if not self.files.async_impl:
-            return getattr(self.files, method)(*arguments, **options)
-        import asyncio  # takes a moment, and most runs have no remote store
-
-        from fsspec.asyn import sync
-
-        async def bounded() -> Any:
-            request = getattr(self.files, f"_{method}")(*arguments, **options)
-            return await asyncio.wait_for(request, REQUEST_SECONDS)
-
-        return sync(self.files.loop, bounded)
-
-    def _tried(self, request: Callable[[], T]) -> T:
-        """Make a request, again and again for PATIENCE seconds. Raises _UnreachableError, after a warning."""
-        pause, deadline = FIRST_PAUSE, time.monotonic() + (PATIENCE if self._fault is None else 0.0)
-        while True:
-            if time.monotonic() < self._silent_until:
-                raise _UnreachableError
-            try:
-                answer = request()
-            except MachineError:  # of this machine's disk
-                raise
-            except Exception as error:  # each file system has errors of its own
-                fault, is_final = _fault_of(error)
-                if is_final or time.monotonic() + pause > deadline:
-                    self._leave_alone(fault)
-                    raise _UnreachableError from error
-                time.sleep(pause * random.uniform(0.5, 1.0))
-                pause *= 2.0
-            else:
-                self._fault, self._silence = None, SILENT_SECONDS
-                return answer
-
-    def _leave_alone(self, fault: str) -> None:
-        """Warn of what is wrong, and ask for nothing for a while."""
-        with self._lock:
-            self._fault = fault
-            if time.monotonic() < self._silent_until:
-                return
-            self._silent_until = time.monotonic() + self._silence
-            self._silence = min(2.0 * self._silence, MAX_SILENT_SECONDS)
-        self._tell(
-            f"{self.url}: {fault}; going on without it. What is made stays here, and the next run uploads it"
-        )
-
-    def _tell(self, message: str) -> None:
-        """Log a warning, each once."""
-        with self._lock:
-            if message in self.told:
-                return
-            self.told.add(message)
-        LOG.warning(message)
 
 
 @lru_cache
 def _opened(url: str, process: int) -> RemoteStore:
     """Open the remote store of a process: connections do not outlive a fork."""
     checked = checked_url(url)
-    return RemoteStore(checked, *open_url(checked))
+    files, home = open_url(checked)
+    return RemoteStore(checked, RemoteRequests(checked, files), home)
 
 
 def _digest_in(name: str) -> str:
     return name.split(".")[1]
-
-
-_NO_FOLDER = "no such bucket or folder; make it, and mind the spelling"
-
-_FAULTS: tuple[tuple[str, str, bool], ...] = (
-    ("PermissionError|AccessDenied", "permission denied; check its credentials", True),
-    ("Credential|ProfileNotFound|TokenRetrieval", "no credentials for it were found", True),
-    ("FileNotFoundError|NotADirectoryError", _NO_FOLDER, True),
-    ("NotImplementedError", "it can only be read", True),
-    ("Timeout|Connection|Connect|gaierror|Disconnected", "it does not answer", False),
-)
-"""Names of classes of errors, what they mean, and whether it is of no use to try again."""
-
-
-def _fault_of(error: Exception) -> tuple[str, bool]:
-    """Return what an error of a file system means, in words, and whether it is final."""
-    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return "it is full", True
-    name = type(error).__name__
-    for pattern, words, is_final in _FAULTS:
-        if re.search(pattern, name):
-            return words, is_final
-    text = str(error).strip().partition("\n")[0]
-    return f"it answers {text or name!r}", False

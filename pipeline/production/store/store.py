@@ -32,7 +32,8 @@ from typing import Any, TypeVar
 from pipeline.errors import FrameError, MachineError
 from pipeline.production.store.digests import CorruptFileError, Digests
 from pipeline.production.store.paths import STATE, SUFFIXES
-from pipeline.production.store.remote import LOG, SIDE_BY_SIDE, RemoteStore
+from pipeline.production.store.remote import SIDE_BY_SIDE, RemoteStore
+from pipeline.production.store.remote_requests import LOG
 from pipeline.production.store.remote_url import store_url
 from pipeline.production.store.uploads import upload
 from render.base.atomic_write import atomic_write, disk_errors

@@ -21,7 +21,7 @@ from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import Event, EventLog, EventReader
 from pipeline.production.store.paths import EVENTS
-from pipeline.production.store.remote import LOG
+from pipeline.production.store.remote_requests import LOG
 from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write
 

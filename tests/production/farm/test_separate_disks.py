@@ -11,7 +11,7 @@ import pytest
 from pipeline.errors import MachineError
 from pipeline.production.execution import task as tasks
 from pipeline.production.execution.project import Project
-from pipeline.production.store import remote
+from pipeline.production.store import remote, remote_requests
 from pipeline.production.store.remote_url import VARIABLE
 from pipeline.production.store.store import Store
 
@@ -48,7 +48,7 @@ def test_workers_with_empty_roots_render_a_shot_by_its_plan_and_the_store_alone(
 def test_a_task_whose_files_the_store_does_not_take_fails_until_it_does(tmp_path, monkeypatch):
     share = tmp_path / "share"
     monkeypatch.setenv(VARIABLE, f"file://{share}")
-    monkeypatch.setattr(remote, "PATIENCE", 0.1)
+    monkeypatch.setattr(remote_requests, "PATIENCE", 0.1)
     Store(tmp_path).put("cameras", "ab" * 32, lambda path: path.write_text("{}"))
     with pytest.raises(MachineError, match="it did not take 1 file, which other workers would miss"):
         tasks._upload_rest(tmp_path)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import FrameError, MachineError, UsageError
-from pipeline.production.store import remote, remote_url
+from pipeline.production.store import remote, remote_requests, remote_url
 from pipeline.production.store.remote import RemoteStore
 from pipeline.production.store.store import Store
 from pipeline.production.store.uploads import lacking_names, missed_uploads, upload_lacking, upload_missed
@@ -21,8 +21,8 @@ OTHER = "cd" * 16
 def nothing_is_remembered(monkeypatch):
     """Listings are made anew each time, and nothing is known of an earlier test's remote store."""
     monkeypatch.setattr(remote, "LISTED_SECONDS", -1.0)
-    monkeypatch.setattr(remote, "PATIENCE", 0.2)
-    monkeypatch.setattr(remote, "FIRST_PAUSE", 0.05)
+    monkeypatch.setattr(remote_requests, "PATIENCE", 0.2)
+    monkeypatch.setattr(remote_requests, "FIRST_PAUSE", 0.05)
     remote._opened.cache_clear()
 
 

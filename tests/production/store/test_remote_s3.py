@@ -7,7 +7,7 @@ import uuid
 
 import pytest
 
-from pipeline.production.store import remote, remote_url
+from pipeline.production.store import remote, remote_requests, remote_url
 from pipeline.production.store.remote import RemoteStore
 from pipeline.production.store.store import Store
 from pipeline.production.store.uploads import missed_uploads, upload_missed
@@ -21,8 +21,8 @@ CONTENT = b"light\n" * 30000
 def quick(monkeypatch, s3: Proxy):
     """Listings are made anew each time, and tries follow each other quickly."""
     monkeypatch.setattr(remote, "LISTED_SECONDS", -1.0)
-    monkeypatch.setattr(remote, "PATIENCE", 1.0)
-    monkeypatch.setattr(remote, "FIRST_PAUSE", 0.05)
+    monkeypatch.setattr(remote_requests, "PATIENCE", 1.0)
+    monkeypatch.setattr(remote_requests, "FIRST_PAUSE", 0.05)
     monkeypatch.setattr(remote_url, "READ_SECONDS", 1.0)
     remote._opened.cache_clear()
 
@@ -107,8 +107,8 @@ def test_a_server_that_is_away_for_a_moment_is_asked_again(stores, s3: Proxy, ca
 def test_a_server_that_comes_back_is_used_again_in_the_same_process(stores, s3: Proxy, monkeypatch):
     ours, _ = stores
     assert ours.remote.fault() is None
-    monkeypatch.setattr(remote, "SILENT_SECONDS", 0.3)
-    ours.remote._silence = 0.3
+    monkeypatch.setattr(remote_requests, "SILENT_SECONDS", 0.3)
+    ours.remote.requests._silence = 0.3
     s3.fault = "refuse"
     fill(ours)
     s3.fault = None
@@ -138,7 +138,7 @@ def test_an_object_that_is_removed_after_it_was_listed_is_made_again(stores, mon
     fill(ours)
     monkeypatch.setattr(remote, "LISTED_SECONDS", 60.0)
     assert theirs.holds("raw", KEYS[0])
-    theirs.remote.files.rm(theirs.remote.home, recursive=True)
+    theirs.remote.requests.files.rm(theirs.remote.home, recursive=True)
     assert not theirs.bring("raw", KEYS[0]) and not theirs.holds("raw", KEYS[0])
     assert fill(theirs) and warnings(caplog) == []
 
