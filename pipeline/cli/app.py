@@ -18,7 +18,13 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
-from pipeline.cli.options import REFERENCE, CommonOptions, parameters_of, with_options, with_parameters
+from pipeline.cli.common_options import (
+    REFERENCE,
+    CommonOptions,
+    parameters_of,
+    with_options,
+    with_parameters,
+)
 from pipeline.cli.other_words import require_command, require_options
 from pipeline.cli.output import print_error
 from pipeline.errors import FlowsculptError, MachineError

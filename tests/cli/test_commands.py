@@ -11,7 +11,7 @@ from typer.main import get_command
 
 from pipeline.cli import commands
 from pipeline.cli.app import COMMANDS, SHARED_MODULES, command_line, command_named
-from pipeline.cli.options import REFERENCE
+from pipeline.cli.common_options import REFERENCE
 from pipeline.mesh import TriangleMesh, icosphere, write_mesh
 from pipeline.production.execution.recovery import PATIENCE
 from render.movie.probe import probe_movie
