@@ -17,7 +17,7 @@ from hypothesis import settings
 settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
 
-RENDERING = {"engine", "project", "finished", "finished_project"}
+RENDERING = {"engine", "project", "finished", "finished_project", "published"}
 """Fixtures that start Mitsuba, or run the command, which does."""
 
 

@@ -14,9 +14,7 @@ from pipeline.production.versions.provenance import FILE, Provenance
 from pipeline.production.versions.reproduce import Reproduction
 from render.base.input_files import digest_of_file
 from render.movie.probe import probe_movie
-from tests.production.test_publishing import NAME, QUALITY, Desk, desk, done, published
-
-__all__ = ["desk", "published"]
+from tests.production.versions.desk import NAME, QUALITY, Desk, done
 
 LOOK = "look: glaze\n"
 
