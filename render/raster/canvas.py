@@ -15,9 +15,10 @@ from render.raster.key_light import ShadowMap
 from render.raster.large_triangles import SUPERSAMPLING, LargeTriangles
 from render.raster.lighting import Lighting, apply_shadow, floor_light
 from render.raster.projection import LARGE, SMALL
-from render.raster.see_through import pack_light, pack_normals
+from render.raster.see_through import pack_light
 from render.raster.shapes import ScreenProjection, StageSetup, VisibleFaces
 from render.raster.triangles import average, draw_triangles, pack
+from render.raster.visible_points import pack_normals
 from render.scene.camera import Camera
 from render.scene.lights import LightRig
 from render.scene.stage import Stage, StagePlacement

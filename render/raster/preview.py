@@ -15,10 +15,10 @@ from render.raster.contact import ContactShadow
 from render.raster.key_light import ShadowMap
 from render.raster.large_triangles import SUPERSAMPLING
 from render.raster.reflectance import contact_opacity
-from render.raster.see_through import VisiblePoints, lay_over, seen_through, unpack_light
+from render.raster.see_through import lay_over, seen_through, unpack_light
 from render.raster.shapes import Floats, Shape, StageSetup, VisibleFaces, stage_shape
-from render.raster.thickness import add_thickness
 from render.raster.triangles import draw_edges, draw_lines
+from render.raster.visible_points import VisiblePoints, add_thickness
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS

@@ -1,8 +1,8 @@
 """Clear subjects in quick previews: glass, honey and smoke let the stage behind them be seen.
 
-The stage is drawn first. Of the subject its normals are drawn, and its thickness along each line of sight: by
-it light is absorbed or scattered. Glass shifts what is behind it, as a ball of its refraction does, and rough
-glass blurs it.
+The stage is drawn first. Of the subject its normals are drawn, and its thickness along each line of sight
+(`visible_points.py`): by it light is absorbed or scattered. Glass shifts what is behind it, as a ball of its
+refraction does, and rough glass blurs it.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.raster.environment import table_place, table_value
-from render.raster.large_triangles import SUPERSAMPLING, WHITE
 from render.raster.lighting import Lighting
-from render.raster.projection import Array, exact, fast
+from render.raster.projection import Array, fast
 from render.raster.shapes import Floats, ScreenProjection, Shape
+from render.raster.visible_points import VisiblePoints
 from render.scene.materials import Glass, Material, Smoke
 
 SHARPNESS = (6.0, 400.0)
@@ -43,41 +43,6 @@ _DETOUR = 1.3
 
 _FORWARD = 0.15
 """Weight of the light on the near side of dense smoke, over that on both sides."""
-
-
-class VisiblePoints(NamedTuple):
-    """The pixels in which a subject is visible.
-
-    pixels    (N, 2), rows and columns
-    coverage  (N,), the fraction of the pixel that the subject covers
-    depth     (N,)
-    points    (N, 3), scene units
-    normals   (N, 3)
-    """
-
-    pixels: NDArray[np.int32]
-    coverage: NDArray[np.float32]
-    depth: NDArray[np.float32]
-    points: NDArray[np.float32]
-    normals: NDArray[np.float32]
-
-    @classmethod
-    def of(
-        cls,
-        nearness: NDArray[np.float32],
-        behind: NDArray[np.float32],
-        packed: NDArray[np.uint32],
-        projection: ScreenProjection,
-    ) -> VisiblePoints:
-        """Find them. nearness, behind: with the subject and without it; packed: its normals, from 0 to 1"""
-        most = nearness.size // SUPERSAMPLING**2
-        pixels, (coverage, depth) = np.empty((most, 2), np.int32), np.empty((2, most), np.float32)
-        points, normals = np.empty((2, most, 3), np.float32)
-        axes = projection.axes / np.sum(projection.axes**2, axis=1, keepdims=True)
-        count = find_visible(
-            nearness, behind, packed, projection.origin, axes, pixels, coverage, depth, points, normals
-        )
-        return cls(pixels[:count], coverage[:count], depth[:count], points[:count], normals[:count])
 
 
 class ClearBody(NamedTuple):
@@ -182,62 +147,6 @@ def unpack_light(packed: Array, light: Array) -> None:
         for j in range(packed.shape[1]):
             for k in range(3):
                 light[i, j, k] = np.float32(TOE) * (math.exp(packed[i, j, k] * scale) - np.float32(1.0))
-
-
-@fast
-def pack_normals(normals: Array, sign: float, packed: Array) -> None:
-    """Write unit normals (V, 3), times a sign, as values from 0 to 1 into packed (V, 3)."""
-    for v in range(normals.shape[0]):
-        x, y, z = normals[v, 0], normals[v, 1], normals[v, 2]
-        scale = 0.5 * sign / math.sqrt(max(x * x + y * y + z * z, 1e-12))
-        packed[v, 0], packed[v, 1], packed[v, 2] = 0.5 + scale * x, 0.5 + scale * y, 0.5 + scale * z
-
-
-@exact
-def find_visible(
-    nearness: Array,
-    behind: Array,
-    packed: Array,
-    origin: Array,
-    axes: Array,
-    pixels: Array,
-    coverage: Array,
-    depth: Array,
-    points: Array,
-    normals: Array,
-) -> int:
-    """Write the fields of `VisiblePoints`, and return their number.
-
-    axes  (3, 3): half of what the lens sees at depth 1 to the right and upwards, and forward
-    """
-    rows, columns = nearness.shape[0] // SUPERSAMPLING, nearness.shape[1] // SUPERSAMPLING
-    count = 0
-    for i in range(rows):
-        for j in range(columns):
-            hits, near, x, y, z = 0, 0.0, 0.0, 0.0, 0.0
-            for s in range(SUPERSAMPLING * SUPERSAMPLING):
-                row, column = SUPERSAMPLING * i + s // SUPERSAMPLING, SUPERSAMPLING * j + s % SUPERSAMPLING
-                if nearness[row, column] > behind[row, column]:
-                    hits += 1
-                    near += nearness[row, column]
-                    value = packed[row, column]
-                    x += value >> np.uint32(20)
-                    y += value >> np.uint32(10) & np.uint32(1023)
-                    z += value & np.uint32(1023)
-            if hits == 0:
-                continue
-            pixels[count, 0], pixels[count, 1] = i, j
-            coverage[count] = hits / (SUPERSAMPLING * SUPERSAMPLING)
-            depth[count] = hits / near
-            x, y, z = x / hits - WHITE / 2.0, y / hits - WHITE / 2.0, z / hits - WHITE / 2.0
-            scale = 1.0 / math.sqrt(max(x * x + y * y + z * z, 1e-12))
-            normals[count, 0], normals[count, 1], normals[count, 2] = x * scale, y * scale, z * scale
-            right, up = (2 * j + 1) / columns - 1.0, 1.0 - (2 * i + 1) / rows
-            for k in range(3):
-                ray = right * axes[0, k] + up * axes[1, k] + axes[2, k]
-                points[count, k] = origin[k] + depth[count] * ray
-            count += 1
-    return count
 
 
 @fast

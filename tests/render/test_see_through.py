@@ -12,7 +12,7 @@ from render.raster import Shape, StageSetup, preview
 from render.raster.contact import CELL, CELLS, ContactShadow
 from render.raster.large_triangles import SUPERSAMPLING
 from render.raster.shapes import ScreenProjection
-from render.raster.thickness import add_thickness
+from render.raster.visible_points import add_thickness
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS, Diffuse, Smoke
