@@ -14,10 +14,10 @@ from typing import Any
 
 from pipeline.errors import ShotError, UsageError, brief, shortened, suggestion
 from pipeline.shot.clock import Clock, parse_frames, parse_rate
+from pipeline.shot.yaml.misplaced_names import SPELT_OUT
 from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.source import Where, YamlSource
 from pipeline.shot.yaml.syntax import HEX_COLOUR, quoted
-from pipeline.shot.yaml.unknown_names import SPELT_OUT
 from render.scene.quality import FORMER_NAMES
 
 OPTION = "--set"
