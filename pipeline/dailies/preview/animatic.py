@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.animation.loop import step_into
+from pipeline.animation.moving_surface import step_into
 from pipeline.arrays import AnyArray, Indices
 from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.dailies.preview.surface_stream import SurfaceStream
