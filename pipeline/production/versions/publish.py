@@ -1,10 +1,5 @@
 """Publishing: the frames and the movie of a shot, frozen as a version that nothing overwrites.
 
-    renders/published/<shot>/v001/frames/<shot>.0001.exr
-    renders/published/<shot>/v001/<shot>.mp4
-    renders/published/<shot>/v001/notes.json          where the shot has notes
-    renders/published/<shot>/v001/provenance.json
-
 They stay whatever becomes of the shot, its renders and the store.
 """
 
@@ -13,12 +8,8 @@ from __future__ import annotations
 import contextlib
 import getpass
 import hashlib
-import json
-import os
 import re
-import shutil
 import time
-import uuid
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,7 +24,6 @@ from pipeline.production.store.paths import published
 from pipeline.production.store.store import DAMAGED, Key, Store
 from pipeline.production.versions.notes_folder import NotesFolder
 from pipeline.production.versions.provenance import (
-    FILE,
     VERSION,
     FrameRecord,
     Provenance,
@@ -45,14 +35,9 @@ from pipeline.production.versions.provenance import (
     stage_versions,
 )
 from pipeline.production.versions.review_notes import as_text
-from render.base.atomic_write import disk_errors
+from pipeline.production.versions.version_folder import NOTES, freeze, sweep
 from render.base.input_files import digest_of_file
 from render.movie.probe import probe_movie
-
-_DRAFT = ".draft."
-
-NOTES = "notes.json"
-"""The file of notes in the folder of a version."""
 
 
 @dataclass(frozen=True)
@@ -250,72 +235,6 @@ def _user() -> str:
     with contextlib.suppress(OSError, KeyError, ImportError):
         return getpass.getuser()
     return ""
-
-
-def freeze(
-    store: Store,
-    record: Provenance,
-    final: Path,
-    copy: bool = False,
-    notes: bytes = b"",
-    files: Mapping[int, Path] | None = None,
-) -> None:
-    """Lay the frames and the movie of a version at `final`, and its provenance and notes beside them.
-
-    Frames are links to the files of the store, which take no space. They are copies where links fail, and
-    with `copy`. The movie is a copy: the store's stays writable, for Snakemake makes no protected file again.
-
-    files  of frames that are not in the store, by their numbers
-
-    Raises MachineError where the disk refuses; then nothing is left of it.
-    """
-    draft = final.with_name(f"{_DRAFT}{final.name}.{uuid.uuid4().hex[:8]}")
-    freeze_frame = _copy if copy else _link
-    with disk_errors(final):
-        try:
-            for number, frame in record.frames.items():
-                source = (files or {}).get(number) or store.path("frame", frame.frame)
-                freeze_frame(source, draft / frame.file)
-                store.digests.add_copy(final / frame.file, source)
-            _copy(store.path("movie", record.movie["key"]), draft / record.movie["file"])
-            if notes:
-                (draft / NOTES).write_bytes(notes)
-                _settle(draft / NOTES)
-            text = json.dumps(record.as_data(), indent=1, ensure_ascii=False)
-            (draft / FILE).write_text(text + "\n", encoding="utf-8")
-            _settle(draft / FILE)
-            store.digests.add(final / FILE, draft / FILE)
-            draft.rename(final)
-        finally:
-            shutil.rmtree(draft, ignore_errors=True)
-
-
-def sweep(home: Path) -> None:
-    """Remove drafts of killed processes. Only the holder of the lock may call this."""
-    for draft in home.glob(f"{_DRAFT}*"):
-        shutil.rmtree(draft, ignore_errors=True)
-
-
-def _link(source: Path, place: Path) -> None:
-    """Link a file, which is read-only as the store's is."""
-    place.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        os.link(source, place)
-    except OSError:
-        _copy(source, place)
-
-
-def _copy(source: Path, place: Path) -> None:
-    place.parent.mkdir(parents=True, exist_ok=True)
-    shutil.copy2(source, place)
-    _settle(place)
-
-
-def _settle(place: Path) -> None:
-    """Make a file read-only and flush it to the disk."""
-    place.chmod(0o444)
-    with place.open("rb") as file:
-        os.fsync(file.fileno())
 
 
 def _listed(numbers: list[int]) -> str:
