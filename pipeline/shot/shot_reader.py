@@ -28,8 +28,13 @@ from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.shot import ShotDocument
 from pipeline.shot.documents.sound import SoundDocument
 from pipeline.shot.documents.stage import StageDocument
-from pipeline.shot.documents.subject import CloudDocument, NetDocument, SubjectDocument
-from pipeline.shot.documents.subjects import SubjectEntry, SubjectSettings
+from pipeline.shot.documents.subject import (
+    CloudDocument,
+    NetDocument,
+    SubjectDocument,
+    SubjectEntry,
+    SubjectSettings,
+)
 from pipeline.shot.model_subject import Model
 from pipeline.shot.motion import Motion
 from pipeline.shot.point_subjects import CloudOfFile, NetOfFile

@@ -33,8 +33,7 @@ from pipeline.shot.documents.quality import QualitiesDocument
 from pipeline.shot.documents.resampling import ResampleField
 from pipeline.shot.documents.sound import SoundField
 from pipeline.shot.documents.stage import StageDocument
-from pipeline.shot.documents.subject import SubjectDocument
-from pipeline.shot.documents.subjects import SubjectsField
+from pipeline.shot.documents.subject import SubjectDocument, SubjectsField
 from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.validation import ParseContext, as_finding, bad_value, finding
 from render.base.input_files import read_input
