@@ -20,7 +20,7 @@ from render.base.disk_cache import cache_path, load_answer, store_answer
 from render.base.errors import BadInputError
 from render.mitsuba.texture_coordinates import TextureCoordinates, bitmap, to_uv
 from render.scene.materials.mitsuba_bsdf import Bsdf, Plain
-from render.scene.texture_projection import Projection
+from render.scene.texture_projection import TextureProjection
 from render.scene.textures import Texture
 
 TIMEOUT = 60.0
@@ -34,7 +34,7 @@ Refusal = tuple[tuple[str, ...], str]
 _PACKAGE_ROOT = Path(__file__).resolve().parents[2]
 
 
-def build(bsdf: Bsdf, coordinates: TextureCoordinates, projection: Projection) -> Any:
+def build(bsdf: Bsdf, coordinates: TextureCoordinates, projection: TextureProjection) -> Any:
     """Return the BSDF, two-sided unless light passes through. Needs a started engine.
 
     Raises BadInputError where Mitsuba refuses it.
@@ -78,7 +78,7 @@ def parse_reason(message: str) -> Refusal:
 
 
 def _for_mitsuba(
-    part: Plain, files: tuple[Texture, ...], coordinates: TextureCoordinates, projection: Projection
+    part: Plain, files: tuple[Texture, ...], coordinates: TextureCoordinates, projection: TextureProjection
 ) -> Plain:
     """Return a description with textures read and projected, and lists turned into colours."""
     if part["type"] == "rgb":

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from render.scene.materials import Material
 from render.scene.scratches import scratch_corners
 from render.scene.surface import Surface
-from render.scene.texture_projection import Projection, project_texture
+from render.scene.texture_projection import TextureProjection, project_texture
 from render.scene.vertex_colours import vertex_phases
 
 Floats = NDArray[np.float64]
@@ -79,7 +79,7 @@ def _along_scratches(surface: Surface, axes: Floats) -> tuple[Surface, TextureCo
     return replace(split, attributes=attributes), TextureCoordinates(values)
 
 
-def _projected(surface: Surface, projection: Projection) -> tuple[Surface, TextureCoordinates]:
+def _projected(surface: Surface, projection: TextureProjection) -> tuple[Surface, TextureCoordinates]:
     split, coordinates = project_texture(surface, surface.require_rest("look has a picture"), projection)
     right, up = coordinates.T
     reach = 2.0 ** math.ceil(math.log2(max(float(np.abs(up).max(initial=0.0)), 1.0)))
@@ -89,7 +89,7 @@ def _projected(surface: Surface, projection: Projection) -> tuple[Surface, Textu
 
 
 def bitmap(
-    pixels: NDArray[np.floating], coordinates: TextureCoordinates, projection: Projection
+    pixels: NDArray[np.floating], coordinates: TextureCoordinates, projection: TextureProjection
 ) -> dict[str, Any]:
     """Return a Mitsuba texture of pixels (H, W, k), linear colours or data. Needs a started engine."""
     import mitsuba as mi
@@ -104,7 +104,7 @@ def bitmap(
     }
 
 
-def to_uv(coordinates: TextureCoordinates, projection: Projection, aspect: float = 1.0) -> Any:
+def to_uv(coordinates: TextureCoordinates, projection: TextureProjection, aspect: float = 1.0) -> Any:
     """Return the transform from our coordinates to Mitsuba's, which go from the upper left right and down.
 
     aspect  width over height of the texture

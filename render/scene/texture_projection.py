@@ -26,7 +26,7 @@ _WRAPPED = ("cylindrical", "spherical")
 
 
 @dataclass(frozen=True)
-class Projection:
+class TextureProjection:
     """The projection of textures onto the undeformed subject. Textures repeat.
 
     kind     "planar" (like a slide, along the axis), "box" (along x, y or z, whichever a triangle faces
@@ -108,7 +108,9 @@ _BOX = tuple((s * x, s * y, s * z) for x, y, z in np.eye(3).tolist() for s in (1
 """Directions that the sides of a box face."""
 
 
-def project_texture(surface: Surface, points: Floats, projection: Projection) -> tuple[Surface, Floats]:
+def project_texture(
+    surface: Surface, points: Floats, projection: TextureProjection
+) -> tuple[Surface, Floats]:
     """Return the surface, split where a vertex needs two texture coordinates, and those of its vertices (V,
     2).
 

@@ -19,7 +19,7 @@ from render.scene.camera import Camera
 from render.scene.materials import LOOKS, Relief
 from render.scene.measure import linear_of_srgb
 from render.scene.surface import Surface
-from render.scene.texture_projection import PROJECTIONS, Projection, project_texture
+from render.scene.texture_projection import PROJECTIONS, TextureProjection, project_texture
 from render.scene.textures import Texture
 from render.scene.vertex_colours import vertex_colours as colours
 
@@ -95,7 +95,9 @@ def test_what_is_no_picture_is_told(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", PROJECTIONS)
 def test_corners_of_a_triangle_lie_close_together_in_the_picture(kind: str, sphere: Surface) -> None:
-    split, places = project_texture(looked(sphere), sphere.vertices, Projection(kind, centre=(0.0, 1.0, 0.0)))
+    split, places = project_texture(
+        looked(sphere), sphere.vertices, TextureProjection(kind, centre=(0.0, 1.0, 0.0))
+    )
     assert np.abs(split.vertices[split.faces] - sphere.vertices[sphere.faces]).max() == 0.0
     across = places[split.faces]
     assert np.ptp(across, axis=1).max() < 0.2
@@ -104,9 +106,9 @@ def test_corners_of_a_triangle_lie_close_together_in_the_picture(kind: str, sphe
 
 def test_a_picture_around_an_axis_has_its_middle_in_front_and_goes_to_the_right() -> None:
     points = np.float64([[0, 0.5, 2], [2, 0, 0.1], [0.1, 0, 2]])
-    places, _ = Projection("cylindrical", scale=2.0).coordinates(points, np.int32([[0, 1, 2]]))
+    places, _ = TextureProjection("cylindrical", scale=2.0).coordinates(points, np.int32([[0, 1, 2]]))
     assert places[0, 0] == pytest.approx((0.0, 0.25)) and 0.2 < places[0, 1, 0] < 0.25
-    turned, _ = Projection("cylindrical", turn=math.pi / 2.0, scale=2.0).coordinates(
+    turned, _ = TextureProjection("cylindrical", turn=math.pi / 2.0, scale=2.0).coordinates(
         points, np.int32([[0, 1, 2]])
     )
     assert turned[0, 0, 0] == pytest.approx(-0.25)
@@ -115,7 +117,7 @@ def test_a_picture_around_an_axis_has_its_middle_in_front_and_goes_to_the_right(
 def test_a_slide_lies_upright_and_moves_with_the_material(
     rendered: Rendered, sphere: Surface, tmp_path: Path
 ) -> None:
-    slide = Projection("planar", centre=(0.0, 1.0, 0.0), scale=4.0)
+    slide = TextureProjection("planar", centre=(0.0, 1.0, 0.0), scale=4.0)
     look = replace(LOOKS["clay"], colour_texture=quarters(tmp_path / "a.exr"), projection=slide)
     layers = rendered(surface=looked(sphere), look=look, camera=FRONT)
     x, y, inside = layers["position"][..., 0], layers["position"][..., 1] - 1.0, layers["matte"] == 1.0
@@ -166,7 +168,7 @@ def test_relief_is_as_strong_up_as_across(rendered: Rendered, sphere: Surface, t
         np.int32([[0, 1, 2], [0, 2, 3]]),
         rest=np.float32([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]),
     )
-    plain = replace(LOOKS["clay"], projection=Projection("planar"))
+    plain = replace(LOOKS["clay"], projection=TextureProjection("planar"))
     flat = rendered(surface=square, look=plain, camera=FRONT)
     change = []
     for name, pixels in (("u.exr", np.tile(wave, (64, 1))), ("v.exr", np.tile(wave[:, None], (1, 64)))):
@@ -185,7 +187,7 @@ def test_a_look_with_pictures_survives_but_for_where_they_lie(tmp_path: Path) ->
         colour_texture=texture,
         roughness_texture=texture,
         relief=Relief(texture),
-        projection=Projection(),
+        projection=TextureProjection(),
     )
     bare = replace(texture, path="")
     assert from_plain(type(look), to_plain(look)) == replace(

@@ -13,7 +13,7 @@ from pipeline.shot import Shot, read_shot
 from render.base.serialise import to_plain
 from render.scene.materials import LOOKS
 from render.scene.measure import Measure
-from render.scene.texture_projection import Projection
+from render.scene.texture_projection import TextureProjection
 
 HEAD = "title: T\nframes: 1-24\nsubject: %s\nresample: off\nlook: %s\n"
 BOX = "{solid: box}"
@@ -59,7 +59,7 @@ def test_pictures_are_named_beside_the_shot(folder: Path) -> None:
     look = shot_of(folder, said).picture.look
     assert look.colour_texture is not None and look.roughness_texture is not None and look.relief is not None
     assert look.colour_texture.pixels() == pytest.approx(np.full((4, 4, 3), 0.5), abs=0.01)
-    assert look.projection == Projection(
+    assert look.projection == TextureProjection(
         "cylindrical", (1.0, 0.0, 0.0), scale=3.0, repeats=2, turn=np.pi / 2, offset=(0.5, 0.0)
     )
     assert look.roughness == LOOKS["glaze"].roughness

@@ -34,7 +34,7 @@ from render.scene.materials import Absorption, Relief, Subsurface
 from render.scene.measure import COLOUR_MAPS, KINDS, Measure
 from render.scene.patterns import PATTERNS, Pigment
 from render.scene.surface import Wireframe
-from render.scene.texture_projection import PROJECTIONS, Projection
+from render.scene.texture_projection import PROJECTIONS, TextureProjection
 from render.scene.textures import Texture, read_picture
 
 _PROJECTIONS_WITH = {
@@ -233,9 +233,9 @@ class ProjectionDocument(Document):
                 )
         return self
 
-    def build(self) -> Projection:
+    def build(self) -> TextureProjection:
         right, up = self.offset
-        return Projection(
+        return TextureProjection(
             self.kind,
             None if self.axis is None else axis(self.axis),
             vector(self.centre),

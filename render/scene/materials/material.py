@@ -14,7 +14,7 @@ from render.base.serialise import Colour, Triple
 from render.scene.measure import Measure
 from render.scene.patterns import Pigment
 from render.scene.surface import Wireframe
-from render.scene.texture_projection import Projection
+from render.scene.texture_projection import TextureProjection
 from render.scene.textures import Texture
 
 M = TypeVar("M", bound="Material")
@@ -79,7 +79,7 @@ class Material:
         return None
 
     @property
-    def texture_projection(self) -> Projection | None:
+    def texture_projection(self) -> TextureProjection | None:
         """Projection of the material's textures, or None for a material without textures."""
         return None
 
@@ -121,7 +121,7 @@ class PatternedMaterial(Material):
     pigment: Pigment | None = field(default=None, kw_only=True)
     measure: Measure | None = field(default=None, kw_only=True)
     colour_texture: Texture | None = field(default=None, kw_only=True)
-    projection: Projection = field(default_factory=Projection, kw_only=True)
+    projection: TextureProjection = field(default_factory=TextureProjection, kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -145,7 +145,7 @@ class PatternedMaterial(Material):
         return self.pigment or self.measure
 
     @property
-    def texture_projection(self) -> Projection | None:
+    def texture_projection(self) -> TextureProjection | None:
         """Projection of the textures of colour, roughness and relief, or None if there are none."""
         textures = (getattr(self, name, None) for name in ("colour_texture", "roughness_texture", "relief"))
         return self.projection if any(textures) else None

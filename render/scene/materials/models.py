@@ -15,7 +15,7 @@ from render.scene.materials.material import Absorption, Material, PatternedMater
 from render.scene.materials.mitsuba_bsdf import Bsdf
 from render.scene.measure import Measure
 from render.scene.patterns import Pigment
-from render.scene.texture_projection import Projection
+from render.scene.texture_projection import TextureProjection
 from render.scene.textures import Texture
 
 _DIM, _DARK = (0.12, 0.12, 0.123), (0.035, 0.037, 0.042)
@@ -210,7 +210,7 @@ class MitsubaMaterial(Material):
     """
 
     bsdf: Bsdf = field(kw_only=True)
-    projection: Projection = field(default_factory=Projection, kw_only=True)
+    projection: TextureProjection = field(default_factory=TextureProjection, kw_only=True)
     model: str = field(default="bsdf", init=False)
 
     @classmethod
@@ -229,7 +229,7 @@ class MitsubaMaterial(Material):
         return _DIM if self.bsdf.is_metal else None
 
     @property
-    def texture_projection(self) -> Projection:
+    def texture_projection(self) -> TextureProjection:
         """Projection of the textures that the description may have."""
         return self.projection
 
