@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +19,12 @@ SLURM = Path(__file__).with_name("slurm.py")
 
 @dataclass(frozen=True)
 class Farm:
-    """A SLURM at work; its commands are on PATH."""
+    """A SLURM at work.
+
+    variables   of the environment, by which its commands and Snakemake's plugin for it are found
+    """
+
+    variables: Mapping[str, str]
 
     def jobs(self) -> list[dict[str, str]]:
         """All of its jobs, ended ones too, as `scontrol show job` tells of them."""
@@ -48,11 +52,7 @@ def slurm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
     if not line:
         _, complaint = process.communicate()
         pytest.skip(f"no SLURM here: {complaint.strip()}")
-    with pytest.MonkeyPatch.context() as found:
-        for name, value in json.loads(line).items():
-            found.setenv(name, value)
-        found.syspath_prepend(os.environ["PYTHONPATH"].partition(":")[0])
-        yield Farm()
+    yield Farm(json.loads(line))
     process.communicate()
 
 
@@ -71,8 +71,14 @@ def quick_profile(folder: Path) -> None:
 
 
 @pytest.fixture
-def on_slurm(project, slurm: Farm):
-    """A project whose working folder holds a profile for this SLURM."""
+def on_slurm(project, slurm: Farm, monkeypatch: pytest.MonkeyPatch):
+    """A project whose working folder holds a profile for this SLURM, which is found in this test alone.
+
+    Snakemake takes a second longer to start where it finds the plugin, with the packages that this needs.
+    """
+    for name, value in slurm.variables.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.syspath_prepend(slurm.variables["PYTHONPATH"].partition(":")[0])
     quick_profile(project.path)
     return project
 
