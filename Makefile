@@ -13,8 +13,9 @@ film: .venv/ready
 showreel: .venv/ready
 	$(BIN)/flowsculpt -j $(CORES) film showreel
 
+# Files of tests are given out in their order: by their counts of tests, long ones would come last.
 test: .venv/ready-dev check
-	$(BIN)/python -m pytest -m "not soak" -n 2 --dist loadfile
+	$(BIN)/python -m pytest -m "not soak" -n 2 --dist loadfile --no-loadscope-reorder
 
 # Style, and the tests that need no renderer: about a minute.
 QUICK := animation cli docs flow formula mesh production render resample shot
