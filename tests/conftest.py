@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import shutil
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    from pipeline.production.planning.plan import Plan
 
 # The same examples in every run, so that what fails was broken by a change; `make soak` looks for others.
 settings.register_profile("repeatable", derandomize=True)
@@ -41,6 +48,10 @@ flows:
   - twist: {axis: y, amount: {ease: linear, keys: {1: 0, 4: 36, 6: 60}}}
 camera: {azimuth: -30, elevation: 14}
 """
+
+QUALITY = "draft.scale20"
+"""The quality of pictures whose details no test looks at: 96 × 54 pixels. A frame of it costs a tenth of one
+at draft."""
 
 HOSTILE = 'it\'s "{shot}" of $HOME; ünï 日本 & 50% (b) [c] \\d'
 """A folder's name that shells, formats, patterns and addresses could each take for something else."""
@@ -79,6 +90,19 @@ def commanded(root: Path, *words: str) -> tuple[int, str]:
     return said.exit_code, said.output
 
 
+def done(root: Path, plan: Plan) -> None:
+    """Do the jobs of a plan in this process, each after those that make what it reads."""
+    from pipeline.production.tasks.job import Context
+    from pipeline.production.tasks.worker import task_of
+
+    waiting, missing = list(plan.jobs), {job.output for job in plan.jobs}
+    while waiting:
+        job = next(job for job in waiting if not missing & set(plan.all_inputs(job)))
+        assert task_of(job.stage)(Context.of(root, plan, job.name)), job.name
+        waiting.remove(job)
+        missing.remove(job.output)
+
+
 @dataclass(frozen=True)
 class ProjectFolder:
     """A working folder with `shots/`, and the command run in it."""
@@ -94,6 +118,38 @@ class ProjectFolder:
         done = subprocess.run(command, cwd=self.path, capture_output=True, text=True, timeout=300)
         assert "Traceback" not in done.stdout + done.stderr, done.stderr
         return Run(done.returncode, done.stdout, done.stderr)
+
+    def call(self, *words: str) -> Run:
+        """Run the command in this process, where a test needs no process of its own: Python starts slowly."""
+        from pipeline.cli.app import SIGNALS, main
+
+        out, err = StringIO(), StringIO()
+        handlers = [(number, signal.getsignal(number)) for number in SIGNALS]
+        with (
+            chdir(self.path),
+            redirect_stdout(out),
+            redirect_stderr(err),
+            pytest.MonkeyPatch.context() as patch,
+            pytest.raises(SystemExit) as ended,
+        ):
+            patch.setattr(sys, "argv", ["flowsculpt", "--no-progress", "-j", "2", *words])
+            try:
+                main()
+            finally:
+                for number, handler in handlers:
+                    signal.signal(number, handler)
+        return Run(int(ended.value.code or 0), out.getvalue(), err.getvalue())
+
+    def render(
+        self, frames: str | None = None, *, settings: tuple[str, ...] = (), quality: str = QUALITY
+    ) -> Plan:
+        """Render frames of the shot in this process, stage after stage; return the plan that was followed."""
+        from pipeline.production.execution.project import Project
+
+        with chdir(self.path):
+            plan = Project(self.path, 1, settings=settings).pictures([self.shot.stem], quality, frames)
+            done(self.path, plan)
+        return plan
 
     def start(self, *words: str) -> subprocess.Popen[str]:
         """The command at work, in a process group of its own."""
@@ -114,7 +170,7 @@ class ProjectFolder:
             assert time.monotonic() < limit, "waited in vain"
             time.sleep(0.01)
 
-    def frames(self, quality: str = "draft", kind: str = "frames") -> list[Path]:
+    def frames(self, quality: str = QUALITY, kind: str = "frames") -> list[Path]:
         return sorted((self.path / "renders" / "T010_tiny" / quality / kind).glob("*.exr"))
 
     def copy(self, place: Path) -> ProjectFolder:
@@ -125,14 +181,14 @@ class ProjectFolder:
 @pytest.fixture
 def project(tmp_path: Path) -> ProjectFolder:
     """A working folder with one tiny shot and an edit; nothing made yet."""
-    return _new_project(tmp_path)
+    return new_project(tmp_path)
 
 
 @pytest.fixture(scope="session")
 def finished_project(tmp_path_factory: pytest.TempPathFactory) -> ProjectFolder:
-    """A project whose film is made at draft quality; tests work on copies of it."""
-    made = _new_project(tmp_path_factory.mktemp("finished") / HOSTILE)
-    done = made.run("film", "-q", "draft")
+    """A project whose film is made at QUALITY; tests work on copies of it."""
+    made = new_project(tmp_path_factory.mktemp("finished") / HOSTILE)
+    done = made.run("film", "-q", QUALITY)
     assert done.code == 0, done.err
     return made
 
@@ -143,7 +199,8 @@ def finished(finished_project: ProjectFolder, tmp_path: Path) -> ProjectFolder:
     return finished_project.copy(tmp_path / HOSTILE)
 
 
-def _new_project(path: Path) -> ProjectFolder:
+def new_project(path: Path) -> ProjectFolder:
+    """Return a working folder at a path, with one tiny shot and an edit."""
     (path / "shots").mkdir(parents=True)
     (path / "shots" / "T010_tiny.yaml").write_text(TINY)
     (path / "shots" / "film.yaml").write_text(FILM)

@@ -8,27 +8,29 @@ import signal
 
 import pytest
 
+from tests.conftest import QUALITY
+
 NAME = "T010_tiny"
 
 
 @pytest.fixture(scope="module")
 def told(finished_project):
     """Return the estimate of a quality that was not made yet: as text, and as JSON."""
-    words = finished_project.run("--dry-run", "render", NAME, "-q", "daily").out
-    facts = json.loads(finished_project.run("--json", "--dry-run", "render", NAME, "-q", "daily").out)
+    words = finished_project.call("--dry-run", "render", NAME, "-q", "daily").out
+    facts = json.loads(finished_project.call("--json", "--dry-run", "render", NAME, "-q", "daily").out)
     return words, facts["estimate"]
 
 
 def test_a_dry_run_says_how_long_and_how_large(told):
     words, facts = told
-    assert "It takes about" in words and f"6 frames of {NAME} at draft" in words
+    assert "It takes about" in words and f"6 frames of {NAME} at {QUALITY}" in words
     assert "It needs" in words and "that are free" in words
     assert facts["seconds"] > 1.0 and facts["unmeasured"] == []
     assert 4e6 < facts["bytes"] < 4e8
 
 
 def test_where_nothing_was_measured_a_dry_run_says_so(project):
-    words = project.run("--dry-run", "render", NAME, "-q", "draft").out
+    words = project.call("--dry-run", "render", NAME, "-q", "draft").out
     assert "is not known: none was done here yet" in words
 
 
@@ -44,21 +46,21 @@ def test_stills_say_what_large_frames_take_before_any_is_rendered(project):
 
 
 def test_stills_of_a_draft_say_nothing_of_their_cost(finished):
-    done = finished.run("stills", NAME, "-f", "2")
+    done = finished.call("stills", NAME, "-f", "2", "-q", QUALITY)
     assert done.code == 0 and "To be rendered" not in done.err
 
 
 def test_the_report_accounts_for_a_whole_run(finished_project):
-    facts = json.loads(finished_project.run("report", "--json").out)
+    facts = json.loads(finished_project.call("report", "--json").out)
     spent = facts["core_seconds"]
     assert {"simulate", "building", "rendering", "finish", "assemble", "film", "waiting"} <= set(spent)
     assert sum(spent.values()) >= 0.99 * facts["seconds"] * facts["cores"]
     assert facts["frames"]["render"] == 6
-    words = finished_project.run("report", facts["run"]).out
+    words = finished_project.call("report", facts["run"]).out
     assert "rendering: light and auxiliary AOVs" in words and "starting processes" in words
 
 
 def test_a_run_that_is_not_there_is_told_in_one_line(finished_project):
-    done = finished_project.run("report", "yesterday")
+    done = finished_project.call("report", "yesterday")
     assert done.code == 3
     assert done.err.count("\n") == 1 and "yesterday" in done.err

@@ -34,8 +34,8 @@ def test_every_command_has_the_same_default_quality(command):
 @pytest.mark.parametrize("command", ["turntable", "sheet", "stills", "render"])
 def test_the_former_name_of_draft_is_taken_without_a_word(project, command):
     words = {"turntable": ("--frames", "2"), "sheet": ("-f", "1-2")}.get(command, ())
-    today = project.run("--json", "--dry-run", command, NAME, *words)
-    former = project.run("--json", "--dry-run", command, NAME, *words, "-q", "preview")
+    today = project.call("--json", "--dry-run", command, NAME, *words)
+    former = project.call("--json", "--dry-run", command, NAME, *words, "-q", "preview")
     assert today.code == former.code == 0
     assert json.loads(today.out)["jobs"] == json.loads(former.out)["jobs"]
     assert not former.err and "_draft_" in today.out

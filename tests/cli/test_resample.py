@@ -20,7 +20,7 @@ def lengths(mesh: TriangleMesh):
 
 def test_a_file_is_resampled_and_its_table_tells_what_was_done(project):
     write_mesh(box((2, 2, 2), 0.5), project.path / "box.obj")
-    done = project.run("resample", "box.obj", "out/box.ply", "--max-edge-length", "0.2")
+    done = project.call("resample", "box.obj", "out/box.ply", "--max-edge-length", "0.2")
     assert done.code == 0, done.err
     mesh = read_mesh(project.path / "out" / "box.ply")
     assert lengths(mesh).max() <= 0.2
@@ -31,7 +31,7 @@ def test_a_file_is_resampled_and_its_table_tells_what_was_done(project):
 
 def test_json_has_the_counts_and_the_reasons(project):
     write_mesh(icosphere(8), project.path / "ball.stl")
-    done = project.run("--json", "resample", "ball.stl", "ball.npz", "--max-edge-length", "0.4")
+    done = project.call("--json", "resample", "ball.stl", "ball.npz", "--max-edge-length", "0.4")
     facts = json.loads(done.out)
     assert facts["collapses"] > 0
     assert facts["vertices"] == 642 - facts["collapses"]
@@ -46,7 +46,7 @@ def test_curved_placement_rounds_what_chords_leave_flat(project):
     worst = {}
     for placement in ("chord", "curved"):
         words = ("ball.ply", f"{placement}.ply", "--max-edge-length", "0.2", "--placement", placement)
-        assert project.run("resample", *words).code == 0
+        assert project.call("resample", *words).code == 0
         radii = np.linalg.norm(read_mesh(project.path / f"{placement}.ply").vertices, axis=1)
         worst[placement] = np.abs(radii - 1).max()
     assert worst["curved"] < 0.4 * worst["chord"]
@@ -55,7 +55,7 @@ def test_curved_placement_rounds_what_chords_leave_flat(project):
 def test_polyhedra_keep_faces_of_many_sides(project):
     write_mesh(box((2, 2, 2), 1.0), project.path / "box.obj")
     words = ("box.obj", "cut.obj", "--max-edge-length", "0.3", "--method", "polyhedra")
-    assert project.run("resample", *words).code == 0
+    assert project.call("resample", *words).code == 0
     faces = [
         line.split()[1:] for line in (project.path / "cut.obj").read_text().splitlines() if line[0] == "f"
     ]
@@ -66,7 +66,7 @@ def test_polyhedra_keep_faces_of_many_sides(project):
 def test_polygons_are_written_where_the_format_can(project, suffix: str, many: bool):
     (project.path / "quad.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n")
     words = ("quad.obj", f"cut.{suffix}", "--max-edge-length", "0.3", "--method", "polyhedra")
-    done = project.run("--json", "resample", *words)
+    done = project.call("--json", "resample", *words)
     assert done.code == 0, done.err
     found = read_polygons(project.path / f"cut.{suffix}")
     assert (found.average_sides > 3.5) == many
@@ -78,7 +78,7 @@ def test_polygons_are_written_where_the_format_can(project, suffix: str, many: b
 def test_faces_are_cut_into_four_when_asked(project):
     write_mesh(icosphere(2), project.path / "ball.ply")
     words = ("ball.ply", "four.ply", "--max-edge-length", "0.4", "--min-edge-length", "0")
-    assert project.run("resample", *words, "--splits", "faces").code == 0
+    assert project.call("resample", *words, "--splits", "faces").code == 0
     assert len(read_mesh(project.path / "four.ply").faces) == 4 * len(icosphere(2).faces)
 
 
@@ -87,7 +87,7 @@ def test_every_reason_to_stay_short_has_its_words():
 
 
 def test_the_help_teaches_how_to_choose_the_length(project):
-    done = project.run("resample", "--help")
+    done = project.call("resample", "--help")
     assert done.code == 0
     for word in ("--max-edge-length", "--min-edge-length", "--placement", "bunny.obj", "smallest", "--json"):
         assert word in done.out
@@ -95,7 +95,7 @@ def test_the_help_teaches_how_to_choose_the_length(project):
 
 def test_a_dry_run_writes_nothing(project):
     write_mesh(box(), project.path / "box.obj")
-    done = project.run("--dry-run", "resample", "box.obj", "out.ply", "--max-edge-length", "0.2")
+    done = project.call("--dry-run", "resample", "box.obj", "out.ply", "--max-edge-length", "0.2")
     assert done.code == 0 and "would be written" in done.out
     assert not (project.path / "out.ply").exists()
 
@@ -125,7 +125,7 @@ def test_a_dry_run_writes_nothing(project):
 def test_what_cannot_be_is_told_in_one_line(project, words: tuple[str, ...], code: int, says: str):
     write_mesh(box(), project.path / "box.obj")
     (project.path / "shots" / "o.ply").write_text("")
-    done = project.run("resample", *words)
+    done = project.call("resample", *words)
     assert done.code == code
     assert says in done.err
     assert len([line for line in done.err.splitlines() if line.strip()]) == 1

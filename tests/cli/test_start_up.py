@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from tests.conftest import QUALITY
+
 HEAVY = ("numba", "numpy", "OpenImageIO", "mitsuba", "drjit", "av", "imageio", "snakemake", "matplotlib")
 
 SCRIPT = """
@@ -36,6 +38,6 @@ def test_a_command_that_computes_nothing_imports_nothing_heavy(words: tuple[str,
 
 
 def test_what_is_up_to_date_is_found_without_anything_heavy(finished: Any) -> None:
-    words = ("render", "T010_tiny", "-q", "draft")
+    words = ("render", "T010_tiny", "-q", QUALITY)
     assert finished.run(*words).code == 0, "plans are remembered by the paths of shots, and this is a copy"
     assert not modules_of("--no-progress", *words, folder=finished.path).intersection(HEAVY)

@@ -17,9 +17,10 @@ from pipeline.production.request.render_request import RenderRequest
 from render.graphics.burn_in import BurnIn
 from render.movie.codecs import ENCODES
 from render.movie.probe import probe_movie
+from tests.conftest import QUALITY
 
 NAME = "T010_tiny"
-HOME = Path("renders") / NAME / "draft" / "deliver"
+HOME = Path("renders") / NAME / QUALITY / "deliver"
 QUIET = FrameFormat("rec709", has_coverage=False)
 
 
@@ -32,7 +33,7 @@ def there(finished, monkeypatch):
 
 def taken(there, frames: str | None = None) -> tuple[Project, RenderRequest]:
     project = Project(there.path, cores=1)
-    return project, project.asked(NAME, "draft", frames)
+    return project, project.asked(NAME, QUALITY, frames)
 
 
 def silent(name: str, count: int):
@@ -40,8 +41,8 @@ def silent(name: str, count: int):
 
 
 def test_a_shot_is_delivered_once_and_found_again(there):
-    words = ("deliver", NAME, "-q", "draft", "--as", "review,prores4444", "--burn-in", "all", "--json")
-    first, again = (json.loads(there.run(*words).out) for _ in range(2))
+    words = ("deliver", NAME, "-q", QUALITY, "--as", "review,prores4444", "--burn-in", "all", "--json")
+    first, again = (json.loads(there.call(*words).out) for _ in range(2))
     assert [each["up_to_date"] for each in first["deliverables"]] == [False, False]
     assert [each["up_to_date"] for each in again["deliverables"]] == [True, True]
     assert {each["path"] for each in again["deliverables"]} == {
@@ -50,19 +51,19 @@ def test_a_shot_is_delivered_once_and_found_again(there):
     }
     facts = probe_movie(there.path / HOME / f"{NAME}.1-6.prores4444.mov")
     assert (facts.frames, facts.timecode, facts.alpha) == (6, "00:00:00:01", True)
-    other = there.run(*words[:-2], "shot,frame", "--json")
+    other = there.call(*words[:-2], "shot,frame", "--json")
     assert not any(each["up_to_date"] for each in json.loads(other.out)["deliverables"])
 
 
 def test_only_what_is_asked_for_is_rendered_and_no_other_movie_made(project):
-    done = project.run("deliver", NAME, "-q", "draft", "-f", "2-3", "--as", "h264", "--slate", "apart")
+    done = project.run("deliver", NAME, "-q", QUALITY, "-f", "2-3", "--as", "h264", "--slate", "apart")
     assert done.code == 0, done.err
     assert [path.name for path in project.frames()] == [f"{NAME}.0002.exr", f"{NAME}.0003.exr"]
     assert sorted(path.name for path in (project.path / HOME).iterdir()) == [
         f"{NAME}.2-3.h264.mp4",
         f"{NAME}.2-3.h264.slate.mp4",
     ]
-    assert not list((project.path / "renders" / NAME / "draft").glob("*.mp4"))
+    assert not list((project.path / "renders" / NAME / QUALITY).glob("*.mp4"))
     assert probe_movie(project.path / HOME / f"{NAME}.2-3.h264.slate.mp4").frames == 48
 
 
@@ -77,9 +78,9 @@ def test_a_film_is_delivered_with_its_own_sound_and_a_slate_before_it(there):
         f"title: R\nshots: [{NAME}, {{shot: {NAME}, frames: 2-6, dissolve: 2}}]\ntitle_seconds: 0\n"
         "sound: {file: tone.wav}\n"
     )
-    done = there.run("deliver", "reel", "-q", "draft", "--as", "prores4444,h265", "--slate", "head")
+    done = there.call("deliver", "reel", "-q", QUALITY, "--as", "prores4444,h265", "--slate", "head")
     assert done.code == 0, done.err
-    home = there.path / "renders/film/draft/deliver"
+    home = there.path / "renders/film" / QUALITY / "deliver"
     facts = probe_movie(home / "reel.prores4444.mov")
     assert (facts.frames, facts.timecode, facts.sound) == (48 + 9, "00:59:58:00", "pcm_s24le")
     assert facts.seconds == pytest.approx((48 + 9) / 24)
@@ -116,7 +117,7 @@ def test_a_frame_that_cannot_be_read_is_told_and_forgotten_and_nothing_delivered
     with pytest.raises(FrameError, match=r"0003\.exr is damaged; run again"):
         Delivery(source, DeliveryOptions((ENCODES["review"],)), project.store).make(silent)
     assert not project.store.holds("frame", key)
-    assert not list((there.path / "renders" / NAME / "draft" / "deliver").glob("*.mp4"))
+    assert not list((there.path / "renders" / NAME / QUALITY / "deliver").glob("*.mp4"))
 
 
 def test_the_coverage_of_the_subject_is_the_alpha(there):
@@ -124,8 +125,8 @@ def test_the_coverage_of_the_subject_is_the_alpha(there):
     source = shot_source(request, project.store, {})
     assert source.has_coverage
     frame, _ = next(source.frames(FrameFormat("rec709", has_coverage=True)))
-    assert frame.shape == (270, 480, 4)
-    assert frame[135, 240, 3] == 65535 and frame[5, 5, 3] == 0
+    assert frame.shape == (54, 96, 4)
+    assert frame[27, 48, 3] == 65535 and frame[1, 1, 3] == 0
     for number in request.requested:
         project.store.discard("raw", request.picture_keys(project.store)[number].raw)
     assert not shot_source(request, project.store, {}).has_coverage
@@ -135,13 +136,13 @@ def test_nothing_to_deliver_is_told(project, monkeypatch):
     monkeypatch.chdir(project.path)
     fresh = Project(project.path, cores=1)
     with pytest.raises(FrameError, match=r"none of its frames could be made.* the first failed: no light"):
-        shot_source(fresh.asked(NAME, "draft"), fresh.store, {(NAME, 1): "no light"})
+        shot_source(fresh.asked(NAME, QUALITY), fresh.store, {(NAME, 1): "no light"})
 
 
 def test_a_published_version_is_named(there):
     project, request = taken(there)
     assert dict(shot_source(request, project.store, {}).facts)["version"] == "in work"
-    assert there.run("publish", NAME, "-q", "draft").code == 0
+    assert there.call("publish", NAME, "-q", QUALITY).code == 0
     assert dict(shot_source(request, project.store, {}).facts)["version"] == "v001"
 
 
@@ -151,7 +152,7 @@ def test_a_film_says_of_every_frame_where_it_comes_from(there):
         f"title: R\nshots: [{{shot: {NAME}, frames: 1-3}}, {{shot: {NAME}, frames: 4-6, dissolve: 2}}]\n"
         "title_seconds: 0.125\n"
     )
-    source = film_source(*project.edit("draft", Path("shots/reel.yaml")), project.store, {})
+    source = film_source(*project.edit(QUALITY, Path("shots/reel.yaml")), project.store, {})
     told = [values.get("frame") for _, values in source.frames(QUIET)]
     assert told == [None, None, None, 1, 2, 5, 6]
     assert source.count == len(told)
@@ -170,14 +171,14 @@ def test_a_film_says_of_every_frame_where_it_comes_from(there):
     ],
 )
 def test_what_cannot_be_delivered_is_told_in_one_line(there, words, code, says):
-    done = there.run("deliver", NAME, "-q", "draft", *words)
+    done = there.call("deliver", NAME, "-q", QUALITY, *words)
     assert done.code == code
     assert says in done.err
     assert len(done.err.strip().splitlines()) == 1
 
 
 def test_a_dry_run_delivers_nothing(there):
-    done = there.run("--dry-run", "deliver", NAME, "-q", "draft", "--as", "av1")
+    done = there.call("--dry-run", "deliver", NAME, "-q", QUALITY, "--as", "av1")
     assert done.code == 0, done.err
     assert "Nothing to be done.\nThen: encoding T010_tiny as av1." in done.out
     assert not (there.path / HOME).exists()

@@ -8,6 +8,8 @@ from pathlib import Path
 import opentimelineio as otio
 import pytest
 
+from tests.conftest import QUALITY
+
 NAME = "T010_tiny"
 REEL = f"""\
 title: Reel
@@ -29,7 +31,7 @@ def there(project, monkeypatch):
 
 
 def exported(there, *words: str) -> otio.schema.Timeline:
-    done = there.run("export", "otio", "reel", "-q", "draft", *words)
+    done = there.call("export", "otio", "reel", "-q", QUALITY, *words)
     assert done.code == 0, done.err
     return otio.adapters.read_from_file(words[words.index("-o") + 1] if "-o" in words else "reel.otio")
 
@@ -78,8 +80,8 @@ def test_media_lie_where_the_timeline_says(finished, monkeypatch):
     clip = next(c for c in exported(finished, "-o", "cuts/reel.otio").find_clips() if c.name == NAME)
     media = clip.media_reference
     assert all((Path("cuts") / media.target_url_for_image_number(n)).is_file() for n in range(6))
-    assert media.target_url_for_image_number(0) == f"../renders/{NAME}/draft/frames/{NAME}.0001.exr"
-    assert finished.run("deliver", NAME, "-q", "draft", "--as", "prores4444").code == 0
+    assert media.target_url_for_image_number(0) == f"../renders/{NAME}/{QUALITY}/frames/{NAME}.0001.exr"
+    assert finished.call("deliver", NAME, "-q", QUALITY, "--as", "prores4444").code == 0
     clip = next(c for c in exported(finished, "--media", "prores4444").find_clips() if c.name == NAME)
     assert Path(clip.media_reference.target_url).is_file()
     assert clip.available_range() == clip.media_reference.available_range
@@ -122,7 +124,7 @@ def test_the_same_edit_is_the_same_file(there):
     ],
 )
 def test_what_cannot_be_exported_is_told_in_one_line(there, words, code, says):
-    done = there.run("export", *words)
+    done = there.call("export", *words)
     assert done.code == code
     assert says in done.err
     assert len(done.err.strip().splitlines()) == 1

@@ -43,11 +43,11 @@ def test_an_exported_edit_comes_back_with_its_frames_dissolves_cards_and_sound(p
         file.writeframes(bytes(2 * 48000))
     Path("shots/reel.yaml").write_text(REEL + "sound: {file: tone.wav, start: 1, gain: -3}\n")
     before = exported(project, "-o", "cuts/cut.otio")
-    assert project.run("film", "--edit", "cuts/cut.otio", "--dry-run").code == 2
+    assert project.call("film", "--edit", "cuts/cut.otio", "--dry-run").code == 2
     text = ImportedEdit(Path("cuts/cut.otio"), (NAME,), Path("shots")).text()
     Path("shots/cut.yaml").write_text(text)
-    assert project.run("film", "--edit", "cuts/cut.otio", "--dry-run").code == 0
-    assert project.run("export", "otio", "cut", "-q", "draft", "-o", "cuts/again.otio").code == 0
+    assert project.call("film", "--edit", "cuts/cut.otio", "--dry-run").code == 0
+    assert project.call("export", "otio", "cut", "-q", "draft", "-o", "cuts/again.otio").code == 0
     after = otio.adapters.read_from_file("cuts/again.otio")
     assert seen(after) == seen(before) and after.duration() == before.duration()
     assert [type(part) for part in after.tracks[0]] == [type(part) for part in before.tracks[0]]

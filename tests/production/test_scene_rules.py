@@ -282,12 +282,12 @@ def test_validate_reports_scenes_by_line_and_as_data(project: ProjectFolder) -> 
     (shots / "coarse.yaml").write_text(text % ("ball", 0.5))
     (shots / "fine.yaml").write_text(text % ("ball", 0.1))
     (shots / "broken.yaml").write_text(text % ("broken", 0.1))
-    done = project.run("validate", "coarse", "fine")
+    done = project.call("validate", "coarse", "fine")
     assert done.code == 0
     assert "Good: fine\nWith warnings: coarse\n" in done.out
     assert "shots/coarse.yaml:4:12: max_edge_length 0.5 is coarse" in done.err
     assert "ball.obj" in done.out
-    done = project.run("--json", "validate", "coarse", "broken")
+    done = project.call("--json", "validate", "coarse", "broken")
     coarse, broken = json.loads(done.out)
     assert done.code == 2
     assert coarse["errors"] == [] and len(coarse["warnings"]) == 1
