@@ -68,7 +68,11 @@ def render_frame(
         vertex_attributes(now, then, aovs, size) for now, then in zip(own.each(), ends, strict=True)
     ]
     motion = 0.0 if shutter is None else shutter.longest_motion(size)
-    rounds = _rounds(scene, quality, motion, seed)
+    if has_path_tracer(scene, quality):
+        affordable = affordable_motion_samples(quality, own.vertex_count)
+        rounds = traced_rounds(quality, motion, affordable, seed)
+    else:
+        rounds = multijitter_rounds(quality, motion)
     groups = [group.name for group in scene.lights.groups]
     schedule = batch_schedule(quality, rounds)
     motion_samples = _motion_sample_count(rounds)
@@ -89,6 +93,7 @@ def render_frame(
             batches.render(batch, scenes)
         stopwatch.lap("rendering")
     moved = moved or sample_at(schedule[-1].time)  # the checkpoint held all batches
+    surfaces = [surface for surface in moved.subjects if isinstance(surface, Surface)]
     arrays = batches.accumulator.frame_aovs(list(scene.objects))
     if "alpha" not in arrays:
         arrays["alpha"] = _alpha(arrays, scene)
@@ -97,7 +102,13 @@ def render_frame(
     facts = {
         "seed": seed,
         **batches.accumulator.facts(),
-        **_scene_facts(scene, quality, moved, "denoise_albedo" in arrays),
+        "auxiliary_samples": quality.auxiliary_samples,
+        "depth": quality.depth,
+        "lens_radius": scene.camera.lens_radius,
+        **({"is_clear": scene.is_clear} if "denoise_albedo" in arrays else {}),
+        "working_space": scene.working_space.name,
+        "surface_vertices": sum(len(surface.vertices) for surface in surfaces),
+        "surface_faces": sum(len(surface.faces) for surface in surfaces),
         **({} if shutter is None else _shutter_facts(shutter, motion, rounds)),
         **engine.facts(),
     }
@@ -120,28 +131,6 @@ class Stopwatch:
 
 def _motion_sample_count(rounds: Sequence[Round]) -> int:
     return len({time for each in rounds for time in each.times})
-
-
-def _rounds(scene: Scene, quality: Quality, motion: float, seed: int) -> list[Round]:
-    """Return the rounds of samples of a frame; motion: the longest one while the shutter is open, pixels."""
-    if not has_path_tracer(scene, quality):
-        return multijitter_rounds(quality, motion)
-    affordable = affordable_motion_samples(quality, scene.motion_sample.vertex_count)
-    return traced_rounds(quality, motion, affordable, seed)
-
-
-def _scene_facts(scene: Scene, quality: Quality, moved: MotionSample, is_denoised: bool) -> dict[str, Any]:
-    """Return what the header says of a scene, with the surfaces of its last motion sample."""
-    surfaces = [surface for surface in moved.subjects if isinstance(surface, Surface)]
-    return {
-        "auxiliary_samples": quality.auxiliary_samples,
-        "depth": quality.depth,
-        "lens_radius": scene.camera.lens_radius,
-        **({"is_clear": scene.is_clear} if is_denoised else {}),
-        "working_space": scene.working_space.name,
-        "surface_vertices": sum(len(surface.vertices) for surface in surfaces),
-        "surface_faces": sum(len(surface.faces) for surface in surfaces),
-    }
 
 
 def _shutter_facts(shutter: ShutterInterval, motion: float, rounds: Sequence[Round]) -> dict[str, Any]:

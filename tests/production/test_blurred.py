@@ -7,6 +7,7 @@ import json
 import numpy as np
 
 from render.post.image import read_exr, read_header
+from tests.conftest import QUALITY
 
 NAME = "T010_tiny"
 MORE = "shutter: {angle: 360}\naovs: {velocity: float, motion: half, before: float, after: float}\n"
@@ -14,8 +15,7 @@ MORE = "shutter: {angle: 360}\naovs: {velocity: float, motion: half, before: flo
 
 def test_a_shot_is_blurred_and_tells_its_motion(project) -> None:
     project.shot.write_text(project.shot.read_text().replace("6: 60}", "6: 120}") + MORE)
-    done = project.run("render", NAME, "-f", "5", "-q", "draft")
-    assert done.code == 0, done.err
+    project.render("5")
     (raw,) = project.frames(kind="raw")
     layers, header = read_exr(raw)
     assert header["motion_samples"] > 1 and header["shutter"] == [-0.5, 0.5]
@@ -31,7 +31,7 @@ def test_a_shot_is_blurred_and_tells_its_motion(project) -> None:
 
 
 def test_what_a_picture_took_stands_beside_it_and_not_in_it(finished_project) -> None:
-    home = finished_project.path / "renders" / NAME / "draft"
+    home = finished_project.path / "renders" / NAME / QUALITY
     told = {path.stem: json.loads(path.read_text()) for path in (home / "statistics").glob("*.json")}
     assert len(told) == 6
     for path in finished_project.frames(kind="raw"):

@@ -29,6 +29,7 @@ from pipeline.production.maintenance.verify import (
 from pipeline.production.store.digests import digest_of
 from pipeline.production.store.store import Store
 from render.post.image import read_header
+from tests.conftest import QUALITY
 
 NAME = "T010_tiny"
 FLIPS = 2000
@@ -168,7 +169,7 @@ def test_a_film_heals_what_is_damaged_on_the_way_to_it_and_is_the_same_to_the_bi
         path = store.path(kind, key)
         flip(path, chance.randrange(path.stat().st_size), 1 << chance.randrange(8))
     shutil.rmtree(root / ".flowsculpt/store/movie")
-    done = finished.run("film", "-q", "draft")
+    done = finished.run("film", "-q", QUALITY)
     assert done.code == 0, done.err
     assert {path: digest_of(path) for path in movies} == before
     assert not any(file.fault for file in verify(store, 1))

@@ -18,6 +18,7 @@ from pipeline.production.request.lookup import edit_names, find_edit, find_shot,
 from pipeline.shot import read_film
 from pipeline.shot.yaml.lookup import is_edit
 from render.movie.probe import probe_movie
+from tests.conftest import QUALITY
 from tests.production.snakemake import workflow
 
 REEL = """\
@@ -182,13 +183,13 @@ def test_plain_snakemake_takes_the_former_name_of_draft(there):
 
 def test_the_command_makes_the_film_of_an_edit_beside_the_main_one(finished):
     (finished.path / "shots" / "reel.yaml").write_text(REEL)
-    before = (finished.path / "renders/film/draft/film.mp4").read_bytes()
-    done = finished.run("film", "reel", "-q", "draft")
+    before = (finished.path / f"renders/film/{QUALITY}/film.mp4").read_bytes()
+    done = finished.run("film", "reel", "-q", QUALITY)
     assert done.code == 0, done.err
-    assert "renders/film/draft/reel.mp4" in done.out
-    assert probe_movie(finished.path / "renders/film/draft/reel.mp4").frames == 6 + 11
-    assert (finished.path / "renders/film/draft/film.mp4").read_bytes() == before
-    assert "reel" in finished.run("validate").out
+    assert f"renders/film/{QUALITY}/reel.mp4" in done.out
+    assert probe_movie(finished.path / f"renders/film/{QUALITY}/reel.mp4").frames == 6 + 11
+    assert (finished.path / f"renders/film/{QUALITY}/film.mp4").read_bytes() == before
+    assert "reel" in finished.call("validate").out
 
 
 def test_the_film_dissolves_between_its_pieces_and_is_heard(finished):
@@ -203,12 +204,12 @@ def test_the_film_dissolves_between_its_pieces_and_is_heard(finished):
         "  - {card: Two, seconds: 0.5}\n  - {shot: T010_tiny, frames: 2-6, dissolve: 2}\n"
         "sound: {file: tone.wav}\n"
     )
-    assert finished.run("film", "reel", "-q", "draft").code == 0
-    facts = probe_movie(finished.path / "renders/film/draft/reel.mp4")
+    assert finished.run("film", "reel", "-q", QUALITY).code == 0
+    facts = probe_movie(finished.path / f"renders/film/{QUALITY}/reel.mp4")
     assert facts.frames == 12 + 6 + 12 + 5 - 3 - 2
     assert facts.sound == "aac"
     assert facts.frames / 24 <= facts.seconds <= facts.frames / 24 + 0.05
-    again = finished.run("film", "reel", "-q", "draft")
+    again = finished.call("film", "reel", "-q", QUALITY)
     assert "Nothing to be done" in again.out
     (shots / "tone.wav").write_bytes((shots / "tone.wav").read_bytes()[:-2] + b"\x01\x20")
-    assert "encoding the film" in finished.run("--dry-run", "film", "reel", "-q", "draft").out
+    assert "encoding the film" in finished.call("--dry-run", "film", "reel", "-q", QUALITY).out

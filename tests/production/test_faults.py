@@ -18,6 +18,7 @@ import psutil
 import pytest
 
 from render.post.image import read_exr
+from tests.conftest import QUALITY
 
 NAME = "T010_tiny"
 KILLS = 50
@@ -56,7 +57,7 @@ def left_over(project: Any) -> list[Path]:
 def test_a_worker_that_hangs_is_ended_and_its_frame_made_by_another(
     project: Any, finished_project: Any
 ) -> None:
-    process = project.start("render", NAME, "-q", "draft", "--timeout", "0.5")
+    process = project.start("render", NAME, "-q", QUALITY, "--timeout", "0.5")
     project.wait_until(lambda: loaded_renderers(process))
     loaded_renderers(process)[0].suspend()
     out, err = process.communicate(timeout=300)
@@ -68,7 +69,7 @@ def test_a_worker_that_hangs_is_ended_and_its_frame_made_by_another(
 def test_a_worker_that_is_killed_for_its_memory_is_followed_by_fewer(
     project: Any, finished_project: Any
 ) -> None:
-    process = project.start("render", NAME, "-q", "draft")
+    process = project.start("render", NAME, "-q", QUALITY)
     project.wait_until(lambda: len(renderers(process)) == 2)
     renderers(process)[0].kill()
     out, err = process.communicate(timeout=300)
@@ -82,7 +83,7 @@ def test_the_time_of_files_decides_nothing(finished: Any) -> None:
     for path in finished.path.rglob("*.*"):
         when = time.time() + chance.uniform(-3e7, 3e7)
         os.utime(path, (when, when))
-    assert finished.run("render", NAME, "-q", "draft").out.startswith("Nothing to be done")
+    assert finished.call("render", NAME, "-q", QUALITY).out.startswith("Nothing to be done")
 
 
 @pytest.fixture
@@ -105,11 +106,11 @@ def test_a_full_disk_is_told_in_one_line_and_once_there_is_room_the_run_goes_on(
 ) -> None:
     ballast = small_disk / "ballast"
     ballast.write_bytes(bytes((64 << 20) - 65536))
-    full = project.run("--root", str(small_disk), "render", NAME, "-q", "draft")
+    full = project.run("--root", str(small_disk), "render", NAME, "-q", QUALITY)
     assert full.code == 4 and "full" in full.err, full.out + full.err
     valid = sorted((small_disk / ".flowsculpt" / "store").rglob("*.npz"))
     ballast.unlink()
-    done = project.run("--root", str(small_disk), "render", NAME, "-q", "draft")
+    done = project.run("--root", str(small_disk), "render", NAME, "-q", QUALITY)
     assert done.code == 0, done.err
     assert all(path.exists() for path in valid)
     (project.path / "renders").symlink_to(small_disk / "renders")
@@ -138,7 +139,7 @@ def test_wherever_a_run_fills_the_disk_one_line_says_so(
 
 @pytest.mark.soak
 def test_a_plan_that_is_deleted_during_its_run_is_made_anew(project: Any, finished_project: Any) -> None:
-    process = project.start("render", NAME, "-q", "draft")
+    process = project.start("render", NAME, "-q", QUALITY)
     project.wait_until(lambda: project.frames(kind="raw"))
     for plan in (project.path / ".flowsculpt/plans").iterdir():
         plan.unlink()
@@ -172,7 +173,7 @@ def test_a_film_killed_fifty_times_is_the_film_of_an_undisturbed_run(
 ) -> None:
     chance, kills = random.Random(KILLS), 0
     while kills < KILLS:
-        process = project.start("film", "-q", "draft")
+        process = project.start("film", "-q", QUALITY)
         try:
             out, err = process.communicate(timeout=chance.uniform(0.5, 14.0))
         except subprocess.TimeoutExpired:
@@ -182,6 +183,6 @@ def test_a_film_killed_fifty_times_is_the_film_of_an_undisturbed_run(
         else:
             assert process.returncode == 0, out + err
             forget_pictures(project)
-    done = project.run("film", "-q", "draft")
+    done = project.run("film", "-q", QUALITY)
     assert done.code == 0, done.err
     assert same_pixels(project, finished_project) and not left_over(project)

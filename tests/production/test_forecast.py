@@ -17,6 +17,7 @@ from pipeline.production.request.lookup import find_shot
 from pipeline.production.store.event_log import EventReader
 from pipeline.production.store.history import History
 from pipeline.production.store.paths import EVENTS
+from tests.conftest import QUALITY, done
 from tests.production.test_why import CASES, NAME, Case
 
 EXTENDED = Case("more frames", (), ("frames: 1-6", "frames: 1-8"))
@@ -25,7 +26,7 @@ STEADY = ("quality.draft={temporal_denoise: 2}",)
 
 def forecast(project: Project, frames: str | None = None) -> tuple[set[int], set[int]]:
     """Return the finished frames that a dry run names: those made for certain, and those perhaps."""
-    told = Forecast.of(project.pictures([NAME], "draft", frames), project.store)
+    told = Forecast.of(project.pictures([NAME], QUALITY, frames), project.store)
     frames_of = {n for job in told.plan.jobs if job.stage == "finish" for n in job.frames}
     perhaps = set(told.unframed.get("finish", ()))
     return frames_of - perhaps, perhaps
@@ -33,7 +34,7 @@ def forecast(project: Project, frames: str | None = None) -> tuple[set[int], set
 
 def states(project: Project) -> dict[str, set[int]]:
     """Return the frames by state, as `status` lists them; `why` must say the same."""
-    request = project.request(find_shot(NAME), "draft")
+    request = project.request(find_shot(NAME), QUALITY)
     told = picture_states(request, project.store, History.of(project.root))
     by_state = {name: set(getattr(told, name)) for name in ("done", "stale", "unframed", "missing")}
     for state, numbers in by_state.items():
@@ -62,7 +63,7 @@ def test_status_why_words_and_a_dry_run_name_the_same_frames(edited: Any, case: 
     _, project = edited(case)
     by_state = states(project)
     assert forecast(project) == (by_state["stale"] | by_state["missing"], by_state["unframed"])
-    asked = project.asked(NAME, "draft", "stale,missing").requested
+    asked = project.asked(NAME, QUALITY, "stale,missing").requested
     assert set(asked) == set().union(*by_state.values()) - by_state["done"]
 
 
@@ -70,11 +71,11 @@ def check_a_run(edited: Any, case: Case) -> None:
     folder, project = edited(case)
     certain, perhaps = forecast(project)
     settings = [word for setting in case.settings for word in ("--set", setting)]
-    done = folder.run("--json", "render", NAME, "-q", "draft", *settings)
-    assert done.code == 0, done.err
+    ran = folder.run("--json", "render", NAME, "-q", QUALITY, *settings)
+    assert ran.code == 0, ran.err
     events = [
         event
-        for run in json.loads(done.out)["runs"]
+        for run in json.loads(ran.out)["runs"]
         for event in EventReader(folder.path / EVENTS / f"{run}.jsonl").new()
     ]
     made = {
@@ -102,11 +103,12 @@ def test_a_frame_that_was_rendered_alone_is_done_for_all_who_ask(
     project: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(project.path)
-    assert project.run("stills", NAME, "-f", "3", "-q", "draft", "--set", *STEADY).code == 0
+    now = Project(project.path, 2, settings=STEADY)
+    done(project.path, now.stills([NAME], "png", QUALITY, "3"))
     now = Project(project.path, 2, settings=STEADY)
     assert states(now) == {"done": {3}, "stale": set(), "unframed": set(), "missing": {1, 2, 4, 5, 6}}
     assert forecast(now, "3") == (set(), set()) and 3 in forecast(now)[0], "all are averaged with all"
-    alone = explain(now.request(find_shot(NAME), "draft"), 3, now.store)
+    alone = explain(now.request(find_shot(NAME), QUALITY), 3, now.store)
     assert alone.reasons == ("it is averaged with frames 1-2,4-5 too once they are rendered",)
 
 
@@ -117,8 +119,7 @@ def test_a_late_edit_of_a_long_shot_leaves_early_frames_done(
     monkeypatch.chdir(project.path)
     text = project.shot.read_text().replace("1-6", "1-64").replace("0.5}", "3}")
     project.shot.write_text(text.replace("6: 60", "60: 60, 64: 64"))
-    done = project.run("render", NAME, "--scale", "5%", "-f", "1,12,40,64")
-    assert done.code == 0, done.err
+    project.render("1,12,40,64", quality="draft.scale5")
     project.shot.write_text(text.replace("6: 60", "60: 60, 64: 94"))
     now = Project(project.path, 2)
     request = now.request(find_shot(NAME), "draft.scale5", "1,12,40,64")
@@ -134,8 +135,8 @@ def test_links_that_no_job_needs_are_shown_again(finished: Any, monkeypatch: pyt
         lost.unlink()
     (home / f"{NAME}.cameras.json").unlink()
     project = Project(finished.path, 2)
-    plan = project.pictures([NAME], "draft")
+    plan = project.pictures([NAME], QUALITY)
     assert not plan.jobs and plan.restore_links(project.store) == 3
     assert not mesh_states(
-        project.request(find_shot(NAME), "draft"), project.store, History(finished.path)
+        project.request(find_shot(NAME), QUALITY), project.store, History(finished.path)
     ).missing

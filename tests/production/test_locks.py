@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ import pytest
 from pipeline.errors import MachineError
 from pipeline.production.execution.project import Project
 from pipeline.production.store.locks import exclusive, lock_name, making, of_key, writing
+from tests.conftest import done, new_project
 
 NAMES = ("T010_tiny", "T020_other")
 QUALITY = "draft.scale10"
@@ -129,7 +131,7 @@ def test_a_plan_locks_the_shots_that_it_writes(project: Any, monkeypatch: pytest
 
 def test_reading_takes_no_lock(project: Any) -> None:
     for words in (("status",), ("--dry-run", "render", NAMES[0]), ("why", NAMES[0], "1")):
-        project.run(*words)
+        project.call(*words)
     assert not (project.path / ".flowsculpt/lock").exists()
 
 
@@ -147,30 +149,38 @@ def pixels(folder: Path) -> dict[str, bytes]:
     }
 
 
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """The frames of both shots, made one after the other by one process."""
+    project = new_project(tmp_path_factory.mktemp("undisturbed"))
+    two_shots(project)
+    with chdir(project.path):
+        done(project.path, Project(project.path, 1).pictures(NAMES, QUALITY))
+    return pixels(project.path)
+
+
 def render(project: Any, name: str) -> subprocess.Popen[str]:
     return project.start("render", name, "-q", QUALITY)
 
 
 def test_two_shots_rendered_side_by_side_have_the_bits_of_one_after_the_other(
-    project: Any, tmp_path_factory: pytest.TempPathFactory
+    project: Any, undisturbed: dict[str, bytes]
 ) -> None:
     two_shots(project)
-    other = project.copy(tmp_path_factory.mktemp("one after the other") / "project")
     runs = [render(project, name) for name in NAMES]
     project.wait_until((project.path / ".flowsculpt/locks" / f"{NAMES[0]}.{QUALITY}.lock").exists)
-    refused = project.run("render", NAMES[0], "-q", QUALITY)
+    refused = project.call("render", NAMES[0], "-q", QUALITY)
     for run in runs:
         out, err = run.communicate(timeout=300)
         assert run.returncode == 0, out + err
     assert refused.code == 4 and f"{NAMES[0]} at {QUALITY}" in refused.err
-    assert other.run("render", *NAMES, "-q", QUALITY).code == 0
-    assert len(pixels(project.path)) == 12 and pixels(project.path) == pixels(other.path)
+    assert len(undisturbed) == 12 and pixels(project.path) == undisturbed
 
 
 def test_a_second_run_waits_where_it_is_told_to(project: Any) -> None:
     first = render(project, NAMES[0])
     project.wait_until(lambda: list((project.path / ".flowsculpt/locks").glob("*.lock")))
-    second = project.run("--wait", "render", NAMES[0], "-q", QUALITY)
+    second = project.call("--wait", "render", NAMES[0], "-q", QUALITY)
     assert first.wait(60) == 0 and second.code == 0, second.err
     assert second.out.startswith("Nothing to be done")
     first.communicate()
@@ -188,16 +198,13 @@ def killed(project: Any, kills: int, seconds: tuple[float, float]) -> None:
 
 
 @pytest.mark.parametrize("kills", [2, pytest.param(20, marks=pytest.mark.soak)])
-def test_two_runs_killed_side_by_side_again_and_again_make_the_same_bits(project: Any, kills: int) -> None:
+def test_two_runs_killed_side_by_side_again_and_again_make_the_same_bits(
+    project: Any, undisturbed: dict[str, bytes], kills: int
+) -> None:
     two_shots(project)
     killed(project, kills, (0.5, 6.0))
     runs = [render(project, name) for name in NAMES]
     for run in runs:
         out, err = run.communicate(timeout=300)
         assert run.returncode == 0, out + err
-    found = pixels(project.path)
-    for kind in ("store", "done"):
-        subprocess.run(["rm", "-rf", project.path / ".flowsculpt" / kind], check=True)
-    subprocess.run(["rm", "-rf", project.path / "renders"], check=True)
-    assert project.run("render", *NAMES, "-q", QUALITY).code == 0
-    assert len(found) == 12 and found == pixels(project.path)
+    assert len(undisturbed) == 12 and pixels(project.path) == undisturbed

@@ -14,6 +14,7 @@ from pipeline.production.maintenance.verify import verify
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.store.store import Store
 from render.post.image import read_header
+from tests.conftest import QUALITY
 
 NAME = "T010_tiny"
 
@@ -44,19 +45,19 @@ def test_a_flipped_bit_is_found_wherever_it_is(finished: Any) -> None:
 def test_verify_makes_again_what_is_damaged_and_nothing_else(finished: Any) -> None:
     damage(stored(finished, "raw", finished.frames(kind="raw")[2]))
     damage(stored(finished, "frame", finished.frames()[2]))
-    only_told = finished.run("--dry-run", "verify")
+    only_told = finished.call("--dry-run", "verify")
     assert only_told.code == 1 and "2 files" in only_told.out
     done = finished.run("--json", "verify")
     assert done.code == 0, done.err
     facts = json.loads(done.out)
     assert facts["healed"] and len(facts["faulty"]) == 2
     assert not [each for each in verify(Store(finished.path), 2) if each.fault]
-    assert finished.run("render", NAME, "-q", "draft").out.startswith("Nothing to be done")
+    assert finished.call("render", NAME, "-q", QUALITY).out.startswith("Nothing to be done")
 
 
 def test_verify_makes_frames_of_a_scale_again_and_says_how_a_curve_sheet_is(finished: Any) -> None:
-    assert finished.run("render", NAME, "-f", "2", "--scale", "10%").code == 0
-    assert finished.run("curves", NAME).code == 0
+    finished.render("2", quality="draft.scale10")
+    assert finished.call("curves", NAME).code == 0
     (frame,) = finished.frames("draft.scale10")
     whole, curves = frame.read_bytes(), finished.path / "renders" / NAME / f"{NAME}.curves.svg"
     frame.chmod(0o644)
@@ -67,8 +68,8 @@ def test_verify_makes_frames_of_a_scale_again_and_says_how_a_curve_sheet_is(fini
     assert f"{frame.relative_to(finished.path)}: is not what was written" in done.err
     assert f"{curves.relative_to(finished.path)}: flowsculpt curves {NAME} makes it again" in done.err
     assert frame.read_bytes() == whole
-    assert finished.run("curves", NAME).code == 0
-    assert finished.run("verify").out == "Every file is what it should be.\n"
+    assert finished.call("curves", NAME).code == 0
+    assert finished.call("verify").out == "Every file is what it should be.\n"
 
 
 def test_cleaning_keeps_what_today_and_the_last_runs_need(
@@ -80,7 +81,7 @@ def test_cleaning_keeps_what_today_and_the_last_runs_need(
     everything = {path for _, _, path in store.entries()}
 
     def requests() -> list[Any]:
-        return [Project(finished.path, 2).request(find_shot(NAME), "draft")]
+        return [Project(finished.path, 2).request(find_shot(NAME), QUALITY)]
 
     def gone_but_films(keep: int) -> list[Path]:
         """Return the collected files but movies, which belong to no shot."""

@@ -15,12 +15,15 @@ import pytest
 from pipeline.animation import animate
 from pipeline.errors import UsageError
 from pipeline.production.execution.project import Project
+from pipeline.production.execution.snakefile import PlannedWorkflow
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.readers import read_npz
+from pipeline.production.tasks import worker
+from pipeline.production.tasks.job import Context
 from render.base.serialise import from_plain, to_plain
-from tests.production.snakemake import snakemake
+from tests.production.snakemake import snakemake, workflow
 
 SHOT = (
     "title: T\nframes: 1-3\nsubject: {solid: icosphere}\nresample: off\n"
@@ -92,7 +95,15 @@ FLOWS = {
 
 
 @pytest.mark.parametrize("changed", FLOWS)
-def test_a_file_that_was_changed_since_is_told_by_the_job(changed: str, shot: str, tmp_path: Path) -> None:
+def test_a_file_that_was_changed_since_is_told_by_the_job(
+    changed: str,
+    shot: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(worker, "_limit_kernels", lambda threads: None)
     triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
     (tmp_path / "t.obj").write_text(triangle)
     (tmp_path / "bunny.obj").write_text(triangle)
@@ -105,10 +116,11 @@ def test_a_file_that_was_changed_since_is_told_by_the_job(changed: str, shot: st
     plan = Project(tmp_path, 1, allow_code=True).meshes([shot])
     before = (tmp_path / changed).read_bytes()
     (tmp_path / changed).write_bytes(before + b"\n")
-    done = job_of(plan, tmp_path)
-    assert done.returncode == 1 and not (tmp_path / plan.targets[0]).exists()
+    thawed = Plan.thaw(tmp_path / plan.freeze(tmp_path))
+    assert worker.work(Context.of(tmp_path, thawed, plan.jobs[0].name)) == 1
+    assert not (tmp_path / plan.targets[0]).exists()
     wanted = f"{tmp_path / changed}: it was changed since the work was planned; run again"
-    assert done.stderr.strip() == wanted
+    assert capsys.readouterr().err.strip() == wanted
     (tmp_path / changed).write_bytes(before)
     (request,) = Plan.thaw(tmp_path / plan.freeze(tmp_path)).requests
     assert request.shot.name == "a"
@@ -132,21 +144,23 @@ def plain_snakemake(folder: Path, *config: str) -> subprocess.CompletedProcess[s
     )
 
 
-def test_plain_snakemake_runs_code_with_permission_alone(tmp_path: Path) -> None:
+def test_plain_snakemake_runs_code_with_permission_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "shots").mkdir()
     (tmp_path / "shots/P010.yaml").write_text(SHOT)
     (tmp_path / "shots/mine.py").write_text("def lift(points, time, dt):\n    return points + [0, dt, 0]\n")
-    for config, says in (
-        ((), "mine.py: the shot would run this Python file"),
-        (("allow_code=false",), "(for snakemake, --config allow_code=true)"),
-        (
-            ("allow_code=1",),
-            "allow_code is 1; it says whether shots may run their Python files. Write true or",
-        ),
+    refused = plain_snakemake(tmp_path)
+    assert refused.returncode == 1 and "mine.py: the shot would run this Python file" in refused.stdout
+    assert "Traceback" not in refused.stdout and "/pipeline/" not in refused.stdout, refused.stdout
+    monkeypatch.chdir(tmp_path)
+    for allowed, says in (
+        (False, "(for snakemake, --config allow_code=true)"),
+        (1, "allow_code is 1; it says whether shots may run their Python files. Write true or"),
     ):
-        refused = plain_snakemake(tmp_path, *config)
-        assert refused.returncode == 1 and says in refused.stdout, refused.stdout
-        assert "Traceback" not in refused.stdout and "/pipeline/" not in refused.stdout, refused.stdout
+        with pytest.raises(SystemExit) as told:
+            PlannedWorkflow(workflow(), {"shot": "P010", "quality": "draft", "allow_code": allowed}).plan  # noqa: B018
+        assert says in str(told.value)
     done = plain_snakemake(tmp_path, "allow_code=true")
     assert done.returncode == 0, done.stdout
     first, last = (read_npz(tmp_path / f"renders/P010/meshes/P010.000{n}.npz")["vertices"] for n in (1, 3))

@@ -11,6 +11,7 @@ from pipeline.mesh.control_net import PIECES
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from render.post.image import read_exr, read_header
+from tests.conftest import QUALITY
 
 CLOUD = """\
 title: Motes
@@ -54,9 +55,8 @@ def test_other_points_make_other_frames() -> None:
 
 def test_a_cloud_is_simulated_rendered_resumed_and_turned(project) -> None:
     project.shot.write_text(CLOUD)
-    assert project.run("simulate", NAME, "-f", "1-3").code == 0
-    done = project.run("render", NAME, "-f", "4", "-q", "draft")
-    assert done.code == 0, done.err
+    project.render("3")
+    project.render("4")
     home = project.path / "renders" / NAME
     with np.load(home / "meshes" / f"{NAME}.0004.npz") as mesh:
         assert mesh["faces"].shape == (0, 3)
@@ -65,20 +65,19 @@ def test_a_cloud_is_simulated_rendered_resumed_and_turned(project) -> None:
     with np.load(home / "normals" / f"{NAME}.0004.npz") as drawn:
         assert set(drawn.files) == {"vertices", "radii", "source_vertex", "material", "key"}
         assert np.array_equal(drawn["vertices"], points.astype(np.float32))
-    matte = read_exr(home / "draft" / "raw" / f"{NAME}.0004.exr")[0]["matte"]
+    matte = read_exr(home / QUALITY / "raw" / f"{NAME}.0004.exr")[0]["matte"]
     assert matte.max() > 0.99
     assert max(matte[0].max(), matte[-1].max(), matte[:, 0].max(), matte[:, -1].max()) == 0
-    assert read_header(home / "draft" / "frames" / f"{NAME}.0004.exr")["resample"] == "off"
-    turned = project.run("--json", "turntable", NAME, "--at", "4", "--frames", "2", "-q", "draft")
+    assert read_header(home / QUALITY / "frames" / f"{NAME}.0004.exr")["resample"] == "off"
+    turned = project.run("--json", "turntable", NAME, "--at", "4", "--frames", "2", "-q", QUALITY)
     assert turned.code == 0, turned.err
-    states = json.loads(project.run("--json", "status").out)
+    states = json.loads(project.call("--json", "status").out)
     assert NAME in json.dumps(states)
 
 
 def test_a_net_is_rendered_as_its_smooth_surface(project) -> None:
     project.shot.write_text(NET + "smooth: {tessellate: 4}\n")
-    done = project.run("render", NAME, "-f", "6", "-q", "draft")
-    assert done.code == 0, done.err
+    project.render("6")
     home = project.path / "renders" / NAME
     with np.load(home / "meshes" / f"{NAME}.0006.npz") as mesh:
         assert mesh["net"].tolist() == [12, 8, 0, 1]
@@ -86,5 +85,5 @@ def test_a_net_is_rendered_as_its_smooth_surface(project) -> None:
     with np.load(home / "normals" / f"{NAME}.0006.npz") as drawn:
         assert len(drawn["vertices"]) == (9 * 4 + 1) * (8 * 4)
         assert np.abs(np.linalg.norm(drawn["normals"], axis=1) - 1).max() < 1e-6
-    matte = read_exr(home / "draft" / "raw" / f"{NAME}.0006.exr")[0]["matte"]
+    matte = read_exr(home / QUALITY / "raw" / f"{NAME}.0006.exr")[0]["matte"]
     assert matte.max() > 0.99

@@ -16,21 +16,21 @@ from pipeline.errors import MachineError
 from pipeline.production.execution.snakemake import refusal
 from pipeline.production.store.digests import Digests
 from pipeline.production.store.paths import DIGESTS
-from tests.conftest import ProjectFolder, Run, commanded
+from tests.conftest import QUALITY, ProjectFolder, Run, commanded
 from tests.full_disk import disk_of
 
-NAME = "T010_tiny"
+NAME, SIZE = "T010_tiny", ("-q", QUALITY)
 
 WRITERS = [
     ["curves", NAME, "-o", "curves.png"],
     ["preview", NAME, "--at", "2"],
-    ["sheet", NAME, "-f", "1-2"],
+    ["sheet", NAME, "-f", "1-2", *SIZE],
     ["review", NAME],
-    ["stills", NAME, "-f", "1"],
-    ["deliver", NAME, "--as", "review"],
-    ["publish", NAME],
-    ["export", "otio", "film"],
-    ["export", "openjd", NAME],
+    ["stills", NAME, "-f", "1", *SIZE],
+    ["deliver", NAME, "--as", "review", *SIZE],
+    ["publish", NAME, *SIZE],
+    ["export", "otio", "film", *SIZE],
+    ["export", "openjd", NAME, *SIZE],
     ["schema", "-o", "schema.json"],
     ["new", "A020_new", "--from", "lorenz"],
 ]
@@ -88,7 +88,7 @@ def is_one_line(done: Run, *says: str) -> bool:
 def test_a_read_only_root_can_be_looked_at_and_whatever_writes_says_so(finished: ProjectFolder) -> None:
     shutil.rmtree(finished.path / ".flowsculpt/store/frame")
     with mode(finished.path, "a-w"):
-        status, render = unprivileged(finished, "status"), unprivileged(finished, "render", NAME)
+        status, render = unprivileged(finished, "status"), unprivileged(finished, "render", NAME, *SIZE)
     assert status.code == 0 and NAME in status.out
     assert is_one_line(render, ".flowsculpt/lock: cannot be written: permission denied", "--root"), render.err
 
@@ -97,12 +97,12 @@ def test_a_read_only_root_can_be_looked_at_and_whatever_writes_says_so(finished:
     ("folder", "change", "words"),
     [
         (".flowsculpt/store", "000", ["status"]),
-        pytest.param(".flowsculpt/store", "a-w", ["render", NAME], marks=pytest.mark.soak),
+        pytest.param(".flowsculpt/store", "a-w", ["render", NAME, *SIZE], marks=pytest.mark.soak),
         pytest.param(".flowsculpt", "000", ["status"], marks=pytest.mark.soak),
-        pytest.param(".flowsculpt/locks", "a-w", ["render", NAME], marks=pytest.mark.soak),
-        pytest.param(".flowsculpt/events", "a-w", ["render", NAME], marks=pytest.mark.soak),
-        pytest.param(".flowsculpt/plans", "a-w", ["render", NAME], marks=pytest.mark.soak),
-        pytest.param(".flowsculpt/logs", "a-w", ["render", NAME], marks=pytest.mark.soak),
+        pytest.param(".flowsculpt/locks", "a-w", ["render", NAME, *SIZE], marks=pytest.mark.soak),
+        pytest.param(".flowsculpt/events", "a-w", ["render", NAME, *SIZE], marks=pytest.mark.soak),
+        pytest.param(".flowsculpt/plans", "a-w", ["render", NAME, *SIZE], marks=pytest.mark.soak),
+        pytest.param(".flowsculpt/logs", "a-w", ["render", NAME, *SIZE], marks=pytest.mark.soak),
         pytest.param("renders", "a-w", ["preview", NAME, "--at", "2"], marks=pytest.mark.soak),
     ],
 )
@@ -110,7 +110,9 @@ def test_files_of_another_user_are_named_with_what_can_be_done(
     folder: str, change: str, words: list[str], finished: ProjectFolder
 ) -> None:
     shutil.rmtree(finished.path / ".flowsculpt/store/movie")
-    (finished.path / f"renders/{NAME}/draft/{NAME}.mp4").unlink()
+    (finished.path / f"renders/{NAME}/{QUALITY}/{NAME}.mp4").unlink()
+    if words == ["status"]:
+        finished.render("1", quality="draft")  # it tells of whole qualities
     with mode(finished.path / folder, change):
         done = unprivileged(finished, *words)
     assert is_one_line(done, f"{finished.path / folder}", "permission denied", "--root"), done.err
@@ -121,7 +123,7 @@ def test_files_of_another_user_are_named_with_what_can_be_done(
 def test_a_file_where_a_folder_should_be_is_told(name: str, finished: ProjectFolder) -> None:
     shutil.rmtree(finished.path / name)
     (finished.path / name).write_text("")
-    done = finished.run("render", NAME)
+    done = finished.call("render", NAME, *SIZE)
     assert is_one_line(done, f"{finished.path / name}", "a file stands where a folder should be"), done.err
 
 

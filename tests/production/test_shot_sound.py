@@ -13,7 +13,7 @@ from pipeline.production.request.audio import samples_of
 from pipeline.production.request.edit import Edit
 from pipeline.shot import read_film
 from render.movie.probe import probe_movie
-from tests.conftest import ProjectFolder
+from tests.conftest import QUALITY, ProjectFolder
 from tests.sounds import RATE, sine, times, write_sound
 
 NAME = "T010_tiny"
@@ -40,9 +40,10 @@ def sounding(project: ProjectFolder) -> ProjectFolder:
 def test_movies_and_deliveries_have_the_sound_of_their_frames(finished: ProjectFolder) -> None:
     """Frames that are there are kept: a sound that no value follows changes none."""
     before = {path: path.stat().st_mtime_ns for path in sounding(finished).frames()}
-    words = ("deliver", NAME, "-q", "draft", "-f", "2-5", "--as", "prores4444", "--slate", "head")
-    assert finished.run("render", NAME, "-q", "draft").code == finished.run(*words).code == 0
-    movie = finished.path / f"renders/{NAME}/draft/{NAME}.mp4"
+    words = ("deliver", NAME, "-q", QUALITY, "-f", "2-5", "--as", "prores4444", "--slate", "head")
+    finished.render()
+    assert finished.call(*words).code == 0
+    movie = finished.path / f"renders/{NAME}/{QUALITY}/{NAME}.mp4"
     facts = probe_movie(movie)
     assert (facts.frames, facts.sound) == (6, "aac")
     assert 6 / 24 <= facts.seconds <= 6 / 24 + 2 * 1024 / RATE

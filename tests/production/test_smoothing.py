@@ -51,8 +51,7 @@ def test_a_number_of_pieces_that_cannot_be_is_told_with_its_place() -> None:
 
 def test_rendered_surfaces_are_cut_into_the_pieces_asked_for(project) -> None:
     project.shot.write_text(TINY + "smooth: {tessellate: 2}\n")
-    done = project.run("render", "T010_tiny", "-f", "1", "-q", "draft")
-    assert done.code == 0, done.err
+    project.render("1")
     home = project.path / "renders" / "T010_tiny"
     with np.load(home / "meshes" / "T010_tiny.0001.npz") as mesh:
         faces = len(mesh["faces"])
@@ -124,12 +123,10 @@ def test_what_is_behind_the_lens_or_beside_the_picture_is_not_diced_for() -> Non
 
 
 def test_diced_pictures_are_of_finer_surfaces_the_finer_they_are(project) -> None:
-    project.shot.write_text(TINY + "smooth: {dicing: 4px}\naovs: [velocity]\n")
+    project.shot.write_text(TINY + "smooth: {dicing: 2px}\naovs: [velocity]\n")
     cut = []
-    for scale in ("50%", "100%"):
-        done = project.run("render", "T010_tiny", "-f", "2", "-q", "draft", "--scale", scale)
-        assert done.code == 0, done.err
-        quality = "draft" if scale == "100%" else "draft.scale50"
+    for quality in ("draft.scale25", "draft.scale50"):
+        project.render("2", quality=quality)
         told = project.path / "renders" / "T010_tiny" / quality / "statistics" / "T010_tiny.0002.json"
         cut.append(json.loads(told.read_text())["faces"])
     with np.load(project.path / "renders" / "T010_tiny" / "meshes" / "T010_tiny.0002.npz") as mesh:

@@ -17,10 +17,10 @@ from pipeline.production.planning.profile import Profile, shipped
 from pipeline.production.stages import STAGES
 from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_header
+from tests.conftest import QUALITY
 from tests.production.snakemake import CHECKOUT, snakemake, workflow
 
 NAME = "T010_tiny"
-QUALITY = "draft"
 STAGE_RULES = ("simulate", "smooth_normals", "frame_camera", "render", "finish", "assemble", "film")
 TARGETS = ("all", "shots", "frame", "stills")
 FRAME = f"renders/{NAME}/{QUALITY}/frames/{NAME}.0003.exr"
@@ -70,8 +70,6 @@ def test_the_snakefile_and_the_table_of_stages_agree_about_what_a_stage_reads() 
 def test_on_an_empty_root_everything_is_to_be_made(project: Any) -> None:
     told = snakemake(project.path, "-n", *CONFIG).stdout
     assert jobs_in(told) == {**dict.fromkeys(STAGE_RULES, 1), "render": 2, "finish": 2, "all": 1}
-    graph = snakemake(project.path, "--rulegraph", *CONFIG).stdout
-    assert all(f'"{rule}"' in graph for rule in STAGE_RULES)
     assert "missing" in snakemake(project.path, "--summary", *CONFIG).stdout
     assert not (project.path / ".flowsculpt/plans").exists(), "nothing is planned for jobs, nothing is locked"
     assert not (project.path / ".flowsculpt/lock").exists()
@@ -83,7 +81,6 @@ def test_one_frame_is_made_by_its_name_and_the_film_goes_on_from_there(
     done = snakemake(project.path, FRAME)
     assert done.returncode == 0, done.stdout
     assert [path.name for path in project.frames()] == [Path(FRAME).name]
-    assert "Nothing to be done" in snakemake(project.path, FRAME).stdout
     until = snakemake(project.path, "-n", *CONFIG, "--until", "finish").stdout
     assert jobs_in(until) == {"smooth_normals": 1, "render": 2, "finish": 2}
     done = snakemake(project.path, *CONFIG)
@@ -93,11 +90,11 @@ def test_one_frame_is_made_by_its_name_and_the_film_goes_on_from_there(
     for one, other in zip(finished_project.frames(), project.frames(), strict=True):
         assert np.array_equal(read_exr(one)[0]["beauty"], read_exr(other)[0]["beauty"])
     assert "Nothing to be done" in snakemake(project.path, *CONFIG).stdout
-    assert project.run("film", "-q", QUALITY).out.startswith("Nothing to be done")
+    assert project.call("film", "-q", QUALITY).out.startswith("Nothing to be done")
 
 
 def test_on_a_finished_root_nothing_is_to_be_done_and_any_rule_can_be_forced(finished: Any) -> None:
-    for words in ((FRAME,), (MOVIE,), (FILM,), CONFIG):
+    for words in ((FRAME, MOVIE, FILM), CONFIG):
         assert "Nothing to be done" in snakemake(finished.path, "-n", *words).stdout
     forced = snakemake(finished.path, "-n", *CONFIG, "--forcerun", "render").stdout
     assert jobs_in(forced) == {"render": 2, "finish": 2, "assemble": 1, "film": 1, "all": 1}
@@ -128,13 +125,13 @@ def test_forced_jobs_replace_what_the_store_holds(finished: Any) -> None:
     assert all(newer["raw"]) and all(newer["frame"]) and all(newer["movie"])
     assert not any(newer["mesh"]) and not any(newer["normals"])
     assert [path.read_bytes() for path in finished.frames()] == pictures
-    assert "Nothing to be done" in snakemake(finished.path, "-n", *CONFIG).stdout
+    assert finished.call("film", "-q", QUALITY).out.startswith("Nothing to be done")
 
 
 def test_the_command_forces_rendering_once_and_shows_what_it_made(finished: Any) -> None:
     pictures = [path.read_bytes() for path in finished.frames()]
     words = ("render", NAME, "-q", QUALITY, "-f", "2-3", "--force")
-    assert "rendering 2 frames, denoising 2 frames" in finished.run(*words, "--dry-run").out
+    assert "rendering 2 frames, denoising 2 frames" in finished.call(*words, "--dry-run").out
 
     def force() -> None:
         done = finished.run(*words)
@@ -147,7 +144,7 @@ def test_the_command_forces_rendering_once_and_shows_what_it_made(finished: Any)
     assert [path.stat().st_nlink for path in finished.frames()] == [1, 2, 2, 1, 1, 1], (
         "links to the new files"
     )
-    assert finished.run("render", NAME, "-q", QUALITY).out.startswith("Nothing to be done")
+    assert finished.call("render", NAME, "-q", QUALITY).out.startswith("Nothing to be done")
 
 
 @pytest.mark.soak
@@ -175,7 +172,6 @@ def test_on_a_half_done_root_just_what_is_missing_is_made(finished: Any) -> None
 
 
 def test_done_files_cannot_lie_when_the_store_has_lost_what_they_name(finished: Any) -> None:
-    assert "Nothing to be done" in snakemake(finished.path, "-n", *CONFIG).stdout
     for stored in (finished.path / ".flowsculpt/store/cameras").rglob("*.json"):
         stored.unlink()
     forget(finished.path, "frame", finished.frames()[0])
@@ -192,8 +188,9 @@ def test_an_edit_is_made_and_taken_back_for_nothing(finished: Any) -> None:
     assert snakemake(finished.path, *words).returncode == 0
     assert probe_movie(finished.path / MOVIE.replace(".mp4", ".1-2.mp4")).frames == 2
     finished.shot.write_text(text)
-    assert snakemake(finished.path, *CONFIG).returncode == 0
-    assert "Nothing to be done" in snakemake(finished.path, "-n", *CONFIG).stdout
+    back = snakemake(finished.path, *CONFIG)
+    assert back.returncode == 0 and not {"simulate", "render", "finish"} & jobs_in(back.stdout).keys()
+    assert finished.call("film", "-q", QUALITY).out.startswith("Nothing to be done")
 
 
 def test_a_movie_that_fails_to_encode_leaves_the_one_before(finished: Any) -> None:

@@ -21,7 +21,7 @@ from pipeline.production.request.picture_header import picture_header
 from pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER
 from render.post.image import read_exr, write_exr
 from render.scene.aovs import RenderedFrame
-from tests.conftest import commanded
+from tests.conftest import QUALITY, commanded
 
 NAME = "T010_tiny"
 
@@ -46,7 +46,7 @@ def test_a_difference_is_told_as_a_path() -> None:
 
 def ask(project: Any, frame: int, settings: tuple[str, ...] = ()) -> Explanation:
     there = Project(project.path, 2, settings=settings)
-    return explain(there.request(find_shot(NAME), "draft", str(frame)), frame, there.store)
+    return explain(there.request(find_shot(NAME), QUALITY, str(frame)), frame, there.store)
 
 
 @dataclass(frozen=True)
@@ -234,7 +234,7 @@ def test_why_names_an_option_that_made_a_frame_and_is_not_given_any_more(
 ) -> None:
     monkeypatch.chdir(made.path)
     project = Project(made.path, 2, settings=("look=ceramic",))
-    request = project.request(find_shot(NAME), "draft", "3")
+    request = project.request(find_shot(NAME), QUALITY, "3")
     made_with = replace(request.source, settings=("look=ceramic",))
     assert list(option_differences(made_with, replace(request.source, settings=()))) == [
         "it was made with --set look=ceramic, which is not given now"
@@ -296,14 +296,14 @@ def test_why_names_a_file_whose_contents_changed(tmp_path: Any, monkeypatch: pyt
     shot, model = tmp_path / "shots" / f"{NAME}.yaml", tmp_path / "shots" / "box.obj"
     write_mesh(box((2.0, 2.0, 2.0)), model)
     shot.write_text("title: A\nframes: 1-3\nsubject: {model: box.obj}\nresample: {max_edge_length: 0.9}\n")
-    request = Project(tmp_path, 1).request(find_shot(NAME), "draft", "2")
+    request = Project(tmp_path, 1).request(find_shot(NAME), QUALITY, "2")
     file = tmp_path / request.place("frame", 2)
     file.parent.mkdir(parents=True)
     pixels = RenderedFrame({"beauty": np.zeros((2, 2, 3), np.float32)}, {})
     write_exr(file, pixels, json.loads(json.dumps(picture_header(request, 2))))
     write_mesh(box((2.0, 2.0, 2.2)), model)
     there = Project(tmp_path, 1)
-    explanation = explain(there.request(find_shot(NAME), "draft", "2"), 2, there.store)
+    explanation = explain(there.request(find_shot(NAME), QUALITY, "2"), 2, there.store)
     assert explanation.reasons == ("file box.obj changed since it was made", "its mesh differs")
 
 
@@ -337,9 +337,9 @@ def test_why_a_frame_is_made_again(finished: Any, monkeypatch: pytest.MonkeyPatc
 
 def test_why_is_told_at_the_command_line(finished: Any) -> None:
     finished.shot.write_text(finished.shot.read_text().replace("azimuth: -30", "azimuth: 20"))
-    told = finished.run("why", NAME, "3", "-q", "draft")
+    told = finished.call("why", NAME, "3", "-q", QUALITY)
     assert told.code == 0 and "is stale" in told.out and "camera.azimuth: -30 → 20" in told.out
-    outside = finished.run("why", NAME, "60", "-q", "draft")
+    outside = finished.call("why", NAME, "60", "-q", QUALITY)
     assert outside.code == 2 and "1-6" in outside.err
 
 
@@ -353,11 +353,11 @@ def test_why_without_a_frame_explains_the_first_that_is_not_up_to_date(
     made: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(made.path)
-    assert "All frames of T010_tiny at draft are" in commanded(made.path, "why", NAME)[1]
+    assert f"All frames of T010_tiny at {QUALITY} are" in commanded(made.path, "why", NAME, "-q", QUALITY)[1]
     before = made.shot.read_text()
     try:
         made.shot.write_text(before.replace("6: 60}", "6: 90}"))
-        code, told = commanded(made.path, "why", NAME)
+        code, told = commanded(made.path, "why", NAME, "-q", QUALITY)
         assert code == 0 and "T010_tiny.0001.exr is unframed" in told and "-f 1 makes it" in told
     finally:
         made.shot.write_text(before)

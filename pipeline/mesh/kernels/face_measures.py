@@ -7,12 +7,14 @@ import math
 import numba
 
 from pipeline.arrays import Faces, Floats, Indices, Points
-from pipeline.kernels import kernel
-from pipeline.mesh.kernels.halfedge import CONST_MATRIX, INTS, VECTOR
-from pipeline.mesh.kernels.normals import CONST_FACES, unit_normal
+from pipeline.kernels import kernel, only_read
+from pipeline.mesh.kernels.halfedge import CONST_MATRIX, INTS, LEAN, VECTOR
+
+_CONST_FACES = only_read(numba.int32[:, ::1])
+_NORMAL = numba.types.UniTuple(numba.float64, 3)
 
 
-@kernel(numba.types.UniTuple(numba.float64, 2)(CONST_MATRIX, CONST_FACES))
+@kernel(numba.types.UniTuple(numba.float64, 2)(CONST_MATRIX, _CONST_FACES))
 def lengths_and_areas(points: Points, faces: Faces) -> tuple[float, float]:
     """Return the sum of all edge lengths, each edge once for each of its faces, and the sum of all areas."""
     length, area = 0.0, 0.0
@@ -29,7 +31,21 @@ def lengths_and_areas(points: Points, faces: Faces) -> tuple[float, float]:
     return length, area
 
 
-@kernel(numba.int64(CONST_FACES, numba.int64, INTS))
+@kernel(_NORMAL(CONST_MATRIX, _CONST_FACES, numba.int64), **LEAN)
+def _unit_normal(points: Points, faces: Faces, f: int) -> tuple[float, float, float]:
+    """Return the unit normal of a face, with the bits of `normals_of_faces`; zero without area."""
+    a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+    vx, vy, vz = points[c, 0] - points[b, 0], points[c, 1] - points[b, 1], points[c, 2] - points[b, 2]
+    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    area = math.sqrt(x * x + y * y + z * z)
+    if 0.0 < area < math.inf and 1.0 / area < math.inf:
+        scale = 1.0 / area
+        return x * scale, y * scale, z * scale
+    return 0.0, 0.0, 0.0
+
+
+@kernel(numba.int64(_CONST_FACES, numba.int64, INTS))
 def count_ascending(faces: Faces, first: int, begins: Indices) -> int:
     """Count the half-edges from each vertex to a higher one; fill `begins` with their running total.
 
@@ -50,7 +66,7 @@ def count_ascending(faces: Faces, first: int, begins: Indices) -> int:
     return int(begins[-1])
 
 
-@kernel(numba.int64(CONST_MATRIX, CONST_FACES, numba.int64, INTS, INTS, numba.int64, VECTOR))
+@kernel(numba.int64(CONST_MATRIX, _CONST_FACES, numba.int64, INTS, INTS, numba.int64, VECTOR))
 def cosines_at_edges(
     points: Points,
     faces: Faces,
@@ -84,8 +100,8 @@ def cosines_at_edges(
                 k = b - first
                 for place in range(begins[k - 1] if k else 0, begins[k]):  # each begins where the next did
                     if ascending[2 * place] == a:
-                        x, y, z = unit_normal(points, faces, f)
-                        u, v, w = unit_normal(points, faces, ascending[2 * place + 1])
+                        x, y, z = _unit_normal(points, faces, f)
+                        u, v, w = _unit_normal(points, faces, ascending[2 * place + 1])
                         cosines[count] = x * u + y * v + z * w
                         count += 1
                         break

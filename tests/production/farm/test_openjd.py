@@ -36,7 +36,7 @@ def steps(path):
 
 
 def test_a_template_is_run_in_chunks_of_any_frames(project, monkeypatch):
-    done = project.run("--root", "out", "export", "openjd", NAME, "-f", "2-6x2", "-q", QUALITY)
+    done = project.call("--root", "out", "export", "openjd", NAME, "-f", "2-6x2", "-q", QUALITY)
     assert done.code == 0, done.err
     assert openjd("check", "template.yaml", folder=project.path).returncode == 0
     render = steps(project.path / "template.yaml")[f"Render {NAME}"]
@@ -52,7 +52,9 @@ def test_a_template_is_run_in_chunks_of_any_frames(project, monkeypatch):
 
 @pytest.mark.soak
 def test_frames_of_a_template_are_those_of_a_run(project):
-    assert project.run("--root", "far", "export", "openjd", NAME, "-q", QUALITY, "-o", "job/t.yaml").code == 0
+    assert (
+        project.call("--root", "far", "export", "openjd", NAME, "-q", QUALITY, "-o", "job/t.yaml").code == 0
+    )
     ran = openjd("run", "job/t.yaml", folder=project.path)
     assert ran.returncode == 0, ran.stdout
     assert project.run("--root", "near", "render", NAME, "-q", QUALITY).code == 0
@@ -117,7 +119,7 @@ def test_a_film_waits_for_all_its_shots_and_a_shot_for_the_meshes_that_another_m
 
 @pytest.mark.soak
 def test_a_film_that_a_render_manager_makes_is_that_of_a_run(edit):
-    assert edit.run("--root", "far", "export", "openjd", "reel", "-q", QUALITY).code == 0
+    assert edit.call("--root", "far", "export", "openjd", "reel", "-q", QUALITY).code == 0
     assert openjd("check", "template.yaml", folder=edit.path).returncode == 0
     ran = openjd("run", "template.yaml", folder=edit.path)
     assert ran.returncode == 0, ran.stdout
@@ -162,7 +164,7 @@ def test_a_job_that_cannot_be_exported_is_told_in_one_line(edit, names, told):
 def test_a_shot_of_a_long_name_has_steps_of_the_length_that_the_specification_allows(edit):
     name = "T" * 90
     (edit.path / "shots" / f"{name}.yaml").write_text(OTHER)
-    assert edit.run("export", "openjd", name, "-q", QUALITY).code == 0
+    assert edit.call("export", "openjd", name, "-q", QUALITY).code == 0
     assert openjd("check", "template.yaml", folder=edit.path).returncode == 0
 
 

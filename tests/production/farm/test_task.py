@@ -19,7 +19,7 @@ QUALITY = "draft.scale10"
 
 @pytest.fixture
 def plan(project):
-    done = project.run("--json", "export", "plan", NAME, "-f", "1-4", "-q", QUALITY, "-o", "job/plan.json")
+    done = project.call("--json", "export", "plan", NAME, "-f", "1-4", "-q", QUALITY, "-o", "job/plan.json")
     assert done.code == 0, done.err
     assert json.loads(done.out)["tasks"]["render"] == [1, 2, 3, 4]
     return "job/plan.json"
@@ -33,13 +33,13 @@ def test_tasks_side_by_side_make_the_frames_of_a_shot_and_its_movie(project, pla
     assert project.run("task", plan, "finish", "assemble").code == 0
     made = project.path / "renders" / NAME / QUALITY
     assert len([*(made / "frames").iterdir()]) == 4
-    left = project.run("--dry-run", "render", NAME, "-f", "1-4", "-q", QUALITY)
+    left = project.call("--dry-run", "render", NAME, "-f", "1-4", "-q", QUALITY)
     assert "Nothing to be done" in left.out
 
 
 def test_a_worker_without_the_variant_of_the_plan_ends_with_the_environments_exit_code(project):
     words = ("-f", "1-2", "-q", QUALITY, "--variant", "cuda_ad_rgb", "-o", "plan.json")
-    written = project.run("export", "plan", NAME, *words)
+    written = project.call("export", "plan", NAME, *words)
     assert written.code == 0 and written.err == ""  # the machine that plans needs no GPU
     if works("cuda_ad_rgb"):
         pytest.skip("this machine has a GPU")
@@ -69,5 +69,5 @@ def test_a_worker_with_other_packages_is_refused_before_it_makes_what_counts_as_
     ],
 )
 def test_a_task_that_cannot_be_done_is_told_in_one_line(project, plan, words, code, told):
-    done = project.run("task", *words)
+    done = project.call("task", *words)
     assert done.code == code and told in done.err and done.err.count("\n") == 1
