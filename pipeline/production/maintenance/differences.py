@@ -1,13 +1,19 @@
-"""Differences between plain data, such as a shot file before an edit and after it."""
+"""Differences between plain data, and between the shot files and options of two runs."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import zip_longest
+from pathlib import Path
 from typing import Any
 
+from pipeline.errors import FlowsculptError
+from pipeline.production.request.shot_source import ShotSource
+from pipeline.shot.yaml.inheritance import inherited
 from pipeline.shot.yaml.plain_text import in_yaml
+from pipeline.shot.yaml.settings import OPTION
+from pipeline.shot.yaml.source import Where, YamlSource
 
 MISSING = object()
 """Stands for a value that one of two data does not have."""
@@ -15,15 +21,12 @@ MISSING = object()
 DIGITS = 6
 """Significant digits of numbers; all are shown of two that differ only beyond them."""
 
-Path = tuple[str | int, ...]
-"""Names and indices that lead to a value."""
-
 
 @dataclass(frozen=True)
 class Difference:
     """The value at a path before and now; MISSING where there is none."""
 
-    path: Path
+    path: Where
     before: Any
     now: Any
 
@@ -34,7 +37,7 @@ class Difference:
         return f"{'.'.join(map(str, self.path))}: {before} → {now}"
 
 
-def differences(before: Any, now: Any, path: Path = ()) -> Iterator[Difference]:
+def differences(before: Any, now: Any, path: Where = ()) -> Iterator[Difference]:
     """Yield the smallest parts of plain data that differ, in the order of `now`.
 
     Lists are compared from both ends, so that an item added or removed is one difference.
@@ -48,7 +51,48 @@ def differences(before: Any, now: Any, path: Path = ()) -> Iterator[Difference]:
         yield Difference(path, before, now)
 
 
-def _items(before: list[Any], now: list[Any], path: Path) -> Iterator[Difference]:
+@dataclass(frozen=True)
+class FileEdit:
+    """A value that differs between the shot file that made a picture and today's.
+
+    place  file and line where it stands now, or stood before if it is gone
+    """
+
+    place: str
+    difference: Difference
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.difference}"
+
+
+def file_edits(before: ShotSource, now: ShotSource, root: Path) -> Iterator[FileEdit]:
+    """Yield the differences between the shot files of two sources, but for the options `--set`.
+
+    root  the folder to which their paths are relative
+
+    Yields none where one of them cannot be read.
+    """
+    try:
+        old, new = _read(before), _read(now)
+    except FlowsculptError:
+        return
+    for difference in differences(old.data, new.data):
+        file, line, _ = (old if difference.now is MISSING else new).spot_of(difference.path)
+        shown = Path(file).relative_to(root) if Path(file).is_relative_to(root) else Path(file)
+        yield FileEdit(f"{shown}:{line}", difference)
+
+
+def option_differences(before: ShotSource, now: ShotSource) -> Iterator[str]:
+    """Yield the differences between the options `--set` of two sources, in words."""
+    for setting in before.settings:
+        if setting not in now.settings:
+            yield f"it was made with {OPTION} {setting}, which is not given now"
+    for setting in now.settings:
+        if setting not in before.settings:
+            yield f"{OPTION} {setting} is given now, and was not when it was made"
+
+
+def _items(before: list[Any], now: list[Any], path: Where) -> Iterator[Difference]:
     """Yield the differences between two lists: equal items at both ends are left out."""
     shorter = min(len(before), len(now))
     first = next((i for i in range(shorter) if before[i] != now[i]), shorter)
@@ -72,3 +116,8 @@ def _rounded(value: Any, digits: int | None) -> Any:
     if isinstance(value, list | tuple):
         return [_rounded(item, digits) for item in value]
     return float(f"{value:.{digits}g}") if isinstance(value, float) and digits else value
+
+
+def _read(source: ShotSource) -> YamlSource:
+    """Return the shot files of a source, without the settings of the command line."""
+    return inherited(source.path, source.text, (), dict(source.beside))

@@ -17,9 +17,15 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.errors import FlowsculptError
 from pipeline.frames import FrameRange
-from pipeline.production.maintenance.differences import MISSING, Difference, differences
+from pipeline.production.maintenance.differences import (
+    MISSING,
+    Difference,
+    FileEdit,
+    differences,
+    file_edits,
+    option_differences,
+)
 from pipeline.production.planning.frame_states import KnownPictures
 from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.picture_header import picture_header, raw_header
@@ -29,9 +35,6 @@ from pipeline.production.stages import STAGES
 from pipeline.production.store.history import History
 from pipeline.production.store.paths import PLANS
 from pipeline.production.store.store import Key, Store
-from pipeline.shot.yaml.inheritance import inherited
-from pipeline.shot.yaml.settings import OPTION
-from pipeline.shot.yaml.source import YamlSource
 from render.base.errors import RenderError
 from render.base.serialise import from_plain
 from render.post.image import CONVENTION, read_header
@@ -53,20 +56,6 @@ _SENTENCES = {
     "seed": "its noise has another seed: the shot has another name",
 }
 """The reason for a difference, by entries of a header."""
-
-
-@dataclass(frozen=True)
-class FileEdit:
-    """A value that differs between the shot file that made a picture and today's.
-
-    place  file and line where it stands now, or stood before if it is gone
-    """
-
-    place: str
-    difference: Difference
-
-    def __str__(self) -> str:
-        return f"{self.place}: {self.difference}"
 
 
 @dataclass(frozen=True)
@@ -105,16 +94,6 @@ def first_undone(request: RenderRequest, store: Store) -> int | None:
     return next((number for number in sorted(request.requested) if known.state(number) != "done"), None)
 
 
-def option_differences(before: ShotSource, now: ShotSource) -> Iterator[str]:
-    """Yield the differences between the options `--set` of two sources, in words."""
-    for setting in before.settings:
-        if setting not in now.settings:
-            yield f"it was made with {OPTION} {setting}, which is not given now"
-    for setting in now.settings:
-        if setting not in before.settings:
-            yield f"{OPTION} {setting} is given now, and was not when it was made"
-
-
 @dataclass(frozen=True)
 class _Frame:
     request: RenderRequest
@@ -148,7 +127,9 @@ class _Frame:
         parts = self._parts(header)
         reasons = list(dict.fromkeys(self._reasons(header, parts)))
         made_from = self._source_of_run()
-        edits = () if made_from is None else tuple(self._edits(made_from))
+        edits = (
+            () if made_from is None else tuple(file_edits(made_from, self.request.source, self.store.root))
+        )
         is_camera_edited = any(edit.difference.path[0] == "camera" for edit in edits)
         if is_camera_edited and not any(reason.startswith("its camera") for reason in reasons):
             reasons.append("its camera differs")  # hidden by a mesh that differs
@@ -264,31 +245,12 @@ class _Frame:
         before = {name: header[name] for name in compared if name in header}
         return tuple(differences(before, {name: compared[name] for name in before}))
 
-    def _edits(self, made_from: ShotSource) -> Iterator[FileEdit]:
-        """Yield the differences between the shot files of the run that made the picture and today's."""
-        try:
-            before, now = _read(made_from), _read(self.request.source)
-        except FlowsculptError:
-            return
-        for difference in differences(before.data, now.data):
-            source = before if difference.now is MISSING else now
-            file, line, _ = source.spot_of(difference.path)
-            yield FileEdit(f"{self._shown(Path(file))}:{line}", difference)
-
-    def _shown(self, file: Path) -> Path:
-        return file.relative_to(self.store.root) if file.is_relative_to(self.store.root) else file
-
     def _source_of_run(self) -> ShotSource | None:
         """Return the source of which the run that finished the frame read the shot, if its plan is there."""
         request = self.request
         history = History.of(self.store.root)
         made = history.stage("finish", request.folders.name, request.quality_name).made.get(self.number)
         return None if made is None else _source_in(self.store.root / PLANS / f"{made.run}.json", request)
-
-
-def _read(source: ShotSource) -> YamlSource:
-    """Return the shot files of a source, without the settings of the command line."""
-    return inherited(source.path, source.text, (), dict(source.beside))
 
 
 def _changed_files(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
