@@ -40,7 +40,7 @@ from pipeline.dailies.preview.staging import actions_of
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project
 
-STEPS, TIMES = 6, 5
+STEPS, TIMES = 5, 3
 """Pictures of a drag, and drags of each value."""
 
 FIRST = 0.150
@@ -76,7 +76,7 @@ SHOTS = {
         "resample: {max_edge_length: {curvature: {tolerance: 0.002, finest: 0.02, coarsest: 0.09}}}\n"
     ),
     "long": shot_text(
-        "subject: {solid: icosphere, radius: 1.0}\nresample: {max_edge_length: 0.15}\n", frames=300
+        "subject: {solid: icosphere, radius: 1.0}\nresample: {max_edge_length: 0.15}\n", frames=240
     ),
 }
 
@@ -153,7 +153,7 @@ def measured(shot: str) -> list[Row]:
         steps = [round(0.55 + 0.01 * i, 3) for i in range(STEPS * TIMES)]
         drags: dict[str, tuple[Where, list[Any]]] = {
             "camera": (("camera", "elevation"), [5 + i for i in range(STEPS * TIMES)]),
-            "look": (("look",), ["clay", "glaze", "chrome", "putty", "glass"] * (STEPS * TIMES // 5)),
+            "look": (("look",), ["clay", "glaze", "chrome", "putty", "glass"] * TIMES),
             "flow": (RADIUS, [round(0.8 + 0.01 * (i + 1), 3) for i in range(STEPS * TIMES)]),
             "subject": (size, [[-step, 1.6, 1.4] if is_vector else step for step in steps]),
         }
@@ -194,9 +194,11 @@ def dragged(page: Page, frame: int, where: Where, values: list[Any]) -> Row:
 
 def main() -> list[Target]:
     """Measure all shots; return the targets, which are for the large ones."""
-    rows = [row for shot in sys.argv[1:] or SHOTS for row in measured(shot)]
+    rows = []
+    for shot in sys.argv[1:] or SHOTS:
+        rows += (found := measured(shot))
+        show(f"Drags of the shot {shot} on the live page", found)
     keep("live", rows)
-    show("Drags on the live page", rows)
     return [
         Target("live", f"first picture, {row['shot']}, {row['drag']}, {what}", float(row[what]), most=FIRST)
         for row in rows

@@ -156,6 +156,9 @@ def test_requests_that_no_page_of_ours_makes_change_nothing(page: Page, tmp_path
         (422, page.post("edit", {"digest": digest, "edits": [{**ELEVATION, "value": {"a": {}}}]})),
         (422, page.post("follow", {"digest": digest, "edits": [ELEVATION], "frame": "x"})),
         (422, page.post("follow", good | {"frame": 3})),
+        (422, page.post("prepare", {"where": [], "frame": 3})),
+        (422, page.post("prepare", {"where": ["flows", {}], "frame": 3})),
+        (422, page.post("prepare", {"where": ["flows"]})),
     ):
         assert answer[0] == code, answer
         assert "Traceback" not in str(answer[1])

@@ -124,6 +124,20 @@ def test_a_drag_of_edge_lengths_shows_the_frame_and_says_that_the_mesh_comes_lat
     assert np.abs(pixels(trial) - shown(follower)).mean() < 4
 
 
+@pytest.mark.parametrize(
+    "edit",
+    [setting(50, "camera", "elevation"), setting(6, "flows", 0, "vortex", "strength")],
+    ids=["camera", "flow"],
+)
+def test_what_is_prepared_while_the_pointer_goes_down_changes_no_picture(
+    pictures: TrialPictures, edit: ValueEdit
+) -> None:
+    prepared = TrialPictures(pictures.editor, pictures.session)
+    prepared.prepare(edit.where, FRAME)
+    assert dragged(prepared, edit) == dragged(pictures, edit)
+    prepared.prepare(edit.where, 9)  # a frame that is not there
+
+
 def test_a_value_that_the_shot_cannot_have_is_refused_with_its_place(pictures: TrialPictures) -> None:
     with pytest.raises(FlowsculptError, match="elevation"):
         dragged(pictures, setting("high", "camera", "elevation"))

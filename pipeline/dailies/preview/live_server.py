@@ -141,6 +141,7 @@ class _Server(ThreadingHTTPServer):
 
 class _Handler(BaseHTTPRequestHandler):
     server: _Server
+    disable_nagle_algorithm = True  # an event must not wait until the one before it is acknowledged
 
     def __init__(
         self, feed: LiveFeed, actions: Mapping[str, Action], request: Any, client_address: Any, server: Any

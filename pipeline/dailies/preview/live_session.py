@@ -106,7 +106,7 @@ class LiveSession:
 
     def _require_unedited(self) -> None:
         while time.monotonic() < self._rests_until:
-            time.sleep(REST_SECONDS / 10)
+            time.sleep(POLL_SECONDS / 5)
         if stamp(self.watched) != self._before:
             raise EditedError
 
@@ -217,8 +217,8 @@ def _recipe(surfaces: FramedSurfaces, number: int) -> tuple[Any, ...]:
     )
 
 
-REST_SECONDS = 0.4
-"""Time after a picture of a drag in which nothing else is computed."""
+REST_SECONDS = 1.0
+"""Time from the begin of a picture of a drag in which nothing else is computed, unless an edit is written."""
 
 POLL_SECONDS = 0.1
 """Seconds between checks for an edit."""

@@ -112,6 +112,8 @@ class TrialPictures:
         if drawn is None:
             return
         with self._lock:
+            if where[0] == "camera":
+                self._framing(drawn, drawn.sketch.request, number)
             for part in drawn.sketch.request.parts:
                 if change_of([where], part.source.subject) == Change.FLOW:
                     self._carry(drawn, part, number)

@@ -8,7 +8,10 @@ class Orbit {
   constructor(page, picture) {
     Object.assign(this, { page, picture, wheeled: null });
     dragOf(picture, {
-      start: () => picture.classList.add("turning"),
+      start: () => {
+        picture.classList.add("turning");
+        page.follow.prepare(["camera"]);
+      },
       move: (event, begun) => page.follow.show(this.turned(event.clientX - begun.clientX, event.clientY - begun.clientY)),
       end: (event, begun) => page.follow.end(this.turned(event.clientX - begun.clientX, event.clientY - begun.clientY)),
       cancel: () => page.follow.cancel(),
