@@ -71,7 +71,12 @@ class Handles {
     const { shot, film } = this.page, edits = (to) => shot.change(value, to, shot.frameOf(value.where, film.at));
     dragOf(group, {
       start: () => this.page.follow.prepare(value.where),
-      move: (event, begun) => { const to = given(event, begun); draw?.(to); this.page.follow.show(edits(to)); },
+      move: (event, begun) => {
+        const to = given(event, begun), change = edits(to);
+        if (!change.length) return this.page.note(formulaNote(value));
+        draw?.(to);
+        this.page.follow.show(change);
+      },
       end: (event, begun) => this.page.follow.end(edits(given(event, begun))),
       cancel: () => this.page.follow.cancel(),
     });
@@ -81,7 +86,9 @@ class Handles {
       event.preventDefault();
       event.stopPropagation();
       const many = event.shiftKey ? 5 : 1;
-      this.page.shot.edit(edits(keyed(dx * many, dy * many)), `handle ${group.dataset.handle}`);
+      const change = edits(keyed(dx * many, dy * many));
+      if (change.length) this.page.shot.edit(change, `handle ${group.dataset.handle}`);
+      else this.page.note(formulaNote(value));
     });
   }
 

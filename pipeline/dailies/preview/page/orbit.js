@@ -35,7 +35,7 @@ class Orbit {
     if (position) return shot.change(position, this.#around(shot.at(position, film.at), dx, dy), film.at);
     const azimuth = this.#value("azimuth", -30), elevation = this.#value("elevation", 14);
     const formula = [azimuth, elevation].find((value) => value.curve && value.curve.formula !== null);
-    if (formula) this.page.note(`${nameOf(formula.where)} is a formula, which the pointer does not change.`);
+    if (formula) this.page.note(formulaNote(formula));
     const up = Math.min(89, Math.max(-89, shot.at(elevation, film.at) + DEGREES_A_PIXEL * dy));
     return [
       ...(dx ? shot.change(azimuth, rounded(shot.at(azimuth, film.at) - DEGREES_A_PIXEL * dx, 1), film.at) : []),

@@ -78,6 +78,8 @@ class Shot {
   }
 }
 
+const formulaNote = (value) => `${nameOf(value.where)} is a formula, which the pointer does not change.`;
+
 /** Whether the file writes a key as a mapping with an easing or handles of its own. */
 function isDetailed(value, key) {
   const written = value.value.keys?.[key.time];
