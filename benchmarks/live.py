@@ -67,7 +67,7 @@ SHOTS = {
     "blocks": shot_text(
         "subjects:\n  left: {solid: box, size: [0.9, 1.6, 1.4], place: [-0.6, 0, 0], look: glaze}\n"
         "  right: {solid: box, size: [0.9, 1.6, 1.4], place: [0.6, 0, 0]}\n"
-        "resample: {max_edge_length: 0.042}\n"
+        "resample: {max_edge_length: 0.047}\n"
     ),
     "cloud": shot_text("subject: {cloud: {solid: icosphere, radius: 1.0}, count: 20000, radius: 0.011}\n"),
     "box": shot_text("subject: {solid: box, size: [2, 2, 2]}\nresample: {max_edge_length: 0.075}\n"),
@@ -91,7 +91,7 @@ Where = tuple[str | int, ...]
 RADIUS: Where = ("flows", 0, "sum", 0, "vortex", "radius")
 
 SIZES: dict[str, Where] = {
-    "blocks": ("subjects", "left", "place"),
+    "blocks": ("subjects", "left", "size"),
     "cloud": ("subject", "cloud", "radius"),
     "box": ("subject", "size"),
 }
@@ -149,13 +149,13 @@ def measured(shot: str) -> list[Row]:
         parts = drawn.sketch.request.parts
         vertices = sum(len(session.arrays(part, frame)["vertices"]) for part in parts)
         size = SIZES.get(shot, ("subject", "radius"))
-        is_vector = size[-1] in ("place", "size")
+        is_vector = size[-1] == "size"
         steps = [round(0.55 + 0.01 * i, 3) for i in range(STEPS * TIMES)]
         drags: dict[str, tuple[Where, list[Any]]] = {
             "camera": (("camera", "elevation"), [5 + i for i in range(STEPS * TIMES)]),
             "look": (("look",), ["clay", "glaze", "chrome", "putty", "glass"] * TIMES),
             "flow": (RADIUS, [round(0.8 + 0.01 * (i + 1), 3) for i in range(STEPS * TIMES)]),
-            "subject": (size, [[-step, 1.6, 1.4] if is_vector else step for step in steps]),
+            "subject": (size, [[step, 1.6, 1.4] if is_vector else step for step in steps]),
         }
         return [
             {"shot": shot, "vertices": vertices, "frame": frame, "drag": name}

@@ -131,10 +131,10 @@ class TrialPictures:
         motion = after.shot.motion
         if change == Change.SUBJECT:
             arrays = built(motion, number, after.shot.picture.tessellate)
+        elif change == Change.FLOW:
+            arrays = self._carry(drawn, before, number).moved(motion, number)
         else:
             arrays = self.session.arrays(before, number)
-            if change == Change.FLOW:
-                arrays = self._carry(drawn, before, number).moved(arrays, motion, number)
         if after.measures_speed and (change >= Change.FLOW or SPEED not in arrays):
             arrays = with_speeds(arrays, motion, number)
         return arrays
@@ -146,8 +146,8 @@ class TrialPictures:
         if carried is None or known is not drawn:
             motion = part.shot.motion
             at_first = self._at_first(part)
-            vertices = self.session.arrays(part, number)["vertices"]
-            carried = CarriedPoints.of(motion, at_first, vertices, number)
+            arrays, subjects = self.session.arrays(part, number), len(drawn.sketch.request.parts)
+            carried = CarriedPoints.of(motion, at_first, arrays, number, subjects)
             self._carried[name] = drawn, carried
         return carried
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from pipeline.animation import FrameReport, MeshFrame
 from pipeline.animation.frame import with_material
-from pipeline.arrays import AnyArray, Floats, Points
+from pipeline.arrays import AnyArray, Floats, Points, Vectors
 from pipeline.flow.flow_map import checked_displacement
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.normals import vertex_normals
@@ -56,29 +56,46 @@ class CarriedPoints:
     start    (S, 3) in the first frame
     end      (S, 3) in the frame that is shown
     weights  (V, S) float32, for each vertex of that frame
+    arrays   of that frame
+    normals  (V, 3), those of its faces around each vertex; None for points
     """
 
     start: Points
     end: Points
     weights: AnyArray
+    arrays: Mapping[str, AnyArray]
+    normals: Vectors | None
 
     @classmethod
-    def of(cls, motion: Motion, at_first: AnyArray, vertices: AnyArray, number: int) -> CarriedPoints:
-        """Carry some of the first frame's vertices to a frame with vertices (V, 3). Raises FrameError."""
-        start = _spread(at_first, _points_for(len(vertices))).astype(np.float64)
-        end = carried_to(motion, start, number)
-        return cls(start, end, _weights(vertices, end))
+    def of(
+        cls,
+        motion: Motion,
+        at_first: AnyArray,
+        arrays: Mapping[str, AnyArray],
+        number: int,
+        subjects: int = 1,
+    ) -> CarriedPoints:
+        """Carry some of the first frame's vertices to a frame with these arrays. Raises FrameError.
 
-    def moved(self, arrays: Mapping[str, AnyArray], motion: Motion, number: int) -> dict[str, AnyArray]:
+        subjects  number of subjects that are moved; the more, the fewer points are carried for each
+        """
+        vertices = arrays["vertices"]
+        start = _spread(at_first, _points_for(subjects * len(vertices))).astype(np.float64)
+        end = carried_to(motion, start, number)
+        normals = _normals(arrays, vertices) if "normals" in arrays else None
+        return cls(start, end, _weights(vertices, end), arrays, normals)
+
+    def moved(self, motion: Motion, number: int) -> dict[str, AnyArray]:
         """Return the arrays of the frame, moved by the difference between this flow and another one.
 
         Raises FrameError where that flow fails.
         """
         end = carried_to(motion, self.start, number)
-        vertices = arrays["vertices"] + _blended(self.weights, end - self.end)
-        moved = {**arrays, "vertices": vertices}
-        if "normals" in arrays:
-            moved["normals"] = _turned(arrays, vertices)
+        vertices = self.arrays["vertices"] + _blended(self.weights, end - self.end)
+        moved = {**self.arrays, "vertices": vertices}
+        if self.normals is not None:
+            now = _normals(self.arrays, vertices)
+            moved["normals"] = _turned(self.arrays["normals"], self.normals, now)
         return moved
 
 
@@ -158,12 +175,13 @@ def _blended(weights: AnyArray, offsets: Floats) -> AnyArray:
     return np.asarray(summed[:, :3] / summed[:, 3:])
 
 
-def _turned(arrays: Mapping[str, AnyArray], vertices: AnyArray) -> AnyArray:
-    """Return normals (V, 3), turned as those of the faces around them turn with moved vertices (V, 3)."""
-    now, before = (
-        vertex_normals(TriangleMesh(points.astype(np.float64), arrays["faces"]))
-        for points in (vertices, arrays["vertices"])
-    )
-    normals: Floats = arrays["normals"] + (now - before)
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.where(lengths > 0.1, normals / np.maximum(lengths, 0.1), now).astype(np.float32)
+def _normals(arrays: Mapping[str, AnyArray], vertices: AnyArray) -> Vectors:
+    """Return the normals (V, 3) of the faces around vertices (V, 3)."""
+    return vertex_normals(TriangleMesh(vertices.astype(np.float64), arrays["faces"]))
+
+
+def _turned(normals: AnyArray, before: Vectors, now: Vectors) -> AnyArray:
+    """Return normals (V, 3) float32, turned as those of the faces around them turn."""
+    turned = normals + (now - before)
+    lengths = np.linalg.norm(turned, axis=1, keepdims=True)
+    return np.where(lengths > 0.1, turned / np.maximum(lengths, 0.1), now).astype(np.float32)
