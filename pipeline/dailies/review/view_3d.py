@@ -5,7 +5,7 @@
 The package `nicegui` ships it as one file, with its controls; `requirements.txt` beside this module pins the
 release by its hash. Only this file of the package is kept.
 
-A page may load scripts but no data: meshes are scripts, with positions in 16 bits and normals in 8.
+A page may load scripts but no data: surfaces and clouds are scripts, with positions in 16 bits and normals in 8.
 """
 
 from __future__ import annotations
@@ -43,7 +43,9 @@ HINT = (
     f"{Path(sys.executable).name} -m pipeline.dailies.review.view_3d fetches it"
 )
 
-FORMAT = 1
+FORMAT = 2
+
+_OF_VERTICES = ("vertices", "normals")
 
 BUDGET = 64_000_000
 """Bytes, about, of the meshes of a shot on a page; large meshes come in fewer frames."""
@@ -94,46 +96,69 @@ class PageMeshes:
 
 
 def joined(subjects: Sequence[dict[str, AnyArray]]) -> dict[str, AnyArray]:
-    """Return the arrays of several surfaces as those of one; clouds beside surfaces are left out."""
-    surfaces = [arrays for arrays in subjects if "faces" in arrays] or list(subjects)
-    if len(surfaces) == 1:
-        return surfaces[0]
-    starts = np.cumsum([0, *(len(arrays["vertices"]) for arrays in surfaces[:-1])])
-    names = ("vertices", "normals") if "faces" in surfaces[0] else ("vertices", "radii")
-    together = {name: np.concatenate([arrays[name] for arrays in surfaces]) for name in names}
-    if "faces" not in surfaces[0]:
-        return together
-    faces = [arrays["faces"] + start for arrays, start in zip(surfaces, starts, strict=True)]
-    return {**together, "faces": np.concatenate(faces)}
+    """Join the surfaces of a frame to one, and its clouds to one.
+
+    Returns `vertices`, `normals` and `faces` of the surfaces, and `centres` and `radii` of the clouds; a frame
+    without surfaces, or without clouds, has none of theirs.
+    """
+    surfaces = [arrays for arrays in subjects if "faces" in arrays]
+    clouds = [arrays for arrays in subjects if "faces" not in arrays]
+    together: dict[str, AnyArray] = {}
+    if surfaces:
+        starts = np.cumsum([0, *(len(arrays["vertices"]) for arrays in surfaces[:-1])])
+        faces = [arrays["faces"] + start for arrays, start in zip(surfaces, starts, strict=True)]
+        together = {name: np.concatenate([arrays[name] for arrays in surfaces]) for name in _OF_VERTICES}
+        together["faces"] = np.concatenate(faces)
+    if clouds:
+        together["centres"] = np.concatenate([arrays["vertices"] for arrays in clouds])
+        together["radii"] = np.concatenate([arrays["radii"] for arrays in clouds])
+    return together
 
 
 def as_script(name: str, arrays: dict[str, AnyArray]) -> str:
-    """Return a call of the page's `reviewModel` with the arrays of a frame in base64, little-endian.
+    """Return a call of the page's `reviewModel` with the arrays of `joined` in base64, little-endian.
 
-    positions  uint16 (V, 3), over the box from `low` to `high`, scene units
-    normals    int8 (V, 3), of a surface;  radii  float32 (V,), of a cloud
-    faces      uint16 or uint32 (F, 3), as `wide` says
+    positions, centres  uint16 (V, 3), over the box from `low` to `high`, scene units
+    normals             int8 (V, 3), of the surface
+    faces               uint16 or uint32 (F, 3), as `wide` says
+    radii               float32 (P,), of the cloud, scene units
     """
-    vertices = np.asarray(arrays["vertices"], np.float64)
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    low, high = _bounds(arrays)
     extent = np.where(high > low, high - low, 1.0)
-    wide = len(vertices) > 2**16
+
+    def packed(points: AnyArray) -> str:
+        return _encoded(np.rint((np.asarray(points, np.float64) - low) / extent * 65535.0), "<u2")
+
     data: dict[str, Any] = {
-        "vertices": len(vertices),
         "low": [round(float(x), 6) for x in low],
         "high": [round(float(x), 6) for x in low + extent],
-        "positions": _encoded(np.rint((vertices - low) / extent * 65535.0), "<u2"),
     }
-    if "radii" in arrays:
-        data["radii"] = _encoded(arrays["radii"], "<f4")
-    else:
+    if "faces" in arrays:
+        wide = len(arrays["vertices"]) > 2**16
         data |= {
             "triangles": len(arrays["faces"]),
             "wide": wide,
+            "positions": packed(arrays["vertices"]),
             "normals": _encoded(np.rint(np.asarray(arrays["normals"]) * 127.0), "i1"),
             "faces": _encoded(arrays["faces"], "<u4" if wide else "<u2"),
         }
+    if "centres" in arrays:
+        data |= {
+            "points": len(arrays["centres"]),
+            "centres": packed(arrays["centres"]),
+            "radii": _encoded(arrays["radii"], "<f4"),
+        }
     return f"reviewModel({json.dumps(name)}, {json.dumps(data)});\n"
+
+
+def _bounds(arrays: dict[str, AnyArray]) -> tuple[AnyArray, AnyArray]:
+    """Return the least and the greatest coordinates (3,) of the vertices, and of the balls around centres."""
+    ends = [np.asarray(arrays["vertices"], np.float64)] if "faces" in arrays else []
+    if "centres" in arrays:
+        centres, radii = np.asarray(arrays["centres"], np.float64), arrays["radii"][:, None]
+        ends += [centres - radii, centres + radii]
+    points = np.concatenate(ends)
+    return points.min(axis=0), points.max(axis=0)
 
 
 def _encoded(values: AnyArray | Sequence[float], kind: str) -> str:

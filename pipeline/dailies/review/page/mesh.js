@@ -1,5 +1,5 @@
 "use strict";
-// The mesh nearest to the playhead, in three dimensions: to be turned, and its triangles to be seen.
+// The surfaces and clouds nearest to the playhead, in three dimensions: to be turned, and triangles to be seen.
 
 class MeshPanel {
   constructor(element, review, three, hint) {
@@ -50,6 +50,7 @@ class MeshPanel {
       color: 0xb4b4b4, roughness: 0.72, side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
     });
     this.wire = new THREE.MeshBasicMaterial({ color: 0x111111, wireframe: true, transparent: true, opacity: 0.5 });
+    this.balls = ballMaterial(THREE);
     this.controls = new bundle.OrbitControls(this.camera, this.renderer.domElement);
     this.controls.addEventListener("start", () => this.#follow(false));
     this.controls.addEventListener("change", () => this.#render());
@@ -100,7 +101,8 @@ class MeshPanel {
     if (this.wanted !== name) return;
     if (this.shownName !== name) this.#build(data);
     Object.assign(this, { shownName: name, shownNumber: number });
-    const what = data.triangles ? `${count(data.triangles)} triangles` : `${count(data.vertices)} points`;
+    const kinds = [[data.triangles, "triangles"], [data.points, "points"]].filter(([number]) => number);
+    const what = kinds.map(([number, kind]) => `${count(number)} ${kind}`).join(" and ");
     this.words.textContent = number === frame ? `Frame ${number}, ${what}` : `Frame ${number}, the nearest on this page, ${what}`;
     this.renderer.domElement.setAttribute("aria-label", `Mesh of frame ${number}, ${what}`);
     this.resize();
@@ -109,25 +111,34 @@ class MeshPanel {
   }
 
   #build(data) {
-    const { THREE } = this, geometry = new THREE.BufferGeometry();
-    const packed = decoded(data.positions, Uint16Array), positions = new Float32Array(packed.length);
-    const steps = data.low.map((low, axis) => (data.high[axis] - low) / 65535);
-    for (let i = 0; i < packed.length; i++) positions[i] = data.low[i % 3] + packed[i] * steps[i % 3];
-    geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
+    const { THREE } = this;
     this.group?.traverse((each) => each.geometry?.dispose());
     this.scene.remove(this.group);
     this.group = new THREE.Group();
+    this.lined = null;
     if (data.faces) {
+      const geometry = this.#placed(data, data.positions);
       geometry.setAttribute("normal", new THREE.BufferAttribute(decoded(data.normals, Int8Array), 3, true));
       geometry.setIndex(new THREE.BufferAttribute(decoded(data.faces, data.wide ? Uint32Array : Uint16Array), 1));
-      this.group.add(new THREE.Mesh(geometry, this.clay), new THREE.Mesh(geometry, this.wire));
-    } else {
-      const radii = decoded(data.radii, Float32Array), mean = radii.reduce((sum, r) => sum + r, 0) / radii.length;
-      this.group.add(new THREE.Points(geometry, new THREE.PointsMaterial({ color: 0xb4b4b4, size: 2 * mean })));
+      this.lined = new THREE.Mesh(geometry, this.wire);
+      this.group.add(new THREE.Mesh(geometry, this.clay), this.lined);
+    }
+    if (data.points) {
+      const geometry = this.#placed(data, data.centres);
+      geometry.setAttribute("radius", new THREE.BufferAttribute(decoded(data.radii, Float32Array), 1));
+      this.group.add(new THREE.Points(geometry, this.balls));
     }
     this.box = data;
     this.middle = new THREE.Vector3(...data.low.map((low, axis) => (low + data.high[axis]) / 2));
     this.scene.add(this.group);
+  }
+
+  /** A geometry with positions of 16 bits over the box of the data. */
+  #placed(data, text) {
+    const packed = decoded(text, Uint16Array), positions = new Float32Array(packed.length);
+    const steps = data.low.map((low, axis) => (data.high[axis] - low) / 65535);
+    for (let i = 0; i < packed.length; i++) positions[i] = data.low[i % 3] + packed[i] * steps[i % 3];
+    return new this.THREE.BufferGeometry().setAttribute("position", new this.THREE.BufferAttribute(positions, 3));
   }
 
   /** The shot's camera at the playhead; where that is not known, from the front. */
@@ -168,10 +179,25 @@ class MeshPanel {
 
   #render() {
     if (!this.group) return;
-    if (this.group.children[1]) this.group.children[1].visible = this.lines;
+    if (this.lined) this.lined.visible = this.lines;
     this.#inkLines();
     this.renderer.render(this.scene, this.camera);
   }
+}
+
+/** Points as balls of their own radii. three.js gives all one size, and takes no field of view into account. */
+function ballMaterial(THREE) {
+  const material = new THREE.PointsMaterial({ color: 0xb4b4b4 });
+  material.onBeforeCompile = (shader) => {
+    shader.vertexShader = `attribute float radius;\n${shader.vertexShader}`.replace(
+      "gl_PointSize = size;", "gl_PointSize = 2.0 * radius * projectionMatrix[1][1];");
+    shader.fragmentShader = shader.fragmentShader.replace("outgoingLight = diffuseColor.rgb;", `
+      vec2 place = 2.0 * gl_PointCoord - 1.0;
+      float height = 1.0 - dot(place, place);
+      if (height < 0.0) discard;
+      outgoingLight = diffuseColor.rgb * (0.3 + 0.7 * sqrt(height));`);
+  };
+  return material;
 }
 
 function paragraph(text) {
