@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from pipeline.dailies.delivery.timeline_sound import heard_sounds, sound_tracks
 from pipeline.frames import FrameRange
 from pipeline.production.request.edit import Edit, EditItem
 from pipeline.production.request.render_request import RenderRequest
@@ -59,8 +60,7 @@ class Timeline:
         for part in self._parts():
             pictures.append(part)
         timeline.tracks.append(pictures)
-        if self.edit.audio is not None:
-            timeline.tracks.append(self._sound())
+        timeline.tracks.extend(sound_tracks(heard_sounds(self.edit, self.requests), self._url, self._otio))
         return timeline
 
     def _parts(self) -> Iterator[Any]:
@@ -121,30 +121,6 @@ class Timeline:
             available_range=available,
         )
 
-    def _sound(self) -> Any:
-        """Return a track of the film's sound, at most as long as the film."""
-        from render.movie.sound import RATE, require_sound
-
-        audio = self.edit.audio
-        assert audio is not None, "films without sound have no track"
-        first = round(audio.start * RATE)
-        film = round(self.edit.length / self.edit.frame_rate.fps * RATE)
-        length = round(require_sound(Path(audio.file)) * RATE)
-        track = self._otio.schema.Track("sound", kind=self._otio.schema.TrackKind.Audio)
-        if first > 0:
-            track.append(self._otio.schema.Gap(duration=self._time(min(first, film), RATE)))
-        skipped = max(0, -first)
-        heard = min(length - skipped, film - max(0, first))
-        if heard > 0:
-            file = self._otio.schema.ExternalReference(
-                self._url(Path(audio.file)), self._range(0, length, RATE)
-            )
-            clip = self._otio.schema.Clip(Path(audio.file).stem, file, self._range(skipped, heard, RATE))
-            facts = {"gain": audio.gain, "fade_in": audio.fade_in, "fade_out": audio.fade_out}
-            clip.metadata["flowsculpt"] = facts
-            track.append(clip)
-        return track
-
     def _url(self, path: Path) -> str:
         """Return a path relative to the timeline's folder, so that both can move together."""
         relative = os.path.relpath(self.root / path, self.place.absolute().parent)
@@ -160,12 +136,11 @@ class Timeline:
 
         return opentimelineio
 
-    def _time(self, count: int, rate: float | None = None) -> Any:
-        """Return a duration in frames, or in units of another rate."""
-        return self._otio.opentime.RationalTime(count, rate or self._fps)
+    def _time(self, frames: int) -> Any:
+        return self._otio.opentime.RationalTime(frames, self._fps)
 
-    def _range(self, first: int, count: int, rate: float | None = None) -> Any:
-        return self._otio.opentime.TimeRange(self._time(first, rate), self._time(count, rate))
+    def _range(self, first: int, count: int) -> Any:
+        return self._otio.opentime.TimeRange(self._time(first), self._time(count))
 
 
 def _delivered(request: RenderRequest, encode: Encode) -> Path:

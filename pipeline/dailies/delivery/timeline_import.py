@@ -1,7 +1,8 @@
 """An OpenTimelineIO timeline as an edit: what an editor cut becomes a YAML file that names shots and frames.
 
-It is the reverse of `timeline.py`: of the pictures, clips, dissolves and cards; of the sound, one file. What
-an edit cannot say, such as two pictures on top of each other or a gap, is refused with its place.
+It is the reverse of `timeline.py`: of the pictures, clips, dissolves and cards; of the sound, one file, or
+those of the shots where these have them. What an edit cannot say, such as two pictures on top of each other
+or a gap, is refused with its place.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from urllib.parse import unquote, urlsplit
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 
+from pipeline.dailies.delivery.timeline_sound import LEVELS
 from pipeline.errors import MissingInputError, ShotError, UsageError, suggestion
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.yaml.lookup import shown
@@ -171,30 +173,72 @@ class ImportedEdit:
         return known
 
     def _sound(self) -> Mapping[str, Any]:
-        """Return the sound, if the timeline has one file of it."""
+        """Return the film's own sound, if the timeline has one file of it.
+
+        An edit without sound has those of its shots, so nothing is written of them.
+        """
         clips = [
             clip
             for track in self._timeline.audio_tracks()
             for clip in track.find_clips()
             if isinstance(clip.media_reference, self._otio.schema.ExternalReference)
         ]
-        if not clips:
-            return {}
-        if len(clips) > 1:
-            raise ShotError(
-                f"{shown(self.file)}: it has {len(clips)} pieces of sound; a film has one. Mix them down."
+        of_shots = [clip for clip in clips if _facts(clip).get("shot")]
+        own = [clip for clip in clips if not _facts(clip).get("shot")]
+        if own and of_shots:
+            raise self._refused(
+                f"it has {own[0].name} and sounds of its shots; a film has either its own sound or theirs. "
+                "Mix them down to one file, or remove one kind."
             )
-        (clip,) = clips
+        moved = next((clip for clip in of_shots if not self._is_under_its_picture(clip)), None)
+        if moved is not None:
+            raise self._refused(
+                f"{moved.name} is not where shot {_facts(moved)['shot']} has it; an edit has the sounds of "
+                "its shots as they are. Move it back, or mix the sounds down to one file."
+            )
+        if len(own) > 1:
+            raise self._refused(f"it has {len(own)} pieces of sound; a film has one. Mix them down.")
+        if not own:
+            return {}
+        (clip,) = own
         url = urlsplit(clip.media_reference.target_url)
         file = self.file.parent / unquote(url.path)
-        start = clip.trimmed_range_in_parent() or clip.range_in_parent()
-        seconds = start.start_time.to_seconds() - clip.trimmed_range().start_time.to_seconds()
-        told = clip.metadata.get("flowsculpt", {})
-        facts = {name: float(told[name]) for name in ("gain", "fade_in", "fade_out") if told.get(name)}
+        seconds = _begin(clip) - clip.trimmed_range().start_time.to_seconds()
+        facts = {name: float(_facts(clip)[name]) for name in LEVELS if _facts(clip).get(name)}
         return {"sound": {"file": os.path.relpath(file, self.folder), "start": round(seconds, 6), **facts}}
+
+    def _is_under_its_picture(self, sound: Any) -> bool:
+        """Tell whether the sound of a shot is heard at the frame of the shot at which the shot has it.
+
+        Where clips dissolve, it begins before its clip: the frames beyond the cut are counted on.
+        """
+        facts, rate = _facts(sound), float(self._rate.fps)
+        in_shot = sound.trimmed_range().start_time.to_seconds() + float(facts["start"])
+        expected = float(facts["first_frame"]) / rate + in_shot
+        for clip in self._pictures.find_clips():
+            if clip.effects or clip.name != facts["shot"]:
+                continue
+            seen = clip.trimmed_range().start_time.to_seconds() + _begin(sound) - _begin(clip)
+            if abs(seen - expected) < 0.5 / rate:
+                return True
+        return False
+
+    def _refused(self, fault: str) -> ShotError:
+        return ShotError(f"{shown(self.file)}: {fault}")
 
     @cached_property
     def _otio(self) -> Any:
         import opentimelineio  # which takes 0.2 s
 
         return opentimelineio
+
+
+def _facts(clip: Any) -> Mapping[str, Any]:
+    """Return what our export wrote beside the sound of a clip; nothing for clips of other programs."""
+    found = clip.metadata.get("flowsculpt", {})
+    return found if isinstance(found, Mapping) else {}
+
+
+def _begin(clip: Any) -> float:
+    """Return the second of the film at which a clip begins, without what dissolves before it."""
+    return float(clip.range_in_parent().start_time.to_seconds())

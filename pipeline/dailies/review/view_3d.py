@@ -5,7 +5,7 @@
 The package `nicegui` ships it as one file, with its controls; `requirements.txt` beside this module pins the
 release by its hash. Only this file of the package is kept.
 
-A page may load scripts but no data: surfaces and clouds are scripts, with positions in 16 bits and normals in 8.
+A page may load scripts but no data: meshes are scripts, with positions in 16 bits and normals in 8.
 """
 
 from __future__ import annotations
@@ -98,8 +98,8 @@ class PageMeshes:
 def joined(subjects: Sequence[dict[str, AnyArray]]) -> dict[str, AnyArray]:
     """Join the surfaces of a frame to one, and its clouds to one.
 
-    Returns `vertices`, `normals` and `faces` of the surfaces, and `centres` and `radii` of the clouds; a frame
-    without surfaces, or without clouds, has none of theirs.
+    Returns `vertices`, `normals` and `faces` of the surfaces, and `centres` and `radii` of the clouds. A
+    frame without surfaces, or without clouds, has none of theirs.
     """
     surfaces = [arrays for arrays in subjects if "faces" in arrays]
     clouds = [arrays for arrays in subjects if "faces" not in arrays]

@@ -1,4 +1,4 @@
-"""The 3-D view of several subjects: surfaces and clouds of a frame are drawn together, each of its own size."""
+"""The 3-D view of several subjects: surfaces and clouds of a frame are drawn together."""
 
 from __future__ import annotations
 
