@@ -37,10 +37,10 @@ def timeline(project: ProjectFolder, monkeypatch: pytest.MonkeyPatch) -> otio.sc
     monkeypatch.chdir(project.path)
     write_sound(project.path / "shots/a tone.wav", np.full(RATE, 0.25))
     project.shot.write_text(project.shot.read_text() + "sound: {file: a tone.wav, start: -0.125, gain: -3}\n")
-    (project.path / "shots/cut.yaml").write_text(CUT)
-    edit = Edit.of(read_film(Path("shots/cut.yaml")), "cut")
-    request = Project(project.path, 2).request(project.shot, "draft")
-    Timeline(edit, [request, request], project.path, "frames", project.path / "cut.otio").write()
+    (project.path / "shots/reel.yaml").write_text(CUT)
+    edit = Edit.of(read_film(Path("shots/reel.yaml")), "cut")
+    clips = [Project(project.path, 2).request(project.shot, "draft", frames) for frames in ("1-6", "3-6")]
+    Timeline(edit, clips, project.path, "frames", project.path / "cut.otio").write()
     return otio.adapters.read_from_file("cut.otio")
 
 
@@ -55,7 +55,7 @@ def test_sounds_of_shots_lie_at_the_samples_of_the_film(timeline: otio.schema.Ti
             first, count = place.start_time.to_frames(), place.duration.to_frames()
             heard[first : first + count] += 1
             assert clip.source_range.start_time.to_frames() in (RATE // 8, RATE // 8 + 2 * FRAME)
-    edit = Edit.of(read_film(Path("shots/cut.yaml")), "cut")
+    edit = Edit.of(read_film(Path("shots/reel.yaml")), "cut")
     parts = samples_of(edit.sounds, edit.length, edit.frame_rate)
     assert parts is not None
     film = np.concatenate(list(parts), axis=1)[0]
@@ -68,7 +68,7 @@ def test_sounds_of_shots_come_back_as_those_of_the_shots(timeline: otio.schema.T
     text = ImportedEdit(Path("cut.otio"), (NAME,), Path("shots")).text()
     assert "sound" not in text
     Path("shots/again.yaml").write_text(text.split("\n", 1)[1])
-    before, after = (Edit.of(read_film(Path(f"shots/{name}.yaml")), "cut") for name in ("cut", "again"))
+    before, after = (Edit.of(read_film(Path(f"shots/{name}.yaml")), "cut") for name in ("reel", "again"))
     assert after.clips == before.clips and after.items == before.items
 
 
