@@ -3,24 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any, NamedTuple
-
-from rich.progress import TaskID, TextColumn
+from typing import Any
 
 from pipeline.cli.options import Common
-from pipeline.cli.output import (
-    duration,
-    exit_with,
-    frame_progress,
-    print_error,
-    print_result,
-    print_warning,
-    size,
-)
+from pipeline.cli.output import duration, exit_with, print_error, print_result, print_warning, size
+from pipeline.cli.stage_bars import StageBars, slow_frames_told
 from pipeline.production.execution.recovery import PATIENCE
 from pipeline.production.execution.run import Outcome, run
 from pipeline.production.maintenance.run_report import RunReport
@@ -29,11 +19,9 @@ from pipeline.production.planning.forecast import Forecast
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import FORMS
 from pipeline.production.stages import STAGES
-from pipeline.production.store.event_log import Event, EventReader, poll
+from pipeline.production.store.event_log import EventReader
 from pipeline.production.store.store import Store
 from render.base.plural import plural
-
-POLL_SECONDS = 0.2
 
 
 def execute_and_report(
@@ -88,7 +76,7 @@ def execute(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
     """Execute a plan with progress bars, and report warnings and failures."""
 
     def watch(plan: Plan, reader: EventReader) -> AbstractContextManager[None]:
-        return StageBars(plan, reader).drawn() if common.progress else _messages_printed(reader)
+        return StageBars(plan, reader).drawn() if common.progress else slow_frames_told(reader)
 
     reported: set[str] = set()
 
@@ -111,110 +99,6 @@ def execute(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
 def made_by_stage(outcome: Outcome) -> dict[str, int]:
     """Return how many frames of each stage a run computed."""
     return {stage: outcome.made(stage) for stage in STAGES if outcome.made(stage)}
-
-
-class StageBars:
-    """A bar for each stage of a plan while it is executed.
-
-    reader  of the run's event log
-    """
-
-    def __init__(self, plan: Plan, reader: EventReader) -> None:
-        self._reader = reader
-        totals = plan.frame_counts()
-        self._progress = frame_progress(TextColumn("{task.fields[now]}", style="dim"))
-        self._tasks: dict[str, TaskID] = {
-            name: self._progress.add_task(stage.doing, total=totals[name], start=False, now="")
-            for name, stage in STAGES.items()
-            if totals[name]
-        }
-        self._settled: Counter[str] = Counter()
-        self._under_way: dict[tuple[str, object], dict[object, _FrameInWork]] = {}
-
-    @contextmanager
-    def drawn(self) -> Iterator[None]:
-        """Draw the bars, and once more at the end."""
-        with self._progress:
-            try:
-                with poll(POLL_SECONDS, self._read):
-                    yield
-            finally:
-                self._read()
-
-    def _read(self) -> None:
-        for event in self._reader.new():
-            self._show(event)
-
-    def _show(self, event: Event) -> None:
-        stage, what = event.get("stage", ""), event["event"]
-        if what in ("healed", "hung", "killed", "slow"):
-            print_warning(_named_message(event))
-        if stage not in self._tasks:
-            return
-        under_way = self._under_way.setdefault((stage, event["job"]), {})
-        frame = event.get("frame")
-        if what == "begin":
-            self._progress.start_task(self._tasks[stage])
-            under_way.clear()
-        elif what == "start":
-            under_way[frame] = _FrameInWork()
-        elif what == "pass":
-            under_way[frame] = _FrameInWork(event["done"] / event["most"])
-        elif what == "progress":
-            under_way[frame] = _FrameInWork(event["share"], event["activity"])
-        elif what in ("frame", "fail"):
-            under_way.pop(frame, None)
-            self._settled[stage] += what == "frame"
-        self._draw(stage)
-
-    def _draw(self, stage: str) -> None:
-        """Draw the bar of a stage: finished frames and parts of running ones, which are named beside it."""
-        now = {
-            frame: work
-            for (of, _), frames in self._under_way.items()
-            if of == stage
-            for frame, work in frames.items()
-        }
-        completed = self._settled[stage] + sum(work.share for work in now.values())
-        self._progress.update(self._tasks[stage], completed=completed, now=_named(now))
-
-
-class _FrameInWork(NamedTuple):
-    """A frame that is not done yet: its share that is, 0 to 1, and what is computed of it, if known."""
-
-    share: float = 0.0
-    activity: str = ""
-
-    def __str__(self) -> str:
-        """`75%, curl_noise`"""
-        return ", ".join(filter(None, (f"{self.share:.0%}" if self.share else "", self.activity)))
-
-
-def _named(now: Mapping[object, _FrameInWork]) -> str:
-    """`frames 12 (75%), 40`"""
-    parts = [f"{frame} ({work})" if str(work) else f"{frame}" for frame, work in now.items()]
-    return f"frame{'s' * (len(parts) > 1)} {', '.join(parts)}" if parts else ""
-
-
-@contextmanager
-def _messages_printed(reader: EventReader) -> Iterator[None]:
-    """Print why frames are slow while no bars are drawn."""
-
-    def read() -> None:
-        for event in reader.new():
-            if event["event"] == "slow":
-                print_warning(_named_message(event))
-
-    try:
-        with poll(POLL_SECONDS, read):
-            yield
-    finally:
-        read()
-
-
-def _named_message(event: Event) -> str:
-    """Return an event's message, of a frame with its shot."""
-    return f"{event['shot']} {event['message']}" if event["event"] == "slow" else str(event["message"])
 
 
 def report_notes(plan: Plan, reported: set[str]) -> None:

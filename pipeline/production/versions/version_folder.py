@@ -18,10 +18,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from pipeline.production.store.store import Store
-from pipeline.production.versions.provenance import (
-    FILE,
-    Provenance,
-)
+from pipeline.production.versions.provenance import FILE, Provenance
 from render.base.atomic_write import disk_errors
 
 _DRAFT = ".draft."

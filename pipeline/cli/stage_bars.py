@@ -1,0 +1,121 @@
+"""Progress of a plan while it is executed: a bar for each stage, and messages about its frames."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import NamedTuple
+
+from rich.progress import TaskID, TextColumn
+
+from pipeline.cli.output import frame_progress, print_warning
+from pipeline.production.planning.plan import Plan
+from pipeline.production.stages import STAGES
+from pipeline.production.store.event_log import Event, EventReader, poll
+
+POLL_SECONDS = 0.2
+
+
+class StageBars:
+    """A bar for each stage of a plan while it is executed.
+
+    reader  of the run's event log
+    """
+
+    def __init__(self, plan: Plan, reader: EventReader) -> None:
+        self._reader = reader
+        totals = plan.frame_counts()
+        self._progress = frame_progress(TextColumn("{task.fields[now]}", style="dim"))
+        self._tasks: dict[str, TaskID] = {
+            name: self._progress.add_task(stage.doing, total=totals[name], start=False, now="")
+            for name, stage in STAGES.items()
+            if totals[name]
+        }
+        self._settled: Counter[str] = Counter()
+        self._under_way: dict[tuple[str, object], dict[object, _FrameInWork]] = {}
+
+    @contextmanager
+    def drawn(self) -> Iterator[None]:
+        """Draw the bars, and once more at the end."""
+        with self._progress:
+            try:
+                with poll(POLL_SECONDS, self._read):
+                    yield
+            finally:
+                self._read()
+
+    def _read(self) -> None:
+        for event in self._reader.new():
+            self._show(event)
+
+    def _show(self, event: Event) -> None:
+        stage, what = event.get("stage", ""), event["event"]
+        if what in ("healed", "hung", "killed", "slow"):
+            print_warning(_named_message(event))
+        if stage not in self._tasks:
+            return
+        under_way = self._under_way.setdefault((stage, event["job"]), {})
+        frame = event.get("frame")
+        if what == "begin":
+            self._progress.start_task(self._tasks[stage])
+            under_way.clear()
+        elif what == "start":
+            under_way[frame] = _FrameInWork()
+        elif what == "pass":
+            under_way[frame] = _FrameInWork(event["done"] / event["most"])
+        elif what == "progress":
+            under_way[frame] = _FrameInWork(event["share"], event["activity"])
+        elif what in ("frame", "fail"):
+            under_way.pop(frame, None)
+            self._settled[stage] += what == "frame"
+        self._draw(stage)
+
+    def _draw(self, stage: str) -> None:
+        """Draw the bar of a stage: finished frames and parts of running ones, which are named beside it."""
+        now = {
+            frame: work
+            for (of, _), frames in self._under_way.items()
+            if of == stage
+            for frame, work in frames.items()
+        }
+        completed = self._settled[stage] + sum(work.share for work in now.values())
+        self._progress.update(self._tasks[stage], completed=completed, now=_named(now))
+
+
+class _FrameInWork(NamedTuple):
+    """A frame that is not done yet: its share that is, 0 to 1, and what is computed of it, if known."""
+
+    share: float = 0.0
+    activity: str = ""
+
+    def __str__(self) -> str:
+        """`75%, curl_noise`"""
+        return ", ".join(filter(None, (f"{self.share:.0%}" if self.share else "", self.activity)))
+
+
+def _named(now: Mapping[object, _FrameInWork]) -> str:
+    """`frames 12 (75%), 40`"""
+    parts = [f"{frame} ({work})" if str(work) else f"{frame}" for frame, work in now.items()]
+    return f"frame{'s' * (len(parts) > 1)} {', '.join(parts)}" if parts else ""
+
+
+@contextmanager
+def slow_frames_told(reader: EventReader) -> Iterator[None]:
+    """Print why frames are slow while no bars are drawn."""
+
+    def read() -> None:
+        for event in reader.new():
+            if event["event"] == "slow":
+                print_warning(_named_message(event))
+
+    try:
+        with poll(POLL_SECONDS, read):
+            yield
+    finally:
+        read()
+
+
+def _named_message(event: Event) -> str:
+    """Return an event's message, of a frame with its shot."""
+    return f"{event['shot']} {event['message']}" if event["event"] == "slow" else str(event["message"])
