@@ -22,14 +22,11 @@ import numpy as np
 from pipeline.dailies.measures import measures_of
 from pipeline.dailies.turntable import TurntableRequest, TurntableSheets
 from pipeline.production.execution.project import Project
-from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.stages import DELIVER, MEASURE, STAGES, STILLS, TURNTABLE_SHEET, PipelineStage
 from pipeline.production.store import readers
-from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.worker import task_of
 from render.post.image import read_exr, read_png
-from tests.conftest import commanded
+from tests.conftest import commanded, done
 
 Arrays = dict[str, np.ndarray]
 
@@ -69,13 +66,13 @@ def results(root: Path) -> dict[str, Arrays]:
     (root / "shots" / f"{NAME}.yaml").write_text(SHOT)
     (root / "shots" / "film.yaml").write_text(FILM)
     project = Project(root, 1)
-    _do(root, project.film(QUALITY))
+    done(root, project.film(QUALITY))
     for stage in STILLS:
-        _do(root, project.stills([NAME], stage.name, QUALITY))
+        done(root, project.stills([NAME], stage.name, QUALITY))
     code, said = commanded(root, "deliver", NAME, "--as", "prores4444", "-q", "draft", "--scale", SCALE)
     assert code == 0, said
     turning = TurntableRequest(project, NAME, QUALITY, 2, 4, turn="object")
-    _do(root, turning.plan())
+    done(root, turning.plan())
     (sheet,) = TurntableSheets(turning).draw()
     request, home = project.request(find_shot(NAME), QUALITY), root / "renders"
     keys, numbers = request.picture_keys(project.store), sorted(request.requested)
@@ -121,11 +118,6 @@ def environment() -> dict[str, Any]:
         "features": sorted(name for name, has in llvm.get_host_cpu_features().items() if has),
         "packages": {name: version(name) for name in packages},
     }
-
-
-def _do(root: Path, plan: Plan) -> None:
-    for job in plan.jobs:
-        assert task_of(job.stage)(Context.of(root, plan, job.name)), job.name
 
 
 def _decoded(path: Path) -> Arrays:

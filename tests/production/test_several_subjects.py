@@ -18,11 +18,9 @@ from pipeline.production.planning.frame_states import mesh_states
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.history import History
-from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.worker import task_of
 from render.post.cryptomatte import OBJECT, matte_of
 from render.post.image import read_exr, read_header
-from tests.conftest import commanded
+from tests.conftest import commanded, done
 
 NAME, QUALITY = "T010_two", "draft.scale6.7"
 SHOT = """\
@@ -44,12 +42,6 @@ def planned(root: Path, text: str = SHOT) -> Plan:
     (root / "shots").mkdir(exist_ok=True)
     (root / "shots" / f"{NAME}.yaml").write_text(text)
     return Project(root, 2).pictures([str(root / "shots" / f"{NAME}.yaml")], QUALITY)
-
-
-def done(root: Path, plan: Plan) -> Plan:
-    for job in plan.jobs:
-        assert task_of(job.stage)(Context.of(root, plan, job.name)), job.name
-    return plan
 
 
 def request_of(root: Path) -> RenderRequest:

@@ -15,13 +15,11 @@ from pipeline.production.execution.project import Project
 from pipeline.production.planning import planned_jobs
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.variants import avoid
-from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.worker import task_of
 from pipeline.production.versions.grid import Grid, Variation
 from pipeline.production.versions.wedge import Wedge
 from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_png
-from tests.conftest import commanded
+from tests.conftest import commanded, done
 
 NAME = "T010_tiny"
 QUALITY = "draft.scale10"
@@ -57,16 +55,6 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(root)
         yield Desk(root)
-
-
-def done(root: Path, plan: Plan) -> None:
-    """Do the jobs of a plan, each after those that make what it reads, whatever their order in the plan."""
-    waiting, missing = list(plan.jobs), {job.output for job in plan.jobs}
-    while waiting:
-        job = next(job for job in waiting if not missing & set(plan.all_inputs(job)))
-        assert task_of(job.stage)(Context.of(root, plan, job.name))
-        waiting.remove(job)
-        missing.remove(job.output)
 
 
 def frames(plan: Plan) -> dict[str, int]:
