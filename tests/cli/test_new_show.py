@@ -23,18 +23,18 @@ flows: [{twist: {amount: 2}}]
 @pytest.fixture
 def show(tmp_path):
     folder = ProjectFolder(tmp_path)
-    done = folder.run("new", "--show", "reel_2030")
+    done = folder.call("new", "--show", "reel_2030")
     assert done.code == 0 and not done.err
     assert done.out.endswith("Go on: cd reel_2030; flowsculpt preview A010_first; flowsculpt film\n")
     return ProjectFolder(tmp_path / "reel_2030")
 
 
 def test_a_new_show_is_valid_and_can_be_looked_at_and_filmed_at_once(show):
-    assert show.run("validate").out.startswith("Good: A010_first, film\n")
-    picture = show.run("preview", "A010_first", "--at", "40")
+    assert show.call("validate").out.startswith("Good: A010_first, film\n")
+    picture = show.call("preview", "A010_first", "--at", "40")
     assert picture.code == 0
     assert (show.path / "renders/A010_first/preview/A010_first.0040.png").is_file()
-    planned = show.run("--dry-run", "film")
+    planned = show.call("--dry-run", "film")
     assert planned.code == 0 and "rendering 72 frames" in planned.out
     assert read_film(show.path / "shots/film.yaml").title == "Reel 2030"
 
@@ -50,7 +50,7 @@ def test_git_ignores_what_is_made_and_editors_find_the_schemas(show):
 
 
 def test_shots_of_a_show_leave_to_its_defaults_what_these_give(show):
-    assert show.run("new", "A020_ring", "--from", "vortex_ring").code == 0
+    assert show.call("new", "A020_ring", "--from", "vortex_ring").code == 0
     for name in ("A010_first", "A020_ring"):
         text = (show.path / f"shots/{name}.yaml").read_text()
         assert not [line for line in text.splitlines() if line.partition(":")[0] in SHARED]
@@ -63,13 +63,13 @@ def test_what_is_in_the_folder_stays_and_is_listed(tmp_path):
     (tmp_path / "shots/Mine.yaml").write_text(OWN)
     (tmp_path / ".gitignore").write_text("/secret/\n")
     before = read_shot(tmp_path / "shots/Mine.yaml")
-    done = folder.run("new", "--show")
+    done = folder.call("new", "--show")
     assert done.code == 0 and ".gitignore: kept as it is" in done.out
     assert (tmp_path / ".gitignore").read_text() == "/secret/\n"
     assert read_shot(tmp_path / "shots/Mine.yaml") == before, "the defaults of a show change no shot"
     assert [entry.shot.name for entry in read_film(tmp_path / "shots/film.yaml").entries] == ["Mine"]
     assert not (tmp_path / "shots/A010_first.yaml").exists()
-    again = json.loads(folder.run("--json", "new", "--show").out)
+    again = json.loads(folder.call("--json", "new", "--show").out)
     assert again["written"] == [] and "shots/film.yaml" in again["kept"]
 
 
@@ -83,6 +83,6 @@ def test_what_is_in_the_folder_stays_and_is_listed(tmp_path):
 )
 def test_a_show_that_cannot_begin_is_told_in_one_line(tmp_path, words, says):
     Path(tmp_path / "a.txt").touch()
-    done = ProjectFolder(tmp_path).run(*words)
+    done = ProjectFolder(tmp_path).call(*words)
     assert done.code == 2 and says in done.err and done.err.count("\n") == 1
     assert not (tmp_path / "shots").exists()
