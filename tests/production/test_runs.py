@@ -257,7 +257,8 @@ def test_a_second_run_of_the_same_is_refused_in_one_line_that_names_the_first(pr
 def test_where_a_renderer_crashes_its_shot_starts_again_on_the_next(project):
     if "llvm_ad_rgb" not in project.call("doctor").out:
         pytest.skip("there is only one variant here to choose from")
-    process = project.start("render", NAME, "-f", "1-4", "-q", "draft")
+    quick = ("-f", "1-4", "-q", "draft", "--set", "quality.draft.denoise=off")
+    process = project.start("render", NAME, *quick)
     project.wait_until(lambda: project.frames("draft", "raw"))
     project.wait_until(lambda: processes_of(process.pid, "--child"))
     for child in processes_of(process.pid, "--child"):
