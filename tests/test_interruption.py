@@ -38,7 +38,7 @@ def test_a_signal_ends_a_compiled_call_of_a_minute_at_once(number: signal.Signal
     started = time.monotonic()
     process.send_signal(number)
     process.communicate(timeout=30)
-    assert time.monotonic() - started < 2.0
+    assert time.monotonic() - started < 10.0, "a busy machine takes seconds to end a process"
     assert process.returncode == -number
 
 

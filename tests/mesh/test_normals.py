@@ -99,9 +99,9 @@ def test_twenty_five_thousand_vertices_are_quick() -> None:
 
 
 def _seconds(mesh: TriangleMesh) -> float:
-    start = time.perf_counter()
+    start = time.process_time()  # of the clock's time, other processes take what they like
     split_at_creases(mesh)
-    return time.perf_counter() - start
+    return time.process_time() - start
 
 
 def test_a_vertex_with_a_normal_of_its_own_is_shaded_with_it() -> None:

@@ -100,9 +100,9 @@ def test_a_burn_in_costs_less_than_three_milliseconds() -> None:
     burn_in.over(GREY, VALUES)
     spent = []
     for number in range(40):
-        started = time.process_time()
+        started = time.thread_time()
         burn_in.over(GREY, {**VALUES, "frame": number, "timecode": timecode(number, Fraction(24))})
-        spent.append(time.process_time() - started)
+        spent.append(time.thread_time() - started)
     assert np.median(spent) < 0.003
 
 
