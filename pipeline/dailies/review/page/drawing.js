@@ -39,6 +39,7 @@ class Drawing {
     const note = this.#noteOf(review.shownSequence, frame);
     if (!note?.drawings.some((stroke) => stroke.frame === frame)) return;
     review.notes.editUndoably(note.id, { drawings: note.drawings.filter((stroke) => stroke.frame !== frame) });
+    review.tell(`The drawing of frame ${frame} is erased; U brings it back.`);
   }
 
   // The pointer: points are in pixels of the stage

@@ -3,6 +3,7 @@
 
 const UNITS = 10000;
 const GHOSTS = [[-1, 0.34], [1, 0.2]];  // onion skin: the drawn frame before, and the one after
+const RIGHT_TO_LEFT = /[\p{Script=Arabic}\p{Script=Hebrew}\p{Script=Syriac}\p{Script=Thaana}\p{Script=Nko}\p{Script=Adlam}]/u;
 
 class InkLayer {
   constructor(canvas, review) {
@@ -99,7 +100,9 @@ function arrowPath(context, [fromX, fromY], [toX, toY], width) {
 }
 
 function drawWords(context, stroke, [x, y], size) {
-  context.font = `600 ${size}px system-ui, sans-serif`;
-  context.textBaseline = "top";
-  stroke.text.split("\n").forEach((line, i) => context.fillText(line, x, y + 1.25 * size * i));
+  Object.assign(context, { font: `600 ${size}px system-ui, sans-serif`, textBaseline: "top", textAlign: "left" });
+  stroke.text.split("\n").forEach((line, i) => {
+    context.direction = RIGHT_TO_LEFT.test(line.match(/\p{L}/u)?.[0] ?? "") ? "rtl" : "ltr";
+    context.fillText(line, x, y + 1.25 * size * i);
+  });
 }

@@ -16,8 +16,9 @@ function download(name, content, type) {
   setTimeout(() => URL.revokeObjectURL(url), 10000);
 }
 
-/** Download all notes of the page; `form` is json, txt or otio. */
+/** Download all notes of the page, also what is being written; `form` is json, txt or otio. */
 function downloadNotes(review, form) {
+  review.panels.notes.form.finish();
   const { notes, title } = review;
   const content = { json: () => notes.file(), txt: () => notesText(notes.all), otio: () => notesTimeline(review, notes.all) }[form]();
   const type = form === "txt" ? "text/plain" : "application/json";
@@ -47,7 +48,11 @@ function notesText(notes) {
   return parts.join("\n") || "No notes.\n";
 }
 
-const strokesOf = (note) => `${note.drawings.length} ${note.drawings.length === 1 ? "stroke" : "strokes"}`;
+/** `2 strokes`, with the words that are written on the picture. */
+function strokesOf({ drawings }) {
+  const words = drawings.filter(({ text }) => text).map(({ text }) => `“${text}”`);
+  return `${drawings.length} ${drawings.length === 1 ? "stroke" : "strokes"}${words.length ? `: ${words.join(", ")}` : ""}`;
+}
 
 /** A timeline with a clip for every sequence that has notes, and a marker for every note. */
 function notesTimeline(review, notes) {

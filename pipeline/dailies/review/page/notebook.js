@@ -57,30 +57,35 @@ class NoteBook {
     this.#save(id);
   }
 
-  /** Change drawings, or delete a note, so that it can be undone. */
+  /** Change a note so that it can be undone: of a note that said nothing before, that it is there. */
   editUndoably(id, fields) {
-    const note = this.notes.get(id);
-    const before = Object.fromEntries(Object.keys(fields).map((name) => [name, note[name]]));
-    this.done.push({ id, before, after: fields });
+    const note = this.notes.get(id), isNew = saysNothing(note), names = Object.keys(fields);
+    const before = isNew ? { deleted: true } : Object.fromEntries(names.map((name) => [name, note[name]]));
+    this.done.push({ id, before, after: isNew ? { ...fields, deleted: false } : fields });
     this.undone = [];
     this.edit(id, fields);
   }
 
-  undo() { this.#again(this.done, this.undone, "before"); }
-  redo() { this.#again(this.undone, this.done, "after"); }
+  undo() { this.#again(this.done, this.undone, "after", "before"); }
+  redo() { this.#again(this.undone, this.done, "before", "after"); }
 
-  #again(from, to, which) {
-    const step = from.pop();
+  /** Take the last step from one list to the other, unless somebody else has changed the note since. */
+  #again(from, to, expected, next) {
+    const step = from.pop(), note = step && this.notes.get(step.id);
     if (!step) return;
+    if (Object.entries(step[expected]).some(([name, value]) => canonical(note[name]) !== canonical(value))) {
+      this.tell("The note was changed elsewhere since, and stays as it is.");
+      this.changed();
+      return;
+    }
     to.push(step);
-    this.edit(step.id, step[which]);
+    this.edit(step.id, step[next]);
   }
 
-  /** Drop a note that was begun on this visit and says nothing. */
+  /** Drop a note that was begun on this visit and says nothing; no storage and no file has it. */
   forget(id) {
     this.notes.delete(id);
     this.done = this.done.filter((step) => step.id !== id);
-    this.#store((storage) => storage.removeItem(this.prefix + id));
     this.changed();
   }
 
@@ -95,7 +100,8 @@ class NoteBook {
   file() {
     this.unsettled.clear();
     this.isSaved = true;
-    return `${JSON.stringify({ format: NOTES_FORMAT, version: NOTES_VERSION, notes: mergedNotes([...this.notes.values()]) }, null, 1)}\n`;
+    const notes = mergedNotes([...this.notes.values()].filter((note) => !saysNothing(note)));
+    return `${JSON.stringify({ format: NOTES_FORMAT, version: NOTES_VERSION, notes }, null, 1)}\n`;
   }
 
   get author() { return this.name ?? this.#store((storage) => storage.getItem("flowsculpt.author")) ?? ""; }
@@ -124,7 +130,7 @@ class NoteBook {
   }
 
   #keep(note) {
-    this.#store((storage) => storage.setItem(this.prefix + note.id, JSON.stringify(note)), true);
+    if (!saysNothing(note)) this.#store((storage) => storage.setItem(this.prefix + note.id, JSON.stringify(note)), true);
   }
 
   /** What an earlier visit left; what is no note is passed over. */
@@ -151,6 +157,9 @@ class NoteBook {
     }
   }
 }
+
+/** Tell whether a note was begun, and nothing written or drawn yet. */
+const saysNothing = (note) => !note.text && !note.drawings.length && !note.history.length && !note.deleted;
 
 /** A random UUID; `crypto.randomUUID` is only there on secure pages, and a folder is none everywhere. */
 function newId() {

@@ -5,7 +5,7 @@ const STATUS_NAMES = { open: ["Open", "7"], change: ["Change", "8"], approved: [
 
 class NotesPanel {
   constructor(element, review) {
-    Object.assign(this, { element, review, showsAll: false, edited: null });
+    Object.assign(this, { element, review, showsAll: false, status: null, form: new NoteForm(review) });
     element.classList.add("notes");
     this.#build();
   }
@@ -25,11 +25,10 @@ class NotesPanel {
   edit() {
     if (!this.#chosen()) return;
     this.review.showTab("notes");
-    const note = this.#chosen();
-    this.edited = note.id;
-    this.draft = { words: note.text, frames: framesOf(note) };
+    this.form.begin(this.#chosen());
     this.#list();
     this.element.querySelector("textarea")?.focus();
+    if (!this.review.notes.author) this.review.tell("Write your name above the notes, so that others know whose they are.");
   }
 
   setStatus(status) {
@@ -58,6 +57,19 @@ class NotesPanel {
     this.draw();
   }
 
+  /** List only notes of a status, or with null all; the chosen one and the one being edited stay. */
+  setListed(status) {
+    this.status = status;
+    this.draw();
+  }
+
+  /** List notes of the next status; after the last, all. */
+  listNext() {
+    const statuses = [null, ...STATUSES];
+    this.review.showTab("notes");
+    this.setListed(statuses[(statuses.indexOf(this.status) + 1) % statuses.length]);
+  }
+
   #chosen() {
     const note = this.review.notes.get(this.review.chosenNote);
     return note && !note.deleted ? note : null;
@@ -65,9 +77,8 @@ class NotesPanel {
 
   /** Choose a note; the words of another one that is being edited are saved. */
   #choose(id) {
-    const { edited } = this;
     this.review.chosenNote = id;
-    if (edited && edited !== id) this.#save(edited);
+    if (this.form.id !== id) this.form.finish();
   }
 
   /** Show what a note is about: its first frame, of its sequence. */
@@ -80,11 +91,18 @@ class NotesPanel {
     review.redraw();
   }
 
-  #notes() {
+  /** The notes of the page, or of the sequences that are shown. */
+  #inScope() {
     const { notes, shownSequences } = this.review;
     if (this.showsAll) return notes.all;
     const shown = new Set(shownSequences.flatMap((each) => notes.of(each)));
     return notes.all.filter((note) => shown.has(note));
+  }
+
+  /** Those of them that are listed. */
+  #notes(notes = this.#inScope()) {
+    const kept = [this.review.chosenNote, this.form.id];
+    return this.status ? notes.filter((note) => note.status === this.status || kept.includes(note.id)) : notes;
   }
 
   /** Tell whether cards name their sequence. */
@@ -106,14 +124,23 @@ class NotesPanel {
     scopes.setAttribute("aria-label", "Which notes");
     bar.append(name, scopes);
     const begin = part("div", "notes-begin",
-      toggle("Note on this frame", "Write a note on this frame (A); on the loop: Shift A", () => review.writeNote()),
+      toggle("Note on this frame", "Write a note on this frame (A); on the loop: Shift N", () => review.writeNote()),
       toggle("Draw", "Draw over the picture (B)", () => review.drawing.toggle()));
     this.drawButton = begin.lastChild;
+    this.statuses = STATUSES.map((status) => {
+      const button = toggle("", `List only these notes, or all (Shift X: the next)`, () => this.setListed(this.status === status ? null : status));
+      button.className = status;
+      return button;
+    });
+    this.counts = part("div", "notes-counts", ...this.statuses);
+    this.counts.setAttribute("role", "group");
+    this.counts.setAttribute("aria-label", "Notes by status");
     this.list = part("ul", "notes-list");
-    const files = part("div", "notes-files", part("span", "", "Download"),
+    this.kept = part("span", "notes-kept");
+    const files = part("div", "notes-files", this.kept,
       ...[["JSON", "json", "Shift J"], ["Text", "txt", "Shift T"], ["OTIO", "otio", "Shift O"]].map(([words, form, key]) => toggle(words, `Download all notes as ${words} (${key})`, () => downloadNotes(review, form))),
       part("span", "grow"), toggle("Load…", "Merge a file of notes; or drop it on the page (Shift L)", () => id("notes-file").click()));
-    this.element.append(bar, begin, this.list, files);
+    this.element.append(bar, begin, this.counts, this.list, files);
   }
 
   draw() {
@@ -122,23 +149,46 @@ class NotesPanel {
     if (document.activeElement !== this.name) this.name.value = review.notes.author;
     this.scopes.forEach((button, i) => button.setAttribute("aria-pressed", this.showsAll === (i === 1)));
     this.drawButton.setAttribute("aria-pressed", review.drawing.isOn);
+    this.kept.textContent = review.notes.isSaved ? "Download" : "Not kept: download";
+    this.kept.classList.toggle("fault", !review.notes.isSaved);
     if (!this.list.contains(document.activeElement) || !document.activeElement.matches("textarea, input")) this.#list();
   }
 
   /** Draw the cards again where anything on them has changed, and tell those of the frame that is shown. */
   #list() {
-    const notes = this.#notes(), { frame } = this.review.transport;
-    const state = JSON.stringify([notes.map((note) => [note.id, note.modified]), this.review.chosenNote, this.edited, this.#namesSequences, this.showsAll]);
-    if (state !== this.state) this.#buildCards(notes);
-    this.state = state;
+    const found = this.#inScope(), notes = this.#notes(found), { frame } = this.review.transport, { chosenNote } = this.review;
+    const states = notes.map((note) => [note.id, note.modified, note.id === chosenNote, note.id === this.form.id, this.#namesSequences].join());
+    this.#count(found);
+    if (states.join("\n") !== this.state) this.#showCards(notes, states);
+    this.state = states.join("\n");
     notes.forEach((note, i) => this.list.children[i].classList.toggle("here", note.first <= frame && frame <= note.last));
   }
 
-  #buildCards(notes) {
+  #count(notes) {
+    this.counts.hidden = !notes.length;
+    this.statuses.forEach((button, i) => {
+      const status = STATUSES[i], count = notes.filter((note) => note.status === status).length;
+      const words = `${STATUS_NAMES[status][0]} ${count}`;
+      if (button.textContent !== words) button.textContent = words;
+      button.setAttribute("aria-pressed", this.status === status);
+    });
+  }
+
+  /** Show a card for each note; those whose note is as it was stay, for a list may be long. */
+  #showCards(notes, states) {
     const focused = document.activeElement?.closest?.("[data-note]")?.dataset.note;
-    this.list.replaceChildren(...notes.map((note) => this.#card(note)));
+    const there = new Map([...this.list.children].map((card) => [card.state, card]));
+    const cards = notes.map((note, i) => there.get(states[i]) ?? Object.assign(this.#card(note), { state: states[i] }));
+    const shown = [...this.list.children];
+    if (cards.length === shown.length && cards.every((card, i) => card === shown[i] || !card.isConnected)) {
+      cards.forEach((card, i) => { if (card !== shown[i]) shown[i].replaceWith(card); });
+    } else {
+      this.list.replaceChildren(...cards);
+    }
     if (!notes.length) this.list.append(part("li", "notes-none", this.showsAll ? "No notes on this page yet." : "No notes on this sequence yet."));
-    if (focused) [...this.list.children].find((card) => card.dataset.note === focused)?.querySelector("button").focus();
+    const cardOf = (id) => cards.find((card) => card.dataset.note === id);
+    if (focused && document.activeElement === document.body) cardOf(focused)?.querySelector("button").focus();
+    cardOf(this.review.chosenNote)?.scrollIntoView({ block: "nearest" });
   }
 
   #card(note) {
@@ -149,15 +199,15 @@ class NotesPanel {
     const frames = toggle(framesOf(note), `Go to frame ${note.first}`, () => this.#goTo(note));
     frames.className = "note-frames";
     if (isChosen) frames.setAttribute("aria-current", "true");
-    const about = part("span", "note-about", `${authorOf(note)} · ${timeOf(note)}`);
+    const about = part("span", "note-about", part("bdi", "", authorOf(note)), ` · ${timeOf(note)}`);
     about.title = `Written ${note.created.slice(0, 16).replace("T", " ")} UTC${note.history.length ? `; ${note.history.length} earlier versions are kept` : ""}`;
     card.append(part("div", "note-head", frames, part("span", "note-status", STATUS_NAMES[note.status][0]), part("span", "grow"), about));
     if (this.#namesSequences) card.append(part("p", "note-sequence", `${review.isAlone ? "" : `${note.shot} · `}${note.sequence}`));
-    if (this.edited === note.id) card.append(this.#form(note));
+    if (this.form.id === note.id) card.append(this.form.element(note));
     else if (note.text) card.append(part("p", "note-text", note.text));
     const extras = [note.drawings.length ? strokesOf(note) : "", this.#isOutdated(note) ? "the picture has changed since" : ""].filter(Boolean);
     if (extras.length) card.append(part("p", "note-extras", extras.join(" · ")));
-    if (isChosen && this.edited !== note.id) card.append(this.#actions(note));
+    if (isChosen && this.form.id !== note.id) card.append(this.#actions(note));
     card.addEventListener("click", (event) => { if (!event.target.closest("button, textarea, input")) this.#goTo(note); });
     return card;
   }
@@ -179,43 +229,6 @@ class NotesPanel {
     const edit = toggle("Edit", "Edit this note (R)", () => this.edit());
     const remove = toggle("Delete", "Delete this note (Delete)", () => this.remove());
     return part("div", "note-actions", statuses, part("span", "grow"), edit, remove);
-  }
-
-  #form(note) {
-    const words = Object.assign(document.createElement("textarea"), { value: this.draft.words, rows: 4, placeholder: "What should change, or what is right" });
-    words.setAttribute("aria-label", "Words of the note");
-    const frames = Object.assign(document.createElement("input"), { type: "text", value: this.draft.frames, autocomplete: "off" });
-    frames.setAttribute("aria-label", "Frames of the note, as 12 or 12-20");
-    const save = () => this.#save(note.id);
-    const cancel = () => this.#end(note.id);
-    for (const field of [words, frames]) {
-      field.addEventListener("input", () => { this.draft = { words: words.value, frames: frames.value }; });
-      field.addEventListener("keydown", (event) => {
-        if (event.key === "Enter" && (event.ctrlKey || event.metaKey || field === frames)) save();
-        else if (event.key === "Escape") cancel();
-        else return;
-        event.preventDefault();
-      });
-    }
-    const label = part("label", "inline", "Frames ", frames);
-    return part("div", "note-form", words, part("div", "note-actions", label, part("span", "grow"),
-      toggle("Cancel", "Leave the note as it was (Esc)", cancel), toggle("Save", "Save (Ctrl Enter)", save)));
-  }
-
-  #save(id) {
-    const note = this.review.notes.get(id), text = printed(this.draft.words);
-    const [first = note.first, last = first] = (this.draft.frames.match(/\d+/g) ?? []).map(Number).map((each) => Math.min(each, 1e6));
-    const fields = { text, first: Math.min(first, last), last: Math.max(first, last) };
-    if (Object.entries(fields).some(([name, value]) => note[name] !== value)) this.review.notes.edit(id, fields);
-    this.#end(id);
-  }
-
-  #end(id) {
-    const { notes } = this.review, note = notes.get(id);
-    this.edited = null;
-    document.activeElement.blur();
-    if (!note.text && !note.drawings.length && !note.history.length) notes.forget(id);
-    this.review.redraw();
   }
 }
 

@@ -48,6 +48,9 @@ class Probe {
     const [width, height] = review.a.size, x = Math.floor(pixel.x * width), y = Math.floor(pixel.y * height);
     const sides = review.a === review.b ? [["A", review.a]] : [["A", review.a], ["B", review.b]];
     const linear = viewing.layer === LAYER_OF_PICTURE ? "beauty" : viewing.layer;
+    if (sides.every(([, sequence]) => !sequence.layers[sequence.among(frame)])) {
+      return void this.element.replaceChildren(part("p", "note", `Pixel ${x}, ${y}`), part("p", "note", viewing.without(review.a, review.a.among(frame))));
+    }
     const tables = [["Display", LAYER_OF_PICTURE, 0], [linear, linear, 4]].map(([words, layer, digits]) => {
       const values = sides.map(([, sequence]) => this.#values(sequence, frame, layer, pixel));
       const rows = sides.map(([side], i) => [side, values[i]]);

@@ -57,8 +57,8 @@ class Strip {
     words.textContent = `${frame}  ${sequence.timecode(frame)}${state === "done" ? "" : `  ${state}`}`;
     words.title = why;
     for (const note of this.review.notes.of(sequence).filter(({ first, last }) => first <= frame && frame <= last)) {
-      const [line] = note.text.split("\n");
-      this.hover.append(part("div", `hover-note ${note.status}`, line.length > 60 ? `${line.slice(0, 60)}…` : line || "drawing"));
+      const [line] = (note.text || note.drawings.find(({ text }) => text)?.text || "drawing").split("\n");
+      this.hover.append(part("div", `hover-note ${note.status}`, line.length > 60 ? `${line.slice(0, 60)}…` : line));
     }
     this.hover.hidden = false;
     const half = this.hover.offsetWidth / 2, x = event.clientX - box.left;

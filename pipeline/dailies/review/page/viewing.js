@@ -80,18 +80,22 @@ class Viewing {
   /** Download the frame that is shown as PNG, in the size of its picture, with drawings or without. */
   save(withNotes) {
     const { review } = this, { transport: { frame }, shownSequence: sequence } = review;
-    const seen = this.#seen(sequence, frame);
-    if (!seen) return review.tell(this.#without(sequence, frame), true);
+    const file = this.isNeutral ? review.cache.get(sequence.url(frame)) : null, seen = this.#seen(sequence, frame) ?? file;
+    if (!seen) return review.tell(this.without(sequence, frame), true);
     const [width, height] = sequence.size, canvas = Object.assign(document.createElement("canvas"), { width, height });
     const context = canvas.getContext("2d");
     context.drawImage(seen, 0, 0, width, height);
     if (withNotes) review.ink.drawOver(context, sequence, { x: 0, y: 0, width, height }, frame);
     const name = `${sequence.shot}.${sequence.label.replace(/[^\w.-]+/g, "_")}.${String(frame).padStart(4, "0")}${withNotes ? ".notes" : ""}.png`;
-    return canvas.toBlob((blob) => download(name, blob, "image/png"));
+    try {
+      return canvas.toBlob((blob) => download(name, blob, "image/png"));
+    } catch {  // a page in a folder may not read the pixels of picture files; one on a server may
+      return review.tell(this.without(sequence, frame), true);
+    }
   }
 
   /** What to do about a frame without layers, or with a layer that is still being read. */
-  #without(sequence, frame) {
+  without(sequence, frame) {
     const files = sequence.layers[frame], frames = Object.keys(sequence.layers).map(Number);
     if (files?.[this.layer] && this.layers.entries.get(files[this.layer]) !== false) return "The layer is being read; try again.";
     if (files) return `Frame ${frame} has no layer ${this.layer}; it has ${this.names.join(", ")}.`;
@@ -121,7 +125,7 @@ class Viewing {
     this.words = part("p", "viewing-words");
     this.element.append(part("div", "viewing-row", this.list, channels, this.exposure.label, this.gamma.label, this.clipping, this.probing,
       toggle("Save", "Save this frame as PNG, with drawings (Shift S), without (Shift W)", () => this.save(true)),
-      toggle("Reset", "Show pictures as they are (0)", () => this.reset())), this.words);
+      toggle("Reset", "Show pictures as they are (0)", () => this.reset()), this.words));
     review.stage.sourceOf = (sequence, frame) => this.source(sequence, frame);
   }
 
@@ -151,6 +155,6 @@ class Viewing {
     this.clipping.setAttribute("aria-pressed", settings.clipping);
     this.probing.setAttribute("aria-pressed", this.probe.isOn);
     const isMissing = !review.shownSequence.layers[frame]?.[this.layer];
-    this.words.textContent = isMissing ? this.#without(review.shownSequence, frame) : "";
+    this.words.textContent = isMissing ? this.without(review.shownSequence, frame) : "";
   }
 }
