@@ -111,13 +111,19 @@ def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tu
 def test_files_of_several_reviewers_are_listed_together(
     command: Callable[..., tuple[int, str]], tmp_path: Path
 ) -> None:
-    (tmp_path / "ann.json").write_text(json.dumps(document(note(), note(id=IDS[1], shot="Z900_other"))))
+    drawings = [stroke(), stroke(kind="text", points=[1, 2], text="too dark")]
+    ann = note(drawings=drawings), note(id=IDS[1], shot="Z900_other")
+    (tmp_path / "ann.json").write_text(json.dumps(document(*ann)))
     ben = note(id=IDS[2], author="Ben", status="approved", text="[bold]good[/bold]", drawings=[], first=1)
     (tmp_path / "ben.json").write_text(json.dumps(document(ben)))
     words = ("notes", "T010_tiny", "--add", "ben.json", "--add", "ann.json")
     assert command("--dry-run", *words)[0] == 0 and not (tmp_path / "notes").exists()
     code, told = command(*words)
-    assert code == 0 and "softer (1 stroke)" in told and "[bold]good[/bold]" in told
+    assert (
+        code == 0
+        and "softer (2 strokes: “too dark”)" in " ".join(told.split())
+        and "[bold]good[/bold]" in told
+    )
     assert sorted(path.name for path in (tmp_path / "notes").iterdir()) == [
         "T010_tiny.json",
         "Z900_other.json",

@@ -54,8 +54,9 @@ def notes(
 
 def _row(note: ReviewNote) -> tuple[str, ...]:
     frames = str(note.first) if note.first == note.last else f"{note.first}-{note.last}"
-    drawn = [f"({plural(len(note.drawings), 'stroke')})"] if note.drawings else []
-    words = " ".join([*note.text.split("\n"), *drawn])
+    on_picture = [f"“{stroke.text}”" for stroke in note.drawings if stroke.text]
+    strokes = plural(len(note.drawings), "stroke") + (f": {', '.join(on_picture)}" if on_picture else "")
+    words = " ".join(f"{note.text}\n{f'({strokes})' if note.drawings else ''}".split("\n")).strip()
     writers = dict.fromkeys(each.author or "–" for each in ((note.history or (note,))[0], note))
     when = note.modified[:16].replace("T", " ")
     return note.sequence, frames, note.status, ", ".join(writers), when, words

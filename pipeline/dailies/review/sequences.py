@@ -245,7 +245,7 @@ class Search:
                     display=self._display_of(record),
                     faults={},
                     seconds={number: frame.seconds for number, frame in record.frames.items()},
-                    note=record.note,
+                    note=_note_of(record),
                     source=record.source,
                 )
 
@@ -286,6 +286,14 @@ class Search:
             tuple(caption for caption, _ in rendered),
             tuple(replace(sequence, numbers=numbers) for _, sequence in rendered),  # cells are seldom whole
         )
+
+
+def _note_of(record: Provenance) -> str:
+    """Return the note of a version, and of a patch which frames it replaced."""
+    notes = [record.note] if record.note else []
+    if record.patch:
+        notes.append("patch of {version}: frames {frames} are new".format(**record.patch))
+    return "; ".join(notes)
 
 
 def _display(request: RenderRequest) -> PictureDisplay:

@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.dailies.review.sequences import Search
 from pipeline.errors import FrameError, MissingInputError, UsageError
 from pipeline.production.execution.project import Project
+from pipeline.production.store.history import History
 from pipeline.production.versions.patch import Patch
 from pipeline.production.versions.provenance import FILE, Provenance
 from pipeline.production.versions.reproduce import Reproduction
@@ -49,6 +51,9 @@ def test_a_patch_has_the_new_frames_of_its_range_and_the_files_of_the_version_be
     assert digest_of_file(made.folder / new.movie["file"]) == new.movie["sha256"] != old.movie["sha256"]
     again = patch(desk).publish()
     assert (again.version, again.before) == ("v002", True)
+    shown = Search(Project(desk.root, 1), (), History.of(desk.root)).shot(NAME).sequences
+    notes = {each.label: each.note for each in shown if each.kind == "version"}
+    assert notes[f"v002 {QUALITY}"] == "patch of v001: frames 2-3 are new"
 
 
 def test_a_patch_is_verified_and_its_own_frames_are_made_again(desk: Desk) -> None:

@@ -23,6 +23,7 @@ function downloadNotes(review, form) {
   const content = { json: () => notes.file(), txt: () => notesText(notes.all), otio: () => notesTimeline(review, notes.all) }[form]();
   const type = form === "txt" ? "text/plain" : "application/json";
   download(`${title}.notes.${form}`, content, type);
+  review.redraw();
 }
 
 /** Notes by shot and sequence: [[shot, sequence, notes]]. */
