@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import imageio.v3 as iio
@@ -143,6 +144,18 @@ def test_a_value_that_the_shot_cannot_have_is_refused_with_its_place(pictures: T
         dragged(pictures, setting("high", "camera", "elevation"))
     with pytest.raises(FlowsculptError, match="frame 9 is not simulated yet"):
         pictures.picture(pictures.editor.state()["digest"], [ELEVATION], 9)
+
+
+def test_a_drag_waits_for_subjects_that_are_not_simulated_yet(
+    pictures: TrialPictures, tmp_path: Path
+) -> None:
+    edited = tmp_path / "T010_tiny.yaml"
+    edited.write_text(SHOT.replace("resample:", "  third: {solid: icosphere, radius: 0.2}\nresample:", 1))
+    elsewhere = TrialPictures(ShotEditor(edited), pictures.session)
+    with pytest.raises(FlowsculptError, match="other subjects are simulated first"):
+        dragged(elsewhere, ELEVATION)
+    with pytest.raises(FlowsculptError, match="shows when you let go"):
+        dragged(pictures, ValueEdit("set", ("rate",), 25))
 
 
 def test_a_drag_that_follows_another_need_not_wait_for_the_simulation(follower: Follower) -> None:

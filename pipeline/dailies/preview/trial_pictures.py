@@ -85,12 +85,13 @@ class TrialPictures:
         with self._lock:
             drawn = self._drawn(number)
             request = _with_text(drawn.sketch.request, self.editor.trial(digest, edits))
-            places = [edit.where for edit in edits]
-            parts = list(zip(drawn.sketch.request.parts, request.parts, strict=True))
-            changes = [change_of(places, after.source.subject) for _, after in parts]
+            places, parts = [edit.where for edit in edits], drawn.sketch.request.parts
+            if [part.source.subject for part in parts] != [part.source.subject for part in request.parts]:
+                raise UsageError("other subjects are simulated first; the drag shows nothing until they are")
+            changes = [change_of(places, part.source.subject) for part in parts]
             surfaces = [
                 self._surface(drawn, before, after, change, number)
-                for (before, after), change in zip(parts, changes, strict=True)
+                for before, after, change in zip(parts, request.parts, changes, strict=True)
             ]
             framing = drawn.framing
             if Change.SUBJECT in changes:
