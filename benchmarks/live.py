@@ -88,6 +88,9 @@ LARGE = ("ball", "glass", "blocks", "cloud")
 
 Where = tuple[str | int, ...]
 
+LOOKS = ("clay", "glaze", "chrome", "putty", "ceramic")
+"""Looks of a drag. Each drag ends with another one: a release that changes nothing shows nothing new."""
+
 RADIUS: Where = ("flows", 0, "sum", 0, "vortex", "radius")
 
 SIZES: dict[str, Where] = {
@@ -153,9 +156,12 @@ def measured(shot: str) -> list[Row]:
         steps = [round(0.55 + 0.01 * i, 3) for i in range(STEPS * TIMES)]
         drags: dict[str, tuple[Where, list[Any]]] = {
             "camera": (("camera", "elevation"), [5 + i for i in range(STEPS * TIMES)]),
-            "look": (("look",), ["clay", "glaze", "chrome", "putty", "glass"] * TIMES),
             "flow": (RADIUS, [round(0.8 + 0.01 * (i + 1), 3) for i in range(STEPS * TIMES)]),
             "subject": (size, [[step, 1.6, 1.4] if is_vector else step for step in steps]),
+            "look": (
+                ("look",),
+                [LOOKS[(drag + step) % STEPS] for drag in range(TIMES) for step in range(STEPS)],
+            ),
         }
         return [
             {"shot": shot, "vertices": vertices, "frame": frame, "drag": name}
