@@ -8,11 +8,15 @@ from typing import NamedTuple
 
 from pipeline.flow.keyframes import elapsed
 from pipeline.flow.parameters import Number, Vector, VectorParameter, number_at, vector_at
+from render.scene.projection import PERSPECTIVE, Projection
 
 FULL_FRAME = 36.0
 """Width of a full-frame sensor, millimetres."""
 
 TURN = 2.0 * math.pi
+
+EYE_DISTANCE = 64.0
+"""Distance between the eyes of a stereo camera, millimetres: about the mean of adults."""
 
 
 class Lens(NamedTuple):
@@ -30,9 +34,28 @@ class Lens(NamedTuple):
     focus: float | Vector | None = None
 
 
+class WideLens(NamedTuple):
+    """A wide projection in place of a lens; plain data, since views are part of keys.
+
+    kind, angle   as of `Projection`
+    eye_distance  millimetres; 0 for one eye
+    unit          millimetres in a scene unit; None derives it from the sculpture's size
+    """
+
+    kind: str
+    angle: float
+    eye_distance: float
+    unit: float | None = None
+
+    @property
+    def projection(self) -> Projection:
+        return Projection(self.kind, self.angle)
+
+
 class View(NamedTuple):
     """The camera at one time. Angles in radians; azimuth 0 looks from +z, a quarter turn from +x.
 
+    field_of_view  horizontal; of a wide projection, the angle into which framing fits the sculpture
     margin    the fraction of the picture's width or height kept free at every side
     roll      about the lens, clockwise as the camera looks
     orbit     how far the camera has gone around from the azimuth, which the stage faces
@@ -52,7 +75,17 @@ class View(NamedTuple):
     distance: float | None = None
     target: Vector | None = None
     position: Vector | None = None
-    lens: Lens | None = None
+    lens: Lens | WideLens | None = None
+
+    @property
+    def wide(self) -> WideLens | None:
+        """The wide projection; None for a perspective."""
+        return self.lens if isinstance(self.lens, WideLens) else None
+
+    @property
+    def blur(self) -> Lens | None:
+        """The lens with depth of field; None where everything is sharp."""
+        return self.lens if isinstance(self.lens, Lens) else None
 
 
 @dataclass(frozen=True)
@@ -60,13 +93,16 @@ class CameraPath:
     """The camera over the course of a shot; framing finds what is None.
 
     azimuth, elevation  radians, constant or keyed: 0 looks along −z, positive azimuth from the right
-    field_of_view       radians, horizontal; acts where there is no focal length
-    margin              fraction of the picture left empty on each side
+    field_of_view       radians, horizontal; acts where there is no focal length. Of a wide projection, the
+                        angle into which framing fits the sculpture
+    margin              fraction of the picture, or of that angle, left empty on each side
     focal_length        millimetres, before a sensor `sensor_width` millimetres wide
     orbit               radians a second around the set; the azimuth turns the set along
     follow              1 goes along with the sculpture, 0 stands as the whole shot needs it
     aperture            f-number; None is sharp everywhere
     focus, unit         as in `Lens`
+    projection          of all pictures; a wide one is sharp everywhere
+    eye_distance        between the eyes of a stereo camera, millimetres
     """
 
     azimuth: Number
@@ -85,6 +121,8 @@ class CameraPath:
     aperture: Number | None = None
     focus: Number | VectorParameter | None = None
     unit: float | None = None
+    projection: Projection = PERSPECTIVE
+    eye_distance: float = EYE_DISTANCE
 
     def at(self, time: float) -> View:
         """Return the view at a time in seconds."""
@@ -107,7 +145,9 @@ class CameraPath:
             return number_at(self.field_of_view, time)
         return 2.0 * math.atan(self.sensor_width / 2.0 / number_at(self.focal_length, time))
 
-    def _lens(self, time: float) -> Lens | None:
+    def _lens(self, time: float) -> Lens | WideLens | None:
+        if (wide := self.projection).is_wide:
+            return WideLens(wide.kind, wide.angle, self.eye_distance if wide.is_stereo else 0.0, self.unit)
         if self.aperture is None:
             return None
         if self.focal_length is None:

@@ -14,6 +14,7 @@ from render.scene.light_groups import BACKGROUND
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.measure import Measure
+from render.scene.projection import KINDS
 from render.scene.quality import MIN_ADAPTIVE_SAMPLES, QUALITIES
 
 ALTERNATIVES = {
@@ -102,6 +103,62 @@ def camera(source: YamlSource) -> Iterator[Problem]:
                 f"{one} sets what {listed(others)} {verb} too. Remove {remove}, or write {lines} with "
                 "nothing after it if inherited.",
             )
+
+
+def wide_camera(source: YamlSource) -> Iterator[Problem]:
+    """Check that a camera has only what its projection has, and a wide one a look, stage and AOVs for it."""
+    written = source.get("camera")
+    kind = written.get("projection") if isinstance(written, dict) else None
+    kind = "perspective" if kind is None else kind
+    if not isinstance(written, dict) or kind not in KINDS:
+        return
+    for name, owner in (("dome_angle", "dome"), ("eye_distance", "vr180")):
+        if written.get(name) is not None and kind != owner:
+            yield (
+                ("camera", name),
+                f"{name} is of projection {owner}, and this camera has {kind}. Write projection: {owner}, or "
+                f"remove {name}.",
+            )
+    if kind == "perspective":
+        return
+    for name in ("focal_length", "sensor_width", "aperture", "focus"):
+        if written.get(name) is not None:
+            yield (
+                ("camera", name),
+                f"{name} is of a perspective lens; projection {kind} has none and is sharp everywhere. "
+                f"Remove {name}, or write `{name}:` with nothing after it if inherited.",
+            )
+    yield from _not_wide(source, kind)
+
+
+def _not_wide(source: YamlSource, kind: str) -> Iterator[Problem]:
+    """Yield what is made for flat pictures: reference objects, drawn looks, and motion of one eye."""
+    stage = source.get("stage")
+    if (stage.get("kind") if isinstance(stage, dict) else stage) == "turntable":
+        yield (
+            ("stage",),
+            f"stage turntable stands in the corners of a flat picture, and projection {kind} has none. Take "
+            "another stage.",
+        )
+    overrides, subjects, aovs = source.get("overrides"), source.get("subjects"), source.get("aovs")
+    places: list[Where] = [("look",)]
+    places += [("overrides", i, "look") for i in range(len(overrides) if isinstance(overrides, list) else 0)]
+    places += [("subjects", name, "look") for name in (subjects if isinstance(subjects, dict) else ())]
+    for where in places:
+        look = source.get(*where)
+        name = look.get("material") if isinstance(look, dict) else look
+        if isinstance(name, str) and name in LOOKS and not LOOKS[name].is_lit:
+            yield (
+                where,
+                f"look {name} is drawn before a flat background, which projection {kind} has not. Take "
+                "another look.",
+            )
+    if kind == "vr180" and isinstance(aovs, list | dict) and "motion" in aovs:
+        yield (
+            ("aovs",),
+            "AOV motion is that of one eye, and projection vr180 has two. Write layers: nuke, whose motion "
+            "is that of each pixel's eye.",
+        )
 
 
 def dimmed(source: YamlSource) -> Iterator[Problem]:

@@ -47,7 +47,7 @@ from pipeline.shot.yaml.source import Problem, YamlSource
 from pipeline.shot.yaml.validation import Checks, ParseContext, unforeseen, validated
 from render.scene.lights import LightRig
 from render.scene.materials import Material
-from render.scene.quality import QUALITIES
+from render.scene.quality import qualities_for
 from render.scene.stage import STAGES, Stage
 
 CHECKS = (
@@ -62,6 +62,7 @@ CHECKS = (
     picture_checks.measurable,
     bsdf_problems,
     picture_checks.camera,
+    picture_checks.wide_camera,
     motion_checks.resample,
     subject_checks.points,
     motion_checks.tolerance,
@@ -302,9 +303,10 @@ def _picture(document: ShotDocument, clock: Clock, entry: SubjectEntry | None = 
     overrides = [override.build(grouped) for override in document.overrides]
     is_net = isinstance(document.subject if entry is None else entry, NetDocument)
     is_plain = smooth.tessellate is None and smooth.dicing is None and not is_net
+    camera = document.camera.build(clock)
     return Picture(
         look=look,
-        camera=document.camera.build(clock),
+        camera=camera,
         lights=grouped(built_lights(document.lights)),
         overrides=tuple(overrides if own is None else [replace(each, look=None) for each in overrides]),
         stage=_stage(document.stage, look),
@@ -313,7 +315,8 @@ def _picture(document: ShotDocument, clock: Clock, entry: SubjectEntry | None = 
         dicing=smooth.dicing,
         hide_facets=is_plain and look.is_lit,
         qualities={
-            name: getattr(document.quality, name).build(quality) for name, quality in QUALITIES.items()
+            name: getattr(document.quality, name).build(quality)
+            for name, quality in qualities_for(camera.projection).items()
         },
         shutter=document.shutter.build(clock) if document.shutter else Shutter(),
         aovs=AovSelection.of(document.aovs),

@@ -45,10 +45,12 @@ class ShutterInterval:
     def longest_motion(self, size: tuple[int, int]) -> float:
         """Return the pixels that the fastest point moves, at the speed of its faster half."""
         opens, closes = self.opens, self.closes
-        points = [self.at(offset).pixels(size) for offset in (opens, 0.5 * (opens + closes), closes)]
+        samples = [self.at(offset) for offset in (opens, 0.5 * (opens + closes), closes)]
+        points, projection = [sample.pixels(size) for sample in samples], samples[0].camera.projection
         reach = 0.55 * np.array(size)  # a little more than the picture
         seen = [(np.abs(point[:, :2]) < reach).all(axis=1) & (point[:, 2] > 0.0) for point in points]
-        steps = [np.linalg.norm(b[:, :2] - a[:, :2], axis=1) for a, b in pairwise(points)]
+        moved = [projection.motion(b[:, :2] - a[:, :2], size[0]) for a, b in pairwise(points)]
+        steps = [np.linalg.norm(step, axis=1) for step in moved]
         in_picture = seen[0] | seen[1] | seen[2]
         in_front = np.all([point[:, 2] > 0.0 for point in points], axis=0)
         return 2.0 * float(np.max(np.where(in_picture & in_front, np.maximum(*steps), 0.0), initial=0.0))

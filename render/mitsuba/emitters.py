@@ -104,8 +104,10 @@ def any_in_view(
 
     size  width and height of the picture in pixels
 
-    A lens sees more than a pinhole: the view widens away from the plane in focus.
+    A lens sees more than a pinhole: the view widens away from the plane in focus. A wide camera may see all.
     """
+    if camera.projection.is_wide:
+        return bool(lights.softboxes)
     for softbox in lights.softboxes:
         reach = math.hypot(softbox.width, softbox.height) / 2.0
         corners = np.array(list(itertools.product((-reach, reach), repeat=3))) + softbox.position

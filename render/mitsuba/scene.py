@@ -125,7 +125,7 @@ def _lit(
     placement, camera, lights = scene.placement, scene.camera, scene.lights
     to_scene = placement.matrix()
     shapes, opaque = _subject_shapes(scene)
-    shapes |= stage_shapes(scene.stage, placement, camera, size, scene.working_space)
+    shapes |= stage_shapes(scene, size)
     shapes |= _wireframes(scene, size)
     unlit = {"type": "scene", "sensor": sensor(camera, size, quality.crop), **shapes}
     lit = load_scene({**unlit, **emitters.emitters(lights, to_scene)})

@@ -6,8 +6,10 @@ import math
 from typing import Any
 
 from render.base.errors import BadInputError
+from render.mitsuba.wide_sensor import wide_sensor
 from render.scene.camera import Camera
 from render.scene.quality import Crop
+from render.scene.wide_camera import WideCamera
 
 
 def sensor(camera: Camera, size: tuple[int, int], crop: Crop | None = None) -> dict[str, Any]:
@@ -25,6 +27,8 @@ def sensor(camera: Camera, size: tuple[int, int], crop: Crop | None = None) -> d
     if crop is not None:
         x0, y0, x1, y1 = crop
         film |= {"crop_offset_x": x0, "crop_offset_y": y0, "crop_width": x1 - x0, "crop_height": y1 - y0}
+    if isinstance(camera, WideCamera):
+        return {**wide_sensor(camera), "film": film, "sampler": {"type": "multijitter"}}
     return {
         **_lens(camera),
         "to_world": mi.ScalarTransform4f().look_at(

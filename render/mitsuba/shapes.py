@@ -15,6 +15,7 @@ from render.scene import reference_objects
 from render.scene.camera import Camera
 from render.scene.materials import Material
 from render.scene.reference_objects import CHROME, GREY
+from render.scene.scene import Scene
 from render.scene.stage import PLINTH, Stage, StagePlacement
 from render.scene.surface import Surface
 from render.scene.vertex_colours import shaded_colours
@@ -68,21 +69,17 @@ def _ravel(array: NDArray[Any]) -> Any:
     return np.ascontiguousarray(array, dtype=np.float32).ravel()
 
 
-def stage_shapes(
-    stage: Stage, placement: StagePlacement, camera: Camera, size: tuple[int, int], space: WorkingSpace
-) -> dict[str, Any]:
+def stage_shapes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
     """Return the shapes around the subject by their names in the scene.
 
+    scene  its stage's colour is in the working space; colours that are the same on every stage are converted
+           here
     size   of the picture, pixels
-    space  of the stage's colour; colours that are the same on every stage are converted here
     """
+    stage, placement, camera, space = scene.stage, scene.placement, scene.camera, scene.working_space
     if stage.kind == "none":
         return {}
-    floor = diffuse(stage.colour)
-    if stage.roughness is not None:
-        colour = {"type": "rgb", "value": list(stage.colour)}
-        floor = two_sided(rough_plastic(colour, max(stage.roughness, 1e-2)))
-    made = {"stage": mesh("stage", Surface(*placement.placed(stage.backdrop())), floor, _UV)}
+    made = {"stage": _backdrop(stage, placement, scene.stage_fades)}
     if stage.kind == "plinth":
         pale = diffuse(tuple(space.from_rec709(np.array(PLINTH))))
         made["plinth"] = mesh("plinth", Surface(*placement.placed(stage.plinth())), pale, _UV)
@@ -97,6 +94,20 @@ def stage_shapes(
         made["chrome"] = mesh("chrome", reference_objects.ball(chrome), mirror, _UV)
         made["chart"] = mesh("chart", board, vertex_attribute("colour"), _UV)
     return made
+
+
+def _backdrop(stage: Stage, placement: StagePlacement, fades: bool) -> Any:
+    """Return floor and wall."""
+    surface = Surface(*placement.placed(stage.backdrop()))
+    colour: dict[str, Any] = {"type": "rgb", "value": list(stage.colour)}
+    if fades:
+        colours = stage.fading()[:, None] * np.array(stage.colour, dtype=np.float32)
+        surface = replace(surface, attributes={"colour": colours})
+        colour = {"type": "mesh_attribute", "name": "vertex_colour"}
+    floor: dict[str, Any] = {"type": "diffuse", "reflectance": colour}
+    if stage.roughness is not None:
+        floor = rough_plastic(colour, max(stage.roughness, 1e-2))
+    return mesh("stage", surface, two_sided(floor), _UV)
 
 
 def auxiliary_stage_shapes(

@@ -112,7 +112,7 @@ def _with_catcher(tracer: Any, scene: Scene, size: tuple[int, int], path: dict[s
     from render.integrator.path_tracer import ShadowCatcher
 
     placement, lights = scene.placement, emitters.emitters(scene.lights, scene.placement.matrix())
-    floor = stage_shapes(scene.stage, placement, scene.camera, size, scene.working_space)["stage"]
+    floor = stage_shapes(scene, size)["stage"]
     alone = load_scene({"type": "scene", "sensor": sensor(scene.camera, size), "stage": floor, **lights})
     hidden = {**path, "hide_emitters": True}
     empty = _path_tracer(alone, tracer.integrator, hidden, scene.lights, placement.matrix(), ())

@@ -17,6 +17,7 @@ from render.post.cryptomatte import MATERIAL, OBJECT, cryptomatte_header, crypto
 from render.post.layer_names import cryptomatte_label
 from render.scene.aovs import COVERAGE, Pixels, RenderedFrame
 from render.scene.camera import Camera
+from render.scene.projection import pixel_places
 from render.scene.stage import Stage, StagePlacement
 
 NOTHING = np.float32(1e10)
@@ -65,13 +66,15 @@ def compositing_layers(raw: RenderedFrame, inputs: LayerInputs) -> dict[str, Pix
     position, distance, before, after = np.split(values, (3, 4, 7), axis=2)
     covered = (alpha > 0.0) & (distance[..., 0] > 0.0)
     camera = inputs.view.camera
-    planar = (position - np.asarray(camera.origin)) @ camera.axes()[2]
+    eyes = camera.projection.eyes(pixel_places(*inputs.size)[..., 0])
+    planar = camera.depths(position, eyes)
     is_subject = (covered & (matte >= 0.5 * alpha))[..., None]
 
     def motion(offset: NDArray[np.float64], then: Viewpoint) -> NDArray[np.float64]:
         of_stage = inputs.view.placement.moved(position, then.placement) - position
         moved = position + np.where(is_subject, offset, of_stage)
-        return np.where(covered[..., None], _pixels_between(inputs, position, moved, then.camera), 0.0)
+        pixels = _pixels_between(inputs, position, moved, then.camera, eyes)
+        return np.where(covered[..., None], pixels, 0.0)
 
     coverage = object_coverage(raw, inputs.stage)
     return {
@@ -127,16 +130,24 @@ def unmixed(values: Pixels, matte: Pixels, alpha: Pixels, has_stage: bool) -> ND
 
 
 def _pixels_between(
-    inputs: LayerInputs, points: NDArray[np.float64], moved: NDArray[np.float64], camera: Camera
+    inputs: LayerInputs,
+    points: NDArray[np.float64],
+    moved: NDArray[np.float64],
+    camera: Camera,
+    eyes: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Return the pixels (H, W, 2), right and up, from points in the frame to moved ones in another camera."""
+    """Return the pixels (H, W, 2), right and up, from points in the frame to moved ones in another camera.
+
+    eyes  (H, W) of a stereo camera that the pixels belong to
+    """
     width, height = inputs.size
     ends = [
-        view.project(at.reshape(-1, 3), width / height) * (width / 2.0, height / 2.0, 1.0)
+        view.project(at.reshape(-1, 3), width / height, eyes.ravel()) * (width / 2.0, height / 2.0, 1.0)
         for view, at in ((inputs.view.camera, points), (camera, moved))
     ]
     in_front = (ends[0][:, 2] > 0.0) & (ends[1][:, 2] > 0.0)
-    motion = np.where(in_front[:, None], ends[1][:, :2] - ends[0][:, :2], 0.0)
+    motion = camera.projection.motion(ends[1][:, :2] - ends[0][:, :2], width)
+    motion = np.where(in_front[:, None], motion, 0.0)
     return motion.reshape(*points.shape[:2], 2)
 
 

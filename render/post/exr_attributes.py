@@ -23,7 +23,7 @@ class ExrAttributes:
 
     whole     width and height of the whole picture, the display window; None for that of the pixels
     corner    upper left pixel of the data window in it, where the file holds a crop
-    camera    gives `worldToCamera` and `worldToNDC`, or None
+    camera    gives `worldToCamera`, and `worldToNDC` if it is a perspective one; or None
     rate      frames per second, or None
     timecode  HH:MM:SS:FF, or empty
     """
@@ -47,7 +47,8 @@ class ExrAttributes:
         if self.camera is not None:
             camera, aspect = self.camera, width / height
             spec.attribute("worldToCamera", "matrix", tuple(world_to_camera(camera).ravel()))
-            spec.attribute("worldToNDC", "matrix", tuple(world_to_ndc(camera, aspect).ravel()))
+            if not camera.projection.is_wide:
+                spec.attribute("worldToNDC", "matrix", tuple(world_to_ndc(camera, aspect).ravel()))
 
 
 def world_to_camera(camera: Camera) -> NDArray[np.float64]:

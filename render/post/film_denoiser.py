@@ -11,13 +11,19 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from render.post.denoise import denoise_light, denoiser_features
 from render.post.temporal_denoise import DenoisedFrame, Floats, removed_noise, temporal_denoise
 from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.light_groups import groups_in
+from render.scene.projection import Projection
 from render.scene.stage import StagePlacement
+
+SEAM = 64
+"""Columns that a spherical picture is denoised with beyond each edge, from the other edge. Where light is all
+noise, the step across the seam is then like that between other columns; without them, 8 times as large."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,23 +65,53 @@ class FilmDenoiser:
         """
         numbers = [*window]
         if len(numbers) == 1:
-            return self._single_light(self.read(number).layers)
+            return self._single_light(self.read(number))
         self._denoised = {n: self._denoised.get(n) or self._single(n) for n in numbers}
         return temporal_denoise(self._denoised, number, self.size, self.corner)
 
     def _single(self, number: int) -> DenoisedFrame:
         """Return a frame denoised by itself, with what reprojection needs of it."""
         raw = self.read(number)
-        light = self._single_light(raw.layers)
+        light = self._single_light(raw)
         noise = removed_noise(raw.layers["beauty"], light[..., :3])
         known = {name: raw.layers[name] for name in ("position", "normal", "matte", "before", "after")}
         return DenoisedFrame(light, noise, **known, camera=raw.camera, placement=raw.placement)
 
-    def _single_light(self, layers: RenderedFrame) -> Floats:
-        """Return the light of a frame, denoised by itself: each light group, and the beauty as their sum."""
+    def _single_light(self, raw: RawFrame) -> Floats:
+        """Return the light of a frame, denoised by itself, without a seam where its picture wraps."""
+        if self.effort == "off" or not raw.camera.projection.is_wide:
+            return self._light(raw.layers)
+        width = raw.layers.size[0]
+        parts = [
+            self._light(_columns(raw.layers, columns))[:, kept]
+            for columns, kept in denoised_columns(raw.camera.projection, width)
+        ]
+        return np.concatenate(parts, axis=1)
+
+    def _light(self, layers: RenderedFrame) -> Floats:
+        """Return the denoised light of a frame: each light group, and the beauty as their sum."""
         groups = [*groups_in(layers.arrays).values()]
         parts = groups or [layers["beauty"]]
         if self.effort != "off":
             features = denoiser_features(layers, self.effort)
             parts = [denoise_light(part, features, self.effort) for part in parts]
         return np.concatenate([np.sum(parts, axis=0), *parts], axis=2) if groups else parts[0]
+
+
+def denoised_columns(projection: Projection, width: int) -> list[tuple[NDArray[np.intp], slice]]:
+    """Return the columns of a picture that are denoised together, and which of them are kept.
+
+    A spherical picture continues beyond its edges; of a stereo picture, each eye's half stands alone.
+    """
+    if projection.wraps:
+        seam = min(SEAM, width)
+        return [(np.arange(-seam, width + seam) % width, slice(seam, seam + width))]
+    if projection.is_stereo:
+        return [(columns, slice(None)) for columns in np.array_split(np.arange(width), 2)]
+    return [(np.arange(width), slice(None))]
+
+
+def _columns(layers: RenderedFrame, columns: NDArray[np.intp]) -> RenderedFrame:
+    """Return columns of a frame."""
+    arrays = {name: np.ascontiguousarray(array[:, columns]) for name, array in layers.arrays.items()}
+    return RenderedFrame(arrays, layers.facts)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from render.base.kernel_cache import compiled
 from render.scene.camera import Camera
+from render.scene.projection import pixel_places
 from render.scene.stage import StagePlacement
 
 Floats = NDArray[np.float32]
@@ -110,6 +111,8 @@ def temporal_denoise(
     spread = np.maximum(NOISE_LEFT * frame.noise, np.float32(MIN_SPREAD))
     tolerance = _tolerance(frame, size[0])
     rows, columns = np.mgrid[:height, :width]
+    whole = pixel_places(*size)[corner[1] : corner[1] + height, corner[0] : corner[0] + width]
+    eyes = frame.camera.projection.eyes(whole[..., 0])
     for step in (-1, 1):
         points, at = frame.position, number
         pixels = np.stack([columns, rows], axis=2).astype(np.float32)
@@ -117,11 +120,11 @@ def temporal_denoise(
             points = points + _motion(frames[at], frames[at + step], step, pixels)
             at += step
             neighbour = frames[at]
-            pixels = _project(neighbour.camera, points, size, corner)
+            pixels = _project(neighbour.camera, points, size, corner, eyes)
             others = _sums(
                 neighbour, np.concatenate([neighbour.matte[..., None], neighbour.position], axis=2)
             )
-            accumulate(values, others, pixels, points, tolerance, spread, total)
+            accumulate(values, *_wrapped(neighbour, others, pixels), points, tolerance, spread, total)
     light = np.concatenate([total[..., :3], total[..., 4:]], axis=2)
     return np.asarray(light / total[..., 3:4])
 
@@ -140,16 +143,34 @@ def _motion(start: DenoisedFrame, end: DenoisedFrame, step: int, pixels: Floats)
     motion = np.where(is_subject, flow / np.maximum(start.matte, np.float32(0.5))[..., None], stage)
     motion = np.ascontiguousarray(motion, dtype=np.float32)
     sampled = np.empty((*pixels.shape[:2], 3), dtype=np.float32)
-    sample_bilinear(motion, pixels, sampled)
+    sample_bilinear(*_wrapped(start, motion, pixels), sampled)
     return sampled
 
 
-def _project(camera: Camera, points: Floats, size: tuple[int, int], corner: tuple[int, int]) -> Floats:
-    """Return column and row (H, W, 2) of points (H, W, 3) in the camera; −1 for points behind it."""
+def _wrapped(frame: DenoisedFrame, picture: Floats, pixels: Floats) -> tuple[Floats, Floats]:
+    """Return a picture (H, W, C) of a frame, and pixels (H, W, 2) of it, to interpolate across its seam.
+
+    A picture that wraps gets its last column before its first, and its first after its last.
+    """
+    if not frame.camera.projection.wraps:
+        return picture, pixels
+    moved = pixels + np.array([1.0, 0.0], dtype=np.float32)
+    return np.pad(picture, ((0, 0), (1, 1), (0, 0)), mode="wrap"), moved
+
+
+def _project(
+    camera: Camera, points: Floats, size: tuple[int, int], corner: tuple[int, int], eyes: NDArray[np.float64]
+) -> Floats:
+    """Return column and row (H, W, 2) of points (H, W, 3) in the camera; −1 for points it does not show.
+
+    eyes  (H, W), those of a stereo camera to which the pixels belong
+    """
     width, height = size
-    x, y, depth = camera.project(points.reshape(-1, 3), width / height).T
+    x, y, depth = camera.project(points.reshape(-1, 3), width / height, eyes.ravel()).T
     column = (x + 1.0) / 2.0 * width - 0.5 - corner[0]
     row = (1.0 - y) / 2.0 * height - 0.5 - corner[1]
+    if camera.projection.wraps:  # the pole is within the first and the last row
+        row = np.clip(row, 0.0, height - 1.0)
     pixels = np.where(depth[:, None] > camera.near, np.stack([column, row], axis=1), -1.0)
     return np.ascontiguousarray(pixels.reshape(*points.shape[:2], 2), dtype=np.float32)
 
@@ -158,7 +179,7 @@ def _tolerance(frame: DenoisedFrame, width: int) -> Floats:
     """Return POSITION_TOLERANCE in scene units (H, W): up to five times as much on grazing surfaces."""
     away = frame.position - np.asarray(frame.camera.origin)
     distance = np.linalg.norm(away, axis=2)
-    pixel = 2.0 * np.tan(frame.camera.field_of_view / 2.0) / width * distance
+    pixel = np.float64(frame.camera.pixel_size(width)) * distance
     facing = np.abs((away * frame.normal).sum(axis=2)) / np.maximum(distance, 1e-12)
     return np.asarray(POSITION_TOLERANCE * pixel / np.clip(facing, 0.2, 1.0), dtype=np.float32)
 
@@ -176,19 +197,20 @@ def accumulate(
     """Add a neighbour's light to `total` where it shows the same points in the same light.
 
     frame      (H, W, 4): beauty and matte of the frame
-    neighbour  (H, W, 7 + C): beauty, matte, position and C channels of other light of the other frame
-    pixels     (H, W, 2): column and row of each pixel's point in the other frame; pixel centres are whole
+    neighbour  (R, Q, 7 + C): beauty, matte, position and C channels of other light of the other frame
+    pixels     (H, W, 2): column and row of each pixel's point in `neighbour`; pixel centres are whole
     points     (H, W, 3): the position of that point then
     tolerance  (H, W): distance between that position and the one found
     spread     (H, W): standard deviation of the light, as a share of it
     total      (H, W, 4 + C): beauty times weight, the weight, and other light times weight
     """
     height, width = frame.shape[:2]
+    last_row, last_column = neighbour.shape[0] - 1.0, neighbour.shape[1] - 1.0
     values = np.zeros(neighbour.shape[2])
     for y in range(height):
         for x in range(width):
             column, row = pixels[y, x, 0], pixels[y, x, 1]
-            if not (0.0 <= column <= width - 1.0 and 0.0 <= row <= height - 1.0):
+            if not (0.0 <= column <= last_column and 0.0 <= row <= last_row):
                 continue
             _sample(neighbour, column, row, values)
             if abs(values[3] - frame[y, x, 3]) > 0.1:

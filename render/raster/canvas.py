@@ -52,7 +52,8 @@ class Canvas:
     ) -> Canvas:
         width, height = size
         shape = SUPERSAMPLING * height, SUPERSAMPLING * width
-        background = _values(np.array([setup.lights.sky.horizon], np.float32), setup, display)[0]
+        horizon = (0.0, 0.0, 0.0) if setup.fades else setup.lights.sky.horizon
+        background = _values(np.array([horizon], np.float32), setup, display)[0]
         return cls(
             ScreenProjection.of(camera, width / height),
             Lighting.of(setup, contact, camera),

@@ -79,7 +79,7 @@ def preview(
         canvas.draw(_faces_of(shape, faces, canvas), shadow, drawn)
         drawn += len(shape.faces)
     if setup.stage.kind != "none":
-        stage = stage_shape(setup.stage, setup.placement)
+        stage = stage_shape(setup.stage, setup.placement, setup.fades)
         stage_faces = VisibleFaces.of(stage, canvas.projection, canvas.nearness.shape)
         canvas.draw(stage_faces, shadow, len(whole.faces), is_stage=True)
     if clear:

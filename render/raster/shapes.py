@@ -43,12 +43,16 @@ class Shape(NamedTuple):
 
 @dataclass(frozen=True)
 class StageSetup:
-    """The lights, the stage and their placement, and the colour view."""
+    """The lights, the stage and their placement, and the colour view.
+
+    fades  True if the stage fades into the dark (`Stage.fading`)
+    """
 
     lights: LightRig
     stage: Stage
     placement: StagePlacement
     view: ColourView = ACES
+    fades: bool = False
 
 
 class ScreenProjection(NamedTuple):
@@ -74,13 +78,16 @@ class ScreenProjection(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def stage_shape(stage: Stage, placement: StagePlacement) -> Shape:
-    """Return the whole stage in scene units."""
+def stage_shape(stage: Stage, placement: StagePlacement, fades: bool = False) -> Shape:
+    """Return the whole stage in scene units. fades: as of `StageSetup`"""
     shape = Shape(*placement.placed(stage.mesh()), Diffuse(stage.colour)).for_kernels()
-    if stage.kind != "plinth":
+    if stage.kind != "plinth" and not fades:
         return shape
     colours = np.tile(stage.colour, (len(shape.vertices), 1))
-    colours[len(stage.backdrop()[0]) :] = PLINTH
+    backdrop = len(stage.backdrop()[0])
+    if fades:
+        colours[:backdrop] *= stage.fading()[:, None]
+    colours[backdrop:] = PLINTH
     return shape._replace(colours=colours)
 
 

@@ -129,7 +129,7 @@ def vertex_attributes(
     values: dict[str, NDArray[np.float32]] = {}
     for name in [name for name in aovs if name in VERTEX_AOVS]:
         if name == "motion" and following is not None:
-            motion = _motion(sample.pixels(size), following.pixels(size))
+            motion = _motion(sample, sample.pixels(size), following.pixels(size), size)
             values[name] = np.pad(motion, ((0, 0), (0, 1))).astype(np.float32)
             continue
         given = sample.subject.rest if name == "rest" else sample.subject.attributes.get(name)
@@ -148,11 +148,14 @@ def stage_motion(
     """
     points = position.reshape(-1, 3)
     moved = sample.placement.moved(points, following.placement)
-    motion = _motion(sample.pixels(size, points), following.pixels(size, moved))
+    motion = _motion(sample, sample.pixels(size, points), following.pixels(size, moved), size)
     return motion.reshape(*position.shape[:2], 2)
 
 
-def _motion(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
+def _motion(
+    sample: MotionSample, before: NDArray[np.float64], after: NDArray[np.float64], size: tuple[int, int]
+) -> NDArray[np.float64]:
     """Return the motion (N, 2) of projected points (N, 3), 0 for those behind the camera."""
     in_front = (before[:, 2] > 0.0) & (after[:, 2] > 0.0)
-    return np.where(in_front[:, None], after[:, :2] - before[:, :2], 0.0)
+    motion = sample.camera.projection.motion(after[:, :2] - before[:, :2], size[0])
+    return np.where(in_front[:, None], motion, 0.0)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from render.base.errors import BadInputError
 from render.base.serialise import Triple
+from render.scene.projection import LEFT, PERSPECTIVE, Projection
 
 _NEAREST = 1e-100
 """Distance of the target, scene units, below which squares underflow and the view has no direction."""
@@ -70,11 +71,30 @@ class Camera:
         """Tell whether anything can be out of focus: then every AOV is noisy."""
         return self.lens_radius > 0.0
 
-    def project(self, points: ArrayLike, aspect: float) -> NDArray[np.float64]:
+    @property
+    def projection(self) -> Projection:
+        """The projection of its pictures."""
+        return PERSPECTIVE
+
+    def pixel_size(self, width: int) -> float:
+        """Return the width of a pixel at depth 1, in the middle of a picture `width` pixels wide."""
+        return 2.0 * math.tan(self.field_of_view / 2.0) / width
+
+    def depths(self, points: ArrayLike, eyes: ArrayLike = LEFT) -> NDArray[np.float64]:
+        """Return the depth (…) of points (…, 3), by which pixels grow: from the camera's plane.
+
+        eyes  as of `project`
+        """
+        return np.asarray((np.asarray(points) - self.origin) @ self.axes()[2])
+
+    def project(self, points: ArrayLike, aspect: float, eyes: ArrayLike = LEFT) -> NDArray[np.float64]:
         """Project points (N, 3): return x and y, −1 … 1 from edge to edge, and depth, (N, 3).
 
-        x grows to the right and y upwards; what lies behind the camera has a depth below 0 and no
-        meaningful x and y. `aspect` is the picture's width over its height.
+        aspect  the picture's width over its height
+        eyes    LEFT or RIGHT, (N,): in whose half of the picture of a stereo camera
+
+        x grows to the right and y upwards; what the picture does not show, such as points behind the camera,
+        has a depth below 0 and no meaningful x and y.
         """
         local = (np.asarray(points, dtype=np.float64) - self.origin) @ self.axes().T
         depth = local[:, 2]

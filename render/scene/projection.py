@@ -113,6 +113,16 @@ class Projection:
             return np.asarray(np.arctan2(np.hypot(right, up), forward) <= self.angle / 2.0)
         return np.asarray(forward >= 0.0 if self.is_stereo else np.full(forward.shape, True))
 
+    def motion(self, steps: Floats, width: float) -> Floats:
+        """Return motion (…, 2) from places to others, the shorter way around a picture that wraps.
+
+        steps  (…, 2), differences of places in a picture `width` wide
+        """
+        if not self.wraps:
+            return steps
+        x, y = np.moveaxis(steps, -1, 0)
+        return np.stack([(x + width / 2.0) % width - width / 2.0, y], axis=-1)
+
     def eyes(self, x: ArrayLike) -> Floats:
         """Return whose half of a stereo picture each x (…) lies in, LEFT or RIGHT; 0 in other pictures."""
         x = np.asarray(x, dtype=np.float64)

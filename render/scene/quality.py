@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from render.base.errors import BadInputError
+from render.scene.projection import Projection
 
 BATCH_SAMPLES = 16
 """Samples per pixel of a full sample batch: a square for multijitter, a power of two for our sequence."""
@@ -124,6 +125,24 @@ QUALITIES = {
         noise_threshold=0.05,
     ),
 }
+
+WIDE_SIZES = {
+    "spherical": {"draft": (640, 320), "daily": (1920, 960), "final": (4096, 2048)},
+    "dome": {"draft": (384, 384), "daily": (1024, 1024), "final": (4096, 4096)},
+    "vr180": {"draft": (768, 384), "daily": (2048, 1024), "final": (4096, 2048)},
+}
+"""Width and height of pictures with a wide projection, by its kind and the quality. They show several times
+the angle of a perspective, and players show a part of them at a time."""
+
+
+def qualities_for(projection: Projection) -> dict[str, Quality]:
+    """Return QUALITIES with the sizes of a projection."""
+    sizes = WIDE_SIZES.get(projection.kind, {})
+    return {
+        name: replace(quality, width=sizes[name][0], height=sizes[name][1]) if sizes else quality
+        for name, quality in QUALITIES.items()
+    }
+
 
 DEFAULT_QUALITY = "draft"
 """The quality of every command that names none."""

@@ -84,6 +84,11 @@ def _joined(arrays: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
     return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
 
 
+def stage_fades(camera: Camera, lights: LightRig) -> bool:
+    """Tell whether the stage fades into the dark: a wide camera sees past its rim, where there is no sky."""
+    return camera.projection.is_wide and not lights.shows_sky
+
+
 @dataclass(frozen=True, eq=False)
 class SceneSubject:
     """A subject of a scene: its name, its points and its material."""
@@ -137,6 +142,11 @@ class Scene:
     def is_lit(self) -> bool:
         """True if light is traced; False for a material that brings its own light and background."""
         return all(subject.material.is_lit for subject in self.subjects)
+
+    @property
+    def stage_fades(self) -> bool:
+        """True if the stage fades into the dark."""
+        return stage_fades(self.camera, self.lights)
 
     @property
     def is_clear(self) -> bool:

@@ -85,9 +85,9 @@ class Spheres:
 
     def _subdivisions(self, camera: Camera, width: int) -> NDArray[np.int64]:
         """Return into how many pieces (N,) the edges of each sphere's icosahedron are cut."""
-        depth = (self.centres - np.array(camera.origin)) @ camera.axes()[2]
-        near = np.maximum(depth - self.radii, self.radii)  # also for spheres around or behind the lens
-        pixels = 0.5 * width / math.tan(camera.field_of_view / 2.0) * self.radii / near
+        near = camera.depths(self.centres) - self.radii
+        near = np.maximum(near, self.radii)  # also for spheres around or behind the lens
+        pixels = self.radii / near / camera.pixel_size(width)
         angle = np.arccos(1.0 - TOLERANCE / np.maximum(pixels, TOLERANCE))
         wanted = np.ceil(0.5 * _EDGE / angle)
         pieces: NDArray[np.int64] = np.clip(wanted, 1, MAX_SUBDIVISION).astype(np.int64)

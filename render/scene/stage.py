@@ -164,6 +164,18 @@ class Stage:
             vertices = vertices - np.array([0.0, self.height, 0.0], dtype=np.float32)
         return vertices, normals, faces
 
+    def fading(self) -> NDArray[np.float32]:
+        """Return the factor (V,) on the reflectance of the backdrop's vertices where it fades into the dark.
+
+        It is 1 on the floor and 0 at the rim of a cyclorama, which would be a hard edge to the black above.
+        Ground, which ends at the horizon, does not fade.
+        """
+        vertices = self.backdrop()[0]
+        if self.kind == "ground":
+            return np.ones(len(vertices), dtype=np.float32)
+        t = np.clip((np.hypot(vertices[:, 0], vertices[:, 2]) - self.floor) / self.sweep, 0.0, 1.0)
+        return np.asarray(1.0 - t * t * (3.0 - 2.0 * t), dtype=np.float32)
+
     def plinth(self) -> Mesh:
         """Return the mesh of a pillar whose top is at y = 0, with rounded upper edges."""
         return _pillar(self.width / 2.0, self.height, self.width / 2.0 if self.round else 1.6 * BEVEL)

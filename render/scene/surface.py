@@ -168,8 +168,7 @@ def ribbons(surface: Surface, wireframe: Wireframe, camera: Camera, pixels: int)
     ends = surface.vertices[edges].astype(np.float64)  # (E, 2, 3)
     normals = surface.normals[edges]
     view = ends - camera.origin
-    forward = camera.axes()[2]
-    pixel = 2.0 * math.tan(camera.field_of_view / 2.0) / pixels * np.maximum(view @ forward, 0.0)
+    pixel = camera.pixel_size(pixels) * np.maximum(camera.depths(ends), 0.0)
     width = (wireframe.width * pixel)[..., None]
     sideways = np.cross(ends[:, 1] - ends[:, 0], view[:, 0])
     length = np.linalg.norm(sideways, axis=1)

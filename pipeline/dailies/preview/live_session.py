@@ -178,13 +178,18 @@ class LiveSession:
             self.feed.show(take, number, self._drawn[number].jpeg, projection(surfaces, number))
 
 
-def projection(surfaces: FramedSurfaces, number: int) -> dict[str, Any]:
+def projection(surfaces: FramedSurfaces, number: int) -> dict[str, Any] | None:
     """Return a frame's camera as the page projects points by it; see `Camera.project`."""
     return camera_data(surfaces.framings[number].camera, surfaces.sketch.request.aspect)
 
 
-def camera_data(camera: Camera, aspect: float) -> dict[str, Any]:
-    """Return a camera as plain data: origin, axes right, up and forward, half the width at depth 1."""
+def camera_data(camera: Camera, aspect: float) -> dict[str, Any] | None:
+    """Return a camera as plain data: origin, axes right, up and forward, half the width at depth 1.
+
+    None for a wide camera: the page then has no handles, and its picture does not orbit.
+    """
+    if camera.projection.is_wide:
+        return None
     half = math.tan(camera.field_of_view / 2.0)
     axes = camera.axes().tolist()
     return {

@@ -21,11 +21,14 @@ from pipeline.shot import Motion
 from render.graphics.burn_in import BurnIn
 from render.movie.sequences import timecode
 from render.post.colour import quantise
-from render.raster import Edges, Shape, StageSetup, preview, with_lines
+from render.raster import Edges, Shape, StageSetup, preview, wide_picture, with_lines
+from render.scene.camera import Camera
 from render.scene.materials import Material
 from render.scene.measure import SPEED
+from render.scene.scene import stage_fades
 from render.scene.surface import Surface
 from render.scene.vertex_colours import vertex_colours
+from render.scene.wide_camera import WideCamera
 
 MOST_BALLS = 20_000
 """Most points of a cloud that are drawn; of more points a part is drawn, with larger balls."""
@@ -76,25 +79,36 @@ class Sketch:
         surfaces  the arrays of each subject
         """
         picture, parts = self.request.picture(number), self.request.parts
-        setup = StageSetup(picture.lights, picture.stage, framing.placement, picture.view.for_previews())
+        camera = framing.camera
+        fades = stage_fades(camera, picture.lights)
+        view = picture.view.for_previews()
+        setup = StageSetup(picture.lights, picture.stage, framing.placement, view, fades)
         first, *others = (
             shape_of(arrays, part.picture(number).look, self.quick)._replace(closed=self.closed)
             for arrays, part in zip(surfaces, parts, strict=True)
         )
         edges = Edges() if self.edges else None
-        raster = preview(first, setup, framing.camera, size, display, edges, others)
-        values = raster.picture
-        if self.flow:
+        lines = self._streamlines(number, surfaces) if self.flow else None
+
+        def draw(camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
+            raster = preview(first, setup, camera, size, display, edges, others)
+            if lines is None:
+                return raster.picture
             width = max(1.0, LINE * size[0])
-            lines = _joined(
-                [
-                    streamlines(part.shot.motion, number, arrays["vertices"].astype(np.float64))
-                    for arrays, part in zip(surfaces, parts, strict=True)
-                ]
-            )
-            values = with_lines(raster, lines.points, *line_colours(lines), framing.camera, width)
+            return with_lines(raster, lines.points, *line_colours(lines), camera, width)
+
+        values = wide_picture(camera, size, draw) if isinstance(camera, WideCamera) else draw(camera, size)
         pixels: NDArray[Any] = quantise(values)
         return pixels if self.burn_in is None else self.burn_in.over(pixels, self._facts(number))
+
+    def _streamlines(self, number: int, surfaces: Sequence[Mapping[str, AnyArray]]) -> StreamlineSet:
+        """Return the streamlines around the surfaces of all subjects."""
+        parts = zip(surfaces, self.request.parts, strict=True)
+        each = [
+            streamlines(part.shot.motion, number, arrays["vertices"].astype(np.float64))
+            for arrays, part in parts
+        ]
+        return _joined(each)
 
     def _facts(self, number: int) -> dict[str, str | int]:
         rate = self.request.shot.rate

@@ -60,7 +60,7 @@ def pieces_without_facets(
     found = np.concatenate(distances)
     if not len(found):
         return 1
-    pixels = quality.width / 2.0 / math.tan(camera.field_of_view / 2.0) * float(np.quantile(found, SHARE))
+    pixels = float(np.quantile(found, SHARE)) / camera.pixel_size(quality.width)
     return max(1, min(most, math.ceil(math.sqrt(pixels / LEAST) - 1e-6)))
 
 

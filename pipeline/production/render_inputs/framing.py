@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,9 +27,10 @@ from pipeline.production.render_inputs.view_geometry import (
 )
 from render.scene.camera import Camera
 from render.scene.stage import Stage, StagePlacement
+from render.scene.wide_camera import WideCamera
 
 if TYPE_CHECKING:
-    from pipeline.shot.camera import Lens, View
+    from pipeline.shot.camera import Lens, View, WideLens
 
 STEADINESS = 10
 """Frames to either side over which the camera is smoothed: even; at 24 a second, about an eye's patience."""
@@ -47,6 +48,10 @@ HALF_A_SCULPTURE = 100.0
 """Millimetres that count as the sculpture's half-size, where a shot does not say what a unit is: lenses then
 blur a small one and its enlarged copy alike."""
 
+HALF_A_STATUE = 1000.0
+"""The same for a stereo camera: a sculpture of 200 mm that fills the view is too near for eyes at their true
+distance."""
+
 UPRIGHT = 1e-6
 """Below this cosine of its elevation a camera looks straight up or down, and its own up axis is used."""
 
@@ -59,7 +64,7 @@ of the distance of the target, and a hundred times that."""
 class Framing:
     """One frame's camera, and where the stage stands for it."""
 
-    camera: Camera
+    camera: Camera | WideCamera
     placement: StagePlacement
 
 
@@ -207,7 +212,7 @@ def _between(held: Floats | float, moving: Floats, follow: float) -> Floats:
     return np.asarray(held + follow * (moving - held))
 
 
-def camera_of(view: View, aim: Floats, axes: Floats, distance: float, size: float) -> Camera:
+def camera_of(view: View, aim: Floats, axes: Floats, distance: float, size: float) -> Camera | WideCamera:
     """Return the camera of a view at a distance; `size` is the half-size of the sculpture."""
     if view.position is None:
         away = distance * view.dolly if view.distance is None else view.distance
@@ -216,18 +221,26 @@ def camera_of(view: View, aim: Floats, axes: Floats, distance: float, size: floa
         origin = np.array(view.position)
         away = float(np.linalg.norm(origin - aim))
     is_upright = view.roll == 0.0 and np.hypot(axes[2][0], axes[2][2]) > UPRIGHT
-    return Camera(
-        origin=triple(origin),
-        target=triple(aim if away > 0.0 else origin - axes[2]),
-        up=(0.0, 1.0, 0.0) if is_upright else triple(axes[1]),
-        field_of_view=view.field_of_view,
-        near=min(NEAR, away / 10.0) if away > 0.0 else NEAR,
-        far=max(FAR, 100.0 * away),
-        **_blur(view.lens, origin, axes[2], away, size),
-    )
+    place: dict[str, Any] = {
+        "origin": triple(origin),
+        "target": triple(aim if away > 0.0 else origin - axes[2]),
+        "up": (0.0, 1.0, 0.0) if is_upright else triple(axes[1]),
+        "field_of_view": view.field_of_view,
+        "near": min(NEAR, away / 10.0) if away > 0.0 else NEAR,
+        "far": max(FAR, 100.0 * away),
+    }
+    if view.wide is not None:
+        return WideCamera(**place, **_wide(view.wide, size))
+    return Camera(**place, **_blur(view.blur, origin, axes[2], away, size))
 
 
-def _blur(lens: Lens | None, origin: Floats, back: Floats, away: float, size: float) -> dict[str, float]:
+def _wide(lens: WideLens, size: float) -> dict[str, Any]:
+    """Return the projection and the distance of the eyes, scene units; `size` as of `camera_of`."""
+    unit = HALF_A_STATUE / size if lens.unit is None else lens.unit
+    return {"wide": lens.projection, "eye_distance": lens.eye_distance / unit}
+
+
+def _blur(lens: Lens | None, origin: Floats, back: Floats, away: float, size: float) -> dict[str, Any]:
     """Return the lens radius and the focus distance, scene units; nothing for a pinhole camera."""
     if lens is None:
         return {}

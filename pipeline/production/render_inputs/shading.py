@@ -150,16 +150,19 @@ def pieces_for(
 
 
 def _longest_edge(points: AnyArray, faces: AnyArray, camera: Camera, quality: Quality) -> float:
-    """Return the longest edge in the picture, pixels; 0 where there is none."""
+    """Return the longest edge in the picture, pixels in its middle; 0 where there is none."""
     seen = camera.project(points, quality.aspect)
     within = (seen[:, 2] > camera.near) & (np.abs(seen[:, :2]) <= _EDGE).all(axis=1)
-    pixels = seen[:, :2] * (quality.width / 2.0, quality.height / 2.0)
+    if camera.projection.is_wide:  # a spherical picture stretches what is above and below, and has a seam
+        pixels = (points - camera.origin) / (np.abs(seen[:, 2:]) * camera.pixel_size(quality.width))
+    else:
+        pixels = seen[:, :2] * (quality.width / 2.0, quality.height / 2.0)
     longest = 0.0
     for corner in range(3):
         a, b = faces[:, corner], faces[:, (corner + 1) % 3]
         counted = within[a] & within[b]
         if counted.any():
-            longest = max(longest, float(np.hypot(*(pixels[a] - pixels[b])[counted].T).max()))
+            longest = max(longest, float(np.linalg.norm((pixels[a] - pixels[b])[counted], axis=1).max()))
     return longest
 
 

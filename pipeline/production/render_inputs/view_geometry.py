@@ -108,9 +108,12 @@ def fitting_distance(points: Extent, target: Floats, axes: Floats, view: View, a
 
 
 def _half_extents(view: View, aspect: float) -> tuple[float, float]:
-    """Return half the width and half the height of what a view shows within its margins at depth 1."""
+    """Return half the width and half the height of what a view shows within its margins at depth 1.
+
+    A wide projection shows far more: its field of view is an angle in which the sculpture lies.
+    """
     wide = float(np.tan(view.field_of_view / 2) * (1 - 2 * view.margin))
-    return wide, wide / aspect
+    return (wide, wide / aspect) if view.wide is None else (wide, wide)
 
 
 def _edge_planes(axes: Floats, wide: float, high: float) -> tuple[Floats, Floats]:

@@ -24,6 +24,7 @@ from pipeline.production.stages import ASSEMBLE, STAGES, STILLS
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.serialise import to_plain
+from render.scene.projection import PERSPECTIVE, Projection
 from render.scene.quality import Quality
 
 if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
@@ -191,9 +192,13 @@ class RenderRequest:
     def view(self, number: int) -> View:
         """Return the view of a picture. A turntable stands still, and its stage needs the object in frame."""
         view = self.shot.picture.camera.at(self._time(number))
-        if self.turntable is None or self.shot.picture.stage.kind != "turntable":
-            return view
-        return framed_whole(view)
+        is_framed_whole = self.shot.picture.stage.kind == "turntable" or view.wide is not None
+        return framed_whole(view) if self.turntable and is_framed_whole else view
+
+    @property
+    def projection(self) -> Projection:
+        """The projection of its pictures: the shot's, but a turntable is always seen in perspective."""
+        return PERSPECTIVE if self.turntable else self.shot.picture.camera.projection
 
     def open_at(self, number: int) -> tuple[float, float] | None:
         """Return when the shutter opens and closes, in frames from the picture; None without motion blur."""

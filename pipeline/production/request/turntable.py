@@ -72,7 +72,7 @@ class Turntable:
 def framed_whole(view: View) -> View:
     """Return the view from the same side that shows the whole object, with room for balls and chart.
 
-    Distance, aim, roll and lens of the shot at that moment are dropped.
+    Distance, aim, roll and lens of the shot at that moment are dropped; so is a wide projection.
     """
     azimuth, elevation = view.azimuth, view.elevation
     if view.position is not None and view.target is not None:

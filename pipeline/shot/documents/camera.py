@@ -7,7 +7,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator, mod
 
 from pipeline.errors import UsageError
 from pipeline.flow.parameters import Number, VectorParameter, number_at, vector_at
-from pipeline.shot.camera import FULL_FRAME, CameraPath, Shutter
+from pipeline.shot.camera import EYE_DISTANCE, FULL_FRAME, CameraPath, Shutter
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import (
     ABOVE_0,
@@ -41,9 +41,19 @@ from pipeline.shot.documents.fields import (
 )
 from pipeline.shot.documents.sound import FromSound, FromSoundTriple
 from pipeline.shot.yaml.validation import bad_curve, finding
+from render.scene.projection import KINDS, Projection
 
 SAFE_AREAS = {"action": 0.035, "title": 0.05}
 """Margins by name: the fractions at each side outside the safe areas of SMPTE ST 2046-1."""
+
+FIELD_OF_VIEW, ELEVATION = 26.0, 14.0
+"""Defaults of a perspective, degrees."""
+
+WIDE_FIELD_OF_VIEW = 75.0
+"""Default of wide projections, degrees: a sculpture that one looks around in, without turning the head."""
+
+LEVEL = ("spherical", "vr180")
+"""Projections that are level by default: in a headset, a horizon that is not makes viewers unwell."""
 
 FieldOfView = Annotated[Positive, Field(lt=180)]
 FieldOfViewField = Annotated[
@@ -99,9 +109,22 @@ class CameraDocument(Document):
         default=-30.0,
         description="0 looks from the front, positive from the right; the set turns along (degrees)",
     )
-    elevation: NumberField | None = Field(default=14.0, description="above the horizon (degrees)")
+    elevation: NumberField | None = Field(
+        default=ELEVATION, description="above the horizon; by default 0 for spherical and vr180 (degrees)"
+    )
     orbit: NumberField | None = optional("speed of the camera around the set, which stands still (degrees/s)")
-    field_of_view: FieldOfViewField | None = Field(default=26.0, description="horizontal (degrees)")
+    projection: Annotated[str, one_of(KINDS, "projection")] = Field(
+        default="perspective",
+        description="perspective; for headsets and domes spherical (all around), vr180 (stereo) or dome",
+    )
+    dome_angle: Annotated[Positive, Field(le=360)] | None = optional(
+        "full angle of a dome's circle; 180 by default (degrees)"
+    )
+    eye_distance: Positive | None = optional("between the eyes of vr180; 64 by default (mm)")
+    field_of_view: FieldOfViewField | None = Field(
+        default=FIELD_OF_VIEW,
+        description="horizontal; of wide projections, what the sculpture fills, by default 75 (degrees)",
+    )
     focal_length: PositiveField | None = optional("of the lens, in place of the field of view (mm)")
     sensor_width: Positive = Field(
         default=FULL_FRAME, description="of the sensor; full frame by default (mm)"
@@ -128,7 +151,7 @@ class CameraDocument(Document):
         "what is sharp: subject, a distance from the lens, or a place (units)"
     )
     unit: Positive | None = optional(
-        "length of a scene unit; by default a sculpture is about 200 mm large (mm)"
+        "length of a scene unit; by default a sculpture is about 200 mm large, in vr180 2 m (mm)"
     )
 
     @field_validator("position")
@@ -150,10 +173,16 @@ class CameraDocument(Document):
         return position
 
     def build(self, clock: Clock) -> CameraPath:
+        wide = self.projection != "perspective"
+        elevation = self._given("elevation", 0.0 if self.projection in LEVEL else ELEVATION)
+        field_of_view = self._given("field_of_view", WIDE_FIELD_OF_VIEW if wide else FIELD_OF_VIEW)
+        angle = 180.0 if self.dome_angle is None else self.dome_angle
         return CameraPath(
+            projection=Projection(self.projection, math.radians(angle)),
+            eye_distance=EYE_DISTANCE if self.eye_distance is None else float(self.eye_distance),
             azimuth=number(-30.0 if self.azimuth is None else self.azimuth, clock, DEGREE),
-            elevation=number(14.0 if self.elevation is None else self.elevation, clock, DEGREE),
-            field_of_view=number(26.0 if self.field_of_view is None else self.field_of_view, clock, DEGREE),
+            elevation=number(elevation, clock, DEGREE),
+            field_of_view=number(field_of_view, clock, DEGREE),
             margin=number(SAFE_AREAS[self.margin] if isinstance(self.margin, str) else self.margin, clock),
             focal_length=_number(self.focal_length, clock),
             sensor_width=float(self.sensor_width),
@@ -168,6 +197,11 @@ class CameraDocument(Document):
             focus=_focus(self.focus, clock),
             unit=None if self.unit is None else float(self.unit),
         )
+
+    def _given(self, name: str, default: float) -> Any:
+        """Return a value of the shot file, or a default where it is empty or left out."""
+        value = getattr(self, name)
+        return default if value is None or name not in self.model_fields_set else value
 
 
 def _number(value: float | Keyed[Any] | OverTime | FromSound | None, clock: Clock) -> Number | None:

@@ -1,0 +1,90 @@
+"""Mitsuba's sensor of wide cameras: a plugin of ours, since Mitsuba has no fisheye and no stereo camera."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+from render.scene.projection import Projection
+from render.scene.wide_camera import WideCamera
+
+_NAME = "flowsculpt_wide"
+
+
+def wide_sensor(camera: WideCamera) -> dict[str, Any]:
+    """Return the description of the sensor, without its film. Needs a started engine."""
+    import mitsuba as mi
+
+    _register()
+    # Mitsuba's axes are left, up and forward.
+    to_world = mi.ScalarTransform4f().look_at(
+        origin=list(camera.origin), target=list(camera.target), up=list(camera.up)
+    )
+    return {
+        "type": _NAME,
+        "to_world": to_world,
+        "kind": camera.wide.kind,
+        "angle": camera.wide.angle,
+        "half_eye_distance": camera.eye_distance / 2.0,
+    }
+
+
+@cache
+def _register() -> None:
+    """Register the sensor with Mitsuba, whose classes exist once a variant is chosen."""
+    import drjit as dr
+    import mitsuba as mi
+
+    class WideSensor(mi.Sensor):
+        """Sample rays by the formulas of `Projection.directions`."""
+
+        def __init__(self, properties: Any) -> None:
+            super().__init__(properties)
+            self.projection = Projection(properties["kind"], properties["angle"])
+            self.half_eye_distance = properties["half_eye_distance"]
+
+        def sample_ray(
+            self, time: Any, wavelength: Any, position: Any, aperture: Any, active: Any = True
+        ) -> tuple[Any, Any]:
+            """Return a ray through a place (0 … 1) of the rendered part, and its weight."""
+            film = self.film()
+            size = mi.ScalarVector2f(film.size())
+            crop, corner = mi.ScalarVector2f(film.crop_size()), mi.ScalarVector2f(film.crop_offset())
+            x = (position.x * crop.x + corner.x) / size.x * 2.0 - 1.0
+            y = 1.0 - (position.y * crop.y + corner.y) / size.y * 2.0
+            direction, eye, shown = self._direction(x, y)
+            to_world = self.world_transform()
+            origin = to_world @ mi.Point3f(-self.half_eye_distance * eye, 0.0, 0.0)
+            ray = mi.Ray3f(origin, to_world @ direction, time)
+            ray.maxt[~shown] = 0.0
+            return ray, dr.select(shown, mi.Color3f(1.0), 0.0)
+
+        def _direction(self, x: Any, y: Any) -> tuple[Any, Any, Any]:
+            """Return the direction left, up and forward, the eye, and whether the picture shows something."""
+            if self.projection.kind == "dome":
+                radius = dr.sqrt(x * x + y * y)
+                sine, away = dr.sincos(0.5 * self.projection.angle * radius)
+                scale = sine / dr.maximum(radius, 1e-12)
+                return mi.Vector3f(-scale * x, scale * y, away), mi.Float(0.0), radius <= 1.0
+            eye = dr.select(x < 0.0, mi.Float(-1.0), 1.0) if self.projection.is_stereo else mi.Float(0.0)
+            sine, cosine = dr.sincos(math.pi * x - 0.5 * math.pi * eye)
+            up, level = dr.sincos(0.5 * math.pi * y)
+            return mi.Vector3f(-level * sine, up, level * cosine), eye, mi.Bool(True)
+
+        def sample_ray_differential(
+            self, time: Any, wavelength: Any, position: Any, aperture: Any, active: Any = True
+        ) -> tuple[Any, Any]:
+            """Return the ray without differentials: no texture of ours is filtered by them."""
+            ray, weight = self.sample_ray(time, wavelength, position, aperture, active)
+            return mi.RayDifferential3f(ray), weight
+
+        def bbox(self) -> Any:
+            """Return the place of the camera."""
+            return mi.ScalarBoundingBox3f(self.world_transform() @ mi.ScalarPoint3f(0.0))
+
+        def to_string(self) -> str:
+            """Return its name."""
+            return f"{_NAME}[{self.projection.kind}]"
+
+    mi.register_sensor(_NAME, WideSensor)
