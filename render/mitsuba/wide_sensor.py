@@ -6,6 +6,7 @@ import math
 from functools import cache
 from typing import Any
 
+from render.base.errors import MachineError
 from render.scene.projection import Projection
 from render.scene.wide_camera import WideCamera
 
@@ -13,9 +14,17 @@ _NAME = "flowsculpt_wide"
 
 
 def wide_sensor(camera: WideCamera) -> dict[str, Any]:
-    """Return the description of the sensor, without its film. Needs a started engine."""
+    """Return the description of the sensor, without its film. Needs a started engine.
+
+    Raises MachineError for the scalar variant, which would call Python for every ray.
+    """
     import mitsuba as mi
 
+    if mi.variant() == "scalar_rgb":
+        raise MachineError(
+            f"projection {camera.wide.kind} needs a compiled variant, llvm_ad_rgb or cuda_ad_rgb, and this "
+            "process renders with scalar_rgb; run `flowsculpt doctor`, or render in perspective"
+        )
     _register()
     # Mitsuba's axes are left, up and forward.
     to_world = mi.ScalarTransform4f().look_at(

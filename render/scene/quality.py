@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from render.base.errors import BadInputError
-from render.scene.projection import Projection
+
+if TYPE_CHECKING:  # it needs numpy, and planning knows qualities without it
+    from render.scene.projection import Projection
 
 BATCH_SAMPLES = 16
 """Samples per pixel of a full sample batch: a square for multijitter, a power of two for our sequence."""

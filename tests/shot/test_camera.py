@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from pipeline.errors import ShotError
 from pipeline.shot import CameraPath, read_shot
 from pipeline.shot.camera import Lens, View
+from render.scene.projection import Projection
 
 HEAD = "title: A\nframes: 1-49\nsubject: {solid: box}\nresample: {max_edge_length: 0.5}\n"
 
@@ -105,7 +106,47 @@ def test_a_shot_takes_back_what_it_rests_on_says(tmp_path: Path) -> None:
     assert seen == view("{position: [0, 1, 6], focal_length: 50}", 0.0)
 
 
+@pytest.mark.parametrize(("kind", "elevation"), [("spherical", 0.0), ("vr180", 0.0), ("dome", 14.0)])
+def test_a_wide_projection_has_defaults_of_its_own(kind: str, elevation: float) -> None:
+    seen = view(f"{{projection: {kind}}}")
+    assert seen.wide is not None and seen.wide.projection == Projection(kind)
+    assert (seen.field_of_view, seen.elevation) == (math.radians(75.0), math.radians(elevation))
+    assert view(f"{{projection: {kind}, elevation: 20, field_of_view: 40}}").elevation == math.radians(20.0)
+    assert seen.wide.eye_distance == (64.0 if kind == "vr180" else 0.0)
+
+
+def test_a_dome_has_the_angle_and_vr180_the_eyes_that_the_shot_says() -> None:
+    dome = view("{projection: dome, dome_angle: 210}").wide
+    assert dome is not None and dome.angle == math.radians(210.0)
+    eyes = view("{projection: vr180, eye_distance: 30, unit: 10}").wide
+    assert eyes is not None and (eyes.eye_distance, eyes.unit) == (30.0, 10.0)
+
+
+def test_qualities_of_a_wide_shot_have_its_shape() -> None:
+    qualities = read_shot("a.yaml", HEAD + "camera: {projection: dome}\n").picture.qualities
+    assert {quality.aspect for quality in qualities.values()} == {1.0}
+
+
+def test_what_flat_pictures_alone_can_show_is_refused_with_a_wide_projection() -> None:
+    text = HEAD + "camera: {projection: vr180}\nstage: turntable\nlook: symbolics_1990\naovs: [motion]\n"
+    with pytest.raises(ShotError) as caught:
+        read_shot("a.yaml", text)
+    for fault in ("stage turntable stands in", "look symbolics_1990 is drawn", "AOV motion is that of one eye"):
+        assert fault in str(caught.value)
+
+
 WRONG = [
+    ("{projection: equirectangular}",
+     "5:10: camera.projection: 'equirectangular' is no projection. Did you mean 'spherical'?"),
+    ("{dome_angle: 200}",
+     "5:10: dome_angle is of projection dome, and this camera has perspective. Write projection: dome, or "
+     "remove dome_angle."),
+    ("{projection: dome, eye_distance: 60}",
+     "5:28: eye_distance is of projection vr180, and this camera has dome. Write projection: vr180, or "
+     "remove eye_distance."),
+    ("{projection: spherical, aperture: 2}",
+     "5:33: aperture is of a perspective lens; projection spherical has none and is sharp everywhere. Remove "
+     "aperture, or write `aperture:` with nothing after it if inherited."),
     ("{focal_length: 85, field_of_view: 20}",
      "5:10: focal_length sets what field_of_view sets too. Remove one of them, or write `field_of_view:` "
      "with nothing after it if inherited."),

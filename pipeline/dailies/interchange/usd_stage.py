@@ -124,7 +124,8 @@ def write_root(path: Path, content: StageContent) -> None:
     lens = CameraSettings(
         content.aspect, shot.picture.camera.sensor_width, unit_of(shot), shot.picture.lights.exposure
     )
-    add_camera(stage, f"{home}/camera", cameras, content.shutters, lens)
+    if not shot.picture.camera.projection.is_wide:  # UsdGeomCamera has no such projection
+        add_camera(stage, f"{home}/camera", cameras, content.shutters, lens)
     layer = Sdf.Layer.CreateAnonymous(".usda")  # without a stage, which would look for the clips
     layer.TransferContent(stage.GetRootLayer())
     for sculpture in content.sculptures:

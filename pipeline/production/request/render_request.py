@@ -11,6 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.request.audio import AudioClip, sound_of_frames
 from pipeline.production.request.cameras import CameraFile
@@ -24,13 +25,13 @@ from pipeline.production.stages import ASSEMBLE, STAGES, STILLS
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.serialise import to_plain
-from render.scene.projection import PERSPECTIVE, Projection
 from render.scene.quality import Quality
 
 if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
     from pipeline.shot import Shot
     from pipeline.shot.camera import View
     from pipeline.shot.shot import AovSelection, Picture
+    from render.scene.projection import Projection
 
 FORMS = tuple(stage.name for stage in STILLS)
 """Forms of stills; a stage has the name of each."""
@@ -166,8 +167,17 @@ class RenderRequest:
 
     @cached_property
     def quality_of_shot(self) -> Quality:
-        """The quality as the shot says it; `quality` is the same and need not read the shot."""
-        return quality_named(self.quality_name, self.shot.picture.qualities)
+        """The quality as the shot says it; `quality` is the same and need not read the shot.
+
+        Raises UsageError for a crop of a picture with a wide projection.
+        """
+        quality = quality_named(self.quality_name, self.shot.picture.qualities)
+        if quality.crop is not None and self.projection.is_wide:
+            raise UsageError(
+                f"{self.name}: a picture of projection {self.projection.kind} has no crop, since players and "
+                "denoising need all of it; ask for --scale in place of --crop"
+            )
+        return quality
 
     @property
     def aspect(self) -> float:
@@ -198,6 +208,8 @@ class RenderRequest:
     @property
     def projection(self) -> Projection:
         """The projection of its pictures: the shot's, but a turntable is always seen in perspective."""
+        from render.scene.projection import PERSPECTIVE
+
         return PERSPECTIVE if self.turntable else self.shot.picture.camera.projection
 
     def open_at(self, number: int) -> tuple[float, float] | None:
