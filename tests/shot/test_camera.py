@@ -73,7 +73,7 @@ def test_an_orbit_goes_on_from_the_azimuth_as_fast_as_it_says() -> None:
 def test_an_aperture_needs_no_more_than_itself() -> None:
     assert view("{}").lens is None
     assert view("{focal_length: 85, aperture: 2.8}").lens == Lens(85.0, 2.8)
-    wide = view("{field_of_view: 90, aperture: 4}").lens
+    wide = view("{field_of_view: 90, aperture: 4}").blur
     assert wide is not None and wide.focal_length == pytest.approx(18.0)
 
 
@@ -90,7 +90,7 @@ def test_an_aperture_needs_no_more_than_itself() -> None:
     ],
 )
 def test_focus_is_the_subject_a_distance_or_a_place(focus: str, meant: object) -> None:
-    lens = view(f"{{aperture: 2, unit: 10, focus: {focus}}}").lens
+    lens = view(f"{{aperture: 2, unit: 10, focus: {focus}}}").blur
     assert lens is not None and (lens.focus, lens.unit) == (meant, 10.0)
 
 
@@ -131,7 +131,7 @@ def test_what_flat_pictures_alone_can_show_is_refused_with_a_wide_projection() -
     text = HEAD + "camera: {projection: vr180}\nstage: turntable\nlook: symbolics_1990\naovs: [motion]\n"
     with pytest.raises(ShotError) as caught:
         read_shot("a.yaml", text)
-    for fault in ("stage turntable stands in", "look symbolics_1990 is drawn", "AOV motion is that of one eye"):
+    for fault in ("stage turntable stands", "look symbolics_1990 is drawn", "AOV motion is that of one eye"):
         assert fault in str(caught.value)
 
 
