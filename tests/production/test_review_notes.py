@@ -21,6 +21,7 @@ from pipeline.production.versions.review_notes import (
 )
 from tests.conftest import commanded
 from tests.dailies.review.note_cases import IDS, NOTES, TIMES, document, note, revision, stroke
+from tests.full_disk import disk_of
 
 Given = list[dict[str, Any]]
 
@@ -119,11 +120,8 @@ def test_files_of_several_reviewers_are_listed_together(
     words = ("notes", "T010_tiny", "--add", "ben.json", "--add", "ann.json")
     assert command("--dry-run", *words)[0] == 0 and not (tmp_path / "notes").exists()
     code, told = command(*words)
-    assert (
-        code == 0
-        and "softer (2 strokes: “too dark”)" in " ".join(told.split())
-        and "[bold]good[/bold]" in told
-    )
+    assert code == 0 and "[bold]good[/bold]" in told
+    assert "softer (2 strokes: “too dark”)" in " ".join(told.split())
     assert sorted(path.name for path in (tmp_path / "notes").iterdir()) == [
         "T010_tiny.json",
         "Z900_other.json",
@@ -141,6 +139,20 @@ def test_commands_of_notes_say_what_is_wrong(command: Callable[..., tuple[int, s
     assert command("notes", "T010_tiny", "--add", "gone.json")[0] == 3
     assert command("notes", "T010_tiny", "--status", "done")[0] == 2
     assert command("notes", "T999_none")[0] == 3
+
+
+def test_a_full_disk_is_told_once_and_leaves_the_notes_that_were_there(
+    command: Callable[..., tuple[int, str]], tmp_path: Path
+) -> None:
+    kept = tmp_path / "notes" / "T010_tiny.json"
+    for name, content in (("ann", note()), ("ben", note(id=IDS[1], text="x" * 20_000))):
+        (tmp_path / f"{name}.json").write_text(json.dumps(document(content)))
+    assert command("notes", "T010_tiny", "--add", "ann.json")[0] == 0
+    before = kept.read_bytes()
+    with disk_of(8192):
+        code, told = command("notes", "T010_tiny", "--add", "ben.json")
+    assert code == 4 and str(kept) in told and len(told.strip().splitlines()) == 1
+    assert kept.read_bytes() == before and list(kept.parent.iterdir()) == [kept]
 
 
 def test_clean_leaves_notes_alone(command: Callable[..., tuple[int, str]], tmp_path: Path) -> None:

@@ -67,6 +67,11 @@ def review(
     for quality in qualities or ():
         require_quality(quality)
     require_one_of(form, FORMS, f"--as {form}: pictures of a page are {' or '.join(FORMS)}.")
+    for each in shots:
+        if each.endswith(".json"):
+            raise UsageError(
+                f"{each}: --notes takes one file; write --notes before each file, and shots without"
+            )
     project = options.project(common)
     search = Search(project, tuple(qualities or ()), History.of(common.root))
     material = [search.shot(shot) for shot in dict.fromkeys(shots)]

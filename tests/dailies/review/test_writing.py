@@ -162,6 +162,7 @@ def test_the_page_needs_nothing_beside_its_folder(desk: Desk) -> None:
         (["review", NAME, "-q", "final"], 3, f"flowsculpt render {NAME} -q final makes them"),
         (["review", NAME, "--as", "gif"], 2, "--as gif"),
         (["review", NAME, "--name", "../away"], 2, "--name ../away"),
+        (["review", NAME, "--notes", "ann.json", "ben.json"], 2, "ben.json: --notes takes one file"),
         (["figures", "T010_tinny"], 3, "T010_tiny"),
         (["figures", NAME, "-o", "figures.txt"], 2, "figures.txt"),
         (["sheet", NAME, "-o", "sheet.jpg"], 2, "sheet.jpg is no PNG"),

@@ -21,7 +21,7 @@ class ShotPanel {
       this.element.replaceChildren(part("p", "note", a === b ? "" : "The shot files of A and B are the same."), lineList(one.map((line) => [" ", line])));
     } else {
       const lines = differences(one, other), count = lines.filter(([sign]) => sign !== " ").length;
-      const legend = part("p", "note", `${count} lines differ: − `, a.name(this.review.isAlone), " (A), + ", b.name(this.review.isAlone), " (B).");
+      const legend = part("p", "note", `${count} ${count === 1 ? "line differs" : "lines differ"}: − `, a.name(this.review.isAlone), " (A), + ", b.name(this.review.isAlone), " (B).");
       this.element.replaceChildren(legend, lineList(shortened(lines)));
     }
     this.element.scrollTop = 0;
