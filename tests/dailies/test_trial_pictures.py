@@ -16,6 +16,7 @@ from pipeline.dailies.preview.shot_editor import ShotEditor
 from pipeline.dailies.preview.sketch import MOST_BALLS, QUICK_VERTICES, shape_of
 from pipeline.dailies.preview.trial_pictures import TrialPictures
 from pipeline.errors import FlowsculptError
+from pipeline.production.request.shot_source import ShotSummary
 from pipeline.shot.yaml.edits import ValueEdit
 from render.scene.materials import LOOKS
 from tests.dailies.live_follower import Follower
@@ -156,6 +157,14 @@ def test_a_drag_waits_for_subjects_that_are_not_simulated_yet(
         dragged(elsewhere, ELEVATION)
     with pytest.raises(FlowsculptError, match="shows when you let go"):
         dragged(pictures, ValueEdit("set", ("rate",), 25))
+
+
+def test_a_drag_plans_no_frames(pictures: TrialPictures, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keys of all frames take longer, the longer a shot is."""
+    dragged(pictures, ELEVATION)  # what is shown is planned
+    monkeypatch.setattr(ShotSummary, "of", lambda shot: pytest.fail("planned"))
+    dragged(pictures, setting(30, "camera", "elevation"), setting(6, "flows", 0, "vortex", "strength"))
+    dragged(pictures, setting([0.6, 2, 0.6], "subjects", "block", "size"), setting("glaze", "look"))
 
 
 def test_a_drag_that_follows_another_need_not_wait_for_the_simulation(follower: Follower) -> None:

@@ -234,11 +234,10 @@ def _with_text(request: RenderRequest, text: str) -> RenderRequest:
     What the request would plan is set here, for planning all frames of a long shot takes too long for a drag.
     """
     trial = replace(request, source=replace(request.source, text=text, inputs=None, cache=NO_CACHE))
-    shot = trial.shot
-    parts = [replace(trial, source=trial.source.of_subject(part.subject)) for part in shot.subjects]
-    overridden = {n: i for i, override in enumerate(shot.picture.overrides) for n in override.frames}
+    subjects = trial.shot.subjects
+    parts = [replace(trial, source=trial.source.of_subject(part.subject)) for part in subjects]
     for each in (trial, *parts):
-        vars(each).update(angles=request.angles, _overridden=overridden)
+        vars(each)["angles"] = request.angles
     vars(trial)["parts"] = tuple(parts) or (trial,)
     return trial
 

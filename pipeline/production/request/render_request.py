@@ -217,9 +217,14 @@ class RenderRequest:
         return self.shot.picture.shutter.open_at(self._time(number))
 
     def picture(self, number: int) -> Picture:
-        """Return what decides how a frame looks: the shot's picture, with its override if it has one."""
-        picture, override = self.shot.picture, self.summary.override_of(number)
-        return picture if override is None else picture.overridden(picture.overrides[override])
+        """Return what decides how a frame looks: the shot's picture, with its override if it has one.
+
+        It comes from the shot itself, for a summary takes the keys of all frames. A turntable has none.
+        """
+        picture = self.shot.picture
+        overrides = () if self.turntable else picture.overrides
+        override = next((each for each in overrides if number in each.frames), None)
+        return picture if override is None else picture.overridden(override)
 
     def quality_of(self, number: int) -> Quality:
         """Return the quality of a frame; size, crop and denoising are those of all frames."""
