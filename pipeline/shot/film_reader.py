@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, is_there, name_fault, s
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from pipeline.shot.yaml.validation import Checks, unforeseen, validated
 from render.base.plural import plural
+from render.scene.projection import Projection
 
 
 def read_film(path: str | Path, settings: Iterable[str] = (), text: str | None = None) -> Film:
@@ -36,6 +38,7 @@ def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
     rate, problems = read_rate(source)
     failed: list[FlowsculptError] = []
     entries: list[Clip | Card | None] = []
+    placed: list[tuple[Where, Shot]] = []
     written = source.get("shots")
     for index, entry in enumerate(written if isinstance(written, list) else []):
         if isinstance(entry, dict) and "card" in entry:
@@ -50,6 +53,7 @@ def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
         except (ShotError, MissingInputError) as error:
             failed.append(error)
             continue
+        placed.append((where, shot))
         if rate and shot.rate != rate:
             problems.append(
                 (
@@ -62,6 +66,7 @@ def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
             entries[-1] = _clip(shot, entry)
         except UsageError as error:
             problems.append((("shots", index, "frames"), str(error)))
+    problems += _mixed_projections(placed)
     title = Card(str(source.get("title") or ""), seconds=_title_seconds(source.get("title_seconds")))
     if rate:
         dissolves = list(_dissolves(entries, title.length(rate) if title.title else 0, rate))
@@ -169,6 +174,25 @@ def _dissolves(
                 f"{name} shows {plural(length, 'frame')}, and {both or entry.dissolve or after} are to "
                 "dissolve. Shorten that, or show more frames.",
             )
+
+
+def _mixed_projections(placed: Sequence[tuple[Where, Shot]]) -> Iterator[Problem]:
+    """Check that the shots of a film, each with its place, have the projection of the first."""
+    for where, shot in placed[1:]:
+        first, projection = placed[0][1], shot.picture.camera.projection
+        if projection != first.picture.camera.projection:
+            yield (
+                where,
+                f"{shot.name} has projection {_words(projection)}, and {first.name} "
+                f"{_words(first.picture.camera.projection)}; all shots of a film share one. Change one of "
+                "them, or make a film of each.",
+            )
+
+
+def _words(projection: Projection) -> str:
+    """Return a projection in words: `dome of 180°`."""
+    angle = f" of {math.degrees(projection.angle):.4g}°" if projection.kind == "dome" else ""
+    return projection.kind + angle
 
 
 def _missing_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:

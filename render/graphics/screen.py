@@ -14,7 +14,7 @@ from render.scene.projection import Projection, pixel_places
 
 Floats = NDArray[np.float32]
 
-ANGLE = math.radians(60.0)
+ANGLE = math.radians(75.0)
 """Horizontal angle of a screen: words that one reads in a headset without turning the head."""
 
 ASPECT = 16 / 9

@@ -123,6 +123,10 @@ PLAYBLAST = replace(REVIEW, options={**_X264, "preset": "superfast", "g": "12", 
 """For previews: encoded soon, and stepped through quickly."""
 
 
+NAME_ENDS = {"spherical": "_360", "vr180": "_180_LR"}
+"""Ends of the names of deliverables by projection: many players of headsets go by names."""
+
+
 MEANT = {
     "dnxhd": "prores4444",
     "exr": "ffv1",

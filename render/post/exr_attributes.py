@@ -23,7 +23,8 @@ class ExrAttributes:
 
     whole     width and height of the whole picture, the display window; None for that of the pixels
     corner    upper left pixel of the data window in it, where the file holds a crop
-    camera    gives `worldToCamera`, and `worldToNDC` if it is a perspective one; or None
+    camera    gives `worldToCamera`; a perspective one `worldToNDC`, and a spherical one `envmap` where the
+              file holds the whole picture; or None
     rate      frames per second, or None
     timecode  HH:MM:SS:FF, or empty
     """
@@ -49,6 +50,8 @@ class ExrAttributes:
             spec.attribute("worldToCamera", "matrix", tuple(world_to_camera(camera).ravel()))
             if not camera.projection.is_wide:
                 spec.attribute("worldToNDC", "matrix", tuple(world_to_ndc(camera, aspect).ravel()))
+            if camera.projection.kind == "spherical" and (width, height) == (spec.width, spec.height):
+                spec.attribute("textureformat", "LatLong Environment")  # OpenImageIO writes it as `envmap`
 
 
 def world_to_camera(camera: Camera) -> NDArray[np.float64]:

@@ -20,6 +20,7 @@ from render.base.errors import BadInputError, CorruptImageError, MissingImageErr
 from render.post.exr_attributes import ExrAttributes
 from render.post.layer_names import CRYPTO, channels_of
 from render.scene.aovs import AOVS, COMPUTED, RenderedFrame
+from render.scene.projection import PERSPECTIVE, Projection
 from render.scene.textures import last_message
 from render.scene.working_space import REC709, WORKING_SPACES
 
@@ -129,8 +130,16 @@ def write_png(path: Path, picture: Displayed, header: Header | None = None) -> N
     _write(path, "png", spec, np.ascontiguousarray(picture))
 
 
-def write_jpeg(path: Path, picture: NDArray[np.uint8], header: Header | None = None) -> None:
-    """Write display values (H, W, 3) of 8 bits, at high quality and 4:4:4. Raises MachineError."""
+def write_jpeg(
+    path: Path,
+    picture: NDArray[np.uint8],
+    header: Header | None = None,
+    projection: Projection = PERSPECTIVE,
+) -> None:
+    """Write display values (H, W, 3) of 8 bits, at high quality and 4:4:4. Raises MachineError.
+
+    A spherical picture has the XMP by which viewers show it as a panorama.
+    """
     if picture.ndim != 3 or picture.dtype != np.uint8:
         raise BadInputError(
             f"a JPEG cannot hold {picture.dtype} of shape {picture.shape}; quantise it to 8 bits"
@@ -141,7 +150,24 @@ def write_jpeg(path: Path, picture: NDArray[np.uint8], header: Header | None = N
     spec.attribute("jpeg:subsampling", "4:4:4")
     spec.attribute("oiio:ColorSpace", "srgb_rec709_display")
     spec.attribute("ImageDescription", json.dumps(dict(header or {}), sort_keys=True))
+    if projection.kind == "spherical":
+        for name, value in _panorama(width, height).items():
+            spec.attribute(f"GPano:{name}", value)
     _write(path, "jpeg", spec, np.ascontiguousarray(picture))
+
+
+def _panorama(width: int, height: int) -> dict[str, str | int]:
+    """Return the properties of Google's Photo Sphere XMP for a picture of a whole sphere."""
+    return {
+        "ProjectionType": "equirectangular",
+        "UsePanoramaViewer": "True",
+        "FullPanoWidthPixels": width,
+        "FullPanoHeightPixels": height,
+        "CroppedAreaImageWidthPixels": width,
+        "CroppedAreaImageHeightPixels": height,
+        "CroppedAreaLeftPixels": 0,
+        "CroppedAreaTopPixels": 0,
+    }
 
 
 def jpeg_bytes(picture: NDArray[np.uint8]) -> bytes:
@@ -230,6 +256,7 @@ def _write(path: Path, kind: str, spec: Any, pixels: NDArray[Any]) -> None:
         reason = "" if written else last_message(output)
         if not (output.close() and written):
             raise cannot_write(path, temporary, reason or last_message(output))
+        del output  # an environment map is written to its end only when its writer goes
         _check_whole(temporary, path)
 
 

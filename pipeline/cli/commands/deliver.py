@@ -95,6 +95,9 @@ def deliver(
     `flowsculpt deliver A010_cube -q final --relit key1.4` encodes what `relight` made, and relights frames
     that it did not.
 
+    Movies of spherical and VR180 shots have tags by which YouTube, VLC and players of headsets show them
+    around the viewer, and names that end with _360 or _180_LR, which many players go by.
+
     review: H.264 of intra frames, to step through · h264, h265: 10 bits · prores4444: with the subject's
     alpha · av1: for the web · ffv1: lossless, for the archive · webp: for pages.
     """

@@ -217,8 +217,8 @@ def stills(
     `flowsculpt stills A010_cube -f 40` writes one frame to renders/A010_cube/draft/png; with `-q final` it
     has 1920 × 1080 pixels. The command says what rendering so large a frame takes before it begins.
 
-    Stills have the shot's exposure and view transform. Frames in linear EXR, with all AOVs, lie in
-    renders/SHOT/QUALITY/frames and raw.
+    Stills have the shot's exposure and view transform; JPEG of a spherical shot opens as a panorama. Frames
+    in linear EXR, with all AOVs, lie in renders/SHOT/QUALITY/frames and raw.
     """
     project, quality = options.project(common), options.quality(quality)
     announced: set[str] = set()

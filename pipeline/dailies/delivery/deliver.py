@@ -18,6 +18,7 @@ from pipeline.production.store.store import Key, Store, key_of
 from render.base.atomic_write import disk_errors
 from render.graphics.burn_in import BurnIn
 from render.graphics.cards import Slate
+from render.graphics.screen import Screen
 from render.movie.codecs import Encode
 from render.movie.encode import write_movie
 from render.movie.planes import Frame
@@ -147,7 +148,8 @@ class Delivery:
         frames = self._slates(encode, form) if part == "slate" else self._frames(encode, form)
         first = source.start - (self._slate_frames if part == "slate" else self._leader)
         sound = self._sound() if part == "frames" and encode.container.audio_codec else None
-        write_movie(path, _counted(prefetch(frames), passed), rate, encode, timecode(first, rate), sound)
+        code, counted = timecode(first, rate), _counted(prefetch(frames), passed)
+        write_movie(path, counted, rate, encode, code, sound, source.projection)
 
     def _frames(self, encode: Encode, form: FrameFormat) -> Iterator[Frame]:
         if self._leader:
@@ -168,7 +170,8 @@ class Delivery:
         source = self.source
         poster = source.poster(replace(form, has_coverage=False))[0].astype(np.float32) / np.float32(65535)
         facts = (*source.facts, ("made as", encode.name))
-        drawn = Slate(source.title, source.subtitle, facts, poster).draw(source.size)
+        screen = Screen(source.projection, source.size)
+        drawn = screen.show(Slate(source.title, source.subtitle, facts, poster).draw(screen.size))
         frame = opaque(quantise(drawn, bits=16), form)
         for _ in range(self._slate_frames):
             yield frame

@@ -30,9 +30,12 @@ from pipeline.production.versions.provenance import Provenance, records
 from render.base.plural import plural
 from render.base.serialise import to_plain
 from render.graphics.cards import failure_card
+from render.graphics.screen import Screen
+from render.movie.codecs import NAME_ENDS
 from render.movie.planes import Frame
 from render.movie.sequences import FILM_START, dissolve, mix_frames
 from render.post.colour import quantise, to_display
+from render.scene.projection import Projection
 
 LabelledFrame = tuple[Frame, Mapping[str, str | int]]
 """A display frame, and the values that can be burnt in."""
@@ -101,7 +104,8 @@ class FrameReader:
         """
         if not self.is_finished(number):
             heading = f"{self.request.name}  frame {number} failed"
-            card = failure_card(self.request.quality.rendered_size, heading, self.reason(number))
+            screen = Screen(self.request.projection, self.request.quality.rendered_size)
+            card = screen.show(failure_card(screen.size, heading, self.reason(number)))
             return opaque(quantise(card, bits=16), form), self._labels(number, "")
         return self._picture(number, form), self._labels(number, self._key(number))
 
@@ -160,6 +164,7 @@ class DeliverySource:
 
     name          of the files
     folder        of the files, relative to the root
+    projection    of the frames
     start         the frame number that gives the first timecode
     count         the number of frames
     facts         names and values for the slate
@@ -177,6 +182,7 @@ class DeliverySource:
     folder: Path
     rate: FrameRate
     size: tuple[int, int]
+    projection: Projection
     start: int
     count: int
     facts: tuple[tuple[str, str], ...]
@@ -202,12 +208,13 @@ def shot_source(
     rate = FrameRate.of(request.source.summary.rate)
     key = str(reader.keys[numbers[0]].frame)[:10] if reader.keys else ""
     return DeliverySource(
-        name=".".join(filter(None, (request.folders.name, relit, str(frames)))),
+        name=_name(request, request.folders.name, relit, str(frames)),
         title=request.name,
         subtitle=request.shot.title,
         folder=request.folders.home / request.quality_name / "deliver",
         rate=rate,
         size=request.quality.rendered_size,
+        projection=request.projection,
         start=numbers[0],
         count=len(numbers),
         facts=(("version", reader.version), *_facts(request, str(frames), len(numbers), rate), ("key", key)),
@@ -236,7 +243,7 @@ def film_source(
     lost = _lost(numbered)
     finished = [(reader, n) for reader, n in numbered if reader.is_finished(n)]
     quality_name, rate = requests[0].quality_name, edit.frame_rate
-    size = requests[0].quality.rendered_size
+    screen = Screen(requests[0].projection, requests[0].quality.rendered_size)
     opening = edit.items[0]
 
     def frames(form: FrameFormat) -> Iterator[LabelledFrame]:
@@ -246,17 +253,18 @@ def film_source(
         def card(frame: Frame) -> LabelledFrame:
             return opaque(frame, form), {"quality": quality_name, "shot": edit.name}
 
-        return dissolve(list(cut_together(edit, size, clip, card)), _mix)
+        return dissolve(list(cut_together(edit, screen, clip, card)), _mix)
 
     poster, number = finished[len(finished) // 2]
     shots = dict.fromkeys(f"{reader.request.name} {reader.version}" for reader in readers)
     return DeliverySource(
-        name=".".join(filter(None, (edit.name, relit))),
+        name=_name(requests[0], edit.name, relit),
         title=opening.title or edit.name,
         subtitle=opening.subtitle,
         folder=paths.film(quality_name, edit.name).parent / "deliver",
         rate=rate,
-        size=size,
+        size=screen.picture,
+        projection=screen.projection,
         start=FILM_START * ceil(rate.fps),
         count=edit.length,
         facts=(("shots", ", ".join(shots)), *_facts(requests[0], f"{edit.length}", edit.length, rate)),
@@ -267,6 +275,11 @@ def film_source(
         frames=frames,
         poster=lambda form: poster.read(number, form),
     )
+
+
+def _name(request: RenderRequest, *parts: str | None) -> str:
+    """Return the name of a deliverable's files, with an end by which players know its projection."""
+    return ".".join(filter(None, parts)) + NAME_ENDS.get(request.projection.kind, "")
 
 
 def _mix(before: LabelledFrame, after: LabelledFrame, weight: float) -> LabelledFrame:

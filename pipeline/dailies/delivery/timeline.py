@@ -20,7 +20,7 @@ from pipeline.frames import FrameRange
 from pipeline.production.request.edit import Edit, EditItem
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Store
-from render.movie.codecs import ENCODES, Encode
+from render.movie.codecs import ENCODES, NAME_ENDS, Encode
 from render.movie.sequences import FILM_START
 
 MEDIA = ("frames", *(name for name, encode in ENCODES.items() if encode.has_timecode))
@@ -145,7 +145,8 @@ class Timeline:
 
 def _delivered(request: RenderRequest, encode: Encode) -> Path:
     """Return the path that `flowsculpt deliver` writes a whole shot to."""
-    name = encode.file_name(f"{request.folders.name}.{FrameRange.of(request.angles)}")
+    end = NAME_ENDS.get(request.projection.kind, "")
+    name = encode.file_name(f"{request.folders.name}.{FrameRange.of(request.angles)}{end}")
     return request.folders.home / request.quality_name / "deliver" / name
 
 

@@ -181,7 +181,8 @@ def write_playblast(
 
     start = timecode(numbers[0], rate)
     sound = samples_of(request.sounds, len(numbers), request.shot.rate)
-    store.write(path, lambda draft: write_movie(draft, told(), rate, PLAYBLAST, start, sound))
+    projection = request.projection
+    store.write(path, lambda draft: write_movie(draft, told(), rate, PLAYBLAST, start, sound, projection))
     return len(numbers)
 
 

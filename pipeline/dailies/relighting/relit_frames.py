@@ -129,7 +129,10 @@ class RelitFrames:
         key = key_of(RELIGHT.recipe, request.movie_key([self.key(n) for n in self.numbers]))
         if not self.store.bring("movie", key):
             frames, encode = prefetch(self._shown(passed)), movie_encode(bits)
-            self.store.put("movie", key, lambda path: write_movie(path, frames, rate.fps, encode))
+            projection = request.projection
+            self.store.put(
+                "movie", key, lambda path: write_movie(path, frames, rate.fps, encode, projection=projection)
+            )
         self.store.link("movie", key, self.movie_path)
 
     def _shown(self, passed: Callable[[], None]) -> Iterator[Frame]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.dailies.review.sequences import PictureSequence
+from pipeline.production.request.picture_header import projection_of
 from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.paths import SUFFIXES
 from pipeline.production.store.store import Store, key_of
@@ -78,10 +79,13 @@ class ProxyWriter:
 
         def write(path: Path) -> None:
             self.store.digests.check(picture.path)
-            light = read_exr(picture.path)[0]["beauty"]
-            pixels = quantise(to_display(light, display.exposure, "srgb", display.view))
+            layers, finished = read_exr(picture.path)
+            pixels = quantise(to_display(layers["beauty"], display.exposure, "srgb", display.view))
             header = {"shot": sequence.shot, "frame": number, "key": key}
-            (write_jpeg if self.form == "jpeg" else write_png)(path, pixels, header)
+            if self.form == "jpeg":
+                write_jpeg(path, pixels, header, projection_of(finished))
+            else:
+                write_png(path, pixels, header)
 
         try:
             self.store.put(self.form, key, write)

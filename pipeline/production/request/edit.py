@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -124,18 +124,24 @@ class ResolvedEdit:
     """An edit with its shots looked up.
 
     clips  for each clip the path of its shot file and the frames that it shows
-    shots  for each clip the frames, the rate and the sounds of its shot: all that an edit needs of it
+    shots  for each clip the frames, the rate, the sounds and the projection of its shot: all that an edit
+           needs of it
     """
 
     edit: Edit
     clips: tuple[tuple[Path, tuple[int, ...]], ...]
-    shots: tuple[tuple[tuple[int, ...], str, tuple[AudioTrack, ...]], ...]
+    shots: tuple[tuple[tuple[int, ...], str, tuple[AudioTrack, ...], tuple[str, float]], ...]
 
     @classmethod
     def of(cls, film: Film, name: str) -> ResolvedEdit:
         clips = [(clip.shot.path, clip.frames.numbers) for clip in film.clips]
         shots = [
-            (shot.frames.numbers, str(shot.rate), tuple(map(AudioTrack.of, shot.sounds)))
+            (
+                shot.frames.numbers,
+                str(shot.rate),
+                tuple(map(AudioTrack.of, shot.sounds)),
+                astuple(shot.picture.camera.projection),
+            )
             for shot in film.shots
         ]
         absolute = tuple((path.absolute(), frames) for path, frames in clips if path is not None)
@@ -145,7 +151,7 @@ class ResolvedEdit:
         """Tell whether shots and sound are as they were. Raises what reading a shot raises."""
         summaries = (summary_of(path) for path, _ in self.clips)
         same = all(
-            (summary.frames, summary.rate, summary.sounds) == shot
+            (summary.frames, summary.rate, summary.sounds, summary.projection) == shot
             for summary, shot in zip(summaries, self.shots, strict=True)
         )
         return same and (self.edit.audio is None or self.edit.audio.is_unchanged)

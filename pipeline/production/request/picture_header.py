@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.production.request.keys import FrameKeys
 from pipeline.production.stages import FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS
-from render.base.serialise import to_plain
+from render.base.serialise import from_plain, to_plain
+from render.scene.projection import PERSPECTIVE, Projection
 
 if TYPE_CHECKING:
     from pipeline.production.render_inputs.framing import Framing
@@ -58,6 +60,12 @@ def picture_header(request: RenderRequest, number: int) -> dict[str, Any]:
         **(resampling.settings() if resampling else {"resample": "off"}),
         **(several if request.shot.subjects else {}),
     }
+
+
+def projection_of(header: Mapping[str, Any]) -> Projection:
+    """Return the projection of a picture by its header."""
+    wide = header.get("camera", {}).get("wide")
+    return from_plain(Projection, wide) if wide else PERSPECTIVE
 
 
 def _subject_header(part: RenderRequest, number: int) -> dict[str, Any]:

@@ -208,9 +208,9 @@ class RenderRequest:
     @property
     def projection(self) -> Projection:
         """The projection of its pictures: the shot's, but a turntable is always seen in perspective."""
-        from render.scene.projection import PERSPECTIVE
+        from render.scene.projection import PERSPECTIVE, Projection  # numpy, which planning does without
 
-        return PERSPECTIVE if self.turntable else self.shot.picture.camera.projection
+        return PERSPECTIVE if self.turntable else Projection(*self.source.summary.projection)
 
     def open_at(self, number: int) -> tuple[float, float] | None:
         """Return when the shutter opens and closes, in frames from the picture; None without motion blur."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,6 +39,7 @@ class ShotSummary:
     sounds           what is heard while it plays
     meshes, normals  keys by frame; of several subjects, digests of the keys of each
     subjects         the names of its subjects, if it has several
+    projection       of its camera: kind and angle, as `Projection` has them
     """
 
     inputs: InputDigests
@@ -50,6 +52,7 @@ class ShotSummary:
     meshes: Mapping[int, Key]
     normals: Mapping[int, Key]
     subjects: tuple[str, ...] = ()
+    projection: tuple[str, float] = ("perspective", math.pi)
 
     @classmethod
     def of(cls, shot: Shot) -> ShotSummary:
@@ -68,6 +71,7 @@ class ShotSummary:
             meshes=meshes,
             normals=normals_keys(shot, meshes),
             subjects=tuple(part.subject for part in shot.subjects),
+            projection=astuple(shot.picture.camera.projection),
         )
 
     @property

@@ -14,10 +14,12 @@ from pipeline.production.request.audio import AudioClip, samples_of
 from pipeline.production.request.crop_and_scale import movie_bits
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.picture_header import projection_of
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Key
 from pipeline.production.tasks.job import Context
 from render.graphics.cards import TitleCard, title_frames
+from render.graphics.screen import Screen
 from render.movie.codecs import movie_encode
 from render.movie.encode import write_movie
 from render.movie.planes import Frame
@@ -49,8 +51,8 @@ def film(context: Context) -> bool:
     def shown(clip: int) -> Iterator[Frame]:
         return _shown(context, requests[clip], keys[clip], list(requests[clip].requested))
 
-    size = first.quality.width, first.quality.height
-    frames = dissolve(list(cut_together(edit, size, shown, lambda frame: frame)), mix_frames)
+    screen = Screen(first.projection, (first.quality.width, first.quality.height))
+    frames = dissolve(list(cut_together(edit, screen, shown, lambda frame: frame)), mix_frames)
     target = edit.path(first.quality_name)
     return _movie(context, edit.key(requests, keys), target, frames, rate, (edit.sounds, edit.length))
 
@@ -66,9 +68,11 @@ def _movie(
     """Write a movie with its sounds, which come with the number of its frames."""
     reported = _reported(context, prefetch(frames))
     encode = movie_encode(movie_bits(context.request.quality_name))
+    projection = context.request.projection
 
     def write(path: Path) -> None:
-        write_movie(path, reported, rate.fps, encode, sound=samples_of(*sounds, rate))
+        sound = samples_of(*sounds, rate)
+        write_movie(path, reported, rate.fps, encode, sound=sound, projection=projection)
 
     try:
         context.make("movie", key, target, write)
@@ -88,24 +92,24 @@ def _reported(context: Context, frames: Iterator[Frame]) -> Iterator[Frame]:
 
 
 def cut_together(
-    edit: Edit, size: tuple[int, int], shown: Callable[[int], Iterator[T]], card: Callable[[Frame], T]
+    edit: Edit, screen: Screen, shown: Callable[[int], Iterator[T]], card: Callable[[Frame], T]
 ) -> Iterator[ClipFrames[T]]:
     """Yield the clips of a film for `render.movie.sequences.dissolve`.
 
-    size   width and height of cards
-    shown  the frames of the film's request in a place
-    card   a card's frame as one of these
+    screen  where cards stand in the pictures
+    shown   the frames of the film's request in a place
+    card    a card's frame as one of these
     """
     for item in edit.items:
         words = TitleCard(item.title, item.subtitle)
-        frames = map(card, _card(words, size, item.frames)) if item.clip is None else shown(item.clip)
+        frames = map(card, _card(words, screen, item.frames)) if item.clip is None else shown(item.clip)
         yield item.frames, item.dissolve, frames
 
 
-def _card(card: TitleCard, size: tuple[int, int], count: int) -> Iterator[Frame]:
+def _card(card: TitleCard, screen: Screen, count: int) -> Iterator[Frame]:
     """Yield a card's frames; the words take a quarter of its time to come, and another to go."""
-    for picture in title_frames(card, size, count, fade=count // 4):
-        yield quantise(picture, bits=16)
+    for drawn in title_frames(card, screen.size, count, fade=count // 4):
+        yield quantise(screen.show(drawn), bits=16)
 
 
 def _shown(
@@ -134,9 +138,11 @@ def _stills(form: str, bits: int, write_still: Callable[..., None], context: Con
         key = request.still_key(form, keys[number].frame)
 
         def write(path: Path) -> None:
-            layers, _ = context.read_picture(request, "frame", number, keys[number].frame)
+            layers, finished = context.read_picture(request, "frame", number, keys[number].frame)
             shown = to_display(layers["beauty"], picture.lights.exposure, "srgb", picture.view)
-            write_still(path, quantise(shown, bits), {"shot": request.name, "frame": number, "key": key})
+            header = {"shot": request.name, "frame": number, "key": key}
+            tag = {"projection": projection_of(finished)} if form == "jpeg" else {}
+            write_still(path, quantise(shown, bits), header, **tag)
 
         return context.make(form, key, request.place(form, number), write)
 

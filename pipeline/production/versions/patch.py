@@ -112,7 +112,8 @@ class Patch(Release):
 
         def write(path: Path) -> None:
             sound = samples_of(request.whole().sounds, count, rate)
-            write_movie(path, self._shown(), rate.fps, encode, sound=sound)
+            projection = request.projection
+            write_movie(path, self._shown(), rate.fps, encode, sound=sound, projection=projection)
 
         self.store.put("movie", key, write)
         return super()._whole_movie(key)
