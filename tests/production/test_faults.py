@@ -22,6 +22,8 @@ from tests.conftest import QUALITY
 
 NAME = "T010_tiny"
 KILLS = 50
+SIZE = ["-q", QUALITY]
+WORDS = (["simulate", NAME], ["film", *SIZE], ["stills", NAME, *SIZE], ["publish", NAME, *SIZE])
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks at processes as Linux has them")
 
@@ -119,7 +121,7 @@ def test_a_full_disk_is_told_in_one_line_and_once_there_is_room_the_run_goes_on(
 
 @pytest.mark.soak
 @pytest.mark.parametrize("left", [0, 24_576, 80_000, 300_000, 1_500_000])
-@pytest.mark.parametrize("words", [["simulate", NAME], ["film"], ["stills", NAME], ["publish", NAME]])
+@pytest.mark.parametrize("words", WORDS)
 def test_wherever_a_run_fills_the_disk_one_line_says_so(
     words: list[str], left: int, finished: Any, small_disk: Path
 ) -> None:
@@ -154,7 +156,8 @@ def test_a_show_in_a_folder_whose_name_has_a_line_break_is_rendered(
 ) -> None:
     project = finished_project.copy(tmp_path / "two\nlines\tand a tab")
     forget_pictures(project)
-    for words in (["film"], ["review", NAME], ["deliver", NAME, "--as", "review"], ["verify"], ["status"]):
+    deliver = ["deliver", NAME, *SIZE, "--as", "review"]
+    for words in (["film", *SIZE], ["review", NAME], deliver, ["verify"], ["status"]):
         done = project.run(*words)
         assert done.code == 0, done.err
     assert same_pixels(project, finished_project)
