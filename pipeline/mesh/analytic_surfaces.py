@@ -205,13 +205,18 @@ class RepeatedSurface(AnalyticSurface):
         """Return the offsets (N, 3) of the copies whose middles are nearest to points."""
         if len(self.offsets) == 1:
             return self.offsets
-        nearest, least = np.zeros(len(points), np.int64), np.full(len(points), np.inf)
-        for number, middle in enumerate(self.middles):
-            away = points - middle
-            squares = np.einsum("ij,ij->i", away, away)
-            nearest[squares < least] = number
-            np.minimum(least, squares, out=least)
-        return np.asarray(self.offsets[nearest])
+        return np.asarray(self.offsets[nearest_middles(points, self.middles)])
+
+
+def nearest_middles(points: Points, middles: Points) -> AnyArray:
+    """Return for each point (V, 3) the index (V,) of the nearest of the middles (N, 3)."""
+    nearest, least = np.zeros(len(points), np.int64), np.full(len(points), np.inf)
+    for number, middle in enumerate(middles):
+        away = points - middle
+        squares = np.einsum("ij,ij->i", away, away)
+        nearest[squares < least] = number
+        np.minimum(least, squares, out=least)
+    return nearest
 
 
 def _is_within(points: Points, distance: float) -> AnyArray:

@@ -9,13 +9,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pipeline.arrays import Points
+from pipeline.arrays import AnyArray, Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Flow
 from pipeline.flow.flow_map import checked_cache_data
 from pipeline.flow.parameters import ORIGIN, Number, Vector
 from pipeline.frames import FrameRange, FrameRate
-from pipeline.mesh.analytic_surfaces import AnalyticSurface, RepeatedSurface
+from pipeline.mesh.analytic_surfaces import AnalyticSurface, RepeatedSurface, nearest_middles
 from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample import Curvature, DistanceToCamera, Thresholds
@@ -216,6 +216,13 @@ class Motion:
         if surface is None or self._is_at_origin:
             return surface
         return RepeatedSurface(surface, *self._standing)
+
+    def copy_indices(self, rest: Points) -> AnyArray:
+        """Return the index (V,) of the copy that vertices belong to, by their rest positions (V, 3).
+
+        The spheres around copies do not touch, and a copy at rest lies in its own.
+        """
+        return nearest_middles(rest, self._standing[0])
 
     @property
     def _is_at_origin(self) -> bool:

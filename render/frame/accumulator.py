@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
+from render.frame.copy_counts import CopyCounts
 from render.frame.fireflies import FireflyFilter, find_fireflies, kept_fractions
 from render.frame.tiles import Picture, PixelNumbers, TileMask, Tiles, noise_of_tiles, with_neighbours
 from render.scene.aovs import COVERAGE, DENOISER, Pixels
@@ -77,11 +78,13 @@ class Accumulator:
     quality  of the frame
     aovs     names of AOVs beyond those of all frames
     groups   names of light groups
+    copies   the copies of subjects that pixels show; None where they are not told apart
     """
 
     quality: Quality
     aovs: Collection[str]
     groups: Sequence[str] = ()
+    copies: CopyCounts | None = None
     _planes: dict[str, Plane] = field(default_factory=dict)
     _active: TileMask | None = None
     _tiles: Tiles = field(init=False)
@@ -105,6 +108,11 @@ class Accumulator:
         self._plane(name, rows.shape[1]).add(rows * samples, samples, pixels)
         if name == "beauty" and self.quality.noise_threshold is not None:
             self._plane("round", 1).add(rows[:, LUMINANCE, None] * samples, samples, pixels)
+
+    def add_copies(self, seen: NDArray[np.int32], pixels: PixelNumbers | None = None) -> None:
+        """Add the copies (pixels, samples) that the samples of a beauty batch see, as of `CopyTracer`."""
+        self.copies = self.copies or CopyCounts()
+        self.copies.add(seen, pixels)
 
     def end_round(self, by_tile: bool) -> None:
         """Compare the samples since the last call, of which each motion sample has had equally many, with
@@ -173,6 +181,8 @@ class Accumulator:
             arrays |= {"alpha": alpha, **covered}
             if len(planes) > len(objects):
                 arrays["shadow"] = covered[f"{COVERAGE}stage"] * _shadow(*planes[len(objects) :])
+        if self.copies is not None:
+            arrays |= self.copies.layers(samples)
         followed = {name: means[name] for name in DENOISER if name in means}
         if any(not np.array_equal(means[name.removeprefix("denoise_")], followed[name]) for name in followed):
             arrays |= followed
@@ -273,13 +283,15 @@ class Accumulator:
         """Return everything, for a checkpoint."""
         sums = {f"sums:{name}": plane.sums for name, plane in self._planes.items()}
         counts = {f"counts:{name}": plane.counts for name, plane in self._planes.items()}
-        return {**sums, **counts, **({} if self._active is None else {"active": self._active})}
+        active = {} if self._active is None else {"active": self._active}
+        return {**sums, **counts, **active, **({} if self.copies is None else self.copies.state())}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Continue from what `state` returned."""
         names = [key.removeprefix("sums:") for key in state if key.startswith("sums:")]
         self._planes = {name: Plane(state[f"sums:{name}"], state[f"counts:{name}"]) for name in names}
         self._active = state.get("active")
+        self.copies = CopyCounts.restored(state)
 
 
 def _of_frame(noise: Picture) -> float:

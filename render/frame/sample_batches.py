@@ -15,7 +15,7 @@ from render.frame.accumulator import Accumulator
 from render.frame.batch_schedule import SampleBatch, chosen_pixels, seed_of
 from render.frame.checkpoint import Checkpoint
 from render.frame.tiles import Picture
-from render.mitsuba.scene import FrameScenes, SceneRenderer
+from render.mitsuba.scene import FrameScenes
 from render.scene.quality import Quality
 from render.scene.scene import MotionSample
 
@@ -92,7 +92,7 @@ class SampleBatches:
         """Render the next of `remaining`."""
         seed = seed_of(self._seed, self._done, _SEED_WORDS[batch.kind])
         if batch.kind == "beauty":
-            self._render_beauty(batch, scenes.beauty, seed)
+            self._render_beauty(batch, scenes, seed)
         else:
             self._render_features(batch, scenes.features, seed)
         self._done += 1
@@ -104,10 +104,11 @@ class SampleBatches:
     def _state(self) -> Mapping[str, NDArray[Any]]:
         return {"done": np.array(self._done), **self.accumulator.state()}
 
-    def _render_beauty(self, batch: SampleBatch, beauty: SceneRenderer, seed: int) -> None:
+    def _render_beauty(self, batch: SampleBatch, scenes: FrameScenes, seed: int) -> None:
         """Render with our path tracer, whose batches continue one sequence, or with Mitsuba's integrator."""
+        beauty = scenes.beauty
         if beauty.path_tracer is not None:
-            self._trace_beauty(batch, beauty.path_tracer)
+            self._trace_beauty(batch, beauty.path_tracer, scenes.copies)
         else:
             picture = _with_moments(beauty.render(batch.samples, seed))
             groups = beauty.render_groups(batch.samples, seed, picture[..., :3])
@@ -116,8 +117,11 @@ class SampleBatches:
         if batch.ends_round:
             self.accumulator.end_round(by_tile=beauty.path_tracer is not None)
 
-    def _trace_beauty(self, batch: SampleBatch, tracer: Any) -> None:
-        """Render the pixels that are still noisy and choose this motion sample."""
+    def _trace_beauty(self, batch: SampleBatch, tracer: Any, copies: Any) -> None:
+        """Render the pixels that are still noisy and choose this motion sample.
+
+        copies  a `CopyTracer`, or None where copies are not told apart
+        """
         pixels = chosen_pixels(self._quality, batch, self._seed, self.accumulator.active_pixels)
         if pixels is not None and not len(pixels):
             return
@@ -126,6 +130,8 @@ class SampleBatches:
         light = picture.shape[-1] - tracer.coverage_channels
         self.accumulator.add("beauty", picture[..., :light], batch.samples, pixels)
         self.accumulator.add("coverage", picture[..., light:], batch.samples, pixels)
+        if copies is not None:
+            self.accumulator.add_copies(copies.render(batch.samples, batch.first, seed, pixels), pixels)
 
     def _render_features(self, batch: SampleBatch, tracer: Any, seed: int) -> None:
         """Render with the rays of the path tracer, or with Mitsuba's integrator."""

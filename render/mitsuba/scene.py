@@ -17,7 +17,7 @@ from render.mitsuba.sensor import sensor
 from render.mitsuba.shapes import auxiliary_stage_shapes, gouraud_shapes, mesh, stage_shapes
 from render.mitsuba.texture_coordinates import SUBJECT, texture_coordinates
 from render.mitsuba.tracers import path_tracer, scene_integrator
-from render.scene.aovs import VERTEX_AOVS
+from render.scene.aovs import COPY, VERTEX_AOVS
 from render.scene.lights import LightRig
 from render.scene.materials import PatternedMaterial
 from render.scene.quality import Quality
@@ -65,10 +65,12 @@ class FrameScenes:
     beauty    light; Mitsuba's integrators, which follow it where there is no path tracer, add its moments
     features  the tracer of auxiliary features: `render.integrator.feature_tracer.FeatureTracer` or
               `MitsubaFeatures`
+    copies    a `render.integrator.copy_tracer.CopyTracer`, or None where copies are not told apart
     """
 
     beauty: SceneRenderer
     features: Any
+    copies: Any = None
 
 
 def build_scene(
@@ -140,7 +142,8 @@ def _lit(
         groups = _group_renderers(unlit, path, lights, to_scene)
     beauty = SceneRenderer(lit, integrator, tracer, tuple(groups))
     if has_feature_tracer():
-        return FrameScenes(beauty, _feature_tracer(scene, lit, path, _vertex_aovs(scene, aovs)))
+        features = _feature_tracer(scene, lit, path, _vertex_aovs(scene, aovs))
+        return FrameScenes(beauty, features, tracer and _copy_tracer(scene, lit, path))
     replaced = {**auxiliary_stage_shapes(scene.stage, placement, camera, size), **opaque}
     in_view = emitters.any_in_view(lights, to_scene, camera, size)
     # Softboxes are hidden from the lens in the beauty, but Mitsuba's AOVs would show them.
@@ -203,6 +206,21 @@ def _feature_tracer(scene: Scene, lit: Any, path: dict[str, Any], attributes: tu
     clear = {s.shape_name: s.material.auxiliary_colour for s in scene.subjects if s.material.is_clear}
     hides, follows = path["hide_emitters"], path["type"] == "path"
     return FeatureTracer(lit, load_part(path), hides, clear, attributes, follows, names, wires)
+
+
+def _copy_tracer(scene: Scene, lit: Any, path: dict[str, Any]) -> Any:
+    """Return the tracer of copies, or None where no subject has vertices that tell them apart."""
+    names = {subject.shape_name for subject in scene.subjects if COPY in surface_of(subject).attributes}
+    if not names:
+        return None
+    import drjit as dr
+    import mitsuba as mi
+
+    from render.integrator.copy_tracer import CopyTracer  # needs Mitsuba's variant
+
+    shapes = [mi.ShapePtr(shape) for shape in lit.shapes() if shape.id() in names]
+    dr.make_opaque(shapes)
+    return CopyTracer(lit, load_part(path), path["hide_emitters"], shapes)
 
 
 def _drawn(scene: Scene, size: tuple[int, int], quality: Quality, aovs: Collection[str]) -> FrameScenes:

@@ -8,14 +8,21 @@ of its greater part, taken from the pixels beside it that show nothing else.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from render.post.cryptomatte import MATERIAL, OBJECT, cryptomatte_header, cryptomatte_layers
+from render.post.cryptomatte import (
+    ASSET,
+    MATERIAL,
+    OBJECT,
+    RankedCoverage,
+    cryptomatte_header,
+    cryptomatte_layers,
+)
 from render.post.layer_names import cryptomatte_label
-from render.scene.aovs import COVERAGE, Pixels, RenderedFrame
+from render.scene.aovs import COPIES, COVERAGE, Pixels, RenderedFrame
 from render.scene.camera import Camera
 from render.scene.projection import pixel_places
 from render.scene.stage import Stage, StagePlacement
@@ -45,6 +52,7 @@ class LayerInputs:
     size       width and height of the whole picture, pixels
     stage      around the subject
     materials  names of materials by object, where the names differ
+    copies     the number of copies by object, of objects of which there are several
     """
 
     view: Viewpoint
@@ -53,6 +61,7 @@ class LayerInputs:
     size: tuple[int, int]
     stage: Stage
     materials: Mapping[str, str]
+    copies: Mapping[str, int] = field(default_factory=dict)
 
 
 def compositing_layers(raw: RenderedFrame, inputs: LayerInputs) -> dict[str, Pixels]:
@@ -76,7 +85,6 @@ def compositing_layers(raw: RenderedFrame, inputs: LayerInputs) -> dict[str, Pix
         pixels = _pixels_between(inputs, position, moved, then.camera, eyes)
         return np.where(covered[..., None], pixels, 0.0)
 
-    coverage = object_coverage(raw, inputs.stage)
     return {
         "beauty": raw["beauty"],
         "alpha": alpha,
@@ -87,20 +95,42 @@ def compositing_layers(raw: RenderedFrame, inputs: LayerInputs) -> dict[str, Pix
         "matte": matte,
         "motion": motion(after, inputs.after).astype(np.float32),
         "backward_motion": motion(before, inputs.before).astype(np.float32),
-        **cryptomatte_layers(OBJECT, coverage),
-        **cryptomatte_layers(MATERIAL, by_material(coverage, inputs.materials)),
+        **{
+            name: layer
+            for crypto, (planes, copies) in _mattes(raw, inputs).items()
+            for name, layer in cryptomatte_layers(crypto, planes, copies).items()
+        },
     }
 
 
 def mattes_header(raw: RenderedFrame, inputs: LayerInputs, convention: str) -> dict[str, str]:
     """Return the header's entries for the mattes of `compositing_layers`, with a convention's names."""
-    coverage = object_coverage(raw, inputs.stage)
-    names = {OBJECT: coverage, MATERIAL: by_material(coverage, inputs.materials)}
     entries = [
-        cryptomatte_header(cryptomatte_label(crypto, convention), list(planes))
-        for crypto, planes in names.items()
+        cryptomatte_header(
+            cryptomatte_label(crypto, convention), [*planes, *(copies.names if copies else ())]
+        )
+        for crypto, (planes, copies) in _mattes(raw, inputs).items()
     ]
     return {name: text for each in entries for name, text in each.items()}
+
+
+def _mattes(
+    raw: RenderedFrame, inputs: LayerInputs
+) -> dict[str, tuple[Mapping[str, Pixels], RankedCoverage | None]]:
+    """Return what each set of mattes shows: coverage by name, and that by copies of subjects.
+
+    Where subjects have copies, each copy is an object, `pearls.1`, and all copies of one are an asset.
+    """
+    coverage = object_coverage(raw, inputs.stage)
+    material = by_material(coverage, inputs.materials), None
+    ranks = [raw[name] for name in sorted(raw.arrays) if name.startswith(COPIES)]
+    if not ranks or not inputs.copies:
+        return {OBJECT: (coverage, None), MATERIAL: material}
+    planes = np.moveaxis(np.concatenate(ranks, axis=2), 2, 0)
+    names = [f"{name}.{number + 1}" for name, count in inputs.copies.items() for number in range(count)]
+    single = {name: plane for name, plane in coverage.items() if name not in inputs.copies}
+    copies = RankedCoverage(names, planes[0::2], planes[1::2])
+    return {OBJECT: (single, copies), ASSET: (coverage, None), MATERIAL: material}
 
 
 def unmixed(values: Pixels, matte: Pixels, alpha: Pixels, has_stage: bool) -> NDArray[np.float64]:

@@ -9,18 +9,16 @@ and coverage in the four channels of a layer. The header has the names and their
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from render.scene.aovs import Pixels
+from render.scene.aovs import MOST_RANKS, Pixels
 
-OBJECT, MATERIAL = "CryptoObject", "CryptoMaterial"
-"""Names of the two sets of mattes."""
-
-MOST_RANKS = 6
-"""IDs of a pixel that are kept, as is usual: three layers."""
+OBJECT, ASSET, MATERIAL = "CryptoObject", "CryptoAsset", "CryptoMaterial"
+"""Names of the sets of mattes."""
 
 
 def murmur_hash(name: str) -> int:
@@ -50,23 +48,53 @@ def id_bits(name: str) -> int:
     return value ^ 1 << 23 if value >> 23 & 255 in (0, 255) else value
 
 
-def cryptomatte_layers(crypto: str, coverage: Mapping[str, Pixels]) -> dict[str, Pixels]:
+@dataclass(frozen=True, eq=False)
+class RankedCoverage:
+    """Coverage of pixels by objects of which there are too many for a plane each.
+
+    names    of all objects; object 1 is the first
+    numbers  (K, H, W) of the objects that a pixel shows; 0 for none
+    weights  (K, H, W): its coverage by each
+    """
+
+    names: Sequence[str]
+    numbers: Pixels
+    weights: Pixels
+
+
+def cryptomatte_layers(
+    crypto: str, coverage: Mapping[str, Pixels], more: RankedCoverage | None = None
+) -> dict[str, Pixels]:
     """Return the layers (H, W, 4) of a set of mattes by name: CryptoObject00, CryptoObject01, …
 
-    crypto    OBJECT or MATERIAL
+    crypto    OBJECT, ASSET or MATERIAL
     coverage  coverage (H, W) of the pixel by name; names without coverage take part, so that all frames of
               a shot have the same layers
+    more      further objects
     """
-    ids = np.array([id_bits(name) for name in coverage], dtype=np.uint32).view(np.float32)
-    planes = np.stack([np.asarray(plane, dtype=np.float32) for plane in coverage.values()])
-    order = np.argsort(-planes, axis=0, kind="stable")
-    count = -(-min(len(ids), MOST_RANKS) // 2)
-    ranked = np.zeros((2 * count, 2, *planes.shape[1:]), dtype=np.float32)
-    used = min(len(ids), 2 * count)
-    ranked[:used, 1] = np.take_along_axis(planes, order, axis=0)[:used]
-    ranked[:used, 0] = np.where(ranked[:used, 1] > 0.0, ids[order[:used]], np.float32(0.0))
-    layers = np.moveaxis(ranked.reshape(count, 4, *planes.shape[1:]), 1, -1)
+    names = [*coverage, *(more.names if more else ())]
+    floats = _floats(list(coverage))
+    planes = [np.asarray(plane, dtype=np.float32) for plane in coverage.values()]
+    ids = [np.full_like(plane, number) for plane, number in zip(planes, floats, strict=True)]
+    if more is not None:
+        known = np.concatenate([np.zeros(1, np.float32), _floats(list(more.names))])
+        ids += list(known[more.numbers.astype(np.int64)])
+        planes += list(more.weights.astype(np.float32))
+    weights, numbers = np.stack(planes), np.stack(ids)
+    order = np.argsort(-weights, axis=0, kind="stable")
+    count = -(-min(len(names), MOST_RANKS) // 2)
+    ranked = np.zeros((2 * count, 2, *weights.shape[1:]), dtype=np.float32)
+    used = min(len(planes), 2 * count)
+    ranked[:used, 1] = np.take_along_axis(weights, order, axis=0)[:used]
+    sorted_ids = np.take_along_axis(numbers, order, axis=0)[:used]
+    ranked[:used, 0] = np.where(ranked[:used, 1] > 0.0, sorted_ids, np.float32(0.0))
+    layers = np.moveaxis(ranked.reshape(count, 4, *weights.shape[1:]), 1, -1)
     return {f"{crypto}{index:02d}": layer for index, layer in enumerate(layers)}
+
+
+def _floats(names: Sequence[str]) -> NDArray[np.float32]:
+    """Return the IDs (N,) of names."""
+    return np.array([id_bits(name) for name in names], dtype=np.uint32).view(np.float32)
 
 
 def matte_of(name: str, crypto: str, layers: Mapping[str, Pixels]) -> NDArray[np.float32]:

@@ -19,7 +19,7 @@ from render.base.atomic_write import atomic_write, cannot_write
 from render.base.errors import BadInputError, CorruptImageError, MissingImageError
 from render.post.exr_attributes import ExrAttributes
 from render.post.layer_names import CRYPTO, channels_of
-from render.scene.aovs import AOVS, COMPUTED, RenderedFrame
+from render.scene.aovs import AOVS, COMPUTED, COPIES, RenderedFrame
 from render.scene.projection import PERSPECTIVE, Projection
 from render.scene.textures import last_message
 from render.scene.working_space import REC709, WORKING_SPACES
@@ -190,8 +190,8 @@ def read_png(path: Path) -> NDArray[Any]:
 
 
 def _precision(layer: str, wanted: Mapping[str, str]) -> str:
-    if layer.startswith(CRYPTO):
-        return "float"  # IDs are bits
+    if layer.startswith((CRYPTO, COPIES)):
+        return "float"  # IDs are bits, and half floats count to 2048
     known = {**AOVS, **COMPUTED}
     return wanted.get(layer) or (known[layer].precision if layer in known else "half")
 

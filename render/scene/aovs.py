@@ -69,6 +69,15 @@ COMPUTED = {
 COVERAGE = "coverage."
 """Prefix of layers with the coverage of the pixel by one object: `coverage.subject`, `coverage.plinth`."""
 
+COPY = "copy"
+"""The vertex attribute (V, 1) that tells copies of subjects apart: a number from 1 on, 0 for none."""
+
+COPIES = "copies"
+"""Prefix of layers with the copies that a pixel shows, `copies00`: number and coverage, twice."""
+
+MOST_RANKS = 6
+"""Copies, and IDs of cryptomatte, of a pixel that are kept, as is usual: three layers."""
+
 NEEDED_BY_AOV = {
     "velocity": "velocities",
     "motion": "the next frame",

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 
 from pipeline.dailies.measures import measured
@@ -18,7 +19,7 @@ from pipeline.production.planning.frame_states import mesh_states
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.history import History
-from render.post.cryptomatte import OBJECT, matte_of
+from render.post.cryptomatte import ASSET, OBJECT, matte_of
 from render.post.image import read_exr, read_header
 from tests.conftest import commanded, done
 
@@ -119,6 +120,47 @@ def test_a_picture_shows_each_subject_with_its_look_and_mattes_tell_them_apart(m
         "crane": "plastic",
         "heron": "metal",
     }
+
+
+BEADS = """\
+  beads:
+    solid: box
+    size: [0.3, 0.3, 0.3]
+    copies: {count: 3, seed: 4, region: {box: {size: [2, 0.8, 0.8], centre: [0, 1.2, 0]}}}
+"""
+
+
+def test_each_copy_has_a_matte_and_all_of_them_are_one_asset(tmp_path: Path) -> None:
+    text = SHOT.replace("resample:", f"{BEADS}resample:", 1)
+    text = text.replace("frames: 1-3", "frames: 1-2").replace("3: 40", "2: 40")
+    done(tmp_path, planned(tmp_path, text))
+    request = request_of(tmp_path)
+    layers, _ = read_exr(tmp_path / request.place("frame", 2))
+    names = ["beads.1", "beads.2", "beads.3"]
+    opened = oiio.ImageInput.open(str(tmp_path / request.place("frame", 2)))
+    assert opened is not None
+    attributes = opened.spec().extra_attribs
+    manifests = {each.name: str(each.value) for each in attributes if each.name.endswith("/manifest")}
+    manifest = next(json.loads(text) for text in manifests.values() if "beads.1" in text)
+    assert len(manifests) == 3  # objects, assets, materials
+    assert set(names) < set(manifest) and "beads" not in manifest
+    if request.variant == "scalar_rgb":
+        return
+    sets = {kind: {n: layers[n] for n in layers.arrays if n.startswith(kind)} for kind in (OBJECT, ASSET)}
+    each = [matte_of(name, OBJECT, sets[OBJECT]) for name in names]
+    assert all(matte.max() > 0.9 for matte in each)
+    assert np.allclose(sum(each), matte_of("beads", ASSET, sets[ASSET]), atol=2e-3)
+    assert matte_of("crane", ASSET, sets[ASSET]).max() == matte_of("crane", OBJECT, sets[OBJECT]).max()
+
+
+def test_only_pictures_that_tell_copies_apart_have_other_keys(tmp_path: Path) -> None:
+    text = SHOT.replace("resample:", f"{BEADS}resample:", 1)
+    planned(tmp_path, text)
+    assert request_of(tmp_path).copies == {"beads": 3}
+    planned(tmp_path, text.replace("layers: nuke\n", ""))
+    assert request_of(tmp_path).copies == {}
+    planned(tmp_path)
+    assert request_of(tmp_path).copies == {}
 
 
 def test_nothing_is_to_be_done_twice_and_one_edit_makes_one_chain_again(made: Path) -> None:

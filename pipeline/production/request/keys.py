@@ -107,6 +107,7 @@ def raw_key(request: RenderRequest, number: int, framings: Mapping[int, Framing]
         request.seed(number),
         *_motion_data(request, number, framings),
         *speed_data(request, number),
+        *([{"copies": request.copies}] if request.copies else []),
     )
 
 

@@ -246,6 +246,14 @@ class RenderRequest:
         aovs, needs_offsets = self.shot.picture.aovs, self.temporal_reach or self.shot.picture.layers
         return aovs.adding("before", "after") if needs_offsets else aovs
 
+    @cached_property
+    def copies(self) -> dict[str, int]:
+        """The number of copies by subject, where layers tell copies apart: of subjects that have some."""
+        if self.shot.picture.layers is None:
+            return {}
+        named = {part.subject or "": part.motion.copies for part in self.shot.parts}
+        return {name: copies.count for name, copies in named.items() if copies is not None}
+
     def offsets(self, number: int) -> tuple[float, ...]:
         """Return the other moments that shutter and AOVs of a picture show, in frames from its own."""
         return (*(self.open_at(number) or ()), *self._offsets_of_aovs)

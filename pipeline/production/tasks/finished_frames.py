@@ -68,7 +68,8 @@ class FinishedFrames:
         materials = {
             part.source.subject or SUBJECT: material_name(part.picture(number).look) for part in parts
         }
-        return LayerInputs(now, before, after, size, picture.stage, materials)
+        copies = self.request.copies
+        return LayerInputs(now, before, after, size, picture.stage, materials, copies)
 
 
 def material_name(look: Material) -> str:

@@ -17,6 +17,7 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
 from pipeline.production.tasks.job import Context
 from render.frame.sample_batches import ShutterInterval
+from render.scene.aovs import COPY
 from render.scene.measure import SPEED
 from render.scene.scene import SUBJECT, Geometry, MotionSample, SceneSubject
 from render.scene.spheres import Spheres
@@ -46,7 +47,11 @@ class ShownFrame:
     def moments(self) -> tuple[MotionSample, ShutterInterval | None, MotionSample | None]:
         """Return the picture's moment, its shutter, and the next picture's moment; None for what it lacks."""
         request, number, framing = self.context.request, self.number, self.framings[self.number]
-        subjects = [_ShownSubject(self.context, part, number, framing) for part in request.parts]
+        firsts = _first_copies(request)
+        subjects = [
+            _ShownSubject(self.context, part, number, framing, first_copy=firsts.get(part.source.subject, 0))
+            for part in request.parts
+        ]
         if request.turntable is not None and len(subjects) > 1:
             around = np.concatenate([subject.bounds() for subject in subjects])
             subjects = [replace(subject, around=around) for subject in subjects]
@@ -68,6 +73,12 @@ def _sample(framing: Framing, subjects: list[Geometry]) -> MotionSample:
     return MotionSample(subjects[0], framing.placement, framing.camera, tuple(subjects[1:]))
 
 
+def _first_copies(request: RenderRequest) -> dict[str | None, int]:
+    """Return the number of the first copy of each subject whose copies are told apart, from 1 on."""
+    counts = np.cumsum([1, *request.copies.values()])
+    return dict(zip(request.copies, counts.tolist(), strict=False))
+
+
 @dataclass(frozen=True)
 class _ShownSubject:
     """One subject of a picture.
@@ -75,6 +86,7 @@ class _ShownSubject:
     request  of the subject alone
     framing  of the picture
     around   points of all subjects, which turn together about the axis of their bounds; None for one alone
+    first_copy  number of its first copy, where copies are told apart; else 0
     """
 
     context: Context
@@ -82,6 +94,7 @@ class _ShownSubject:
     number: int
     framing: Framing
     around: AnyArray | None = None
+    first_copy: int = 0
 
     def bounds(self) -> AnyArray:
         """Return the lowest and the highest coordinates (2, 3) of its vertices, not turned."""
@@ -167,7 +180,7 @@ class _ShownSubject:
 
     @cached_property
     def _attributes(self) -> dict[str, AnyArray]:
-        """The vertex attributes that AOVs need, and a look that shows speeds."""
+        """The vertex attributes that AOVs need, mattes of copies, and a look that shows speeds."""
         request, attributes = self.request, {}
         if request.offsets(self.number):
             motion = self._motion
@@ -178,6 +191,9 @@ class _ShownSubject:
             }
             names = [name for name in request.aovs.extra if name in values]
             attributes = {name: values[name]().astype(np.float32) for name in names}
+        if self.first_copy:
+            indices = request.shot.motion.copy_indices(self._arrays["material"].astype(np.float64))
+            attributes[COPY] = (indices[:, None] + self.first_copy).astype(np.float32)
         if not request.measures_speed:
             return attributes
         from pipeline.production.render_inputs.shading import speeds
