@@ -106,7 +106,7 @@ def camera(source: YamlSource) -> Iterator[Problem]:
 
 
 def wide_camera(source: YamlSource) -> Iterator[Problem]:
-    """Check that a camera has only what its projection has, and a wide one a look, stage and AOVs for it."""
+    """Check that a camera has only what its projection has, and that look and AOVs suit a wide one."""
     written = source.get("camera")
     kind = written.get("projection") if isinstance(written, dict) else None
     kind = "perspective" if kind is None else kind
@@ -132,14 +132,7 @@ def wide_camera(source: YamlSource) -> Iterator[Problem]:
 
 
 def _not_wide(source: YamlSource, kind: str) -> Iterator[Problem]:
-    """Yield what is made for flat pictures: reference objects, drawn looks, and motion of one eye."""
-    stage = source.get("stage")
-    if (stage.get("kind") if isinstance(stage, dict) else stage) == "turntable":
-        yield (
-            ("stage",),
-            f"stage turntable stands in the corners of a flat picture, and projection {kind} has none. Take "
-            "another stage.",
-        )
+    """Yield what is made for flat pictures: drawn looks, and motion of one eye."""
     overrides, subjects, aovs = source.get("overrides"), source.get("subjects"), source.get("aovs")
     places: list[Where] = [("look",)]
     places += [("overrides", i, "look") for i in range(len(overrides) if isinstance(overrides, list) else 0)]
