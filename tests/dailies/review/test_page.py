@@ -220,6 +220,7 @@ def test_a_frame_is_typed_and_the_keys_play_again(opened: Opened) -> None:
     assert (look.frame, look.number) == (15, 15)
     look.press("ArrowRight", "?")
     assert look.tab.locator("#help").is_visible() and "Side by side" in look.tab.inner_text("#help")
+    assert look.ask("document.getElementById('help').scrollTop") == 0
     look.press("ArrowRight", "Escape")
     assert look.frame == 16
 

@@ -166,4 +166,5 @@ function showHelp() {
   dialog.append(close);
   dialog.showModal();
   close.focus({ preventScroll: true });
+  dialog.scrollTop = 0;  // where it is opened, the button that it begins with is at its end
 }
