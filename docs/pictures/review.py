@@ -20,7 +20,7 @@ from playwright.sync_api import Page
 from tests.dailies.review.chromium import fetch, running, wait_for
 
 FOLDER = Path(__file__).parent
-SHOT, FRAME = "A010_cube", 37
+SHOT, FRAMES, FRAME = "A010_cube", "33-41", 37
 SHOWN = {"frame": FRAME, "a": f"{SHOT} · daily", "b": f"{SHOT} · look glaze · daily", "mode": "wipe"}
 
 NOTES = (
@@ -40,7 +40,7 @@ def main() -> None:
         command = [sys.executable, "-m", "pipeline.cli", "--json", "--root", str(root), *words]
         return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
 
-    run("render", SHOT, "-q", "daily")
+    run("render", SHOT, "-q", "daily", "-f", FRAMES)
     run("wedge", SHOT, "--vary", "look=clay,glaze", "-q", "daily", "--at", str(FRAME))
     page = Path(json.loads(run("review", SHOT, "-q", "daily"))["page"])
     fetch()
