@@ -225,6 +225,22 @@ def test_a_frame_is_typed_and_the_keys_play_again(opened: Opened) -> None:
     assert look.frame == 16
 
 
+def test_bars_and_panel_leave_the_picture_free_in_wide_and_narrow_windows(opened: Opened) -> None:
+    look = opened(frame=3)
+    look.press("Shift+E")
+    sizes = {(1280, 720): "beside", (1920, 1080): "beside", (700, 900): "below"}
+    for (width, height), where in sizes.items():
+        look.tab.set_viewport_size({"width": width, "height": height})
+        look.wait("review.stage.canvas.width === Math.round(review.stage.canvas.clientWidth)")
+        boxes = [look.tab.locator(name).bounding_box() for name in ("#viewing", "#viewer", "#panel")]
+        bar, viewer, panel = (each or {} for each in boxes)
+        assert bar["y"] + bar["height"] <= viewer["y"] + 1, "no picture under the bar"
+        assert (panel["y"] >= viewer["y"] + viewer["height"] - 1) == (where == "below")
+        assert panel["x"] + panel["width"] <= width and look.picture().shape[1] > 0.5 * width
+    look.press("Shift+E")
+    look.tab.set_viewport_size({"width": 1200, "height": 720})
+
+
 def test_axe_finds_nothing_serious(opened: Opened) -> None:
     look = opened()
     for keys in (["w"], ["n", "d"], ["m"], ["g"], ["?"]):
