@@ -49,6 +49,7 @@ class ExportedFrame:
     texture         texture coordinates (F, 3, 2) of the corners of faces; None where the look has no textures
     radii           (V,) of a point cloud's spheres, scene units; None of a surface
     numbers         (V,): what tells the points of a cloud apart; None of a surface
+    copies          int32 (V,): the number of the copy, from 1 on, as in mattes; None without copies
     """
 
     points: Points
@@ -62,6 +63,7 @@ class ExportedFrame:
     texture: Floats | None = None
     radii: Floats | None = None
     numbers: AnyArray | None = None
+    copies: AnyArray | None = None
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
@@ -101,6 +103,7 @@ def _exported_mesh(shot: Shot, frame: MeshFrame, split: ShadedMesh) -> ExportedF
         creases=mesh.creases,
         colours=None if colours is None else colours[: len(rest)],  # the mesh's own vertices come first
         texture=texture_coordinates(shot.picture.look, rest, mesh.faces),
+        copies=_copies(shot, rest),
     )
 
 
@@ -139,7 +142,15 @@ def _exported_cloud(shot: Shot, frame: MeshFrame) -> ExportedFrame:
         colours=vertex_colours(surface, shot.picture.look),
         radii=radii(frame),
         numbers=np.arange(len(points)) if numbers is None else numbers,
+        copies=_copies(shot, rest),
     )
+
+
+def _copies(shot: Shot, rest: Points) -> AnyArray | None:
+    """Return the number of the copy (V,) of vertices by their rest positions (V, 3); None without copies."""
+    if shot.motion.copies is None:
+        return None
+    return (shot.motion.copy_indices(rest) + 1).astype(np.int32)
 
 
 def _surface(points: Points, normals: Vectors, faces: Faces, rest: Points, velocities: Vectors) -> Surface:
@@ -190,6 +201,7 @@ def frame_key(request: RenderRequest, number: int) -> Key:
         flow_cache_data(motion, number, (-STEP, STEP)),
         str(motion.rate),
         to_plain(look) if has_colours(look) or look.texture_projection else None,
+        *([] if motion.copies is None else ["copies"]),
     )
 
 

@@ -28,6 +28,7 @@ def write_ply(path: Path, frame: ExportedFrame) -> None:
     red green blue  uchar, sRGB, where colours vary
     linear_red …    float, the same colours, linear Rec.709
     radius          float, of a point cloud
+    copy            int, of a subject with copies: the number of the copy, from 1 on
 
     Raises MachineError where the disk refuses.
     """
@@ -42,6 +43,8 @@ def write_ply(path: Path, frame: ExportedFrame) -> None:
         attributes |= dict(zip(names, frame.colours.astype(np.float32).T, strict=True))
     if frame.radii is not None:
         attributes["radius"] = frame.radii.astype(np.float32)
+    if frame.copies is not None:
+        attributes["copy"] = frame.copies
     write_mesh(TriangleMesh(frame.points, frame.faces, attributes), path)
 
 

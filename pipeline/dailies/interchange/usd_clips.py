@@ -46,6 +46,7 @@ _SHARED = (
     SampledAttribute("extent", "Float3Array", lambda f: np.stack(f.bounds)),
     SampledAttribute("primvars:rest", "Point3fArray", lambda f: f.rest, "vertex"),
     SampledAttribute("primvars:displayColor", "Color3fArray", lambda f: f.colours, "vertex"),
+    SampledAttribute("primvars:copy", "IntArray", lambda f: f.copies, "vertex"),
 )
 
 _OF_MESHES = (
@@ -70,14 +71,18 @@ _OF_CLOUDS = (
 )
 
 
-def sampled_attributes(is_cloud: bool, has_colours: bool, has_texture: bool) -> tuple[SampledAttribute, ...]:
+def sampled_attributes(
+    is_cloud: bool, has_colours: bool, has_texture: bool, has_copies: bool = False
+) -> tuple[SampledAttribute, ...]:
     """Return the attributes that every clip of a shot has.
 
     has_colours, has_texture  whether vertices have colours, and corners of faces texture coordinates
+    has_copies                whether vertices have the number of their copy
     """
     left_out = {
         *(() if has_colours else ("primvars:displayColor",)),
         *(() if has_texture else ("primvars:st",)),
+        *(() if has_copies else ("primvars:copy",)),
     }
     attributes = (*_SHARED, *(_OF_CLOUDS if is_cloud else _OF_MESHES))
     return tuple(attribute for attribute in attributes if attribute.name not in left_out)

@@ -103,8 +103,9 @@ class SculptureFiles:
 
     @cached_property
     def _attributes(self) -> tuple[SampledAttribute, ...]:
-        look = self.request.shot.picture.look
-        return sampled_attributes(self._is_cloud, has_colours(look), look.texture_projection is not None)
+        look, copies = self.request.shot.picture.look, self.request.shot.motion.copies
+        has_texture = look.texture_projection is not None
+        return sampled_attributes(self._is_cloud, has_colours(look), has_texture, copies is not None)
 
     @cached_property
     def _is_cloud(self) -> bool:

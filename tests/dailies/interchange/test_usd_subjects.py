@@ -74,3 +74,19 @@ def test_a_stage_is_of_all_subjects(export: UsdExport, monkeypatch: pytest.Monke
     monkeypatch.chdir(export.folder.parent)
     code, said = commanded(Path.cwd(), "export", "usd", NAME, "--subject", "crane")
     assert code == UsageError.exit_code and said.startswith("--subject crane: a USD stage holds all subjects")
+
+
+def test_vertices_of_copies_have_the_number_of_their_copy_in_all_frames(tmp_path: Path) -> None:
+    beads = "beads: {solid: box, size: [0.3, 0.3, 0.3], copies: {count: 3, region: {box: {size: [2, 1, 1]}}}}"
+    written = exported(tmp_path, SHOT.replace("resample:", f"  {beads}\nresample:", 1))
+    stage = Usd.Stage.Open(str(written.path))
+    prim = stage.GetPrimAtPath(f"/{NAME}/sculpture/beads")
+    for frame in (1, 3):
+        mesh, api = UsdGeom.Mesh(prim), UsdGeom.PrimvarsAPI(prim)
+        copies, rest = (np.array(api.GetPrimvar(name).Get(frame)) for name in ("copy", "rest"))
+        faces = np.array(mesh.GetFaceVertexIndicesAttr().Get(frame)).reshape(-1, 3)
+        assert set(copies) == {1, 2, 3}
+        assert (copies[faces] == copies[faces[:, :1]]).all()
+        for number in (1, 2, 3):
+            own = rest[copies == number]
+            assert np.allclose(own.max(axis=0) - own.min(axis=0), 0.3, atol=1e-5)
