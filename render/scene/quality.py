@@ -131,7 +131,7 @@ QUALITIES = {
 
 WIDE_SIZES = {
     "spherical": {"draft": (640, 320), "daily": (1920, 960), "final": (4096, 2048)},
-    "dome": {"draft": (384, 384), "daily": (1024, 1024), "final": (4096, 4096)},
+    "dome": {"draft": (384, 384), "daily": (1024, 1024), "final": (2048, 2048)},
     "vr180": {"draft": (768, 384), "daily": (2048, 1024), "final": (4096, 2048)},
 }
 """Width and height of pictures with a wide projection, by its kind and the quality. They show several times
