@@ -82,6 +82,16 @@ def test_numbers_are_set_by_slider_and_field_and_undone_with_their_comments(foll
     follower.wait(CURRENT)
 
 
+def test_what_is_typed_stays_while_the_page_takes_a_new_state(follower: Follower) -> None:
+    tab, field = follower.tab, '[data-path="flows.0.vortex.radius"] input[type=text]'
+    tab.locator(field).fill("0.7")
+    tab.evaluate("page.shot.refresh()")
+    assert tab.input_value(field) == "0.7"
+    tab.keyboard.press("Enter")
+    follower.wait_for_text(r"radius: 0\.7,")
+    follower.wait(CURRENT)
+
+
 def test_keys_are_moved_added_removed_and_eased_in_the_timeline(follower: Follower) -> None:
     tab, curve = follower.tab, '[data-curve="flows.1.twist.amount"]'
     tab.click(f"{curve} .open")

@@ -20,6 +20,15 @@ function rangeOf(value, number) {
   return [low ?? -reach, Math.min(high ?? reach, reach)];
 }
 
+/** Show a text in a field, unless somebody has typed there since the last one. */
+function showIn(input, text) {
+  if (document.activeElement === input && input.value !== (input.shownText ?? input.value)) return;
+  input.value = input.shownText = text;
+}
+
+/** Show a text in a field whatever was typed there. */
+function replaceIn(input, text) { input.value = input.shownText = text; }
+
 class Field {
   constructor(page, value, name) {
     Object.assign(this, { page, value });
@@ -94,16 +103,16 @@ class Field {
     input.addEventListener("change", () => {
       if (Number.isFinite(typed())) set(typed(), "");
       else if (input.value.trim()) this.page.refused(`${this.name}: ${input.value.trim().slice(0, 40)} is no number. Write one, such as 0.5.`);
-      input.value = written(get());
+      replaceIn(input, written(get()));
     });
     input.addEventListener("keydown", (event) => {
-      if (event.key === "Escape") input.value = written(get());
+      if (event.key === "Escape") replaceIn(input, written(get()));
       const way = { ArrowUp: 1, ArrowDown: -1 }[event.key];
       if (event.key === "Escape" || event.key === "Enter") input.blur();
       if (!way) return;
       event.preventDefault();
       const each = step() * (event.shiftKey ? 10 : 1), next = rounded(get() + way * each, each);
-      input.value = written(next);
+      replaceIn(input, written(next));
       set(next, `${nameOf(this.value.where)} ${this.gestures}`);
     });
     input.show = show;
@@ -126,7 +135,7 @@ class NumberValue extends Field {
     this.row.append(this.slider, this.input);
     if (value.can_change || value.curve) this.addKeyButton();
     this.slider.addEventListener("pointerdown", () => page.follow.prepare(value.where));
-    this.slider.addEventListener("input", () => { this.input.value = written(this.#slid); this.show(this.#slid); });
+    this.slider.addEventListener("input", () => { replaceIn(this.input, written(this.#slid)); this.show(this.#slid); });
     this.slider.addEventListener("change", () => this.set(this.#slid));
     this.take(value);
   }
@@ -144,7 +153,7 @@ class NumberValue extends Field {
     if (this.value.low === 0 && this.low === 0 && this.step < number) this.slider.min = this.value.form === "whole" ? 0 : this.step;
     this.input.disabled = isFormula;
     const isBetween = this.value.curve && !this.keyHere; // keys: as many digits as one can tell apart
-    if (document.activeElement !== this.input || !this.page.follow.drags) this.input.value = isBetween ? String(+number.toPrecision(4)) : written(number);
+    showIn(this.input, isBetween ? String(+number.toPrecision(4)) : written(number));
     this.drawKey();
   }
 }
@@ -167,7 +176,7 @@ class VectorValue extends Field {
     const isFormula = this.value.curve && this.value.curve.formula !== null;
     this.inputs.forEach((input, i) => {
       input.disabled = isFormula;
-      input.value = written(this.now[i]);
+      showIn(input, written(this.now[i]));
     });
     this.drawKey();
   }
@@ -221,7 +230,7 @@ class FormulaValue extends Field {
 
   draw() {
     const { formula } = this.value.curve;
-    this.inputs.forEach((input, i) => { input.value = Array.isArray(formula) ? formula[i] : formula; });
+    this.inputs.forEach((input, i) => showIn(input, Array.isArray(formula) ? formula[i] : formula));
   }
 }
 
