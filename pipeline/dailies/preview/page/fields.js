@@ -21,7 +21,7 @@ function rangeOf(value, number) {
 }
 
 /** Show a text in a field, unless somebody has typed there since the last one. */
-function showIn(input, text) {
+function showValue(input, text) {
   if (document.activeElement === input && input.value !== (input.shownText ?? input.value)) return;
   input.value = input.shownText = text;
 }
@@ -153,7 +153,7 @@ class NumberValue extends Field {
     if (this.value.low === 0 && this.low === 0 && this.step < number) this.slider.min = this.value.form === "whole" ? 0 : this.step;
     this.input.disabled = isFormula;
     const isBetween = this.value.curve && !this.keyHere; // keys: as many digits as one can tell apart
-    showIn(this.input, isBetween ? String(+number.toPrecision(4)) : written(number));
+    showValue(this.input, isBetween ? String(+number.toPrecision(4)) : written(number));
     this.drawKey();
   }
 }
@@ -176,7 +176,7 @@ class VectorValue extends Field {
     const isFormula = this.value.curve && this.value.curve.formula !== null;
     this.inputs.forEach((input, i) => {
       input.disabled = isFormula;
-      showIn(input, written(this.now[i]));
+      showValue(input, written(this.now[i]));
     });
     this.drawKey();
   }
@@ -230,7 +230,7 @@ class FormulaValue extends Field {
 
   draw() {
     const { formula } = this.value.curve;
-    this.inputs.forEach((input, i) => showIn(input, Array.isArray(formula) ? formula[i] : formula));
+    this.inputs.forEach((input, i) => showValue(input, Array.isArray(formula) ? formula[i] : formula));
   }
 }
 
