@@ -85,7 +85,7 @@ class SampledCurve:
 
 
 class SettableShot(NamedTuple):
-    """What an editor shows of a shot file.
+    """Values of a shot file that an editor shows, and the times of its flows.
 
     values       in the order of SECTIONS
     flow_frames  see `pipeline.shot.flow_times.flow_frames`

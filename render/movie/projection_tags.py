@@ -27,7 +27,7 @@ _QUARTER = 1 << 30
 """A quarter, as a fraction of 2³²."""
 
 _SAMPLE_ENTRY_BYTES = 78
-"""What every VisualSampleEntry has before the boxes in it."""
+"""Bytes of a VisualSampleEntry before the boxes in it."""
 
 _TRAILING = (b"pasp", b"clap", b"colr", b"btrt")
 """Optional boxes of a VisualSampleEntry, which the RFC has after the tags."""

@@ -26,7 +26,7 @@ QUIET = FrameFormat("rec709", has_coverage=False)
 
 @pytest.fixture
 def there(finished, monkeypatch):
-    """A finished project, stood in."""
+    """A finished project, which is the working folder."""
     monkeypatch.chdir(finished.path)
     return finished
 

@@ -34,7 +34,7 @@ credits_seconds: 0
 
 @pytest.fixture
 def there(project, monkeypatch):
-    """The working folder of a project with a second edit, stood in."""
+    """A project with a second edit, which is the working folder."""
     (project.path / "shots" / "reel.yaml").write_text(REEL)
     monkeypatch.chdir(project.path)
     return project

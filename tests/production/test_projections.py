@@ -35,7 +35,7 @@ def shot_with(camera: str) -> str:
 
 @pytest.fixture
 def there(project, monkeypatch):
-    """The working folder of a project with a spherical shot and a perspective one, stood in."""
+    """A project with a spherical shot and a perspective one, which is the working folder."""
     monkeypatch.chdir(project.path)
     project.shot.write_text(shot_with("projection: spherical"))
     Path("shots/T020_flat.yaml").write_text(TINY)

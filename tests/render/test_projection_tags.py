@@ -51,7 +51,7 @@ def written(path: Path, encode: Encode, projection: Projection) -> Path:
 
 
 def side_data(path: Path) -> dict[str, bytes]:
-    """What FFmpeg tells of the projection of the first picture, by name."""
+    """Return what FFmpeg tells of the projection of the first picture, by name."""
     with av.open(str(path)) as container:
         frame = next(container.decode(video=0))
         return {entry.type.name: bytes(entry) for entry in frame.side_data}
@@ -126,7 +126,7 @@ def tag_boxes(content: bytes) -> list[bytes]:
 
 
 def test_whole_spheres_have_the_older_tag_too(tmp_path: Path) -> None:
-    """Of one track, that of the pictures. FFmpeg reads it where the newer boxes are not there."""
+    """The track of pictures has it, once. FFmpeg reads it where the newer boxes are not there."""
     content = written(tmp_path / "a.mp4", ENCODES["h264"], SPHERICAL).read_bytes()
     assert content.count(b"GSpherical:ProjectionType>equirectangular<") == 1
     (tmp_path / "b.mp4").write_bytes(content.replace(b"sv3d", b"free").replace(b"st3d", b"free"))

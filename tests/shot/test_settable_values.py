@@ -1,4 +1,4 @@
-"""What an editor shows of a shot file: all that can be keyed, and the times of flows."""
+"""Values that an editor shows of a shot file: all that can be keyed, and the times of flows."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ MOST_FRAMED = 64
 
 
 class Change(IntEnum):
-    """What an edit changes of a subject's surface, from nothing to all of it."""
+    """Parts of a subject's surface that an edit changes, from none to all of it."""
 
     PICTURE = 0
     MESH = 1

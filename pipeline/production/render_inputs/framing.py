@@ -48,9 +48,9 @@ HALF_A_SCULPTURE = 100.0
 """Millimetres that count as the sculpture's half-size, where a shot does not say what a unit is: lenses then
 blur a small one and its enlarged copy alike."""
 
-HALF_A_STATUE = 1000.0
-"""The same for a stereo camera: a sculpture of 200 mm that fills the view is too near for eyes at their true
-distance."""
+HALF_A_STEREO_SCULPTURE = 1000.0
+"""Millimetres that count as the half-size for a stereo camera: a sculpture of 200 mm that fills the view
+would be too near for eyes at their true distance."""
 
 UPRIGHT = 1e-6
 """Below this cosine of its elevation a camera looks straight up or down, and its own up axis is used."""
@@ -236,7 +236,7 @@ def camera_of(view: View, aim: Floats, axes: Floats, distance: float, size: floa
 
 def _wide(lens: WideLens, size: float) -> dict[str, Any]:
     """Return the projection and the distance of the eyes, scene units; `size` as of `camera_of`."""
-    unit = HALF_A_STATUE / size if lens.unit is None else lens.unit
+    unit = HALF_A_STEREO_SCULPTURE / size if lens.unit is None else lens.unit
     return {"wide": lens.projection, "eye_distance": lens.eye_distance / unit}
 
 

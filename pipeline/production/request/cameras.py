@@ -129,13 +129,9 @@ class FramingInputs:
     @classmethod
     def of(cls, request: RenderRequest) -> FramingInputs:
         """Return the digests of a request; the planning cache spares reading its shot."""
-        cache, found_from = request.source.cache, ("framing inputs", request.identity)
-        known = cache.get(*found_from)
-        if known is not None:
-            return from_plain(cls, known)
-        digests = cls(_views(request), _inputs(request))
-        cache.put(to_plain(digests), *found_from)
-        return digests
+        return request.source.cache.found_or_made(
+            cls, lambda: cls(_views(request), _inputs(request)), "framing inputs", request.identity
+        )
 
 
 @dataclass(frozen=True)

@@ -13,16 +13,20 @@ import json
 import os
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pipeline.errors import MachineError
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store, key_of
 from render.base.atomic_write import atomic_write
+from render.base.serialise import from_plain, to_plain
+
+Data = TypeVar("Data")
 
 PACKAGES = ("numpy", "numba", "trimesh", "pydantic", "ruamel.yaml", "fileseq", "mitsuba", "OpenImageIO")
 KEPT_SECONDS = 60 * 24 * 3600.0
@@ -63,6 +67,15 @@ class PlanningCache:
             atomic_write(path, Store(self.root).draft(".json"), flush=False) as draft,
         ):
             draft.write_text(f"{_digest(text)}\n{text}", encoding="utf-8")
+
+    def found_or_made(self, kind: type[Data], make: Callable[[], Data], *found_from: Any) -> Data:
+        """Return the data of a dataclass that was put under `found_from`, or make it and put it there."""
+        known = self.get(*found_from)
+        if known is not None:
+            return from_plain(kind, known)
+        data = make()
+        self.put(to_plain(data), *found_from)
+        return data
 
     def prune(self) -> None:
         """Remove entries that nobody used for long. Runs do this once: listing a large folder takes time."""

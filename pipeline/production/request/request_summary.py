@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from pipeline.production.request.cameras import cameras_key
 from pipeline.production.store.store import Key
-from render.base.serialise import from_plain, to_plain
 from render.scene.quality import Quality
 
 if TYPE_CHECKING:
@@ -44,16 +43,19 @@ class RequestSummary:
     @classmethod
     def of(cls, request: RenderRequest) -> RequestSummary:
         """Return the summary of a request. The shot is read only where the planning cache lacks it."""
-        cache, found_from = request.source.cache, ("request", request.identity)
-        known = cache.get(*found_from)
-        if known is not None:
-            return from_plain(cls, known)
+        return request.source.cache.found_or_made(
+            cls, lambda: cls._read(request), "request", request.identity
+        )
+
+    @classmethod
+    def _read(cls, request: RenderRequest) -> RequestSummary:
+        """Read the summary of a request from its shot."""
         picture, turntable = request.shot.picture, request.turntable
         follow_flow = tuple(
             n for n in request.angles if request.measures_speed or (turntable is None and request.offsets(n))
         )
         overrides = () if turntable else picture.overrides
-        summary = cls(
+        return cls(
             cameras=cameras_key(request),
             reach=request.temporal_reach,
             quality=request.quality_of_shot,
@@ -64,8 +66,6 @@ class RequestSummary:
             overrides=tuple(override.frames.numbers for override in overrides),
             restyled=tuple(n for override in overrides if override.is_seen for n in override.frames),
         )
-        cache.put(to_plain(summary), *found_from)
-        return summary
 
     def follows_flow(self, number: int) -> bool:
         """Tell whether a picture needs its mesh and the flow."""

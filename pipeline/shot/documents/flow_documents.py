@@ -96,7 +96,8 @@ class FormulaDocument(FlowParameters):
     @model_validator(mode="after")
     def _fits(self) -> Self:
         """Check that all numbers and `frame` fit the flow."""
-        as_finding(lambda: FormulaField(tuple(self.velocity), tuple((name, 0.0) for name in self.numbers)))  # type: ignore[arg-type]  # three, as the field says
+        x, y, z = self.velocity
+        as_finding(lambda: FormulaField((x, y, z), tuple((name, 0.0) for name in self.numbers)))
         return self
 
 

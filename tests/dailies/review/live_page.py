@@ -77,7 +77,7 @@ class Follower:
         return self.tab.inner_text("#trouble")
 
     def violations(self) -> list[tuple[str, str]]:
-        """What axe complains of."""
+        """Return the rules of accessibility that axe finds broken, and how."""
         axe = (files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
         self.tab.evaluate(f"(() => {{ {axe} }})()")
         found = self.tab.evaluate("axe.run(document, {resultTypes: ['violations'], preload: false})")

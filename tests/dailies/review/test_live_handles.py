@@ -66,7 +66,7 @@ def undone(follower: Follower) -> Iterator[None]:
 
 
 def spot(follower: Follower, name: str) -> list[float]:
-    """Where the handle of a centre is, in pixels of the viewer."""
+    """Return the place of the handle of a centre, in pixels of the viewer."""
     return list(
         follower.tab.evaluate(
             f"(() => {{ const dot = document.querySelector('[data-handle=\"{name}\"] .spot');"
