@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -77,3 +79,17 @@ def opened(tab: Tab, desk: Desk, tmp_path: Path) -> Iterator[Opened]:
     readback = ("GPU stall", "willReadFrequently")  # of canvases
     assert [each for each in complaints if not any(words in each for words in readback)] == []
     assert [url for url in asked if not url.startswith(("file:", "blob:", "data:", "about:"))] == []
+
+
+@pytest.fixture
+def page(desk: Desk, tmp_path: Path) -> Callable[..., Path]:
+    """Copies the page, so that it begins without kept notes; `notes` are those it was written with."""
+
+    def copied(*notes: dict[str, Any]) -> Path:
+        folder = Path(shutil.copytree(desk.page().parent, tmp_path / "page"))
+        data = json.loads((folder / "data.js").read_text().removeprefix("window.reviewData = ").rstrip(";\n"))
+        said = json.dumps({**data, "page": str(tmp_path), "notes": list(notes)}).replace("<", "\\u003c")
+        (folder / "data.js").write_text(f"window.reviewData = {said};")
+        return folder / "index.html"
+
+    return copied

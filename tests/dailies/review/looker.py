@@ -73,3 +73,36 @@ class Looker:
 
 
 Opened = Callable[..., Looker]
+
+
+def written(look: Looker, words: str, *, key: str = "a") -> None:
+    look.press(key)
+    look.tab.keyboard.type(words)
+    look.press("Control+Enter")
+
+
+def drawn(look: Looker, *points: tuple[float, float]) -> None:
+    """Drag over the picture, at shares of its width and height."""
+    box, place = look.tab.locator("#stage").bounding_box(), look.ask("review.stage.places()[0]")
+    assert box is not None
+    at = [
+        (box["x"] + place["x"] + x * place["width"], box["y"] + place["y"] + y * place["height"])
+        for x, y in points
+    ]
+    look.tab.mouse.move(*at[0])
+    look.tab.mouse.down()
+    for point in at[1:]:
+        look.tab.mouse.move(*point)
+    look.tab.mouse.up()
+
+
+def notes_of(look: Looker) -> list[dict[str, Any]]:
+    return list(look.ask("review.notes.all"))
+
+
+def downloaded(look: Looker, key: str) -> Path:
+    with look.tab.expect_download() as download:
+        look.press(key)
+    path = look.scratch / download.value.suggested_filename
+    download.value.save_as(path)
+    return path

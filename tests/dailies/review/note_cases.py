@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from pipeline.production.versions.review_notes import FORMAT, VERSION
 
+ATTACK = "<img src=x onerror='window.attacked = 1'><script>window.attacked = 1</script>"
 TIMES = [f"2026-11-2{day}T09:00:00.{part}Z" for day in (1, 2) for part in ("000", "001")]
 IDS = [f"{digit * 8}-0000-4000-8000-{'0' * 12}" for digit in "abc"]
 WORDS = ["", "softer", "Größe 𝛼\n\ttwo", '<img src=x onerror="window.attacked = 1">', "\uffee \\u2028 '\""]
