@@ -101,8 +101,8 @@ blender: .venv/ready-cycles
 	@touch $@
 
 lock:
-	uv pip compile $(LOCK) --group build pyproject.toml -o requirements.lock
-	uv pip compile $(LOCK) --group build --group dev pyproject.toml -c requirements.lock -o requirements-dev.lock
+	uv pip compile $(LOCK) --extra models --group build pyproject.toml -o requirements.lock
+	uv pip compile $(LOCK) --extra models --group build --group dev pyproject.toml -c requirements.lock -o requirements-dev.lock
 LOCK := --quiet --upgrade --python-version 3.11 --universal --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --custom-compile-command "make lock"
 
 clean:
