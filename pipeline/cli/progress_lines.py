@@ -24,7 +24,7 @@ class ProgressLines(Progress):
 
     def start(self) -> None:
         self._began = time.monotonic()
-        self._polling.enter_context(poll(LINE_SECONDS, self._print))
+        self._polling.enter_context(poll(LINE_SECONDS, self._print, lambda message: None))
 
     def stop(self) -> None:
         self._polling.close()

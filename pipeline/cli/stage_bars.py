@@ -40,7 +40,7 @@ class StageBars:
         """Draw the bars, and once more at the end."""
         with self._progress:
             try:
-                with poll(POLL_SECONDS, self._read):
+                with poll(POLL_SECONDS, self._read, print_warning):
                     yield
             finally:
                 self._read()
@@ -110,7 +110,7 @@ def slow_frames_told(reader: EventReader) -> Iterator[None]:
                 print_warning(_named_message(event))
 
     try:
-        with poll(POLL_SECONDS, read):
+        with poll(POLL_SECONDS, read, print_warning):
             yield
     finally:
         read()

@@ -8,13 +8,17 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
+from socket import AF_UNIX, SOCK_SEQPACKET, send_fds
+from socket import socket as Socket
 
 import psutil
 import pytest
 
 from pipeline.production.execution.project import Project
 from pipeline.production.tasks.job_process import SERVER
+from tests.numbered_process import process_numbered
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux forks safely")
 
@@ -118,6 +122,60 @@ def test_a_job_without_a_server_works_by_itself(tmp_path: Path) -> None:
     _, words = process.communicate(timeout=60)
     assert process.returncode == 2
     assert "required: plan_path, job_name" in words
+
+
+def says_nothing(connection: Socket) -> None:
+    pass
+
+
+def resets(connection: Socket) -> None:
+    connection.close()
+
+
+def says_what_is_not_json(connection: Socket) -> None:
+    connection.send(b"\x00\xff{")
+
+
+def says_half_a_request(connection: Socket) -> None:
+    with Path(os.devnull).open("rb") as empty:
+        send_fds(connection, [b'{"words": ["plan"]}'], [empty.fileno(), empty.fileno()])
+
+
+def gives_no_outputs(connection: Socket) -> None:
+    connection.send(b'{"words": [], "folder": "/", "process": 1}')
+
+
+@pytest.mark.parametrize(
+    "does", [says_nothing, resets, says_what_is_not_json, says_half_a_request, gives_no_outputs]
+)
+def test_whatever_a_connection_does_others_are_served(
+    does: Callable[[Socket], None], socket: Path, tmp_path: Path
+) -> None:
+    with ExitStack() as stack:
+        for _ in range(20):
+            connection = stack.enter_context(Socket(AF_UNIX, SOCK_SEQPACKET))
+            connection.connect(str(socket))
+            does(connection)
+        process = start(socket, tmp_path)
+        _, words = process.communicate(timeout=60)
+    assert process.returncode == 2 and "argparse" not in words, "the server has done it"
+
+
+def test_a_signal_that_comes_when_the_job_has_ended_reaches_no_other_process(
+    owner: subprocess.Popen[str], socket: Path, tmp_path: Path, job: list[str]
+) -> None:
+    process = start(socket, tmp_path, *job)
+    wait_until(lambda: forked(owner, tmp_path))
+    (work,) = forked(owner, tmp_path)
+    psutil.Process(process.pid).suspend()  # so that it learns late of the end
+    work.kill()
+    wait_until(lambda: not forked(owner, tmp_path))
+    with process_numbered(work.pid) as other:
+        process.send_signal(signal.SIGTERM)
+        psutil.Process(process.pid).resume()
+        process.communicate(timeout=60)
+        assert process.returncode == -signal.SIGKILL
+        assert other.poll() is None
 
 
 def test_a_server_goes_with_the_process_that_started_it(owner: subprocess.Popen[str], socket: Path) -> None:

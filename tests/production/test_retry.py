@@ -14,7 +14,9 @@ import psutil
 import pytest
 
 from pipeline.production.execution.recovery import ROUNDS, RetryPolicy, watched
-from pipeline.production.store.event_log import EventLog, EventReader
+from pipeline.production.store.event_log import EventLog, EventReader, poll
+from pipeline.production.store.processes import start_of
+from tests.numbered_process import process_numbered
 
 pytestmark = pytest.mark.quick
 
@@ -65,6 +67,42 @@ def test_a_job_that_tells_of_itself_or_has_ended_or_is_elsewhere_is_left_alone(t
         assert process.poll() is None
         process.kill()
     assert not events(log, "hung")
+
+
+def test_a_process_that_has_the_number_of_a_killed_job_by_now_is_left_alone(tmp_path: Path) -> None:
+    log = EventLog(tmp_path / "a.jsonl", "job")
+    with subprocess.Popen(STUCK) as job:
+        log.write("begin", process=job.pid, started=start_of(job.pid), host=platform.node())
+        job.kill()
+    with process_numbered(job.pid) as other, watched(log.path, 0.3):
+        time.sleep(1.0)
+        assert other.poll() is None
+    assert not events(log, "hung")
+
+
+def test_a_log_that_cannot_be_read_for_a_while_keeps_nobody_from_ending_what_hangs(tmp_path: Path) -> None:
+    log = EventLog(tmp_path / "a.jsonl", "job")
+    with subprocess.Popen(STUCK) as process, watched(log.path, 0.3):
+        log.path.mkdir()
+        time.sleep(0.5)
+        log.path.rmdir()
+        begun(log, process.pid)
+        process.wait(20)
+    assert events(log, "hung")
+
+
+def test_a_poll_that_is_refused_for_long_warns_once_and_goes_on(tmp_path: Path) -> None:
+    seen, told = [], []
+    path = tmp_path / "a.jsonl"
+    path.mkdir()
+    reader = EventReader(path)
+    with poll(0.01, lambda: seen.extend(reader.new()), told.append):
+        wait_until(lambda: told)
+        time.sleep(0.3)
+        path.rmdir()
+        EventLog(path).write("ran")
+        wait_until(lambda: seen)
+    assert told == [f"{path}: cannot be used: a folder stands where a file should be; move it away"]
 
 
 def event(kind: str, frame: int | None = None) -> dict[str, Any]:

@@ -12,11 +12,12 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pipeline.production.execution.snakemake import end_family
 from pipeline.production.store.event_log import Event, EventLog, EventReader, poll
+from pipeline.production.store.processes import is_at_work
 
 ROUNDS = 6
 """The most times that a run plans. Each may find one more damaged file on the way from a film to a mesh: a
@@ -74,14 +75,16 @@ def _failure(event: Event, more: str) -> Event:
 
 def watched(log: Path, patience: float = PATIENCE) -> AbstractContextManager[None]:
     """End the jobs that hang, by the event log, until the context is left."""
-    return poll(min(POLL_SECONDS, patience / 2.0), Watchdog(log, patience).check)
+    watchdog = Watchdog(log, patience)
+    return poll(min(POLL_SECONDS, patience / 2.0), watchdog.check, watchdog.warn)
 
 
 @dataclass
 class _BegunJob:
-    """A job's process, the event it last wrote, and when: by a clock that nobody sets."""
+    """A job's process and its start, the event it last wrote, and when: by a clock that nobody sets."""
 
     process: int
+    start: float | None
     event: Event
     written: float = field(default_factory=time.monotonic)
 
@@ -106,18 +109,27 @@ class Watchdog:
         for name in [name for name, job in self._jobs.items() if job.written < silent]:
             self._end(name, self._jobs.pop(name))
 
+    def warn(self, message: str) -> None:
+        """Say in the log that it cannot be read: until then nothing that hangs is ended."""
+        EventLog(self._log).write("warn", message=f"{message}; jobs that hang are not ended meanwhile")
+
     def _note(self, event: Event) -> None:
         name = str(event["job"])
         if event["event"] == "end":
             self._jobs.pop(name, None)
         elif event["event"] == "begin":
             if event["host"] == platform.node():  # a farm ends what hangs on its nodes
-                self._jobs[name] = _BegunJob(int(event["process"]), event)
+                self._jobs[name] = _BegunJob(int(event["process"]), event.get("started"), event)
         elif name in self._jobs:
-            self._jobs[name] = _BegunJob(self._jobs[name].process, event)
+            self._jobs[name] = replace(self._jobs[name], event=event, written=time.monotonic())
 
     def _end(self, name: str, job: _BegunJob) -> None:
-        """End a job; the log says so first, for who waits for the process reads there why it ended."""
+        """End a job; the log says so first, for who waits for the process reads there why it ended.
+
+        One that was killed wrote no end, and another process may have its number by now.
+        """
+        if not is_at_work(job.process, job.start):
+            return
         about = {part: job.event.get(part) for part in ("stage", "shot", "quality", "frame")}
         message = f"{name} gave no sign of life for {self._patience:g} s and was ended"
         EventLog(self._log, name).write("hung", **about, message=message)

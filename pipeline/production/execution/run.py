@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
@@ -17,6 +18,7 @@ from pipeline.production.store.ended_runs import summarise
 from pipeline.production.store.event_log import Event, EventLog, EventReader
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.paths import EVENTS
+from pipeline.production.store.processes import start_of
 from pipeline.production.store.store import Store
 from pipeline.production.store.unfinished import remove_checkpoints, sweep
 from pipeline.production.store.uploads import upload_missed
@@ -167,7 +169,7 @@ def _execute(
     with disk_errors(log):  # events that cannot be written are lost without a word, and failures with them
         log.parent.mkdir(parents=True, exist_ok=True)
         log.touch()
-    EventLog(log).write("run", cores=cores, host=plan.host)
+    EventLog(log).write("run", cores=cores, host=plan.host, started=start_of(os.getpid()))
     try:
         with watch(plan, EventReader(log)), watched(log, patience):
             well = snakemake.execute(plan, root, cores, profile)

@@ -123,15 +123,15 @@ def _take_back(process: subprocess.Popen[bytes]) -> None:
 
 def end_family(pid: int) -> None:
     """End a process, if it is still there, and all that it started: asked first, then killed."""
-    with contextlib.suppress(psutil.NoSuchProcess):
+    with contextlib.suppress(psutil.Error):
         parent = psutil.Process(pid)
         family = [*parent.children(recursive=True), parent]
         for member in family:
-            with contextlib.suppress(psutil.NoSuchProcess):
+            with contextlib.suppress(psutil.Error):
                 member.terminate()
         _, stubborn = psutil.wait_procs(family, timeout=PATIENCE)
         for member in stubborn:
-            with contextlib.suppress(psutil.NoSuchProcess):
+            with contextlib.suppress(psutil.Error):
                 member.kill()
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import platform
 import shutil
 import time
@@ -12,10 +11,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from pipeline.errors import MachineError
-from pipeline.production.store.event_log import RUNS, logs_of
+from pipeline.production.store.event_log import RUNS, event_in, logs_of
 from pipeline.production.store.history import HISTORY, History, logs_added, size_of
 from pipeline.production.store.locks import of_key
 from pipeline.production.store.paths import LOGS
+from pipeline.production.store.processes import is_at_work
 from render.base.atomic_write import atomic_write
 
 KEPT_BYTES = 64 * 1024 * 1024
@@ -41,6 +41,8 @@ def summarise(root: Path) -> None:
             if added.get(log.stem) != size_of(log) and _has_ended(log):
                 history, size = History(root), size_of(log)
                 history.add(log)
+                if not history.is_whole:
+                    continue
                 history.write()
                 added = {**added, log.stem: size}
         kept = {log.stem for log in _rotated(root, [log for log in logs if log.stem in added])}
@@ -67,27 +69,15 @@ def _has_ended(log: Path) -> bool:
     """Tell whether a run has ended: its log says so, its process is gone, or it is silent for very long."""
     try:
         with log.open("rb") as file:
-            first = file.readline()
+            first = event_in(file.readline())
             file.seek(max(0, log.stat().st_size - _TAIL))
-            last = file.read().rstrip(b"\n").rpartition(b"\n")[2]
-        if json.loads(last)["event"] == "ran":
-            return True
-        event = json.loads(first)
-    except (OSError, ValueError, KeyError):
-        event = {}
-    if event.get("host") == platform.node():
-        process = log.stem.rpartition("-")[2]
-        return not (process.isdecimal() and _is_alive(int(process)))
-    with contextlib.suppress(OSError):
-        return time.time() - log.stat().st_mtime > SILENT_SECONDS
-    return False
-
-
-def _is_alive(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
+            last = event_in(file.read().rstrip(b"\n").rpartition(b"\n")[2])
+        silent = time.time() - log.stat().st_mtime
+    except OSError:
         return False
-    except PermissionError:  # of another user
+    if last and last["event"] == "ran":
         return True
-    return True
+    if first and first.get("host") == platform.node():
+        process = log.stem.rpartition("-")[2]
+        return not (process.isdecimal() and is_at_work(int(process), first.get("started")))
+    return silent > SILENT_SECONDS

@@ -33,8 +33,15 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.production.store.paths import EVENTS
+from render.base.atomic_write import machine_error
 
 Event = dict[str, Any]
+
+MOST_REFUSALS = 10
+"""Polls in a row that the operating system may refuse before somebody is warned."""
+
+TRIES = 5
+"""Attempts at writing an event: network file systems refuse one and take the next."""
 
 RUNS = 20
 """The most runs whose logs are kept."""
@@ -48,14 +55,19 @@ class EventLog:
     job: str = ""
 
     def write(self, event: str, **facts: Any) -> None:
-        line = json.dumps({"time": round(time.time(), 3), "event": event, "job": self.job, **facts})
-        with contextlib.suppress(OSError):  # a full disk must not hide what is being told of it
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
-            try:
-                os.write(descriptor, line.encode() + b"\n")
-            finally:
-                os.close(descriptor)
+        """Append an event. A disk that refuses it several times hides it, and not what it tells of."""
+        facts = {"time": round(time.time(), 3), "event": event, "job": self.job, **facts}
+        line = json.dumps(facts).encode() + b"\n"
+        for _ in range(TRIES):
+            with contextlib.suppress(OSError):
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+                descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+                try:
+                    if os.write(descriptor, line) == len(line):
+                        return
+                    line = b"\n" + line.lstrip()  # after a part of it, with which readers can do nothing
+                finally:
+                    os.close(descriptor)
 
 
 @dataclass
@@ -73,10 +85,19 @@ class EventReader:
         """Yield the events since the last reading.
 
         saying  skip lines without this string as a value before parsing them; logs can be long
+
+        Raises OSError, once all others are read, where the operating system refuses one of the logs.
         """
         sought = json.dumps(saying).encode() if saying else b""
+        refused = None
         for path in self._logs():
-            yield from self._new_in(path, sought)
+            try:
+                yield from self._new_in(path, sought)
+            except OSError as error:
+                error.filename = str(path)
+                refused = refused or error
+        if refused is not None:
+            raise refused
 
     def _logs(self) -> list[Path]:
         """Return the log of the host that made the plan, and those of other hosts."""
@@ -89,9 +110,17 @@ class EventReader:
                 if not line.endswith(b"\n"):  # still being written
                     return
                 self._offsets[path] = self._offsets.get(path, 0) + len(line)
-                with contextlib.suppress(ValueError):  # cut short by a full disk
-                    if sought in line:
-                        yield json.loads(line)
+                if sought in line and (event := event_in(line)) is not None:
+                    yield event
+
+
+def event_in(line: bytes) -> Event | None:
+    """Return the event of a line; None where it is damaged, or was cut short by a full disk."""
+    with contextlib.suppress(ValueError, RecursionError):
+        event = json.loads(line)
+        if isinstance(event, dict) and isinstance(event.get("event"), str):
+            return {"job": "", "time": 0.0, **event}
+    return None
 
 
 def logs_of(root: Path) -> list[Path]:
@@ -100,13 +129,27 @@ def logs_of(root: Path) -> list[Path]:
 
 
 @contextmanager
-def poll(seconds: float, read: Callable[[], object]) -> Iterator[None]:
-    """Call `read` from a thread every so many seconds, until the context is left."""
+def poll(seconds: float, read: Callable[[], object], warn: Callable[[str], object]) -> Iterator[None]:
+    """Call `read` from a thread every so many seconds, until the context is left.
+
+    One call that the operating system refuses ends nothing: network folders come back.
+
+    warn  called once, with the error, where MOST_REFUSALS calls are refused one after another
+    """
     done = threading.Event()
 
     def follow() -> None:
+        refusals, is_warned = 0, False
         while not done.wait(seconds):
-            read()
+            try:
+                read()
+                refusals = 0
+            except OSError as error:
+                refusals += 1
+                if refusals >= MOST_REFUSALS and not is_warned:
+                    is_warned = True
+                    with contextlib.suppress(OSError):  # of a closed standard error
+                        warn(str(machine_error(Path(error.filename or "standard error"), error, "used")))
 
     thread = threading.Thread(target=follow, daemon=True)
     thread.start()

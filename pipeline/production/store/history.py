@@ -16,6 +16,7 @@ import json
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,12 +24,16 @@ from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import Event, EventReader, logs_of
 from pipeline.production.store.locks import lock_name
 from pipeline.production.store.paths import STATE
-from render.base.atomic_write import atomic_write
+from pipeline.production.store.processes import command_of, is_at_work
+from pipeline.production.store.remote_requests import LOG
+from render.base.atomic_write import atomic_write, machine_error
 
 HISTORY = STATE / "history"
 
 SHARED = "meshes"
 """Stands for the quality of files that all qualities share."""
+
+LEFT_OUT = "what it says of failures and times is left out"
 
 _ENDINGS = ("frame", "fail", "hung")
 """Events that end the work on a frame."""
@@ -40,6 +45,13 @@ class Made(NamedTuple):
     run: str
     seconds: float
     threads: int
+
+
+class Worker(NamedTuple):
+    """The process of a job, and its start as `start_of` has it; None in logs of earlier versions."""
+
+    process: int
+    start: float | None
 
 
 @dataclass
@@ -77,12 +89,17 @@ Place = tuple[str, str]
 
 
 class History:
-    """The history of all runs under a root. Summaries are read when they are asked for."""
+    """The history of all runs under a root. Summaries are read when they are asked for.
+
+    is_whole  False once a log or a summary was left out since the operating system refuses it; a warning is
+              logged, once for each
+    """
 
     def __init__(self, root: Path) -> None:
         self._root = root
         self._stages: dict[Place, dict[str, StageHistory]] = {}
-        self._working: dict[tuple[Place, str], dict[tuple[str, int], int]] = {}
+        self._working: dict[tuple[Place, str], dict[tuple[str, int], Worker]] = {}
+        self.is_whole = True
 
     @classmethod
     def of(cls, root: Path) -> History:
@@ -107,7 +124,7 @@ class History:
         """Return the frames that processes are working on now."""
         places = [(shot, quality if STAGES[stage].per_quality else SHARED) for stage in stages]
         works = [self._working.get(about, {}) for about in zip(places, stages, strict=True)]
-        return {frame for jobs in works for (job, frame), process in jobs.items() if _works_on(process, job)}
+        return {frame for jobs in works for (job, frame), worker in jobs.items() if _works_on(worker, job)}
 
     def pace(self, shot: str, stages: Iterable[str], quality: str) -> float | None:
         """Return the mean seconds from one frame to the next at the slowest of the stages in its last run.
@@ -119,9 +136,8 @@ class History:
     def places(self) -> list[Place]:
         """Return the shots and qualities of which anything is known."""
         for path in sorted((self._root / HISTORY).glob("*.*.json")):
-            with contextlib.suppress(OSError, ValueError, KeyError):
-                data = json.loads(path.read_text())
-                self._stages.setdefault((data["shot"], data["quality"]), _stages_in(data))
+            for place, stages in self._summary_in(path).items():
+                self._stages.setdefault(place, stages)
         return list(self._stages)
 
     # Writing
@@ -129,8 +145,12 @@ class History:
     def add(self, log: Path) -> None:
         """Add the events of a run's log, and of those of other hosts."""
         run = _Run(self, log.stem)
-        for event in EventReader(log).new():
-            run.add(event)
+        try:
+            for event in EventReader(log).new():
+                with contextlib.suppress(KeyError, TypeError, ValueError):  # a damaged line
+                    run.add(event)
+        except OSError as error:
+            self._leave_out(Path(error.filename), error)
         run.finish()
 
     def write(self) -> None:
@@ -142,20 +162,30 @@ class History:
 
     def _at(self, place: Place) -> dict[str, StageHistory]:
         if place not in self._stages:
-            self._stages[place] = {}
-            with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
-                data = json.loads(_summary(self._root, place).read_text())
-                if (data["shot"], data["quality"]) == place:
-                    self._stages[place] = _stages_in(data)
+            self._stages[place] = self._summary_in(_summary(self._root, place)).get(place, {})
         return self._stages[place]
 
-    def works_on(self, place: Place, stage: str) -> dict[tuple[str, int], int]:
+    def _summary_in(self, path: Path) -> dict[Place, dict[str, StageHistory]]:
+        """Return the stages in a summary by their place; none where it is not there, or cannot be read."""
+        try:
+            data = json.loads(path.read_text())
+            stages = {name: StageHistory.from_data(stage) for name, stage in data["stages"].items()}
+            return {(str(data["shot"]), str(data["quality"])): stages}
+        except FileNotFoundError:
+            return {}
+        except OSError as error:
+            self._leave_out(path, error)
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            _warn(f"{path}: it is damaged; {LEFT_OUT}. The next run writes it again.")
+        return {}
+
+    def _leave_out(self, path: Path, error: OSError) -> None:
+        self.is_whole = False
+        _warn(f"{machine_error(path, error, 'read')}; {LEFT_OUT}")
+
+    def works_on(self, place: Place, stage: str) -> dict[tuple[str, int], Worker]:
         """Return jobs and frames that are worked on, with the processes; `add` keeps them."""
         return self._working.setdefault((place, stage), {})
-
-
-def _stages_in(data: Any) -> dict[str, StageHistory]:
-    return {name: StageHistory.from_data(stage) for name, stage in data["stages"].items()}
 
 
 class _Run:
@@ -164,16 +194,16 @@ class _Run:
     def __init__(self, history: History, name: str) -> None:
         self._history, self._name = history, name
         self._threads: dict[str, int] = {}
-        self._processes: dict[str, int] = {}
+        self._workers: dict[str, Worker] = {}
         self._spans: dict[tuple[Place, str], tuple[float, float, int]] = {}
 
     def add(self, event: Event) -> None:
         what, job = event["event"], event.get("job", "")
         if what == "begin":
             self._threads[job] = int(event.get("threads", 1))
-            self._processes[job] = int(event.get("process", 0))
+            self._workers[job] = Worker(int(event.get("process", 0)), event.get("started"))
         elif what == "end":
-            self._processes.pop(job, None)
+            self._workers.pop(job, None)
         elif (what == "start" or what in _ENDINGS) and event.get("frame") is not None:
             self._add_frame(what, job, event)
 
@@ -187,8 +217,8 @@ class _Run:
         works = self._history.works_on(place, stage)
         if what == "start":
             first = min(first, event["time"])
-            if job in self._processes:
-                works[job, frame] = self._processes[job]
+            if job in self._workers:
+                works[job, frame] = self._workers[job]
         else:
             works.pop((job, frame), None)
         if what == "frame":
@@ -207,7 +237,7 @@ class _Run:
             if count and last > first:
                 self._history.stage(stage, *place).pace = (last - first) / count
             works = self._history.works_on(place, stage)
-            for job, frame in [about for about in works if about[0] not in self._processes]:
+            for job, frame in [about for about in works if about[0] not in self._workers]:
                 works.pop((job, frame))
 
 
@@ -216,6 +246,12 @@ def logs_added(root: Path) -> dict[str, int]:
     with contextlib.suppress(OSError, ValueError):
         return dict(json.loads((root / HISTORY / "logs.json").read_text()))
     return {}
+
+
+@cache
+def _warn(message: str) -> None:
+    """Warn once, however often the history is read."""
+    LOG.warning(message)
 
 
 def _summary(root: Path, place: Place) -> Path:
@@ -231,9 +267,5 @@ def size_of(log: Path) -> int:
     return total
 
 
-def _works_on(process: int, job: str) -> bool:
-    import psutil  # which most processes never need
-
-    with contextlib.suppress(psutil.Error):
-        return job in psutil.Process(process).cmdline()
-    return False
+def _works_on(worker: Worker, job: str) -> bool:
+    return is_at_work(*worker) and job in command_of(worker.process)

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.production.store.paths import CHECKPOINTS
+from pipeline.production.store.processes import is_at_work
 from pipeline.production.store.store import Key, Store
 
 if TYPE_CHECKING:
@@ -92,14 +93,5 @@ def _left_behind(draft: Path, now: float) -> bool:
     host, _, rest = draft.name.lstrip(".").partition("+")  # a writer's own draft of it begins with a point
     number = rest.partition("+")[0]
     if host == platform.node() and number.isdecimal():
-        return int(number) == os.getpid() or not _lives(int(number))
+        return int(number) == os.getpid() or not is_at_work(int(number))
     return not number or now - draft.stat().st_mtime > OLD_DRAFT
-
-
-def _lives(process: int) -> bool:
-    """Tell whether a process may still write; a zombie does not."""
-    import psutil  # which most processes never need
-
-    with contextlib.suppress(psutil.Error):
-        return bool(psutil.Process(process).status() != psutil.STATUS_ZOMBIE)
-    return False

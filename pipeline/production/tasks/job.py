@@ -21,6 +21,7 @@ from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import Event, EventLog, EventReader
 from pipeline.production.store.paths import EVENTS
+from pipeline.production.store.processes import start_of
 from pipeline.production.store.remote_requests import LOG
 from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write
@@ -224,7 +225,7 @@ class Context:
 
     def begin(self, process: int) -> None:
         """Say which process works on the job from now on: the watchdog ends it should it hang."""
-        where = {"process": process, "host": platform.node()}
+        where = {"process": process, "started": start_of(process), "host": platform.node()}
         self.log.write("begin", stage=self.job.stage, threads=self.job.threads, **where)
 
     def waits(self) -> None:

@@ -1,11 +1,12 @@
 """The process of one job, as Snakemake starts it: `python -m pipeline.production.tasks.job_process PLAN JOB`.
 
-Where a job server runs, it forks the process that works, and this one stands for it: it passes signals on,
-and ends as that one ends. Elsewhere this process does the job itself. It imports next to nothing before.
+Where a job server runs, it forks the process that works, and this one stands for it: it passes signals on by
+the server, and ends as that one ends. Elsewhere this process does the job itself. It imports next to nothing before.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -17,7 +18,8 @@ SERVER = "FLOWSCULPT_JOB_SERVER"
 """The environment variable that names the socket of the job server."""
 
 NUMBER = struct.Struct("<i")
-"""An answer of the server: the id of the forked process, and then its end, as `Popen.returncode` has it."""
+"""An answer of the server: the id of the forked process, and then its end, as `Popen.returncode` has it; and
+what it is sent: a signal."""
 
 _PASSED_ON = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP, signal.SIGCONT)
 
@@ -25,7 +27,7 @@ _PASSED_ON = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP, sign
 def main(words: list[str]) -> int:
     """Do a job, or have it done; return its exit code. Dies of a signal where the forked process did."""
     signal.pthread_sigmask(signal.SIG_BLOCK, _PASSED_ON)  # until there is a process to pass them on to
-    connection, forked = _forked(words)
+    connection = _connection_to_forked(words)
     if connection is None:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _PASSED_ON)
         from pipeline.production.tasks.worker import run
@@ -33,19 +35,21 @@ def main(words: list[str]) -> int:
         return run(words)
     for number in _PASSED_ON:
         if signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, lambda received, frame: _pass_on(received, forked))
+            signal.signal(number, lambda received, frame: _pass_on(received, connection))
     signal.pthread_sigmask(signal.SIG_UNBLOCK, _PASSED_ON)
-    ended = connection.recv(NUMBER.size)
+    ended = b""
+    with contextlib.suppress(OSError):
+        ended = connection.recv(NUMBER.size)
     (code,) = NUMBER.unpack(ended) if ended else (-signal.SIGKILL,)  # the server was killed
     if code < 0:
         _die_of(-code)
     return int(code)
 
 
-def _forked(words: list[str]) -> tuple[socket.socket | None, int]:
-    """Have the job server fork a process for a job; return the connection and its id, or None without one."""
+def _connection_to_forked(words: list[str]) -> socket.socket | None:
+    """Have the job server fork a process for a job; return the connection, or None without a server."""
     if SERVER not in os.environ:
-        return None, 0
+        return None
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
         connection.connect(os.environ[SERVER])
@@ -55,12 +59,13 @@ def _forked(words: list[str]) -> tuple[socket.socket | None, int]:
         answer = connection.recv(NUMBER.size)
     except OSError:
         answer = b""
-    return (connection, NUMBER.unpack(answer)[0]) if answer else (None, 0)
+    return connection if answer else None
 
 
-def _pass_on(number: int, process: int) -> None:
-    """Send the forked process the signal that this one received; stop where it asks to stop."""
-    os.kill(process, number)
+def _pass_on(number: int, connection: socket.socket) -> None:
+    """Have the forked process sent the signal that this one received; stop where it asks to stop."""
+    with contextlib.suppress(OSError):  # the server has gone, and so has it
+        connection.send(NUMBER.pack(number))
     if number == signal.SIGTSTP:
         os.kill(os.getpid(), signal.SIGSTOP)
 

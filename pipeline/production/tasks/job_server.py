@@ -101,43 +101,69 @@ def _load_what_jobs_need() -> None:
 
 @dataclass
 class _Server:
-    """Forks a process for each connection.
+    """Forks a process for each connection that asks for one. Nothing that a connection does ends the others.
 
     lifeline  a pipe that is closed where the process goes that has started this one
     """
 
     listener: socket.socket
     lifeline: int
+    _silent: set[socket.socket] = field(default_factory=set)
     _jobs: dict[socket.socket, BaseProcess] = field(default_factory=dict)
 
     def run(self) -> None:
         """Fork, and tell who asked how the forked process ended, until the lifeline is closed."""
         is_open = True
         while is_open or self._jobs:
-            doors: list[socket.socket | int] = [self.listener, self.lifeline] if is_open else []
+            doors: list[socket.socket | int] = [self.listener, self.lifeline, *self._silent] if is_open else []
             sentinels = {process.sentinel: asking for asking, process in self._jobs.items()}
             for ready in connections.wait([*doors, *sentinels, *self._jobs]):
                 if ready == self.lifeline:
                     is_open = False
                 elif ready is self.listener:
-                    self._fork()
+                    with suppress(OSError):  # it has gone before it was accepted
+                        self._silent.add(self.listener.accept()[0])
+                elif ready in self._silent:
+                    self._silent.remove(ready)
+                    self._fork(ready)
                 elif isinstance(ready, int):
                     self._end(sentinels[ready])
-                elif ready in self._jobs:  # who asked was killed; it says nothing else
-                    self._jobs[ready].kill()
-                    self._end(ready)
+                elif ready in self._jobs:
+                    self._pass_on(ready)
 
-    def _fork(self) -> None:
-        """Fork a process for the job that is asked for, and answer with its id."""
-        asking, _ = self.listener.accept()
-        with suppress(OSError):
-            request, (out, err), _, _ = socket.recv_fds(asking, REQUEST_BYTES, 2)
-            process = get_context("fork").Process(target=_work, args=(out, err), kwargs=json.loads(request))
+    def _fork(self, asking: socket.socket) -> None:
+        """Fork a process for the job that is asked for, and answer with its id; hang up on anything else."""
+        outputs: list[int] = []
+        try:
+            request, outputs, _, _ = socket.recv_fds(asking, REQUEST_BYTES, 2)
+            words, folder, number = _parts_of(request)
+            out, err = outputs
+            process = get_context("fork").Process(target=_work, args=(out, err, words, folder, number))
             process.start()
-            os.close(out)
-            os.close(err)
+        except (OSError, ValueError):  # who asks then does the job itself
+            asking.close()
+        else:
             self._jobs[asking] = process
-            asking.send(NUMBER.pack(process.pid))
+            with suppress(OSError):  # it has gone, which the next wait sees
+                asking.send(NUMBER.pack(process.pid))
+        finally:
+            for output in outputs:
+                os.close(output)
+
+    def _pass_on(self, asking: socket.socket) -> None:
+        """Send the process of a job the signal that came for it; end it where who asked was killed.
+
+        This process alone waits for that one, so its number is not given again before `_end`.
+        """
+        process, message = self._jobs[asking], b""
+        with suppress(OSError):
+            message = asking.recv(NUMBER.size)
+        if len(message) == NUMBER.size and process.pid is not None:
+            with suppress(OSError, ValueError):
+                os.kill(process.pid, NUMBER.unpack(message)[0])
+        else:
+            process.kill()
+            self._end(asking)
 
     def _end(self, asking: socket.socket) -> None:
         """Tell who asked how the process of its job ended."""
@@ -145,6 +171,15 @@ class _Server:
         process.join()
         with asking, suppress(OSError):
             asking.send(NUMBER.pack(process.exitcode))
+
+
+def _parts_of(request: bytes) -> tuple[list[str], str, int]:
+    """Return the words of a job, its folder and the number of the process that asks. Raises ValueError."""
+    try:
+        parts = json.loads(request)
+        return [str(word) for word in parts["words"]], str(parts["folder"]), int(parts["process"])
+    except (KeyError, TypeError, RecursionError) as error:
+        raise ValueError("not a request") from error
 
 
 def _work(out: int, err: int, words: list[str], folder: str, process: int) -> NoReturn:

@@ -1,0 +1,32 @@
+"""A process that has the number of one that has ended."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+LAST_NUMBER = Path("/proc/sys/kernel/ns_last_pid")
+
+
+@contextmanager
+def process_numbered(number: int) -> Iterator[subprocess.Popen[bytes]]:
+    """Start a process that sleeps under a number that is free; skip the test where the system lets nobody."""
+    for _ in range(200):  # others take numbers too
+        try:
+            LAST_NUMBER.write_text(str(number - 1))
+        except OSError:
+            pytest.skip("the numbers of processes cannot be chosen here")
+        process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+        try:
+            if process.pid == number:
+                yield process
+                return
+        finally:
+            process.kill()
+            process.wait()
+    pytest.fail(f"the number {number} is never free")
