@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
+import socket as sockets
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from socket import AF_UNIX, SOCK_SEQPACKET, send_fds
-from socket import socket as Socket
 
 import psutil
 import pytest
@@ -124,24 +123,24 @@ def test_a_job_without_a_server_works_by_itself(tmp_path: Path) -> None:
     assert "required: plan_path, job_name" in words
 
 
-def says_nothing(connection: Socket) -> None:
+def says_nothing(connection: sockets.socket) -> None:
     pass
 
 
-def resets(connection: Socket) -> None:
+def resets(connection: sockets.socket) -> None:
     connection.close()
 
 
-def says_what_is_not_json(connection: Socket) -> None:
+def says_what_is_not_json(connection: sockets.socket) -> None:
     connection.send(b"\x00\xff{")
 
 
-def says_half_a_request(connection: Socket) -> None:
+def says_half_a_request(connection: sockets.socket) -> None:
     with Path(os.devnull).open("rb") as empty:
-        send_fds(connection, [b'{"words": ["plan"]}'], [empty.fileno(), empty.fileno()])
+        sockets.send_fds(connection, [b'{"words": ["plan"]}'], [empty.fileno(), empty.fileno()])
 
 
-def gives_no_outputs(connection: Socket) -> None:
+def gives_no_outputs(connection: sockets.socket) -> None:
     connection.send(b'{"words": [], "folder": "/", "process": 1}')
 
 
@@ -149,11 +148,11 @@ def gives_no_outputs(connection: Socket) -> None:
     "does", [says_nothing, resets, says_what_is_not_json, says_half_a_request, gives_no_outputs]
 )
 def test_whatever_a_connection_does_others_are_served(
-    does: Callable[[Socket], None], socket: Path, tmp_path: Path
+    does: Callable[[sockets.socket], None], socket: Path, tmp_path: Path
 ) -> None:
     with ExitStack() as stack:
         for _ in range(20):
-            connection = stack.enter_context(Socket(AF_UNIX, SOCK_SEQPACKET))
+            connection = stack.enter_context(sockets.socket(sockets.AF_UNIX, sockets.SOCK_SEQPACKET))
             connection.connect(str(socket))
             does(connection)
         process = start(socket, tmp_path)

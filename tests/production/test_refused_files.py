@@ -151,3 +151,44 @@ def test_a_record_of_digests_that_a_full_disk_cut_short_loses_that_line_alone(tm
         digests.add(files[1])
     digests.add(files[2])
     assert [digests.check(file) for file in files] == [True, False, True]
+
+
+@pytest.mark.parametrize(
+    ("place", "whole"),
+    [
+        (".flowsculpt/store/mesh/*/*.npz", False),
+        pytest.param(".flowsculpt/store/frame", True, marks=pytest.mark.soak),
+        (".flowsculpt/digests", True),
+        pytest.param(".flowsculpt/digests/.flowsculpt/store/mesh/*/*.b2", False, marks=pytest.mark.soak),
+        (f"renders/{NAME}/{QUALITY}", True),
+        pytest.param(f"renders/{NAME}/{QUALITY}/{NAME}.mp4", False, marks=pytest.mark.soak),
+    ],
+)
+def test_verify_names_what_it_may_not_read_and_takes_none_of_it_for_damaged(
+    place: str, whole: bool, finished: ProjectFolder
+) -> None:
+    before = files_of(finished)
+    hidden = next(finished.path.glob(place))
+    with mode(hidden, "000"):
+        done = unprivileged(finished, "verify")
+    assert done.code == 4 and f"{hidden}: cannot be read: permission denied" in done.err, done.out + done.err
+    assert "Every file that could be read is what it should be." in done.out
+    assert whole or done.err.count("\n") == 1
+    assert files_of(finished) == before
+    assert finished.call("verify").code == 0
+
+
+def test_status_names_a_log_and_a_summary_that_it_cannot_read_and_lists_all_the_same(
+    finished: ProjectFolder,
+) -> None:
+    (history := finished.path / ".flowsculpt/history").mkdir(exist_ok=True)
+    log = finished.path / ".flowsculpt/events/20991231-235959-12.jsonl"
+    log.write_bytes(b'\xff\x00{"event": 1}\n[]\n{"event": "frame"}\n{"event": "begin", "process": "x"}\n')
+    assert finished.call("status").out == unprivileged(finished, "status").out
+    summary = history / f"{NAME}.meshes.json"
+    with mode(log, "000"):
+        summary.write_text("[1]")
+        done = unprivileged(finished, "status")
+    assert done.code == 0 and NAME in done.out
+    assert f"{log}: cannot be read: permission denied" in done.err
+    assert f"{summary}: it is damaged" in done.err and done.err.count("\n") == 2, done.err

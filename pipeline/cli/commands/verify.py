@@ -14,6 +14,7 @@ import typer
 from pipeline.cli.execution import execute
 from pipeline.cli.options import Common, Settings, project_of
 from pipeline.cli.output import print_error, print_result, print_warning, progress_bars
+from pipeline.errors import MachineError
 from pipeline.production.maintenance.known_requests import begun_films, begun_requests, last_requests
 from pipeline.production.maintenance.repair import evict, remedy, repairs
 from pipeline.production.maintenance.verify import (
@@ -24,6 +25,7 @@ from pipeline.production.maintenance.verify import (
     files_without_digest,
     inode,
     published_files,
+    refused_folders,
     remedies,
     roots,
     shown_files,
@@ -49,6 +51,8 @@ def verify(common: Common, settings: Settings = None) -> None:
 
     Published files are compared with the digests in their provenance.json. They are never written to: a
     damaged, altered or missing one is listed with the command that reproduces it (exit code 1).
+
+    Files and folders that may not be read are listed and left as they are (exit code 4).
     """
     checks = [_checked(common, Store(root)) for root in roots(common.root)]
     files = list(published_files(Store(common.root)))
@@ -57,6 +61,9 @@ def verify(common: Common, settings: Settings = None) -> None:
     for line in remedies(versions, common.root):
         print_warning(line)
     faulty = sum(len(check.damaged) + len(check.altered) for check in checks)
+    refused = list(dict.fromkeys(message for check in checks for message in check.refused))
+    for message in refused:
+        print_error(message)
     facts = {
         "faulty": [
             {"kind": file.kind, "file": str(file.path), "fault": file.fault}
@@ -71,26 +78,34 @@ def verify(common: Common, settings: Settings = None) -> None:
             for file in versions
         ],
         "unchecked": [str(path) for check in checks for path in check.unchecked],
+        "refused": refused,
     }
-    if common.dry_run or not faulty:
-        words = _summary(faulty, len(versions), "; nothing was changed")
-        print_result(words, {**facts, "healed": False}, common.json)
-        raise typer.Exit(1 if faulty or versions else 0)
-    code, left = _repair(common, settings, checks)
-    became = ": made again, or shown again" if not left else f", and {left} not made again: see above"
-    words = _summary(faulty, len(versions), became)
-    print_result(words, {**facts, "healed": not (code or left)}, common.json)
+    code, left, became = 0, faulty, "; nothing was changed"
+    if faulty and not common.dry_run:
+        code, left = _repair(common, settings, checks)
+        became = ": made again, or shown again" if not left else f", and {left} not made again: see above"
+    words = _summary(faulty, len(versions), became, bool(refused))
+    print_result(words, {**facts, "healed": bool(faulty) and not (code or left)}, common.json)
+    if refused and not code:
+        code = MachineError.exit_code
     if code or left or versions:
         raise typer.Exit(code or 1)
 
 
 class _Check(NamedTuple):
-    """The damaged files of a root: stored and shown ones; and files in renders/ that nothing is known of."""
+    """The outcome for a root.
+
+    damaged    of the store
+    altered    outside of it
+    unchecked  files in renders/ that nothing is known of
+    refused    messages about what could not be read
+    """
 
     store: Store
     damaged: list[StoredFile]
     altered: list[ShownFile]
     unchecked: list[Path]
+    refused: list[str]
 
 
 def _checked(common: Common, store: Store) -> _Check:
@@ -101,7 +116,8 @@ def _checked(common: Common, store: Store) -> _Check:
         common, verify_shown(store, stored, paths, common.cores), "verifying renders/", len(paths)
     )
     _report(common, store.root, [*_faulty(stored), *_faulty(shown)])
-    undecided = [file.path for file in stored if not file.has_digest and file.fault is None]
+    read = [file for file in stored if file.refusal is None]
+    undecided = [file.path for file in read if not file.has_digest and file.fault is None]
     unchecked = files_without_digest(store, stored)
     if undecided:
         files = plural(len(undecided), "stored file")
@@ -112,7 +128,9 @@ def _checked(common: Common, store: Store) -> _Check:
     if not common.dry_run:
         for path in undecided:
             store.digests.add(path)
-    return _Check(store, _faulty(stored), _faulty(shown), unchecked)
+    refusals = [*(file.refusal for file in stored), *(file.refusal for file in shown)]
+    refused = [*refused_folders(store.root), *filter(None, refusals)]
+    return _Check(store, _faulty(stored), _faulty(shown), unchecked, refused)
 
 
 def _repair(common: Common, settings: Settings, checks: Sequence[_Check]) -> tuple[int, int]:
@@ -167,10 +185,15 @@ def _faulty(files: Iterable[File]) -> list[File]:
     return [file for file in files if file.fault is not None]
 
 
-def _summary(damaged: int, altered: int, became: str) -> str:
-    """Return the outcome in words; `became` says what became of damaged files that are not published."""
+def _summary(damaged: int, altered: int, became: str, is_partial: bool) -> str:
+    """Return the outcome in words.
+
+    became      says what became of damaged files that are not published
+    is_partial  some files could not be read
+    """
     if not (damaged or altered):
-        return "Every file is what it should be."
+        files = "Every file that could be read" if is_partial else "Every file"
+        return f"{files} is what it should be."
     sentences = [f"{_count(damaged)} damaged{became}."] if damaged else []
     sentences += [f"{_count(altered, ' of published versions')} not what was published."] if altered else []
     return " ".join(sentences)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import json
-from collections.abc import Callable, Iterable, Iterator
+import os
+from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import groupby
@@ -15,11 +18,12 @@ from pipeline.errors import MissingInputError
 from pipeline.frames import FrameRange
 from pipeline.production.store import readers
 from pipeline.production.store.digests import ALTERED, CorruptFileError
-from pipeline.production.store.paths import PUBLISHED, RENDERS, REPEATED, STATE, repeated
+from pipeline.production.store.paths import DIGESTS, PUBLISHED, RENDERS, REPEATED, STATE, repeated
 from pipeline.production.store.store import Key, Store
 from pipeline.production.versions.notes_folder import NOTES
 from pipeline.production.versions.provenance import FILE, Provenance, records
 from pipeline.shot.yaml.lookup import is_there
+from render.base.atomic_write import machine_error
 from render.base.input_files import digest_of_file
 from render.movie.probe import probe_movie
 from render.post.image import read_png
@@ -56,6 +60,7 @@ class StoredFile:
 
     fault       what is wrong with it, if anything
     has_digest  whether its digest is known; if not, it was decoded
+    refusal     why it, or its digest, could not be read, and so may be whole; None where it was
     """
 
     kind: str
@@ -63,14 +68,39 @@ class StoredFile:
     path: Path
     fault: str | None
     has_digest: bool = True
+    refusal: str | None = None
 
 
 @dataclass(frozen=True)
 class ShownFile:
-    """A file outside of the store; `fault` says what is wrong with it, if anything."""
+    """A file outside of the store, with `fault` and `refusal` as `StoredFile` has them."""
 
     path: Path
     fault: str | None
+    refusal: str | None = None
+
+
+_DAMAGE = (None, errno.EIO, errno.ENOENT, errno.ENOTDIR)
+"""Error numbers of files that are damaged or gone; None of libraries, for what they cannot decode. Others say
+that a file may not be read, or not now."""
+
+
+def _refusal(path: Path, error: Exception) -> str | None:
+    """Return in words why the operating system refuses a file; None for errors that tell of damage."""
+    if not isinstance(error, OSError) or error.errno in _DAMAGE:
+        return None
+    return str(machine_error(Path(error.filename or path), error, "read"))
+
+
+def refused_folders(root: Path) -> Iterator[str]:
+    """Yield a message for each folder of the store, of digests and of renders/ that cannot be listed."""
+    errors: list[OSError] = []
+    for place in (STATE / "store", DIGESTS, RENDERS):
+        for _ in os.walk(root / place, onerror=errors.append):
+            pass
+    for error in errors:
+        if message := _refusal(Path(error.filename), error):
+            yield message
 
 
 def verify(store: Store, threads: int) -> Iterator[StoredFile]:
@@ -86,7 +116,9 @@ def verify_stored(store: Store, kind: str, key: Key, path: Path) -> StoredFile:
         if not has_digest:
             READERS[kind](key)(path)
     except Exception as error:  # libraries raise all kinds for what is damaged
-        return StoredFile(kind, key, path, str(error).removeprefix(f"{path}: "))
+        refusal = _refusal(path, error)
+        fault = str(error).removeprefix(f"{path}: ") if refusal is None else None
+        return StoredFile(kind, key, path, fault, refusal=refusal)
     return StoredFile(kind, key, path, None, has_digest)
 
 
@@ -95,7 +127,7 @@ def shown_with_digest(store: Store) -> list[Path]:
     apart = [store.root / place for place in (STATE, *APART)]
     folders = (f for f in store.digests.folders() if not any(map(f.is_relative_to, apart)))
     paths = (folder / name for folder in folders for name in sorted(store.digests.in_folder(folder)))
-    return [path for path in paths if path.is_file()]
+    return [path for path in paths if is_there(path)]
 
 
 def verify_shown(
@@ -112,7 +144,8 @@ def verify_shown(
             if inode(path) not in linked:
                 store.digests.check(path)
         except (CorruptFileError, OSError) as error:
-            return ShownFile(path, str(error).removeprefix(f"{path}: "))
+            refusal = _refusal(path, error)
+            return ShownFile(path, str(error).removeprefix(f"{path}: ") if refusal is None else None, refusal)
         return ShownFile(path, None)
 
     with ThreadPoolExecutor(threads) as pool:
@@ -122,7 +155,13 @@ def verify_shown(
 def files_without_digest(store: Store, stored: Iterable[StoredFile]) -> list[Path]:
     """Return files in renders/ that cannot be checked: they have no digest, and are no links to the store."""
     linked = {inode(file.path) for file in stored}
-    known = cache(store.digests.in_folder)
+
+    @cache
+    def known(folder: Path) -> Collection[str]:
+        with suppress(OSError):  # which `verify_shown` says of each file
+            return store.digests.in_folder(folder)
+        return {path.name for path in folder.iterdir()}
+
     return [
         path
         for path in shown_files(store.root)
@@ -134,7 +173,7 @@ def shown_files(root: Path) -> Iterator[Path]:
     """Yield the files in renders/, but those in APART."""
     apart = [root / place for place in APART]
     for path in sorted((root / RENDERS).rglob("*")):
-        if path.is_file() and not any(map(path.is_relative_to, apart)):
+        if is_there(path) and not any(map(path.is_relative_to, apart)):
             yield path
 
 
@@ -181,8 +220,9 @@ def published_files(store: Store) -> Iterator[PublishedFile]:
     """Yield the files of all versions under a root, unchecked, and each provenance that is damaged."""
     for home in sorted((store.root / PUBLISHED).glob("*")):
         for place, record in records(home):
-            if not store.is_whole(place / FILE):  # its digests of frames may be wrong
-                yield PublishedFile(place / FILE, None, fault=ALTERED)
+            fault = _fault_of_provenance(store, place / FILE)
+            if fault is not None:  # its digests of frames may be wrong
+                yield PublishedFile(place / FILE, None, fault=fault)
             elif isinstance(record, Provenance):
                 for number, frame in record.frames.items():
                     yield PublishedFile(place / frame.file, record, number, frame.sha256)
@@ -190,6 +230,16 @@ def published_files(store: Store) -> Iterator[PublishedFile]:
                     yield PublishedFile(place / file["file"], record, None, file["sha256"])
             else:
                 yield PublishedFile(place / FILE, None, fault=str(record).removeprefix(f"{place / FILE}: "))
+
+
+def _fault_of_provenance(store: Store, path: Path) -> str | None:
+    try:
+        store.digests.check(path)
+    except CorruptFileError:
+        return ALTERED
+    except OSError as error:
+        return str(machine_error(path, error, "read")).removeprefix(f"{path}: ")
+    return None
 
 
 def checked(files: Iterable[PublishedFile], threads: int) -> Iterator[PublishedFile]:
@@ -221,10 +271,13 @@ def remedies(faulty: Iterable[PublishedFile], root: Path) -> Iterator[str]:
 
 
 def _fault(file: PublishedFile) -> str | None:
-    if not is_there(file.path):
-        return "is gone, and was published"
     try:
+        file.path.stat()
         digest = digest_of_file(file.path)
+    except FileNotFoundError:
+        return "is gone, and was published"
+    except OSError as error:
+        return str(machine_error(file.path, error, "read")).removeprefix(f"{file.path}: ")
     except MissingInputError as error:
         return str(error).removeprefix(f"{file.path}: ")
     return None if digest == file.digest else "is not what was published: damaged, or altered since"

@@ -134,7 +134,7 @@ class Digests:
 
     def _records(self, folder: Path) -> list[Path]:
         home = self._home(folder)
-        with suppress(OSError):
+        with suppress(FileNotFoundError, NotADirectoryError):
             return [path for path in home.iterdir() if path.suffix == SUFFIX] if home else []
         return []
 

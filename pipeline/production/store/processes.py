@@ -1,4 +1,4 @@
-"""Processes of this host, known by number and start: the system gives the number of an ended process again."""
+"""Processes of this host, known by number and start: numbers of ended processes are given again."""
 
 from __future__ import annotations
 

@@ -115,9 +115,9 @@ class _Server:
         """Fork, and tell who asked how the forked process ended, until the lifeline is closed."""
         is_open = True
         while is_open or self._jobs:
-            doors: list[socket.socket | int] = [self.listener, self.lifeline, *self._silent] if is_open else []
+            doors: list[socket.socket | int] = [self.listener, self.lifeline] if is_open else []
             sentinels = {process.sentinel: asking for asking, process in self._jobs.items()}
-            for ready in connections.wait([*doors, *sentinels, *self._jobs]):
+            for ready in connections.wait([*doors, *self._silent, *sentinels, *self._jobs]):
                 if ready == self.lifeline:
                     is_open = False
                 elif ready is self.listener:
