@@ -30,7 +30,9 @@ def main() -> None:
             print(f"error: {fault}", file=sys.stderr)
             sys.exit(EXIT_CODE)
     from pipeline.cli.app import main as start
+    from pipeline.cli.standard_streams import prepare_streams
 
+    prepare_streams()
     start()
 
 

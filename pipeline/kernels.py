@@ -121,4 +121,4 @@ def compile_module(name: str) -> None:
             dispatcher.compile(arguments)  # a call finds in the cache what was filed under arguments alone
     for block in BLOCK_KERNELS:
         if block.module == name:
-            assert block.address, "asking for it compiles it"
+            _ = block.address  # asking for it compiles it

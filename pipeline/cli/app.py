@@ -27,6 +27,7 @@ from pipeline.cli.common_options import (
 )
 from pipeline.cli.other_words import require_command, require_options
 from pipeline.cli.output import print_error
+from pipeline.cli.standard_streams import READER_LEFT, OutputError, discard_output
 from pipeline.errors import FlowsculptError, MachineError
 from render.base.atomic_write import REMEDIES, machine_error
 
@@ -130,10 +131,14 @@ def command_named(name: str) -> Any:
     """Return the command of a name, with its options, as click has it."""
     function = getattr(import_module(f"pipeline.cli.commands.{SHARED_MODULES.get(name, name)}"), name)
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    alone.command(name, cls=_Command, help=_unwrapped(function.__doc__), epilog=REFERENCE)(
-        with_options(function)
-    )
+    text = function.__doc__ or _summaries()[name]  # PYTHONOPTIMIZE=2 strips docstrings
+    alone.command(name, cls=_Command, help=_unwrapped(text), epilog=REFERENCE)(with_options(function))
     return typer.main.get_command(alone)
+
+
+def _summaries() -> dict[str, str]:
+    """Return the line of help of each command."""
+    return {name: summary for commands in COMMANDS.values() for name, summary in commands.items()}
 
 
 def _unwrapped(text: str) -> str:
@@ -207,6 +212,11 @@ def main() -> None:
     keep_freed_memory()
     try:
         command_line()()
+    except OutputError as error:
+        discard_output()
+        if error.exit_code != READER_LEFT:
+            print_error(str(error))
+        sys.exit(error.exit_code)
     except FlowsculptError as error:
         print_error(str(error))
         sys.exit(error.exit_code)

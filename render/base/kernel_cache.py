@@ -25,6 +25,7 @@ import platformdirs
 from numba.core.caching import Cache, UserProvidedCacheLocator
 
 import render
+from render.base.errors import MachineError
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -51,7 +52,12 @@ def compiled(**options: Any) -> Callable[[F], F]:
 
 
 def use_kernel_cache() -> None:
-    """Have numba file what it compiles from now on in `cache_folder`, as `KernelCacheLocator` says."""
+    """Have numba file what it compiles from now on in `cache_folder`, as `KernelCacheLocator` says.
+
+    Raises MachineError where numba is kept from compiling.
+    """
+    if numba.config.DISABLE_JIT:
+        raise MachineError("NUMBA_DISABLE_JIT is set, and flowsculpt runs compiled kernels; unset it")
     numba.config.CACHE_DIR = str(cache_folder())
     numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{KernelCacheLocator.__name__}"
     Cache._guard_against_spurious_io_errors = lambda self: suppress(OSError)  # a full disk stores none

@@ -155,10 +155,55 @@ def _apart(boxes: AnyArray, f: int, g: int) -> bool:
     return apart
 
 
-@kernel(
-    numba.int64(CONST_MATRIX, _FACES, _BOXES, numba.float64, numba.int64, numba.int64, INTS, INTS),
-    parallel=True,
-)
+_GRID = (CONST_MATRIX, _FACES, _BOXES, numba.float64, numba.int64, numba.int64, INTS, INTS)
+
+
+@kernel(numba.int64(*_GRID, numba.int64), **LEAN)
+def _crossings_of(
+    points: Points,
+    faces: Faces,
+    boxes: AnyArray,
+    cell: float,
+    buckets: int,
+    first: int,
+    ends: Indices,
+    listed: Indices,
+    f: int,
+) -> int:
+    """Count the faces after face f that cross it, each in one common cell only."""
+    mask, here, count = buckets - 1, len(ends) - 2, 0
+    i0, i1 = _span(boxes, f, 0, cell)
+    j0, j1 = _span(boxes, f, 1, cell)
+    k0, k1 = _span(boxes, f, 2, cell)
+    normal = _normal(points, faces, f)
+    for i in range(i0, i1 + 1):
+        for j in range(j0, j1 + 1):
+            for k in range(k0, k1 + 1):
+                bucket = _bucket(i, j, k, mask) - first
+                if bucket < 0 or bucket >= here:
+                    continue
+                for at in range(ends[bucket + 1] - 1, ends[bucket] - 1, -1):
+                    g = listed[at]
+                    if g <= f:  # faces are listed in ascending order
+                        break
+                    # a face is listed twice where two of its cells share the bucket
+                    twice = at > ends[bucket] and listed[at - 1] == g
+                    if twice or _apart(boxes, f, g) or _shared(faces, f, g) > 1:
+                        continue
+                    lowest = (
+                        max(i0, _span(boxes, g, 0, cell)[0]) == i
+                        and max(j0, _span(boxes, g, 1, cell)[0]) == j
+                        and max(k0, _span(boxes, g, 2, cell)[0]) == k
+                    )
+                    if lowest and (
+                        _one_pierces(points, faces, f, g, _normal(points, faces, g))
+                        or _one_pierces(points, faces, g, f, normal)
+                    ):
+                        count += 1
+    return count
+
+
+@kernel(numba.int64(*_GRID), parallel=True)
 def count_crossings(
     points: Points,
     faces: Faces,
@@ -169,40 +214,11 @@ def count_crossings(
     ends: Indices,
     listed: Indices,
 ) -> int:
-    """Count the pairs of faces that cross, each in one common cell only; the arguments are `fill_grid`'s.
+    """Count the pairs of faces that cross; the arguments are `fill_grid`'s.
 
     Neighbours across an edge are left out: they can only meet along it.
     """
-    mask, here, total = buckets - 1, len(ends) - 2, 0
+    total = 0
     for f in prange(len(faces)):
-        i0, i1 = _span(boxes, f, 0, cell)
-        j0, j1 = _span(boxes, f, 1, cell)
-        k0, k1 = _span(boxes, f, 2, cell)
-        normal = _normal(points, faces, f)
-        count = 0
-        for i in range(i0, i1 + 1):
-            for j in range(j0, j1 + 1):
-                for k in range(k0, k1 + 1):
-                    bucket = _bucket(i, j, k, mask) - first
-                    if bucket < 0 or bucket >= here:
-                        continue
-                    for at in range(ends[bucket + 1] - 1, ends[bucket] - 1, -1):
-                        g = listed[at]
-                        if g <= f:  # faces are listed in ascending order
-                            break
-                        # a face is listed twice where two of its cells share the bucket
-                        twice = at > ends[bucket] and listed[at - 1] == g
-                        if twice or _apart(boxes, f, g) or _shared(faces, f, g) > 1:
-                            continue
-                        lowest = (
-                            max(i0, _span(boxes, g, 0, cell)[0]) == i
-                            and max(j0, _span(boxes, g, 1, cell)[0]) == j
-                            and max(k0, _span(boxes, g, 2, cell)[0]) == k
-                        )
-                        if lowest and (
-                            _one_pierces(points, faces, f, g, _normal(points, faces, g))
-                            or _one_pierces(points, faces, g, f, normal)
-                        ):
-                            count += 1
-        total += count
+        total += _crossings_of(points, faces, boxes, cell, buckets, first, ends, listed, f)
     return total

@@ -7,6 +7,7 @@ Credentials are no part of it. Each file system finds them where its own tools d
 from __future__ import annotations
 
 import os
+import re
 import sys
 from contextlib import suppress
 from importlib.util import find_spec
@@ -35,33 +36,68 @@ def store_url() -> str | None:
     return os.environ.get(VARIABLE) or None
 
 
-def checked_url(text: str) -> str:
+def checked_url(typed: str) -> str:
     """Return the address that a user typed, a folder's made absolute.
 
     Raises UsageError for an address that cannot be one, MachineError where its package is not installed.
     """
     from fsspec.registry import known_implementations  # takes a moment, and most runs have no remote store
 
+    text = typed.strip()
+    where = f"{OPTION} {_without_password(text)}"
+    if not text.isprintable() or not text:
+        raise UsageError(f"{OPTION} {typed!r}: is empty or holds control characters; write {EXAMPLES}")
     scheme, separator, rest = text.partition("://")
     if not separator:
-        return f"file://{Path(text).expanduser().absolute()}"
+        return f"file://{_folder(text, where)}"
     if scheme not in known_implementations:
         likely = suggestion(scheme, _USUAL)
-        raise UsageError(f"{OPTION} {_without_password(text)}: {scheme}:// is not known. {likely}")
+        raise UsageError(f"{where}: {scheme}:// is not known. {likely}")
     if not rest.strip("/"):
-        raise UsageError(f"{OPTION} {text}: a bucket or folder must follow; write {EXAMPLES}")
-    if urlsplit(text).password is not None:
-        raise UsageError(
-            f"{OPTION} {_without_password(text)}: it holds a password, which would end up in logs; leave it "
-            "out, and give credentials to the file system's own settings (docs/farm.md)"
-        )
+        raise UsageError(f"{where}: a bucket or folder must follow; write {EXAMPLES}")
+    _check_host(text, where)
     module = known_implementations[scheme]["class"].partition(".")[0]
     if find_spec(module) is None:
         raise MachineError(
-            f"{OPTION} {text}: {scheme}:// needs the package {module}, which is not installed; install it "
+            f"{where}: {scheme}:// needs the package {module}, which is not installed; install it "
             f"for the Python of flowsculpt: {sys.executable} -m pip install {module}"
         )
     return text
+
+
+def _folder(text: str, where: str) -> Path:
+    """Return the absolute path of a folder. Raises UsageError for a mistyped address."""
+    if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:", text):
+        raise UsageError(f"{where}: an address has :// after its scheme, as {EXAMPLES}; a folder is ./{text}")
+    try:
+        return Path(text).expanduser().absolute()
+    except RuntimeError as error:  # ~ of a user without a home
+        raise UsageError(f"{where}: {error}; write {EXAMPLES}") from None
+
+
+def _check_host(text: str, where: str) -> None:
+    """Raise UsageError where the bucket, the host or the port of an address cannot be one."""
+    scheme, _, rest = text.partition("://")
+    try:
+        parts = urlsplit(text)
+        has_password = parts.password is not None
+        if scheme not in _BUCKETS:
+            _ = parts.port  # parsed when it is asked for
+    except ValueError as error:
+        raise UsageError(f"{where}: cannot be parsed ({error}); write {EXAMPLES}") from None
+    if has_password:
+        raise UsageError(
+            f"{where}: it holds a password, which would end up in logs; leave it out, and give credentials "
+            "to the file system's own settings (docs/farm.md)"
+        )
+    bucket = rest.partition("/")[0]
+    if scheme in _BUCKETS and not re.fullmatch(r"[\w.-]+|arn:[\w:.-]+", bucket, re.ASCII):
+        raise UsageError(
+            f"{where}: {bucket!r} cannot name a bucket; names have letters, digits, . and -. "
+            "A server of your own is named by AWS_ENDPOINT_URL"
+        )
+    if scheme in ("file", "local") and not rest.startswith("/"):
+        raise UsageError(f"{where}: an absolute path must follow, as in file:///mnt/share/show")
 
 
 def load_package(url: str) -> None:
@@ -88,12 +124,14 @@ def open_url(url: str) -> tuple[Any, str]:
         options |= {"config_kwargs": {**seconds, "retries": once, "max_pool_connections": 64}}
     try:
         files, path = url_to_fs(url, **options)
-    except (ImportError, ValueError) as error:
+    except (ImportError, TypeError, ValueError) as error:  # TypeError: not a file system of its own
         raise MachineError(f"{url}: cannot be opened: {error}") from error
     if scheme in ("s3", "s3a"):
         files.retries = 1
     return files, path.rstrip("/")
 
+
+_BUCKETS = ("s3", "s3a")
 
 _USUAL = ("s3", "file", "gs", "abfs", "sftp", "smb", "memory")
 

@@ -249,6 +249,15 @@ def test_the_environment_names_the_remote_store_to_every_process(monkeypatch, tm
         ("s4://bucket/show", "s4:// is not known. There are: s3"),
         ("s3://", "a bucket or folder must follow"),
         ("sftp://me:secret@host/show", "it holds a password"),
+        ("s3://[x", "cannot be parsed"),
+        ("sftp://host:port/show", "cannot be parsed"),
+        ("s3://my bucket/show", "'my bucket' cannot name a bucket"),
+        ("s3://server:9000/bucket", "AWS_ENDPOINT_URL"),
+        ("s3:/bucket/show", "has :// after its scheme"),
+        ("s3://bucket\n/show", "control characters"),
+        ("  ", "is empty"),
+        ("~nobody-of-this-name/show", "home"),
+        ("file://host/show", "an absolute path must follow"),
     ],
 )
 def test_an_address_that_cannot_be_one_is_told_in_one_line(given, said):

@@ -1,0 +1,100 @@
+"""Standard streams that are closed, full, without a reader, or of an encoding that lacks characters."""
+
+from __future__ import annotations
+
+import codecs
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pipeline.cli.standard_streams import LIKENESS, write_similar
+from tests.conftest import new_project
+
+COMMAND = [sys.executable, "-m", "pipeline.cli", "--no-progress"]
+
+
+@pytest.fixture(scope="module")
+def show(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return new_project(tmp_path_factory.mktemp("show")).path
+
+
+def in_shell(show: Path, line: str, environment: dict[str, str] | None = None) -> tuple[int, str]:
+    """Run a line of the shell in which `fs` is the command; return the exit code and what it printed."""
+    script = f'set -o pipefail; fs() {{ "{sys.executable}" -m pipeline.cli "$@"; }}; {line}'
+    words = ["bash", "-c", script]
+    done = subprocess.run(words, cwd=show, env=environment, capture_output=True, text=True, timeout=120)
+    return done.returncode, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("words", ["--version", "--help", "status --json"])
+def test_results_that_a_full_disk_refuses_are_one_line_and_exit_code_4(show: Path, words: str) -> None:
+    code, told = in_shell(show, f"fs --no-progress {words} >/dev/full")
+    assert code == 4 and told.startswith("standard output: cannot be written: the disk is full")
+    assert told.count("\n") == 1
+
+
+def test_results_for_a_closed_standard_output_are_one_line_and_exit_code_4(show: Path) -> None:
+    code, told = in_shell(show, "fs --version >&-")
+    assert code == 4 and told.startswith("standard output: cannot be written: it is closed")
+    assert told.count("\n") == 1
+
+
+def test_where_both_outputs_are_closed_the_exit_code_says_it(show: Path) -> None:
+    assert in_shell(show, "fs --version >&- 2>&- <&-") == (4, "")
+
+
+@pytest.mark.parametrize("refusing", ["2>/dev/full", "2>&-"])
+def test_messages_that_nobody_can_read_change_no_exit_code(show: Path, refusing: str) -> None:
+    code, told = in_shell(show, f"fs validate absent {refusing}")
+    assert code == 3 and told == "No shot is good.\n"
+
+
+def test_a_reader_that_leaves_ends_the_command_without_a_word(show: Path) -> None:
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run([*COMMAND, "schema"], cwd=show, stdout=write, stderr=subprocess.PIPE, timeout=60)
+    os.close(write)
+    assert done.stderr == b"" and done.returncode == 141
+
+
+def test_a_pipe_that_does_not_block_gets_everything(show: Path) -> None:
+    read, write = os.pipe()
+    os.set_blocking(write, False)
+    with subprocess.Popen([*COMMAND, "schema"], cwd=show, stdout=write) as process:
+        os.close(write)
+        with os.fdopen(read, "rb") as reader:
+            schema = reader.read()
+    assert process.returncode == 0
+    assert len(schema) > 1 << 16, "a pipe holds less, or the test shows nothing"
+    assert json.loads(schema)["title"]
+
+
+def test_in_ascii_a_table_has_its_columns_and_names_have_their_numbers(show: Path) -> None:
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    code, told = in_shell(show, "fs status T010_tiny; fs status 日本", environment)
+    assert code == 2 and "T010_tiny  meshes  -     -      1-6" in told
+    assert r"\u65e5\u672c" in told and "Traceback" not in told
+
+
+@pytest.mark.parametrize(
+    "encoding, written", [("latin-1", b"1 \xd7 2 - \xfc ..."), ("ascii", rb"1 x 2 - \xfc ...")]
+)
+def test_what_an_encoding_lacks_is_written_by_its_like(encoding: str, written: bytes) -> None:
+    codecs.register_error(LIKENESS, write_similar)
+    assert "1 × 2 – ü …".encode(encoding, LIKENESS) == written
+
+
+def test_python_that_strips_docstrings_runs_commands(show: Path) -> None:
+    environment = {**os.environ, "PYTHONOPTIMIZE": "2", "PYTHONDONTWRITEBYTECODE": "1"}
+    for words, said in (("status --help", "List which frames"), ("status T010_tiny", "meshes")):
+        code, told = in_shell(show, f"fs {words}", environment)
+        assert code == 0 and said in told
+
+
+def test_numba_that_may_not_compile_is_named(show: Path) -> None:
+    code, told = in_shell(show, "NUMBA_DISABLE_JIT=1 fs simulate T010_tiny")
+    assert code == 4 and told.startswith("NUMBA_DISABLE_JIT is set") and told.count("\n") == 1
