@@ -1,52 +1,114 @@
-"""Surfaces in glTF files, .gltf and .glb (Khronos, glTF 2.0), read by trimesh in a process of its own.
+"""Surfaces in glTF files, .gltf and .glb (Khronos, glTF 2.0), read in a process of its own.
 
-A scene may hold pictures in any format, cycles of nodes, and counts that no file can hold.
+A scene may hold counts that no file can hold, and data that a library decompresses.
 """
 
 from __future__ import annotations
 
 import io
+import sys
+from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.mesh.file_surface import FileSurface, early_end, file_surface
-from render.base.input_files import read_input, require_input
+from pipeline.errors import MachineError, MissingInputError
+from pipeline.mesh.file_surface import FileSurface, file_surface
+from pipeline.mesh.gltf_arrays import SceneArrays
+from pipeline.mesh.gltf_document import MOST_BYTES, Document
+from pipeline.mesh.gltf_scene import Scene
+from render.base.input_files import require_input
 from render.base.limited_process import MEMORY, allow_memory, answer_of, serve
+from render.base.plural import plural
 
-MOST_BYTES = 1 << 30
-"""Size of the largest file."""
+GLTF_FORMATS = ("glb", "gltf")
+
+
+def require_draco() -> None:
+    """Raise MachineError where the package that decodes Draco data is not installed."""
+    if find_spec("DracoPy") is None:
+        raise MachineError(
+            "glTF files with Draco data need the package DracoPy, which is not installed; install the extra "
+            f"[models], or it alone for the Python of flowsculpt: {sys.executable} -m pip install DracoPy"
+        )
+
+
+def is_gltf(path: Path) -> bool:
+    """Tell whether the suffix of a path names a format of glTF."""
+    return path.suffix.lower().lstrip(".") in GLTF_FORMATS
+
+
+class SceneFiles(NamedTuple):
+    """What decides the surface of a glTF file, besides the file itself.
+
+    buffers  files that it is read from
+    reader   version of the reader, where an earlier one read this file otherwise; else empty
+    """
+
+    buffers: tuple[Path, ...]
+    reader: tuple[str, ...]
+
+
+def scene_files(path: Path) -> SceneFiles:
+    """Return the files besides a glTF file that its surface is read from. Raises as `read_gltf`."""
+    scene = Scene.of(Document.read(path))
+    return SceneFiles(_buffer_files(scene), ("glTF reader 2",) if scene.was_misread else ())
+
+
+def _buffer_files(scene: Scene) -> tuple[Path, ...]:
+    """Return the files of a scene's buffers. Raises MissingInputError where one is not there."""
+    files: dict[Path, None] = {}
+    for index in sorted(scene.buffers):
+        file = scene.document.buffer_file(index)
+        if file is None:
+            continue
+        try:
+            require_input(file, MOST_BYTES)
+        except MissingInputError as error:
+            raise MissingInputError(f"{scene.document.path}: its buffer {index} refers to {error}") from None
+        files[file] = None
+    return tuple(files)
 
 
 def read_gltf(path: Path) -> FileSurface:
-    """Read all meshes of a scene as one surface.
+    """Read the default scene of a file as one surface.
 
-    Raises ValueError for a file that ends early, ParserError where trimesh cannot read it.
+    Raises ValueError or ParserError where it cannot be read, MissingInputError for a missing buffer.
     """
-    if path.suffix.lower() == ".glb":
-        _require_whole(read_input(path, MOST_BYTES))
-    arrays = io.BytesIO(answer_of("pipeline.mesh.gltf_files", path))
-    vertices, faces = np.load(arrays, allow_pickle=False), np.load(arrays, allow_pickle=False)
-    return file_surface(vertices, faces, base=None)
+    scene = Scene.of(Document.read(path))
+    if any(scene.draco_of(part) is not None for part in scene.parts):
+        require_draco()
+    _buffer_files(scene)
+    answer = answer_of("pipeline.mesh.gltf_files", path)
+    arrays = io.BytesIO(answer)
+    points, faces = np.load(arrays, allow_pickle=False), np.load(arrays, allow_pickle=False)
+    surface = file_surface(points, faces, base=None)
+    return surface._replace(notes=tuple(_notes(scene)))
 
 
-def _require_whole(content: bytes) -> None:
-    if content[:4] != b"glTF":
-        raise ValueError("it has no GLB header")
-    promised = int.from_bytes(content[8:12], "little")
-    if len(content) < max(promised, 12):
-        raise early_end(max(promised, 12), "byte", len(content))
+def _notes(scene: Scene) -> Iterator[str]:
+    """Yield lines to tell the user about what is not read as other programs show it."""
+    if scene.skipped:
+        there = "is" if scene.skipped == 1 else "are"
+        yield f"{plural(scene.skipped, 'primitive')} of points or lines {there} left out"
+    if scene.morphed:
+        yield (
+            f"the morph targets of {plural(scene.morphed, 'primitive')} are not applied, though their weights"
+            " are not 0; apply them in the program that made the file, where they should show"
+        )
 
 
 def _arrays(path: str) -> bytes:
     """Return vertices (V, 3) and faces (F, 3) as two npy files, one after the other."""
-    import trimesh
-
-    allow_memory(MEMORY + 40 * require_input(Path(path), MOST_BYTES))
-    scene = trimesh.load(path, force="mesh", process=False, maintain_order=True)
+    scene = Scene.of(Document.read(Path(path)))
+    files = (Path(path), *_buffer_files(scene))
+    allow_memory(MEMORY + 40 * sum(require_input(file, MOST_BYTES) for file in files))
+    surface = SceneArrays(scene).surface()
     file = io.BytesIO()
-    np.save(file, np.asarray(scene.vertices, np.float64), allow_pickle=False)
-    np.save(file, np.asarray(scene.faces, np.int64).reshape(-1, 3), allow_pickle=False)
+    np.save(file, surface.points, allow_pickle=False)
+    np.save(file, surface.faces, allow_pickle=False)
     return file.getvalue()
 
 

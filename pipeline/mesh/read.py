@@ -1,4 +1,4 @@
-"""Read meshes: OBJ, PLY, OFF and STL with their polygons, GLB and glTF by trimesh, USD by usd-core.
+"""Read meshes: OBJ, PLY, OFF and STL with their polygons, GLB and glTF, and USD by usd-core.
 
 trimesh cuts faces of more than four sides into fans, which is wrong for concave ones, and drops groups.
 """
@@ -14,7 +14,8 @@ import numpy as np
 
 from pipeline.errors import FlowsculptError, MeshError, reason_of
 from pipeline.mesh.file_surface import FileSurface
-from pipeline.mesh.gltf_files import MOST_BYTES, read_gltf
+from pipeline.mesh.gltf_document import MOST_BYTES
+from pipeline.mesh.gltf_files import GLTF_FORMATS, is_gltf, read_gltf, scene_files
 from pipeline.mesh.ply_files import read_polygon_file
 from pipeline.mesh.polygon_files import read_object_file, read_wavefront
 from pipeline.mesh.polygon_mesh import PolygonMesh
@@ -22,7 +23,7 @@ from pipeline.mesh.repair import repair_surface
 from pipeline.mesh.stl_files import read_stl
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.mesh.usd_files import USD_FORMATS, StagePart, is_usd, read_usd, stage_files
-from render.base.input_files import digest_of_file, read_input, require_input
+from render.base.input_files import digest_of_file, joint_digest, read_input, require_input
 
 T = TypeVar("T")
 
@@ -150,7 +151,8 @@ class ModelFiles(NamedTuple):
     """The files that a model is read from.
 
     digest  SHA-256 of their contents
-    files   SHA-256 of each, by its path: the model's own file and, of a USD stage, its other layers
+    files   SHA-256 of each, by its path: the model's own file first, then the others that its reader opens,
+            which are layers of a USD stage and buffers of a glTF scene
     up      axis that points up, y or z; None in formats that do not say it
     """
 
@@ -162,15 +164,19 @@ class ModelFiles(NamedTuple):
 def model_files(path: Path) -> ModelFiles:
     """Return the files of a model, and their digests.
 
-    Raises MissingInputError where one is missing; for USD also MeshError where it cannot be read, and
-    MachineError without usd-core.
+    Raises MissingInputError where one is missing; for USD and glTF also MeshError where it cannot be read,
+    and MachineError without usd-core.
     """
-    if not is_usd(path):
-        digest = digest_of_file(path)
-        return ModelFiles(digest, ((path, digest),))
-    stage = read_by_suffix(path, dict.fromkeys(USD_FORMATS, stage_files), "a USD stage")
-    others = [(layer, digest) for layer, digest in stage.digests.items() if layer != path.absolute()]
-    return ModelFiles(stage.digest, ((path, stage.digests[path.absolute()]), *others), stage.up)
+    if is_usd(path):
+        stage = read_by_suffix(path, dict.fromkeys(USD_FORMATS, stage_files), "a USD stage")
+        others = [(layer, digest) for layer, digest in stage.digests.items() if layer != path.absolute()]
+        return ModelFiles(stage.digest, ((path, stage.digests[path.absolute()]), *others), stage.up)
+    own = (path, digest_of_file(path))
+    if not is_gltf(path):
+        return ModelFiles(own[1], (own,))
+    scene = read_by_suffix(path, dict.fromkeys(GLTF_FORMATS, scene_files), "a glTF scene")
+    files = (own, *((file, digest_of_file(file)) for file in scene.buffers))
+    return ModelFiles(joint_digest([*scene.reader, *(digest for _, digest in files)]), files)
 
 
 def read_by_suffix(path: Path, readers: Mapping[str, Callable[[Path], T]], kind: str) -> T:

@@ -6,7 +6,6 @@ that process.
 
 from __future__ import annotations
 
-import hashlib
 import io
 import json
 import sys
@@ -21,7 +20,7 @@ import numpy as np
 from pipeline.errors import MachineError, MeshError, MissingInputError
 from pipeline.mesh.file_surface import FileSurface
 from render.base.disk_cache import cache_path, load_answer, store_answer
-from render.base.input_files import digest_of_file
+from render.base.input_files import digest_of_file, joint_digest
 from render.base.limited_process import answer_of
 
 USD_FORMATS = ("usd", "usda", "usdc", "usdz")
@@ -72,10 +71,7 @@ class StageFiles:
     @property
     def digest(self) -> str:
         """SHA-256 of the stage's own file, or of the digests of all its files."""
-        all_of_them = list(self.digests.values())
-        if len(all_of_them) == 1:
-            return all_of_them[0]
-        return hashlib.sha256("\n".join(all_of_them).encode()).hexdigest()
+        return joint_digest(list(self.digests.values()))
 
 
 def stage_files(path: Path) -> StageFiles:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
@@ -94,6 +94,11 @@ def digest_of_file(path: Path) -> str:
         except OSError as error:
             raise _unreadable(path, error) from None
     return digest.hexdigest()
+
+
+def joint_digest(digests: Sequence[str]) -> str:
+    """Return the digest of several files: of one alone its own, else the SHA-256 of all digests."""
+    return digests[0] if len(digests) == 1 else hashlib.sha256("\n".join(digests).encode()).hexdigest()
 
 
 @contextmanager

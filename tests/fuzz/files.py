@@ -53,19 +53,16 @@ def _model(path: Path) -> None:
 
 def _scene(path: Path) -> None:
     """Read glTF as `read_gltf` does, but in this process."""
-    import numpy as np
-
     from pipeline.errors import MeshError
     from pipeline.mesh.file_surface import file_surface
-    from pipeline.mesh.gltf_files import _arrays, _require_whole
+    from pipeline.mesh.gltf_arrays import SceneArrays
+    from pipeline.mesh.gltf_document import Document
+    from pipeline.mesh.gltf_scene import Scene
     from pipeline.mesh.repair import repair_surface
     from render.base.input_files import parsing
 
     with parsing(path, "a scene", ""):
-        if path.suffix == ".glb":
-            _require_whole(path.read_bytes())
-        file = io.BytesIO(_arrays(str(path)))
-        surface = file_surface(np.load(file), np.load(file), base=None)
+        surface = file_surface(*SceneArrays(Scene.of(Document.read(path))).surface(), base=None)
         if not len(surface.corners):
             raise MeshError("it holds no faces")
         repair_surface(surface).mesh.triangulated()

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import av
+import DracoPy
 import numpy as np
 import OpenImageIO as oiio
 import trimesh
@@ -15,8 +16,10 @@ from pxr import Sdf, UsdUtils
 
 from pipeline.dailies.interchange.exported_frame import ExportedFrame
 from pipeline.dailies.interchange.mesh_files import write_glb, write_obj, write_ply
-from pipeline.mesh import box, split_at_creases
+from pipeline.mesh import box, icosphere, split_at_creases
 from render.scene.materials import LOOKS
+from tests.mesh.gltf_scenes import GltfScene, with_instances
+from tests.mesh.test_meshopt import STREAMS
 
 FLOW = """\
 import math
@@ -148,6 +151,40 @@ def samples(folder: Path) -> list[Sample]:
     return made + [Sample(kind, path) for kind, path in others]
 
 
+def _scene_of_features(path: Path) -> bytes:
+    """Return a GLB with compressed, sparse, skinned and instanced meshes."""
+    scene, ball = GltfScene(), icosphere(3)
+    packed = scene.view(DracoPy.encode(ball.vertices.astype(np.float32), ball.faces))
+    draco = {"KHR_draco_mesh_compression": {"bufferView": packed, "attributes": {"POSITION": 0}}}
+    compressed = scene.triangles(ball, extensions=draco)
+    for accessor in scene.json["accessors"]:
+        del accessor["bufferView"]
+    stream = STREAMS["triangles of a ball, version 1"]
+    counts = {"count": stream["count"], "byteStride": stream["stride"], "mode": stream["mode"]}
+    view = scene.json["bufferViews"][scene.view(stream["encoded"])]
+    view["extensions"] = {"KHR_meshopt_compression": {**view, **counts}}
+    plain = scene.triangles(ball)
+    primitive = scene.json["meshes"][plain]["primitives"][0]
+    scene.json["accessors"][primitive["indices"]]["bufferView"] = scene.json["bufferViews"].index(view)
+    moved = {"bufferView": scene.view(np.arange(9, dtype=np.uint8).tobytes()), "componentType": 5121}
+    values = {"bufferView": scene.view(ball.vertices[:9].astype(np.float32).tobytes())}
+    positions = scene.json["accessors"][primitive["attributes"]["POSITION"]]
+    positions["sparse"] = {"count": 9, "indices": moved, "values": values}
+    skinned = scene.triangles(ball, mode=5)
+    weights = np.tile([[255, 0, 0, 0]], (len(ball.vertices), 1)).astype(np.uint8)
+    scene.json["meshes"][skinned]["primitives"][0]["attributes"] |= {
+        "JOINTS_0": scene.accessor(np.zeros_like(weights)),
+        "WEIGHTS_0": scene.accessor(weights, normalized=True),
+    }
+    bone = scene.node(rotation=[0.0, 0.6, 0.0, 0.8])
+    scene.json["skins"] = [{"joints": [bone]}]
+    scene.node(mesh=skinned, skin=0)
+    scene.node(mesh=compressed, scale=[1.0, -1.0, 1.0])
+    turns = np.array([[0, 0, 0, 1], [0, 0.6, 0, 0.8]])
+    scene.node(mesh=plain, extensions=with_instances(scene, TRANSLATION=np.eye(3)[:2], ROTATION=turns))
+    return scene.glb(path).read_bytes()
+
+
 def _contents(folder: Path) -> Iterator[tuple[str, str, bytes]]:
     ball = trimesh.creation.icosphere(1)
     yield "model", "box.obj", OBJ.encode()
@@ -158,6 +195,7 @@ def _contents(folder: Path) -> Iterator[tuple[str, str, bytes]]:
     yield "model", "text.stl", ball.export(file_type="stl_ascii").encode()
     yield "model", "ball.off", ball.export(file_type="off").encode()
     yield "scene", "ball.glb", trimesh.Scene([ball, trimesh.creation.box()]).export(file_type="glb")
+    yield "scene", "features.glb", _scene_of_features(folder / "features.glb")
     yield "stage", "box.usda", STAGE.encode()
     for form, write in (("ply", write_ply), ("obj", write_obj)):
         write(folder / f"export.{form}", exported())

@@ -1,0 +1,226 @@
+"""The document of a glTF 2.0 file: its JSON, checked as it is read, and its buffers, wherever they are."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, unquote_to_bytes
+
+from pipeline.errors import MeshError, brief
+from pipeline.mesh.file_surface import early_end
+from render.base.input_files import opened_input, read_input, size_of
+
+MOST_BYTES = 1 << 30
+"""Size of the largest file, and of the largest buffer."""
+
+MOST_JSON = 64 << 20
+"""Size of the largest JSON, without the data in its addresses: parsed, it may take 25 times as much."""
+
+_DATA = re.compile(rb'"data:[^"]{64,}"')
+
+_NOT_RELATIVE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:|[/\\]|[A-Za-z]:[/\\]")
+
+MESHOPT = ("KHR_meshopt_compression", "EXT_meshopt_compression")
+
+
+class Entry:
+    """An object of the JSON, and its place for messages: `accessor 3`. Every getter raises ValueError."""
+
+    def __init__(self, values: object, place: str) -> None:
+        if not isinstance(values, dict):
+            raise ValueError(f"{place} is {brief(repr(values))}; it must be an object")
+        self.values: dict[str, Any] = values
+        self.place = place
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.values
+
+    def entry(self, name: str) -> Entry:
+        """Return an object; an empty one where it is not there."""
+        return Entry(self.values.get(name, {}), f"{name} of {self.place}")
+
+    def extension(self, *names: str) -> Entry | None:
+        """Return the first of the named extensions that is there."""
+        there = self.entry("extensions")
+        return next((there.entry(name) for name in names if name in there), None)
+
+    def items(self, name: str) -> list[Any]:
+        """Return a list; an empty one where it is not there."""
+        values = self.values.get(name, [])
+        if not isinstance(values, list):
+            raise self._wrong(name, "a list")
+        return values
+
+    def entries(self, name: str) -> Iterator[Entry]:
+        """Yield the objects of a list."""
+        for number, values in enumerate(self.items(name)):
+            yield Entry(values, f"{name}[{number}] of {self.place}")
+
+    def whole(self, name: str, default: int | None = None) -> int:
+        """Return a whole number from 0; without a default it must be there."""
+        value = self.values.get(name, default)
+        if isinstance(value, float) and value.is_integer():
+            value = int(value)
+        if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+            raise self._wrong(name, "a whole number")
+        return value
+
+    def numbers(self, name: str, count: int | None = None) -> list[float]:
+        """Return a list of finite numbers, `count` of them."""
+        values = self.items(name)
+        if not all(isinstance(v, int | float) and not isinstance(v, bool) and isfinite(v) for v in values):
+            raise self._wrong(name, "finite numbers")
+        if count is not None and len(values) != count:
+            raise self._wrong(name, f"{count} numbers")
+        return values
+
+    def text(self, name: str, default: str = "") -> str:
+        value = self.values.get(name, default)
+        if not isinstance(value, str):
+            raise self._wrong(name, "text")
+        return value
+
+    def _wrong(self, name: str, wanted: str) -> ValueError:
+        there = f"is {brief(repr(self.values[name]))}" if name in self.values else "is not there"
+        return ValueError(f"{name} of {self.place} {there}; it must be {wanted}")
+
+
+@dataclass(frozen=True)
+class Document:
+    """A glTF file, from whose buffers nothing is read yet.
+
+    path      of the file
+    root      its JSON
+    binary    offset and size of the binary chunk of a GLB
+    embedded  addresses with data, which were cut from the JSON before it was parsed
+    """
+
+    path: Path
+    root: Entry
+    binary: tuple[int, int] | None
+    embedded: tuple[bytes, ...]
+
+    @classmethod
+    def read(cls, path: Path) -> Document:
+        """Read a .gltf or .glb, by its content. Raises ValueError where it is neither, or ends early."""
+        with opened_input(path, MOST_BYTES) as (file, size):
+            head = file.read(min(size, 12))
+            if head[:4] == b"glTF":
+                promised = max(int.from_bytes(head[8:12], "little"), 12)
+                if size < promised:
+                    raise early_end(promised, "byte", size)
+                if (version := int.from_bytes(head[4:8], "little")) != 2:
+                    raise _other_version(version)
+                chunks: dict[bytes, tuple[int, int]] = {}
+                at = 12
+                while at + 8 <= promised:
+                    file.seek(at)
+                    length, kind = int.from_bytes(file.read(4), "little"), file.read(4)
+                    chunks.setdefault(kind, (at + 8, min(length, promised - at - 8)))
+                    at += 8 + length
+                if b"JSON" not in chunks:
+                    raise ValueError("it is a GLB without JSON")
+                start, length = chunks[b"JSON"]
+                file.seek(start)
+                return cls._parsed(path, file.read(length), chunks.get(b"BIN\0"))
+        if path.suffix.lower() == ".glb":
+            raise ValueError("it has no GLB header")
+        return cls._parsed(path, read_input(path, MOST_BYTES), None)
+
+    @classmethod
+    def _parsed(cls, path: Path, text: bytes, binary: tuple[int, int] | None) -> Document:
+        embedded: list[bytes] = []
+
+        def cut(address: re.Match[bytes]) -> bytes:
+            embedded.append(address[0][1:-1])
+            return b'"data:%d"' % (len(embedded) - 1)
+
+        text = _DATA.sub(cut, text).rstrip(b"\0 ")
+        if len(text) > MOST_JSON:
+            raise ValueError(f"its JSON has {size_of(len(text))}; up to {size_of(MOST_JSON)} are read")
+        root = Entry(json.loads(text), "the file")
+        version = str(root.entry("asset").values.get("version", "2.0"))
+        least = str(root.entry("asset").values.get("minVersion", version))
+        if not version.startswith("2") or isinstance(root.values.get("meshes"), dict):
+            raise _other_version(version)
+        if least not in ("2", "2.0") and not version.startswith(least):
+            raise _other_version(least)
+        return cls(path, root, binary, tuple(embedded))
+
+    def item(self, kind: str, index: object, named_by: str) -> Entry:
+        """Return an object of one of the lists of the file: `item("nodes", 3, "scene 0")`."""
+        there = self.root.items(kind)
+        if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(there):
+            singular = kind.removesuffix("es" if kind == "meshes" else "s")
+            raise ValueError(
+                f"{named_by} names {singular} {brief(repr(index))}; the file has {len(there)}, from 0"
+            )
+        return Entry(there[index], f"{kind.removesuffix('es' if kind == 'meshes' else 's')} {index}")
+
+    def buffer_of_view(self, view: Entry) -> int:
+        """Return the buffer that holds the bytes of a buffer view, which may be compressed."""
+        return (view.extension(*MESHOPT) or view).whole("buffer")
+
+    def buffer_file(self, index: int) -> Path | None:
+        """Return the file of a buffer; None where it is in the glTF file itself.
+
+        Raises ValueError for an address on the network or from the root of the file system.
+        """
+        buffer = self.item("buffers", index, "a buffer view")
+        if "uri" not in buffer or buffer.text("uri").startswith("data:"):
+            return None
+        address = buffer.text("uri")
+        if _NOT_RELATIVE.match(address):
+            raise ValueError(
+                f"the address of {buffer.place} is {brief(address)}; only files at addresses relative to "
+                "this one are read"
+            )
+        names = (unquote(address), address, unquote(address).replace("\\", "/"))
+        paths = [self.path.parent / name for name in names]
+        return next((path for path in paths if _is_there(path)), paths[0])
+
+    def buffer(self, index: int) -> bytes:
+        """Return the content of a buffer. Raises ValueError, and what `read_input` raises."""
+        buffer = self.item("buffers", index, "a buffer view")
+        file = self.buffer_file(index)
+        if file is not None:
+            return read_input(file, MOST_BYTES)
+        if "uri" in buffer:
+            return self._embedded(buffer)
+        if index > 0 or self.binary is None:
+            raise ValueError(f"{buffer.place} has no address, and is not the binary chunk of a GLB")
+        offset, size = self.binary
+        with opened_input(self.path, MOST_BYTES) as (opened, _):
+            opened.seek(offset)
+            return opened.read(size)
+
+    def _embedded(self, buffer: Entry) -> bytes:
+        """Return the bytes of an address with data, as base64 or with percent signs."""
+        address = buffer.text("uri").encode()
+        cut = address.removeprefix(b"data:")
+        if cut.isdigit() and int(cut) < len(self.embedded):
+            address = self.embedded[int(cut)]
+        head, comma, data = address.partition(b",")
+        if not comma:
+            raise ValueError(f"the address of {buffer.place} has no data")
+        if not head.endswith(b";base64"):
+            return unquote_to_bytes(data)
+        data = unquote_to_bytes(data).replace(b"\\/", b"/")
+        return base64.b64decode(data + b"=" * (-len(data) % 4), altchars=b"-_" if b"-" in data else None)
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _other_version(version: object) -> MeshError:
+    return MeshError(f"it is glTF {brief(version)}; glTF 2.0 is read. Export it as that.")
