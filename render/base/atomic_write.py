@@ -8,11 +8,12 @@ from __future__ import annotations
 import errno
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from render.base.errors import MachineError
+from render.base.exchanged_files import replace_unchanged
 
 PROBE = 65536
 """Bytes that tell whether a disk takes more."""
@@ -36,7 +37,13 @@ REMEDIES = {
 
 
 @contextmanager
-def atomic_write(path: Path, draft: Path | None = None, *, flush: bool = True) -> Iterator[Path]:
+def atomic_write(
+    path: Path,
+    draft: Path | None = None,
+    *,
+    flush: bool = True,
+    is_same: Callable[[Path], bool] | None = None,
+) -> Iterator[Path]:
     """Yield a temporary path to write to. When the block ends, it replaces `path`; if it raises, it goes.
 
         with atomic_write(path) as draft:
@@ -45,10 +52,12 @@ def atomic_write(path: Path, draft: Path | None = None, *, flush: bool = True) -
     Missing folders are made. The temporary path has the suffix of `path`. Threads, processes and hosts may
     write one path at once: the last one wins.
 
-    draft  temporary path, on the file system of `path`; by default a hidden file beside it
-    flush  write through to the disk first, so that `path` survives a power failure; caches need not
+    draft    temporary path, on the file system of `path`; by default a hidden file beside it
+    flush    write through to the disk first, so that `path` survives a power failure; caches need not
+    is_same  tells whether the file at a path is what was read from `path`: others' changes are not lost then
 
-    Raises MachineError where the operating system refuses. Where the file is only a cache, suppress it.
+    Raises MachineError where the operating system refuses, and ChangedFileError where `is_same` is false.
+    Where the file is only a cache, suppress MachineError.
     """
     if draft is None:
         draft = path.with_name(f".{path.stem}.tmp{os.getpid()}-{secrets.token_hex(4)}{path.suffix}")
@@ -60,7 +69,10 @@ def atomic_write(path: Path, draft: Path | None = None, *, flush: bool = True) -
             if flush:
                 with draft.open("rb") as file:
                     os.fsync(file.fileno())
-            draft.replace(path)
+            if is_same is None:
+                draft.replace(path)
+            else:
+                replace_unchanged(draft, path, is_same)
     except MachineError as error:  # of a writer that knows only the draft
         raise MachineError(str(error).replace(str(draft), str(path))) from error
     finally:

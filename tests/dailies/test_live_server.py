@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import itertools
 import json
 import re
 import socket
+import struct
 import time
 import urllib.error
 import urllib.request
@@ -107,6 +109,39 @@ def test_clients_that_are_slow_or_say_too_much_are_cut_off_and_others_served(
     assert capfd.readouterr().err == "", "nothing is printed over the command's progress"
     for client in slow:
         client.close()
+
+
+@pytest.mark.parametrize("words", ["", "GET /", "POST /{path}edit HTTP/1.1\r\nHost: {host}\r\n", "{request}"])
+def test_connections_that_are_reset_at_any_moment_end_nothing(
+    words: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with serving(LiveFeed(), 0, {"edit": lambda asked: {"a": "b" * 2_000_000}}) as address:
+        host, path = f"127.0.0.1:{port_of(address)}", address.split("/", 3)[3]
+        head = f"POST /{path}edit HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\n"
+        body = "Content-Type: application/json\r\nContent-Length: 2\r\n\r\n{}"
+        for _ in range(30):
+            with connected(address) as client:
+                client.sendall(words.format(path=path, host=host, request=head + body).encode())
+                client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        assert b"main.js" in fetched(address)
+    assert capfd.readouterr().err == ""
+
+
+def test_an_action_that_the_disk_refuses_is_answered_with_its_reason() -> None:
+    def edit(asked: object) -> dict[str, Any]:
+        raise OSError(errno.EIO, "", "shots/a.yaml")
+
+    with serving(LiveFeed(), 0, {"edit": edit}) as address:
+        origin = address.rsplit("/", 2)[0]
+        headers = {"Content-Type": "application/json", "Origin": origin}
+        asked = urllib.request.Request(address + "edit", b"{}", headers)
+        with pytest.raises(urllib.error.HTTPError) as refused:
+            urllib.request.urlopen(asked)
+        with refused.value as answer:
+            assert answer.code == 507
+            assert json.load(answer)["error"].startswith(
+                "shots/a.yaml: cannot be used: the disk reports an error"
+            )
 
 
 def test_a_page_that_reads_nothing_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:

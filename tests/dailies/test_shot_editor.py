@@ -7,13 +7,16 @@ import os
 import random
 import re
 import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from pipeline.dailies.preview.shot_editor import ShotEditor, StaleError, digest_of, edits_in
-from pipeline.errors import MachineError, ShotError, UsageError
+from pipeline.errors import MachineError, MissingInputError, ShotError, UsageError
 from pipeline.shot import read_shot
 from pipeline.shot.yaml.edits import ValueEdit
 from pipeline.shot.yaml.source import YamlSource
@@ -256,6 +259,67 @@ def test_two_pages_at_once_write_one_edit_after_the_other(shot: Path) -> None:
     for page in pages:
         page.join()
     assert len(refused) == 3, "three have read a text that the first has changed"
+
+
+def save_by_rename(path: Path, text: str) -> None:
+    beside = path.with_suffix(".new")
+    beside.write_text(text)
+    beside.replace(path)
+
+
+def save_after_a_backup(path: Path, text: str) -> None:
+    path.replace(path.with_suffix(".yaml~"))
+    path.write_text(text)
+
+
+def save_in_place(path: Path, text: str) -> None:
+    path.write_text(text)
+
+
+SHORT = """\
+title: A cube
+frames: 1-2
+subject: {solid: box}
+resample: off
+flows: []
+camera: {elevation: 16}
+"""
+ELEVATION = ValueEdit("set", ("camera", "elevation"), 30)
+
+
+def saves_lost(shot: Path, save: Callable[[Path, str], None], trials: int) -> int:
+    """Edit a shot while somebody saves it at a random moment; return how many of their texts were lost."""
+    editor, chance, lost = ShotEditor(shot), random.Random(1), 0
+    for _ in range(2):  # the second time it is as fast as ever
+        shot.write_text(SHORT)
+        state, began = editor.state(), time.perf_counter()
+        editor.edit(state["digest"], [ELEVATION])
+    took = time.perf_counter() - began
+    for trial in range(trials):
+        shot.write_text(SHORT)
+        digest, theirs = editor.state()["digest"], SHORT.replace("A cube", f"A cube {trial}")
+        person = threading.Timer(chance.uniform(0.0, took), save, (shot, theirs))
+        person.start()
+        with suppress(StaleError, MissingInputError):
+            editor.edit(digest, [ELEVATION])
+        person.join()
+        lost += shot.read_text() != theirs
+    return lost
+
+
+@pytest.mark.parametrize("save", [save_by_rename, save_after_a_backup, save_in_place])
+def test_what_a_person_saves_while_an_edit_is_validated_wins(
+    shot: Path, save: Callable[[Path, str], None]
+) -> None:
+    assert saves_lost(shot, save, trials=10) == 0
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("save", [save_by_rename, save_after_a_backup, save_in_place])
+def test_of_hundreds_of_texts_saved_during_edits_none_is_lost(
+    shot: Path, save: Callable[[Path, str], None]
+) -> None:
+    assert saves_lost(shot, save, trials=400) == 0
 
 
 def test_line_ends_permissions_and_links_stay(tmp_path: Path, shot: Path) -> None:

@@ -19,11 +19,13 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 from pipeline.dailies.preview.live_feed import LiveFeed
 from pipeline.dailies.preview.shot_editor import StaleError
 from pipeline.errors import FlowsculptError, MachineError
+from render.base.atomic_write import machine_error
 
 ADDRESS = "127.0.0.1"
 
@@ -116,6 +118,13 @@ class _Server(ThreadingHTTPServer):
     def verify_request(self, request: Any, client_address: Any) -> bool:
         """Refuse connections beyond the most."""
         return self._open.acquire(blocking=False)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        try:
+            super().process_request(request, client_address)
+        except RuntimeError:  # the system starts no more threads now
+            self._open.release()
+            self.shutdown_request(request)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
         self.waiting[request] = time.monotonic() + PATIENCE
@@ -237,6 +246,8 @@ class _Handler(BaseHTTPRequestHandler):
             status, answer = 507, {"error": str(error)}
         except FlowsculptError as error:
             status, answer = 422, {"error": str(error)}
+        except OSError as error:
+            status, answer = 507, {"error": str(machine_error(Path(error.filename or "."), error, "used"))}
         self._send(json.dumps(answer, allow_nan=False).encode(), "application/json", status)
 
     def log_message(self, *arguments: object) -> None:

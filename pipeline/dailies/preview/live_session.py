@@ -22,6 +22,7 @@ from pipeline.production.render_inputs.shading import STEP, flow_cache_data
 from pipeline.production.request.keys import speed_data
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
+from render.base.atomic_write import machine_error
 from render.post.image import jpeg_bytes
 from render.scene.camera import Camera
 
@@ -84,6 +85,9 @@ class LiveSession:
                 continue
             except FlowsculptError as error:
                 self.feed.say(str(error), trouble=True)
+            except OSError as error:
+                said = machine_error(Path(error.filename or "."), error, "used")
+                self.feed.say(f"{said}. Save the shot to try again.", trouble=True)
             wait_for_edit(self.watched, self._before, self._edited)
 
     def hold(self) -> None:

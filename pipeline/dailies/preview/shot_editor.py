@@ -9,13 +9,14 @@ import hashlib
 import re
 import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 from threading import RLock
 from typing import Any
 
-from pipeline.errors import ShotError, UsageError
+from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
 from pipeline.shot.clock import Clock
 from pipeline.shot.settable_values import settable_values
 from pipeline.shot.shot_reader import read_clock, read_shot
@@ -25,6 +26,7 @@ from pipeline.shot.yaml.lookup import text_of
 from pipeline.shot.yaml.plain_text import dotted
 from pipeline.shot.yaml.source import Where, YamlSource
 from render.base.atomic_write import atomic_write
+from render.base.exchanged_files import ChangedFileError
 from render.base.input_files import read_input
 
 MOST_STEPS = 200
@@ -91,7 +93,7 @@ class ShotEditor:
             after = self._edited(before, edits)
             state = self._state(after)
             if after != before:
-                self._write(after)
+                self._write(after, before)
                 self._note(Step(before, after, gesture))
             return {**state, **self._can()}
 
@@ -156,11 +158,14 @@ class ShotEditor:
         text = text_of(self.path)
         self._forget_others(text)
         if digest_of(text) != digest:
-            raise StaleError(
-                f"{self.path}: the file was changed meanwhile; nothing was written. The page shows it as it "
-                "is now: edit it again."
-            )
+            raise self._stale()
         return text
+
+    def _stale(self) -> StaleError:
+        return StaleError(
+            f"{self.path}: the file was changed meanwhile; nothing was written. The page shows it as it "
+            "is now: edit it again."
+        )
 
     def _forget_others(self, text: str) -> None:
         """Forget all steps where the file was changed by others, whose edits they would undo."""
@@ -180,26 +185,38 @@ class ShotEditor:
 
     def _move(self, digest: str, taken: list[Step], given: list[Step], verb: str) -> dict[str, Any]:
         with self._lock:
-            self._current(digest)
+            before = self._current(digest)
             if not taken:
                 raise UsageError(f"{self.path}: there is nothing to {verb}")
             step = taken[-1]
             text = step.before if verb == "undo" else step.after
             state = self._state(text)
-            self._write(text)
+            self._write(text, before)
             given.append(taken.pop())
             return {**state, **self._can()}
 
-    def _write(self, text: str) -> None:
+    def _write(self, text: str, before: str) -> None:
         """Replace the file, or the file that a link leads to.
 
-        Raises MachineError; the file is then as it was.
+        before  the text that it has, unless a text editor has saved it while the edit was validated
+
+        Raises StaleError and MachineError; the file is then as it was.
         """
         target = self.path.resolve()
-        newline = "\r\n" if b"\r\n" in read_input(target) else "\n"
-        with atomic_write(target) as draft:
-            draft.write_text(text, encoding="utf-8", newline=newline)
-            shutil.copymode(target, draft)
+
+        def is_same(path: Path) -> bool:
+            with suppress(FlowsculptError):  # an editor is about to save it
+                return text_of(path) == before
+            return False
+
+        try:
+            newline = "\r\n" if b"\r\n" in read_input(target) else "\n"
+            with atomic_write(target, is_same=is_same) as draft:
+                draft.write_text(text, encoding="utf-8", newline=newline)
+                with suppress(FileNotFoundError):
+                    shutil.copymode(target, draft)
+        except (ChangedFileError, MissingInputError):
+            raise self._stale() from None
 
 
 def _seconds(clock: Clock | None, key: Any) -> float | None:

@@ -123,7 +123,7 @@ def _take_back(process: subprocess.Popen[bytes]) -> None:
 
 def end_family(pid: int) -> None:
     """End a process, if it is still there, and all that it started: asked first, then killed."""
-    with contextlib.suppress(psutil.Error):
+    with contextlib.suppress(psutil.Error, OSError):
         parent = psutil.Process(pid)
         family = [*parent.children(recursive=True), parent]
         for member in family:

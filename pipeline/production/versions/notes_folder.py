@@ -10,6 +10,7 @@ from pipeline.production.store.locks import making, writing
 from pipeline.production.versions.review_notes import ReviewNote, as_text, merged, read_notes
 from pipeline.shot.yaml.lookup import is_there
 from render.base.atomic_write import atomic_write
+from render.base.exchanged_files import ChangedFileError
 
 NOTES = Path("notes")
 
@@ -25,8 +26,7 @@ class NotesFolder:
 
     def notes(self, shot: str) -> list[ReviewNote]:
         """Return the notes of a shot. Raises what `read_notes` raises."""
-        path = self.path(shot)
-        return read_notes(path) if is_there(path) else []
+        return _notes_in(self.path(shot))
 
     def add(self, files: Sequence[Path], dry: bool = False) -> dict[str, int]:
         """Merge files into those of their shots, and return the number of new and changed notes by shot.
@@ -38,22 +38,40 @@ class NotesFolder:
         changes = {}
         for shot in sorted({note.shot for note in given}):
             theirs = [note for note in given if note.shot == shot]
-            changes[shot] = self._count(theirs, shot) if dry else self._add(theirs, shot)
+            changes[shot] = _count(theirs, self.notes(shot)) if dry else self._add(theirs, shot)
         return changes
 
-    def _count(self, notes: Iterable[ReviewNote], shot: str) -> int:
-        there = {note.id: note for note in self.notes(shot)}
-        return sum(
-            merged([note], [there[note.id]]) != [there[note.id]] if note.id in there else 1 for note in notes
-        )
-
     def _add(self, notes: list[ReviewNote], shot: str) -> int:
-        """Merge notes into the file of a shot, which is written whole or not at all."""
+        """Merge notes into the file of a shot, which is written whole or not at all.
+
+        Where another program replaces it meanwhile, they are merged into what that has written.
+        """
         path, lock = self.path(shot), {f"notes.{shot}": f"the notes of {shot}"}
+
+        def is_same(path: Path) -> bool:
+            return _notes_in(path) == before
+
         with writing(self.root), making(self.root, lock, wait=True):
-            count = self._count(notes, shot)
-            if count:
-                text = as_text(merged(self.notes(shot), notes))
-                with atomic_write(path) as draft:
-                    draft.write_text(text, encoding="utf-8")
-        return count
+            while True:
+                before = self.notes(shot)
+                count = _count(notes, before)
+                if not count:
+                    return 0
+                try:
+                    with atomic_write(path, is_same=is_same) as draft:
+                        draft.write_text(as_text(merged(before, notes)), encoding="utf-8")
+                    return count
+                except ChangedFileError:
+                    continue
+
+
+def _notes_in(path: Path) -> list[ReviewNote]:
+    return read_notes(path) if is_there(path) else []
+
+
+def _count(notes: Iterable[ReviewNote], before: Iterable[ReviewNote]) -> int:
+    """Return how many of the notes merging them into those of `before` adds or changes."""
+    there = {note.id: note for note in before}
+    return sum(
+        merged([note], [there[note.id]]) != [there[note.id]] if note.id in there else 1 for note in notes
+    )

@@ -98,6 +98,75 @@ def test_a_handle_of_a_placed_flow_writes_what_the_flow_has_within(follower: Fol
     follower.wait_for_text(r"radius: 1\.05, strength")
 
 
+SLOW_EDITS = """() => {
+  const fetchNow = window.fetch;
+  window.fetch = async (name, ...rest) => {
+    if (name === "edit") await new Promise((done) => setTimeout(done, 600));
+    return fetchNow(name, ...rest);
+  };
+  window.endSlowEdits = () => { window.fetch = fetchNow; };
+}"""
+"""Has edits reach the server late, as on a machine that is busy."""
+
+
+@pytest.fixture
+def slow_edits(follower: Follower) -> Iterator[None]:
+    follower.tab.evaluate(SLOW_EDITS)
+    yield
+    follower.tab.evaluate("endSlowEdits()")
+
+
+@pytest.mark.usefixtures("slow_edits")
+def test_undo_waits_for_a_drag_that_is_still_being_written(follower: Follower) -> None:
+    tab = follower.tab
+    follower.drag('[data-handle="flows.0.placed.translate"] .spot', 0, -30)
+    assert follower.shot.read_text() == SHOT and tab.is_enabled("#undo")
+    tab.click("#undo")
+    follower.wait("!page.shot.writes")
+    assert follower.shot.read_text() == SHOT and tab.is_disabled("#undo") and not follower.trouble
+    assert tab.evaluate("page.shot.state.can_redo"), "the drag was written, and then undone"
+
+
+@pytest.mark.usefixtures("slow_edits")
+def test_a_drag_that_begins_while_another_is_being_written_is_written_too(follower: Follower) -> None:
+    follower.drag('[data-handle="flows.0.placed.translate"] .spot', 0, -30)
+    follower.drag('[data-handle="flows.1.mirrored.centre"] .spot', 0, -30)
+    follower.wait("!page.shot.writes")
+    assert not follower.trouble
+    assert "translate: [0.9, 0.5, 0]" not in (text := follower.shot.read_text())
+    assert "normal: x, centre: [0.5, 0, 0]" not in text
+
+
+@pytest.mark.usefixtures("slow_edits")
+def test_undo_undoes_a_turn_of_the_wheel_that_has_not_settled(follower: Follower) -> None:
+    box = follower.tab.locator("#picture").bounding_box()
+    assert box is not None
+    follower.tab.mouse.move(box["x"] + 40, box["y"] + 40)
+    follower.tab.mouse.wheel(0, 100)
+    follower.wait("page.orbit.wheeled")
+    follower.tab.keyboard.press("Control+z")
+    follower.wait("!page.shot.writes")
+    assert follower.shot.read_text() == SHOT and follower.tab.evaluate("page.shot.state.can_redo")
+
+
+def test_a_text_that_a_person_saves_meanwhile_is_kept_shown_and_said(follower: Follower) -> None:
+    theirs = SHOT.replace("A block and motes", "A block and many motes").replace(
+        "radius: 0.06", "radius: 0.07"
+    )
+    slider = follower.tab.locator('[data-handle="flows.0.placed.translate"] .spot').bounding_box()
+    assert slider is not None
+    follower.tab.mouse.move(slider["x"] + 5, slider["y"] + 5)
+    follower.tab.mouse.down()
+    follower.tab.mouse.move(slider["x"] + 5, slider["y"] - 30)
+    follower.shot.write_text(theirs)
+    follower.tab.mouse.up()
+    follower.wait("document.getElementById('trouble').textContent.includes('changed meanwhile')")
+    follower.wait("page.shot.get(['subjects', 'motes', 'radius']).value === 0.07")
+    assert follower.shot.read_text() == theirs
+    follower.shot.write_text(SHOT)
+    follower.wait("page.shot.get(['subjects', 'motes', 'radius']).value === 0.06")
+
+
 def test_handles_follow_the_camera_while_it_is_dragged(follower: Follower) -> None:
     before = spot(follower, "flows.0.placed.translate")
     box = follower.tab.locator("#picture").bounding_box()

@@ -13,7 +13,7 @@ class Follow {
   /** Show the current frame with edits that are not written. */
   show(edits) {
     if (!edits.length) return;
-    if (!this.drags) this.digest = this.page.shot.state.digest;
+    if (!this.drags) this.digest = this.page.shot.writes ? "" : this.page.shot.state.digest; // which our own edit changes
     this.drags = true;
     this.page.film.playing = this.page.film.follows = false;
     this.waiting = edits;

@@ -71,11 +71,16 @@ class LivePage {
   draw() {
     const { state } = this.shot;
     if (!state || dragOf.active) return;
-    id("undo").disabled = !state.can_undo;
-    id("redo").disabled = !state.can_redo;
+    this.drawSteps();
     this.values.take(state.values);
     this.timeline.take(state.values);
     this.handles.draw();
+  }
+
+  /** Whether there is something to undo and to redo. */
+  drawSteps() {
+    id("undo").disabled = !this.shot.state.can_undo;
+    id("redo").disabled = !this.shot.state.can_redo;
   }
 
   /** Another frame or another picture. */

@@ -61,9 +61,15 @@ class Orbit {
     const now = shot.at(value, film.at) * this.wheeled.factor, edits = shot.change(value, rounded(now, now / 100), film.at);
     follow.show(edits);
     clearTimeout(this.wheeled.timer);
-    this.wheeled.timer = setTimeout(() => {
-      this.wheeled = null;
-      follow.end(edits);
-    }, SETTLED);
+    Object.assign(this.wheeled, { edits, timer: setTimeout(() => this.settle(), SETTLED) });
+  }
+
+  /** Write what the wheel has done, if anything. */
+  settle() {
+    const { wheeled } = this;
+    if (!wheeled) return;
+    this.wheeled = null;
+    clearTimeout(wheeled.timer);
+    this.page.follow.end(wheeled.edits);
   }
 }

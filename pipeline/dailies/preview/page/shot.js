@@ -9,6 +9,7 @@ class Shot {
     this.state = null;
     this.values = new Map();
     this.last = Promise.resolve();
+    this.writes = 0; // edits that the server has not answered yet
   }
 
   get(where) { return this.values.get(nameOf(where)); }
@@ -19,17 +20,28 @@ class Shot {
   /** Write edits. Those with the same gesture, one after another, are undone together. A drag names the text that it
    *  began with; other edits are of the text that the page shows. */
   edit(edits, gesture = "", digest = "") {
+    this.state = { ...this.state, can_undo: true }; // undo waits for it
+    this.page.drawSteps();
     return this.#next(() => ask("edit", { digest: digest || this.state.digest, edits, gesture, frame: this.page.film.at }));
   }
 
-  undo() { return this.state?.can_undo && this.#next(() => ask("undo", { digest: this.state.digest, frame: this.page.film.at })); }
-  redo() { return this.state?.can_redo && this.#next(() => ask("redo", { digest: this.state.digest, frame: this.page.film.at })); }
+  undo() {
+    this.page.orbit.settle();
+    return this.#step("undo", "can_undo");
+  }
 
-  /** Requests go one after another, for each names the text that the one before has made. */
+  redo() { return this.#step("redo", "can_redo"); }
+
+  #step(name, can) { return this.#next(() => this.state?.[can] && ask(name, { digest: this.state.digest, frame: this.page.film.at })); }
+
+  /** Requests go one after another, for each names the text that the one before has made. One may find that there is
+   *  nothing to ask. */
   #next(request, isEdit = true) {
+    this.writes += isEdit;
     this.last = this.last.then(async () => {
       try {
-        this.#take(await request());
+        const state = await request();
+        if (state) this.#take(state);
         if (isEdit) this.page.refused("");
       } catch (error) {
         if (!(error instanceof RefusedError)) throw error;
@@ -38,6 +50,8 @@ class Shot {
           this.page.film.endTrial();
           await ask("state", {}).then((state) => this.#take(state), () => this.page.draw());
         }
+      } finally {
+        this.writes -= isEdit;
       }
     });
     return this.last;
