@@ -25,7 +25,7 @@ class FileSurface(NamedTuple):
     tagged   int64 (K, 2): edges that the file itself marks as creases
     base     number of the first vertex and the first face in the file; None in formats without numbers, whose
              faces share no vertices
-    notes    lines to tell the user about what the file holds beside it
+    notes    lines to tell the user about what else the file holds
     """
 
     points: Points
@@ -53,10 +53,27 @@ def file_surface(
     Raises ValueError where a face names a missing vertex.
     """
     if isinstance(faces, np.ndarray):
-        offsets, corners = faces.shape[1] * np.arange(len(faces) + 1), faces.reshape(-1).astype(np.int64)
+        sides, corners = np.full(len(faces), faces.shape[1]), faces.reshape(-1).astype(np.int64)
     else:
-        offsets = np.cumsum([0, *(len(face) for face in faces)])
+        sides = np.array([len(face) for face in faces], np.int64)
         corners = np.fromiter(chain.from_iterable(faces), np.int64)
+    return polygon_surface(points, sides, corners, groups, tagged, base)
+
+
+def polygon_surface(
+    points: Points,
+    sides: AnyArray,
+    corners: AnyArray,
+    groups: Sequence[int] | None = None,
+    tagged: Sequence[tuple[int, int]] = (),
+    base: int | None = 0,
+    notes: tuple[str, ...] = (),
+) -> FileSurface:
+    """Return the surface of faces with so many corners each, `sides` (F,), in one list, int64 (C,).
+
+    Raises ValueError where a face names a missing vertex.
+    """
+    offsets = np.concatenate([[0], np.cumsum(sides, dtype=np.int64)])
     outside = (corners < 0) | (corners >= len(points))
     if outside.any():
         c = int(np.argmax(outside))
@@ -66,8 +83,10 @@ def file_surface(
             f"face {face + first} names vertex {corners[c] + first}; the file has {len(points)} vertices, "
             f"numbered from {first}"
         )
-    alike = np.zeros(len(faces), np.int64) if groups is None else np.array(groups, np.int64)
-    return FileSurface(points, offsets, corners, alike, np.array(tagged, np.int64).reshape(-1, 2), base)
+    alike = np.zeros(len(sides), np.int64) if groups is None else np.array(groups, np.int64)
+    return FileSurface(
+        points, offsets, corners, alike, np.array(tagged, np.int64).reshape(-1, 2), base, notes
+    )
 
 
 def early_end(promised: int, item: str, present: int) -> ValueError:

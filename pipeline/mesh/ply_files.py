@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+import re
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import AnyArray
-from pipeline.mesh.file_surface import FileSurface, early_end, file_surface
+from pipeline.arrays import AnyArray, Points
+from pipeline.errors import MeshError
+from pipeline.mesh.file_surface import FileSurface, early_end, polygon_surface
+from pipeline.text_encoding import as_utf8, number_fault
+from render.base.plural import plural
 
 _OLD_NAMES = {
     "char": "int8",
@@ -22,11 +25,24 @@ _OLD_NAMES = {
 }
 _ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 _CORNERS = ("vertex_indices", "vertex_index")
+_STRIPS, _GRID = "tristrips", "range_grid"
+
+_END = re.compile(rb"[\r\n][ \t]*end_header[ \t]*(?=[\r\n]|\Z)")
+_FIRST_LINE = re.compile(rb"\s*ply[ \t]*(\r\n|\n\r|\r|\n)")
 
 _LONGEST_WORD = 64
 """Characters of a number in a text file, which numpy reserves for each of them."""
 
-Column = AnyArray | list[AnyArray]
+
+class Lists(NamedTuple):
+    """A property that is a list in every row: lengths (rows,), and the values of all rows in one array."""
+
+    lengths: AnyArray
+    values: AnyArray
+
+
+Column = AnyArray | Lists
+Table = dict[str, Column]
 
 
 class _Property(NamedTuple):
@@ -44,35 +60,104 @@ class _Element(NamedTuple):
 
 
 def read_polygon_file(content: bytes) -> FileSurface:
-    """Read vertices and faces of a PLY file; other elements are skipped.
+    """Read vertices, faces and triangle strips of a PLY file; other elements are skipped.
 
-    Raises ValueError for unreadable input.
+    Raises ValueError for unreadable input, MeshError for a range grid without faces.
     """
     tables = read_elements(content)
-    vertex, face = tables.get("vertex", {}), tables.get("face", {})
-    if not {"x", "y", "z"} <= set(vertex):
+    parts = [_faces(tables["face"])] if "face" in tables else []
+    if _STRIPS in tables:
+        parts.append(_triangles_of(_corners(_STRIPS, tables[_STRIPS], restarts=True)))
+    if not any(len(part.lengths) for part in parts) and len(next(iter(tables.get(_GRID, {}).values()), ())):
+        raise MeshError(
+            f"it holds a grid of ranges as a scanner made it ({_GRID}), and no faces. "
+            "Export it as faces from the scanner's program."
+        )
+    sides = np.concatenate([np.empty(0, np.int64), *(part.lengths for part in parts)])
+    corners = np.concatenate([np.empty(0, np.int64), *(part.values for part in parts)])
+    return polygon_surface(vertex_positions(tables), sides, corners)
+
+
+def vertex_positions(tables: dict[str, Table]) -> Points:
+    """Return the positions (V, 3) of the vertices. Raises ValueError where they have none."""
+    vertex = tables.get("vertex", {})
+    columns = [column for axis in "xyz" if isinstance(column := vertex.get(axis), np.ndarray)]
+    if len(columns) < 3:
         raise ValueError("its vertices have no x, y and z")
-    corners: Column = next((face[name] for name in _CORNERS if name in face), [])
-    points = np.column_stack([np.asarray(vertex[axis], np.float64) for axis in "xyz"])
-    if isinstance(corners, np.ndarray):
-        return file_surface(points, corners)
-    return file_surface(points, [part.tolist() for part in corners])
+    return np.column_stack([np.asarray(column, np.float64) for column in columns])
 
 
-def read_elements(content: bytes) -> dict[str, dict[str, Column]]:
-    """Return every element of a PLY file by name: its properties, each an array or a list of arrays.
+def _corners(element: str, table: Table, restarts: bool = False) -> Lists:
+    """Return the vertices that the rows of an element name. Raises ValueError where they name none.
+
+    restarts  whether the largest number of an unsigned type stands for -1
+    """
+    lists = next((table[name] for name in _CORNERS if name in table), None)
+    if not isinstance(lists, Lists):
+        raise ValueError(f"its header gives {element} no list of {' or '.join(_CORNERS)}")
+    vertices = lists.values.astype(np.int64)
+    if lists.values.dtype.kind == "f" and (vertices != lists.values).any():
+        raise ValueError(f"its {element} names vertices by numbers that are not integers")
+    if restarts and lists.values.dtype.kind == "u":
+        vertices[vertices == np.iinfo(lists.values.dtype).max] = -1
+    return Lists(lists.lengths.astype(np.int64), vertices)
+
+
+def _faces(table: Table) -> Lists:
+    return _corners("face", table) if any(map(len, table.values())) else Lists(*np.empty((2, 0), np.int64))
+
+
+def _triangles_of(strips: Lists) -> Lists:
+    """Return the triangles of strips: every second one is turned over, and -1 begins another strip.
+
+    Triangles that name a vertex twice only lead the strip elsewhere, and are left out.
+    """
+    ends = np.full(len(strips.lengths), -1)  # each list is a strip of its own too
+    vertices = np.insert(strips.values, np.cumsum(strips.lengths), ends)
+    places = np.arange(len(vertices))
+    begins = np.maximum.accumulate(np.where(vertices == -1, places + 1, 0))
+    a, b, c = vertices[:-2], vertices[1:-1], vertices[2:]
+    odd = (places[:-2] - begins[:-2]) % 2 == 1
+    triangles = np.column_stack([np.where(odd, b, a), np.where(odd, a, b), c])
+    whole = (triangles != -1).all(axis=1) & (a != b) & (b != c) & (a != c)
+    return Lists(np.full(int(whole.sum()), 3), triangles[whole].reshape(-1))
+
+
+def read_elements(content: bytes) -> dict[str, Table]:
+    """Return every element of a PLY file by name: its properties, each an array or lists.
 
     Counts are compared with the bytes that are there before any array is made.
 
     Raises ValueError for unreadable input.
     """
-    head, mark, body = content.partition(b"end_header")
-    lines = head.decode("ascii", "replace").splitlines()
-    if not mark or not lines or lines[0].strip() != "ply":
+    content = as_utf8(content)
+    first, end = _FIRST_LINE.match(content), _END.search(content)
+    if not first or not end:
         raise ValueError("it has no PLY header")
-    order, elements = _header(lines[1:])
-    body = body.partition(b"\n")[2]
-    return dict(_text(elements, _words(body)) if order == "=" else _binary(elements, body, order))
+    order, elements = _header(content[first.end() : end.start()].splitlines())
+    starts = _body_starts(content[end.end() : end.end() + 2], first[1])
+    if order == "=":
+        return _text(elements, _words(content[end.end() :]))
+    for start in starts:
+        try:
+            return _binary(elements, content, order, end.end() + start)
+        except ValueError:
+            if start == starts[-1]:
+                raise
+    raise AssertionError("a header has an end")
+
+
+def _body_starts(after: bytes, line_end: bytes) -> list[int]:
+    """Return how many bytes may end the header; of two numbers, the one that leaves a whole body is right.
+
+    after     two bytes behind `end_header`
+    line_end  of the header's first line; the body of a file whose lines end in CR may begin with LF
+    """
+    if after not in (b"\r\n", b"\n\r"):
+        return [min(1, len(after))]
+    if line_end == after:
+        return [2]
+    return [1, 2] if line_end == after[:1] else [2, 1]
 
 
 def _words(body: bytes) -> list[bytes]:
@@ -83,22 +168,24 @@ def _words(body: bytes) -> list[bytes]:
     return words
 
 
-def _header(lines: list[str]) -> tuple[str, list[_Element]]:
+def _header(lines: list[bytes]) -> tuple[str, list[_Element]]:
     order, elements = "", list[_Element]()
-    for line in lines:
+    for line in (line.decode("utf-8", "replace") for line in lines):
         match line.split():
             case ["format", name, *_]:
                 order = _ORDERS.get(name, "")
-            case ["element", name, rows]:
-                if not rows.isdecimal() or any(element.name == name for element in elements):
-                    raise ValueError(f"its header has the line {' '.join(line.split())[:60]}")
+                if not order:
+                    raise ValueError(f"its format {name[:40]} is none of {', '.join(_ORDERS)}")
+            case ["element", name, rows] if rows.isdecimal() and all(e.name != name for e in elements):
                 elements.append(_Element(name, int(rows), []))
             case ["property", *_] if not elements:
                 raise ValueError("its header has a property before the first element")
             case ["property", "list", length, kind, name]:
                 elements[-1].properties.append(_Property(name, _type(kind), _type(length)))
-            case ["property", kind, name]:
+            case ["property", kind, name] if kind != "list":
                 elements[-1].properties.append(_Property(name, _type(kind)))
+            case ["format" | "element" | "property", *_]:
+                raise ValueError(f"its header has the line {' '.join(line.split())[:60]}")
     if not order:
         raise ValueError("its header names no format")
     for element in elements:
@@ -124,117 +211,163 @@ def _require_rows(element: _Element, sizes: list[int], present: int) -> None:
         raise early_end(element.rows, element.name[:40], present // sum(sizes))
 
 
-def _text(elements: list[_Element], words: list[bytes]) -> Iterator[tuple[str, dict[str, Column]]]:
+def _require_end(elements: list[_Element], rest: int, item: str) -> None:
+    """Raise ValueError where something follows the last element."""
+    if rest and elements:
+        raise ValueError(
+            f"its header promises less than it holds: {plural(rest, item)} after {elements[-1].name[:40]} "
+            f"{elements[-1].rows - 1}"
+        )
+
+
+def _text(elements: list[_Element], words: list[bytes]) -> dict[str, Table]:
+    tables: dict[str, Table] = {}
     at = 0
     for element in elements:
-        name, rows, properties = element
-        _require_rows(element, [1 for _ in properties], len(words) - at)
-        table = _even_text(element, words, at)
-        if table is not None:
-            at += rows * sum(1 if values.ndim == 1 else 1 + values.shape[1] for values in table.values())
-            yield name, dict(table)
-            continue
-        columns: dict[str, list[AnyArray]] = {p.name: [] for p in properties}
-        for row in range(rows):
-            for p in properties:
-                size = int(words[at]) if p.length and at < len(words) else 1
-                at += bool(p.length)
-                _require_length(size, p)
-                if at + size > len(words):
-                    raise early_end(rows, name, row)
-                columns[p.name].append(np.array(words[at : at + size]).astype(p.kind))
-                at += size
-        yield name, {p.name: _column(p, columns[p.name]) for p in properties}
+        _require_rows(element, [1 for _ in element.properties], len(words) - at)
+        tables[element.name], at = _even_text(element, words, at) or _uneven_text(element, words, at)
+    _require_end(elements, len(words) - at, "number")
+    return tables
 
 
-def _even_text(element: _Element, words: list[bytes], at: int) -> dict[str, AnyArray] | None:
+def _even_text(element: _Element, words: list[bytes], at: int) -> tuple[Table, int] | None:
     """Read all rows at once, if each list is as long in every row as in the first; None otherwise."""
-    places: dict[str, int] = {}
+    places: list[int] = []
     width = 0
     for p in element.properties:
-        places[p.name] = width
+        places.append(width)
         if at + width >= len(words):
             return None
-        size = int(words[at + width]) if p.length else 0
-        if size < 0:
-            return None
+        size = _length(words[at + width], p) if p.length else 0
         width += 1 + size
     if not element.rows or at + width * element.rows > len(words):
         return None
-    table = np.array(words[at : at + width * element.rows]).reshape(element.rows, width)
-    ends = [*list(places.values())[1:], width]
-    columns: dict[str, AnyArray] = {}
-    for p, end in zip(element.properties, ends, strict=True):
-        start = places[p.name]
-        if p.length and (table[:, start].astype(np.int64) != end - start - 1).any():
+    cells = np.array(words[at : at + width * element.rows]).reshape(element.rows, width)
+    table: Table = {}
+    for p, start, end in zip(element.properties, places, [*places[1:], width], strict=True):
+        if not p.length:
+            table[p.name] = _numbers(cells[:, start], p.kind, f"{element.name} {{}}")
+            continue
+        if (cells[:, start] != cells[0, start]).any():
             return None
-        columns[p.name] = (
-            table[:, start + 1 : end].astype(p.kind) if p.length else table[:, start].astype(p.kind)
-        )
-    return columns
+        lengths = np.full(element.rows, end - start - 1)
+        table[p.name] = Lists(lengths, _numbers(cells[:, start + 1 : end].reshape(-1), p.kind, p.name))
+    return table, at + width * element.rows
 
 
-def _require_length(size: int, p: _Property) -> None:
-    if size < 0:
-        raise ValueError(f"a list of {p.name[:40]} has the length {size}")
-
-
-def _column(p: _Property, cells: list[AnyArray]) -> Column:
-    return cells if p.length else np.concatenate([*cells, np.empty(0, p.kind)])
-
-
-def _binary(elements: list[_Element], body: bytes, order: str) -> Iterator[tuple[str, dict[str, Column]]]:
-    at = 0
-    for element in elements:
-        sizes = [np.dtype(p.length or p.kind).itemsize for p in element.properties]
-        _require_rows(element, sizes, len(body) - at)
-        table = _even_rows(element, body, order, at)
-        if table is None:
-            columns, at = _uneven_rows(element, body, order, at)
-        else:
-            columns, at = {p.name: table[p.name] for p in element.properties}, at + table.nbytes
-        yield element.name, columns
-
-
-def _even_rows(element: _Element, body: bytes, order: str, at: int) -> AnyArray | None:
-    """Read all rows at once, if each list is as long in every row as in the first; None otherwise."""
-    fields: list[tuple[str, str, int]] = []
-    for p in element.properties:
-        size = 1
-        if p.length:
-            before = np.dtype([(name, kind, (count,)) for name, kind, count in fields]).itemsize
-            if at + before + np.dtype(p.length).itemsize > len(body):
-                return None
-            size = int(np.frombuffer(body, order + p.length, 1, at + before)[0]) if element.rows else 0
-            _require_length(size, p)
-            if at + before + size > len(body):
-                return None
-            fields.append((f"length of {p.name}", order + p.length, 1))
-        fields.append((p.name, order + p.kind, size))
-    row = np.dtype([(n, k, (count,) if count != 1 or n in _lists(element) else ()) for n, k, count in fields])
-    if at + row.itemsize * element.rows > len(body):
-        return None
-    table = np.frombuffer(body, row, element.rows, at)
-    even = all((table[f"length of {name}"] == row[name].shape[0]).all() for name in _lists(element))
-    return table if even else None
-
-
-def _lists(element: _Element) -> set[str]:
-    return {p.name for p in element.properties if p.length}
-
-
-def _uneven_rows(element: _Element, body: bytes, order: str, at: int) -> tuple[dict[str, Column], int]:
-    columns: dict[str, list[AnyArray]] = {p.name: [] for p in element.properties}
+def _uneven_text(element: _Element, words: list[bytes], at: int) -> tuple[Table, int]:
+    values: dict[str, list[bytes]] = {p.name: [] for p in element.properties}
+    lengths: dict[str, list[int]] = {p.name: [] for p in element.properties if p.length}
     for row in range(element.rows):
         for p in element.properties:
             size = 1
-            if p.length and at + np.dtype(p.length).itemsize <= len(body):
-                length = np.frombuffer(body, order + p.length, 1, at)
-                at, size = at + length.nbytes, int(length[0])
-                _require_length(size, p)
-            if at + size * np.dtype(p.kind).itemsize > len(body):
+            if p.length and at < len(words):
+                size = _length(words[at], p)
+                lengths[p.name].append(size)
+                at += 1
+            if at + size > len(words):
                 raise early_end(element.rows, element.name, row)
-            cell = np.frombuffer(body, order + p.kind, size, at)
-            at += cell.nbytes
-            columns[p.name].append(cell)
-    return {p.name: _column(p, columns[p.name]) for p in element.properties}, at
+            values[p.name] += words[at : at + size]
+            at += size
+    table: Table = {}
+    for p in element.properties:
+        numbers = _numbers(np.array(values[p.name], bytes), p.kind, p.name)
+        table[p.name] = Lists(np.array(lengths[p.name], np.int64), numbers) if p.length else numbers
+    return table, at
+
+
+def _length(word: bytes, p: _Property) -> int:
+    if fault := number_fault([word], int):
+        raise ValueError(f"the length of a list of {p.name[:40]}: {fault}")
+    return _require_length(int(word), p)
+
+
+def _require_length(size: int, p: _Property) -> int:
+    if size < 0:
+        raise ValueError(f"a list of {p.name[:40]} has the length {size}")
+    return size
+
+
+def _numbers(words: AnyArray, kind: str, place: str) -> AnyArray:
+    """Return words as numbers of a kind, or as float64 where integers are written as 255.0 or are too large.
+
+    place  of the words, for a message; braces stand for the number of a row
+    """
+    for wanted in (kind, "f8"):
+        try:
+            return words.astype(wanted)
+        except (ValueError, OverflowError):
+            continue
+    row = next(k for k, word in enumerate(words.tolist()) if number_fault([word]))
+    raise ValueError(f"{place.format(row)[:60]}: {number_fault([words[row]])}")
+
+
+def _binary(elements: list[_Element], content: bytes, order: str, at: int) -> dict[str, Table]:
+    tables: dict[str, Table] = {}
+    for element in elements:
+        sizes = [np.dtype(p.length or p.kind).itemsize for p in element.properties]
+        _require_rows(element, sizes, len(content) - at)
+        even = _even_rows(element, content, order, at)
+        tables[element.name], at = even or _uneven_rows(element, content, order, at)
+    rest = content[at:]
+    _require_end(elements, len(rest) if rest.strip(b"\0 \r\n\x1a") else 0, "byte")
+    return tables
+
+
+def _even_rows(element: _Element, content: bytes, order: str, at: int) -> tuple[Table, int] | None:
+    """Read all rows at once, if each list is as long in every row as in the first; None otherwise."""
+    fields: list[tuple[str, str, tuple[int, ...]]] = []
+    for p in element.properties:
+        if not p.length:
+            fields.append((p.name, order + p.kind, ()))
+            continue
+        place = at + np.dtype(fields).itemsize
+        if place + np.dtype(p.length).itemsize > len(content):
+            return None
+        size = int(np.frombuffer(content, order + p.length, 1, place)[0]) if element.rows else 0
+        if place + _require_length(size, p) > len(content):
+            return None
+        fields += [(_length_of(p), order + p.length, ()), (p.name, order + p.kind, (size,))]
+    row = np.dtype(fields)
+    if at + row.itemsize * element.rows > len(content):
+        return None
+    rows = np.frombuffer(content, row, element.rows, at)
+    table: Table = {}
+    for p in element.properties:
+        if not p.length:
+            table[p.name] = rows[p.name]
+            continue
+        lengths = rows[_length_of(p)]
+        if (lengths != row[p.name].shape[0]).any():
+            return None
+        table[p.name] = Lists(lengths, rows[p.name].reshape(-1))
+    return table, at + rows.nbytes
+
+
+def _length_of(p: _Property) -> str:
+    return f"length of {p.name}"  # no property has a name with blanks
+
+
+def _uneven_rows(element: _Element, content: bytes, order: str, at: int) -> tuple[Table, int]:
+    values: dict[str, list[bytes]] = {p.name: [] for p in element.properties}
+    lengths: dict[str, list[int]] = {p.name: [] for p in element.properties if p.length}
+    endian: Literal["little", "big"] = "little" if order == "<" else "big"
+    sizes = [(p, np.dtype(p.kind).itemsize, np.dtype(p.length or "u1")) for p in element.properties]
+    for row in range(element.rows):
+        for p, width, length in sizes:
+            size = 1
+            if p.length:
+                after = at + length.itemsize
+                size = int.from_bytes(content[at:after], endian, signed=length.kind == "i")
+                lengths[p.name].append(_require_length(size, p))
+                at = after
+            end = at + size * width
+            if end > len(content):
+                raise early_end(element.rows, element.name, row)
+            values[p.name].append(content[at:end])
+            at = end
+    table: Table = {}
+    for p in element.properties:
+        numbers: AnyArray = np.frombuffer(b"".join(values[p.name]), order + p.kind)
+        table[p.name] = Lists(np.array(lengths[p.name], np.int64), numbers) if p.length else numbers
+    return table, at

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -11,11 +12,12 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError
 from pipeline.mesh.file_surface import LARGEST_COORDINATE
-from pipeline.mesh.ply_files import read_elements
-from pipeline.mesh.polygon_files import read_wavefront
+from pipeline.mesh.obj_files import read_wavefront
+from pipeline.mesh.ply_files import read_elements, vertex_positions
 from pipeline.mesh.read import read_by_suffix, reader_of
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.npz import Archive
+from pipeline.text_encoding import number_fault, text_content
 from render.base.plural import plural
 
 _POINTS = ("points", "vertices")
@@ -94,25 +96,36 @@ def _require_finite(path: Path, points: Floats) -> None:
 
 
 def _polygon_file(content: bytes) -> PointSet:
-    vertex = read_elements(content).get("vertex", {})
-    if not {"x", "y", "z"} <= set(vertex):
-        raise ValueError("its vertices have no x, y and z")
-    points = np.column_stack([np.asarray(vertex[axis], np.float64) for axis in "xyz"])
-    others = {name: column for name, column in vertex.items() if name not in ("x", "y", "z")}
+    tables = read_elements(content)
+    others = {
+        name: column for name, column in tables.get("vertex", {}).items() if name not in ("x", "y", "z")
+    }
     return PointSet(
-        points, {name: c for name, c in others.items() if isinstance(c, np.ndarray) and c.ndim == 1}
+        vertex_positions(tables), {name: c for name, c in others.items() if isinstance(c, np.ndarray)}
     )
 
 
+_PARTED_TWICE = re.compile(rb"[-+]?\d+,\d+")
+"""A number with a decimal comma, among words that blanks or semicolons separate."""
+
+
 def _xyz(content: bytes) -> PointSet:
-    text = content.decode("utf-8").replace(",", " ")
-    rows = [line.split() for line in text.splitlines() if line.split("#", 1)[0].strip()]
-    rows = [" ".join(row).split("#", 1)[0].split() for row in rows]
-    uneven = next((k for k, row in enumerate(rows) if len(row) < 3 or len(row) != len(rows[0])), None)
-    if uneven is not None:
-        raise ValueError(
-            f"point {uneven} has {plural(len(rows[uneven]), 'number')}; all need the same, three at least"
-        )
+    rows: list[list[bytes]] = []
+    for line, text in enumerate(text_content(content).split(b"\n"), 1):
+        words = text.partition(b"#")[0].replace(b";", b" ").split()
+        if not words:
+            continue
+        if len(words) > 1 and any(map(_PARTED_TWICE.fullmatch, words)):
+            shown = b" ".join(words).decode("utf-8", "replace")[:40]
+            raise ValueError(f"line {line}: {shown}: commas separate numbers, and decimals have a point")
+        row = b" ".join(words).replace(b",", b" ").split()
+        if len(row) < 3 or len(row) != len(rows[0] if rows else row):
+            raise ValueError(
+                f"point {len(rows)} has {plural(len(row), 'number')}; all need the same, three at least"
+            )
+        if fault := number_fault(row):
+            raise ValueError(f"line {line}: {fault}")
+        rows.append(row)
     table = np.array(rows, np.float64).reshape(len(rows), len(rows[0]) if rows else 3)
     columns = range(3, table.shape[1])
     return PointSet(table[:, :3].copy(), {f"column_{k + 1}": table[:, k].copy() for k in columns})

@@ -16,8 +16,9 @@ from pipeline.errors import FlowsculptError, MeshError, reason_of
 from pipeline.mesh.file_surface import FileSurface
 from pipeline.mesh.gltf_document import MOST_BYTES
 from pipeline.mesh.gltf_files import GLTF_FORMATS, is_gltf, read_gltf, scene_files
+from pipeline.mesh.obj_files import read_wavefront
+from pipeline.mesh.off_files import read_object_file
 from pipeline.mesh.ply_files import read_polygon_file
-from pipeline.mesh.polygon_files import read_object_file, read_wavefront
 from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.mesh.repair import repair_surface
 from pipeline.mesh.stl_files import read_stl
@@ -88,7 +89,8 @@ def read_surface(path: str | Path, repair: bool = True, part: StagePart | None =
     readers = _READERS if part is None else dict.fromkeys(USD_FORMATS, lambda p: read_usd(p, part))
     loaded = read_by_suffix(path, readers, "a mesh format")
     if len(loaded.corners) == 0:
-        raise MeshError(f"{path}: it holds no faces; a surface needs at least one triangle")
+        rest = "".join(f"; {note}" for note in loaded.notes)
+        raise MeshError(f"{path}: it holds no faces; a surface needs at least one triangle{rest}")
     _require_cuttable(path, loaded)
     try:
         mesh, repairs = repair_surface(loaded, repair)

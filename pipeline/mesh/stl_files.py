@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
+from itertools import islice
+
 import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.mesh.file_surface import FileSurface, early_end, file_surface
+from pipeline.text_encoding import as_utf8, number_fault, text_content
 from render.base.plural import plural
 
 _HEADER = 84
@@ -16,13 +20,28 @@ _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attrib
 _MOST_TRIANGLES = 500_000_000
 """More triangles in a header are no number of triangles."""
 
+_START = 1024
+"""Bytes that tell text from a binary file."""
+
+_NEXT = rb"\b(?:facet\s+(?:normal|outer)|end[ \t]*solid)\b"
+_AFTER_SOLID = re.compile(rb"\n|\Z|" + _NEXT)
+_AFTER_END = re.compile(rb"\n|\Z|\bsolid\b(?=[^\n]*?" + _NEXT + rb")")
+"""Where the name of a solid ends."""
+
+_FACET = b"facet normal x y z outer loop vertex x y z vertex x y z vertex x y z endloop endfacet".split()
+"""The words of a triangle; letters stand for numbers."""
+
+_WORDS = [(place, word) for place, word in enumerate(_FACET) if len(word) > 1]
+_COORDINATES = [place for place, word in enumerate(_FACET) if len(word) == 1][3:]
+
 
 def read_stl(content: bytes) -> FileSurface:
     """Read the triangles of an STL file; they share no vertices. Normals and colours are skipped.
 
-    Raises ValueError for a file that ends early or has no numbers where coordinates belong.
+    Raises ValueError for a file that ends early, whose header promises another number of triangles, or that
+    has no numbers where coordinates belong.
     """
-    points = _text_points(content.lower()) if _is_text(content) else _binary_points(content)
+    points = _text_points(text_content(content).lower()) if _is_text(content) else _binary_points(content)
     return file_surface(points, np.arange(len(points)).reshape(-1, 3), base=None)
 
 
@@ -31,8 +50,11 @@ def _is_text(content: bytes) -> bool:
     promised = int.from_bytes(content[80:_HEADER], "little")
     if len(content) == _HEADER + _TRIANGLE.itemsize * promised:
         return False
-    start = content[:1024].lower()
-    return start.lstrip().startswith(b"solid") and (b"facet" in start or len(content) < _HEADER)
+    try:
+        start = as_utf8(content[:_START]).lower()
+    except ValueError:
+        return False
+    return start.lstrip().startswith(b"solid") and (b"facet" in start or b"\0" not in start)
 
 
 def _binary_points(content: bytes) -> Points:
@@ -46,19 +68,70 @@ def _binary_points(content: bytes) -> Points:
         raise ValueError("it has no STL header")
     if present < promised:
         raise early_end(promised, "triangle", present)
+    if present > promised and content[_HEADER + promised * _TRIANGLE.itemsize :].strip(b"\0"):
+        raise ValueError(
+            f"its header promises {plural(promised, 'triangle')}, and there is room for {present}"
+        )
     triangles = np.frombuffer(content, _TRIANGLE, promised, _HEADER)
     return triangles["corners"].reshape(-1, 3).astype(np.float64)
 
 
 def _text_points(content: bytes) -> Points:
-    if b"endsolid" not in content[-1024:]:
-        present = content.count(b"endfacet")
-        raise ValueError(f"it ends early: endsolid is missing after {plural(present, 'triangle')}")
-    rows = [line.split() for line in content.splitlines()]
-    points = [row[1:4] for row in rows if row[:1] == [b"vertex"]]
-    if len(points) % 3:
-        raise ValueError(f"it has {plural(len(points), 'vertex', 'vertices')}, which make no triangles")
-    short = next((k for k, point in enumerate(points) if len(point) < 3), None)
-    if short is not None:
-        raise ValueError(f"vertex {short} has {len(points[short])} coordinates, not 3")
-    return np.array([[float(word) for word in point] for point in points], np.float64).reshape(-1, 3)
+    body, is_closed = _without_names(content)
+    if not is_closed:
+        present = plural(content.count(b"endfacet"), "triangle")
+        raise ValueError(f"it ends early: endsolid is missing after {present}")
+    words = body.split()
+    count, rest = divmod(len(words), len(_FACET))
+    if rest or any(words[place :: len(_FACET)] != [word] * count for place, word in _WORDS):
+        words = _regular(words)
+        count = len(words) // len(_FACET)
+    columns = [words[place :: len(_FACET)] for place in _COORDINATES]
+    try:
+        table = np.array([[*map(float, column)] for column in columns], np.float64)
+    except ValueError:
+        faults = ((k, number_fault(corner)) for k, corner in enumerate(zip(*columns, strict=True)))
+        raise ValueError(next(f"triangle {k}: {fault}" for k, fault in faults if fault)) from None
+    return np.ascontiguousarray(table.T).reshape(-1, 3)
+
+
+def _without_names(content: bytes) -> tuple[bytes, bool]:
+    """Return text without `solid` and `endsolid` and the names that follow, and whether the last was an end.
+
+    A name ends with its line, or where the next statement begins: some files have one line only.
+    """
+    parts: list[bytes] = []
+    start, is_closed = 0, False
+    while (at := content.find(b"solid", start)) >= 0:
+        before = content[start:at].rstrip(b" \t")
+        is_closed = before.endswith(b"end")
+        parts.append(before.removesuffix(b"end"))
+        name_end = (_AFTER_END if is_closed else _AFTER_SOLID).search(content, at + len(b"solid"))
+        start = name_end.start() if name_end else len(content)
+    return b" ".join([*parts, content[start:]]), is_closed
+
+
+def _regular(words: list[bytes]) -> list[bytes]:
+    """Return the words of triangles as `_FACET` has them, from others that lack normals or have more.
+
+    Raises ValueError for a facet that is not a triangle.
+    """
+    regular: list[bytes] = []
+    corners: list[bytes] = []
+    remaining = iter(words)
+    for word in remaining:
+        if word == b"vertex":
+            corners += islice(remaining, 3)
+        elif word in (b"facet", b"endloop", b"endfacet") and corners:
+            if len(corners) != 9:
+                triangle, vertices = (
+                    len(regular) // len(_FACET),
+                    plural(-(-len(corners) // 3), "vertex", "vertices"),
+                )
+                raise ValueError(f"facet {triangle} has {vertices}; each is a triangle")
+            place = dict(zip(_COORDINATES, corners, strict=True))
+            regular += [place.get(k, word) for k, word in enumerate(_FACET)]
+            corners = []
+    if corners:
+        raise ValueError(f"facet {len(regular) // len(_FACET)} has no endfacet")
+    return regular

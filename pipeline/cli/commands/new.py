@@ -24,7 +24,7 @@ from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.model_template import model_template
 from pipeline.shot.show_template import FIRST_SHOT, SHARED, show_files, without_shared
 from pipeline.shot.templates import FLOW_FILES, SCHEMA, presets, shot_of_flow, shot_of_shot
-from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, name_fault
+from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, name_fault, text_of
 from render.base.atomic_write import atomic_write, disk_errors
 
 MODELS = "models"
@@ -144,7 +144,7 @@ def _of_source(source: str, name: str) -> _NewShot:
     if source not in known and not source.endswith((".yaml", ".yml")):
         hint = suggestion(source, [*known, *presets()])
         raise UsageError(f"there is no flow and no shot {source!r} to begin from. {hint}")
-    text = shot_of_shot(find_shot(source).read_text(encoding="utf-8"), name)
+    text = shot_of_shot(text_of(find_shot(source)), name)
     try:
         read_shot(SHOTS / f"{name}.yaml", text)
     except FlowsculptError as error:

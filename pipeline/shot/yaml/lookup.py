@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 from pipeline.errors import MissingInputError, ShotError, shortened
+from pipeline.text_encoding import as_utf8
 from render.base.errors import BadInputError
 from render.base.input_files import read_input
 from render.base.plural import indefinite
@@ -65,19 +66,21 @@ def name_fault(name: str, kind: str = "shot") -> str | None:
 def text_of(path: Path) -> str:
     """Return the text of a shot file or an edit.
 
-    Raises MissingInputError where no regular file can be read, ShotError for other text than UTF-8 and for
-    files over MOST_BYTES.
+    It may be UTF-8, or UTF-16 and UTF-32 as `as_utf8` knows them. Raises MissingInputError where no regular
+    file can be read, ShotError for other text and for files over MOST_BYTES.
     """
     try:
         content = read_input(path, MOST_BYTES)
     except BadInputError:
         raise ShotError(f"{path}:1:1: {_TOO_LARGE}") from None
     try:
-        return content.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
+        return as_utf8(content).decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
         raise ShotError(
             f"{path}:1:1: byte {error.start} is not UTF-8; a shot file is plain text. Save it as UTF-8."
         ) from None
+    except ValueError as error:
+        raise ShotError(f"{path}:1:1: {error}. Save it as UTF-8.") from None
 
 
 def is_edit(path: Path) -> bool:

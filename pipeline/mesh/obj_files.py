@@ -1,0 +1,188 @@
+"""Surfaces in Wavefront OBJ files, with their polygons, groups and creases.
+
+By its specification (Wavefront, Advanced Visualizer, Appendix B), with crease tags as OpenSubdiv writes them:
+``t crease 2/1/0 a b sharpness``, vertices numbered from 0.
+"""
+
+from __future__ import annotations
+
+import io
+from collections import Counter
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+
+from pipeline.errors import MeshError
+from pipeline.mesh.file_surface import FileSurface, polygon_surface
+from pipeline.text_encoding import number_fault, text_content
+from render.base.plural import plural
+
+_PARTING = (b"o", b"g", b"s", b"usemtl")
+"""Statements that begin another object, group, smoothing group or material."""
+
+_UNSMOOTHED = (b"off", b"0")
+
+_LEFT_OUT = {
+    b"l": ("line", "lines", "l"),
+    b"p": ("set of points", "sets of points", "p"),
+    b"curv": ("free-form curve", "free-form curves", "curv"),
+    b"surf": ("free-form surface", "free-form surfaces", "surf"),
+    b"bzp": ("Bézier patch", "Bézier patches", "bzp"),
+    b"bsp": ("B-spline patch", "B-spline patches", "bsp"),
+}
+"""Statements that other programs show and that are no faces: what one and many are called, and its word."""
+
+
+def read_wavefront(content: bytes) -> FileSurface:
+    """Read the faces of an OBJ file, grouped by object, group, smoothing group and material.
+
+    Faces outside all smoothing groups form one group: many writers leave smoothing out, and such a surface
+    has no creases. Normals, colours and texture coordinates are skipped; lines, points, curves and free-form
+    surfaces are left out with a note. Raises ValueError, with its line, for unreadable input, and MeshError
+    for weights of vertices and for other files that it calls.
+    """
+    reader = _Wavefront()
+    vertex, face = reader.vertex, reader.face
+    for line, words in _statements(text_content(content)):
+        try:
+            match words[0]:
+                case b"v":
+                    vertex(words)
+                case b"f" | b"fo":
+                    face(words)
+                case _:
+                    reader.other(words)
+        except (ValueError, MeshError) as error:
+            shown = b" ".join(words).decode("utf-8", "replace")[:40]
+            raise type(error)(f"line {line}: {shown}: {error}") from None
+    return reader.surface()
+
+
+def _statements(content: bytes) -> Iterator[tuple[int, list[bytes]]]:
+    """Yield statements as words, with the line where each ends; a backslash continues a line."""
+    words: list[bytes] = []
+    number = 0
+    for number, text in enumerate(io.BytesIO(content), 1):
+        if b"#" in text:
+            text = text.partition(b"#")[0]
+        if b"\\" in text and (begun := text.rstrip()).endswith(b"\\"):
+            words += begun[:-1].split()
+            continue
+        words += text.split()
+        if words:
+            yield number, words
+            words = []
+    if words:
+        yield number, words
+
+
+class _Wavefront:
+    """What the statements of a file have said so far.
+
+    corners  vertices of all faces, from 1
+    sides    number of corners of each face
+    """
+
+    def __init__(self) -> None:
+        self.coordinates: list[float] = []
+        self.corners: list[int] = []
+        self.sides: list[int] = []
+        self.groups: list[int] = []
+        self.tagged: list[tuple[int, int]] = []
+        self.left_out: Counter[bytes] = Counter()
+        self._part = dict.fromkeys(_PARTING, b"")
+        self._numbers: dict[tuple[bytes, ...], int] = {}
+        self._group: int | None = None
+
+    def vertex(self, words: list[bytes]) -> None:
+        """Add a vertex; numbers after its coordinates are a weight, if there is one, or colours."""
+        try:
+            self.coordinates += map(float, words[1:4])
+            if len(words) == 5 and float(words[4]) != 1.0:
+                raise MeshError(
+                    "its fourth number is a weight, as of rational curves; a vertex of faces has none. "
+                    "Export it without weights."
+                )
+        except ValueError:
+            raise ValueError(number_fault(words[1:5])) from None
+        if len(words) < 4:
+            number = len(self.coordinates) // 3 + 1
+            raise ValueError(f"vertex {number} has {plural(len(words) - 1, 'coordinate')}, not 3")
+
+    def face(self, words: list[bytes]) -> None:
+        """Add a face whose corners are ``v``, ``v/vt``, ``v//vn`` or ``v/vt/vn``; negative count back."""
+        names = words[1:]
+        if b"/" in words[-1]:
+            names = [name.partition(b"/")[0] for name in names]
+        try:
+            numbers = [*map(int, names)]
+        except ValueError:  # mixed forms
+            names = [name.partition(b"/")[0] for name in names]
+            if fault := number_fault(names, int):
+                raise ValueError(fault) from None
+            numbers = [*map(int, names)]
+        if numbers and min(numbers) <= 0:
+            numbers = [number if number > 0 else self._counted_back(number) for number in numbers]
+        self.corners += numbers
+        self.sides.append(len(numbers))
+        if self._group is None:
+            self._group = self._numbers.setdefault(tuple(self._part.values()), len(self._numbers))
+        self.groups.append(self._group)
+
+    def _counted_back(self, number: int) -> int:
+        vertices = len(self.coordinates) // 3
+        if number == 0:
+            raise ValueError("vertices are numbered from 1")
+        if -number > vertices:
+            raise ValueError(
+                f"{number} counts back beyond the first of {plural(vertices, 'vertex', 'vertices')}"
+            )
+        return vertices + 1 + number
+
+    def other(self, words: list[bytes]) -> None:
+        """Note a change of group, a crease, or what is left out."""
+        name = words[0]
+        match name:
+            case b"s":
+                smooth = words[1:2] != [] and words[1] not in _UNSMOOTHED
+                self._begin(b"s", words[1] if smooth else b"")
+            case b"o" | b"g" | b"usemtl":
+                self._begin(name, b" ".join(words[1:]))
+            case b"t" if words[1:2] == [b"crease"]:
+                self.tagged += _creases(words)
+            case b"call":
+                raise MeshError("other files that a file calls are not read. Export it as one file.")
+            case _ if name in _LEFT_OUT:
+                self.left_out[name] += 1
+
+    def _begin(self, name: bytes, value: bytes) -> None:
+        self._part[name] = value
+        self._group = None
+
+    def surface(self) -> FileSurface:
+        """Return the faces. Raises ValueError where one names a missing vertex."""
+        return polygon_surface(
+            np.array(self.coordinates, np.float64).reshape(-1, 3),
+            np.array(self.sides, np.int64),
+            np.array(self.corners, np.int64) - 1,
+            self.groups,
+            self.tagged,
+            base=1,
+            notes=self._notes(),
+        )
+
+    def _notes(self) -> tuple[str, ...]:
+        counts = [(count, *_LEFT_OUT[name]) for name, count in self.left_out.items()]
+        found = " and ".join(f"{plural(count, one, many)} ({mark})" for count, one, many, mark in counts)
+        return (f"{found} left out: a surface is made of faces (f)",) if found else ()
+
+
+def _creases(words: list[bytes]) -> list[tuple[int, int]]:
+    """Return the edges of one tag: consecutive pairs of its vertices, unless its sharpness is 0."""
+    if len(words) < 3:
+        raise ValueError("its counts are missing")
+    count = int(words[2].split(b"/", 1)[0])
+    chain = [int(word) for word in words[3 : 3 + count]]
+    sharpness = [float(word) for word in words[3 + count :]]
+    return list(pairwise(chain)) if any(sharpness) else []
