@@ -5,6 +5,7 @@ trimesh cuts faces of more than four sides into fans, which is wrong for concave
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +25,7 @@ from pipeline.mesh.repair import repair_surface
 from pipeline.mesh.stl_files import read_stl
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.mesh.usd_files import USD_FORMATS, StagePart, is_usd, read_usd, stage_files
-from render.base.input_files import digest_of_file, joint_digest, read_input, require_input
+from render.base.input_files import digest_of_file, joint_digest, opened_input, read_input, require_input
 
 T = TypeVar("T")
 
@@ -175,10 +176,30 @@ def model_files(path: Path) -> ModelFiles:
         return ModelFiles(stage.digest, ((path, stage.digests[path.absolute()]), *others), stage.up)
     own = (path, digest_of_file(path))
     if not is_gltf(path):
-        return ModelFiles(own[1], (own,))
+        reader = ["text reader 2"] if _was_misread(path) else []
+        return ModelFiles(joint_digest([*reader, own[1]]), (own,))
     scene = read_by_suffix(path, dict.fromkeys(GLTF_FORMATS, scene_files), "a glTF scene")
     files = (own, *((file, digest_of_file(file)) for file in scene.buffers))
     return ModelFiles(joint_digest([*scene.reader, *(digest for _, digest in files)]), files)
+
+
+_MISREAD = {
+    "obj": re.compile(rb"\A\xef\xbb\xbf"),
+    "off": re.compile(rb"^[ \t]*(?:ST|C|N)*4n?OFF", re.MULTILINE),
+    "ply": re.compile(rb"[\r\n]element[ \t]+tristrips[ \t]"),
+}
+"""What files begin with that an earlier reader read otherwise: they are other models now.
+
+It lost the first vertex behind a byte order mark, divided by no w, and left out strips of triangles.
+"""
+
+
+def _was_misread(path: Path) -> bool:
+    pattern = _MISREAD.get(path.suffix.lower().lstrip("."))
+    if pattern is None:
+        return False
+    with opened_input(path) as (file, size):
+        return pattern.search(file.read(min(size, 1 << 14))) is not None
 
 
 def read_by_suffix(path: Path, readers: Mapping[str, Callable[[Path], T]], kind: str) -> T:

@@ -8,6 +8,8 @@ import trimesh
 
 from pipeline.errors import MachineError, MeshError, MissingInputError
 from pipeline.mesh import box, icosphere, read_mesh, require, write_mesh
+from pipeline.mesh.read import model_files
+from render.base.input_files import digest_of_file
 
 
 @pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "glb", "off"])
@@ -72,3 +74,24 @@ def test_a_folder_that_is_a_file_is_the_environments_fault(tmp_path: Path) -> No
     (tmp_path / "taken").write_text("")
     with pytest.raises(MachineError, match="cannot be written"):
         write_mesh(box(), tmp_path / "taken" / "box.ply")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "was_misread"),
+    [
+        ("a.obj", b"v 0 0 0\n", False),
+        ("a.obj", b"\xef\xbb\xbfv 0 0 0\n", True),
+        ("a.off", b"OFF\n3 1 0\n", False),
+        ("a.off", b"# by hand\nST4OFF 3 1 0\n", True),
+        ("a.ply", b"ply\nformat ascii 1.0\nelement face 1\n", False),
+        ("a.ply", b"ply\nformat ascii 1.0\nelement face 1\nelement tristrips 1\n", True),
+        ("a.stl", b"\xef\xbb\xbfsolid", False),
+    ],
+)
+def test_the_digest_of_a_model_moves_only_where_an_earlier_reader_misread_it(
+    tmp_path: Path, name: str, content: bytes, was_misread: bool
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    files = model_files(tmp_path / name)
+    assert files.files == ((tmp_path / name, digest_of_file(tmp_path / name)),)
+    assert (files.digest != digest_of_file(tmp_path / name)) == was_misread
