@@ -86,6 +86,14 @@ def test_what_no_edit_can_say_is_told_with_its_place(parts, told, tmp_path):
     assert "cut.otio: " in str(refused.value)
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-be"])
+def test_a_timeline_of_another_encoding_is_the_same_edit(encoding, tmp_path):
+    edit = saved(tmp_path, clip("A010", 1, 5))
+    text = edit.text()
+    edit.file.write_bytes(edit.file.read_text(encoding="utf-8").encode(encoding))
+    assert ImportedEdit(edit.file, edit.shots, edit.folder).text() == text
+
+
 def test_an_edit_written_by_hand_is_not_replaced(tmp_path):
     edit = saved(tmp_path, clip("A010", 1, 5))
     edit.target.write_text(edit.text())
@@ -98,7 +106,7 @@ def test_an_edit_written_by_hand_is_not_replaced(tmp_path):
 @pytest.mark.parametrize(
     ("content", "kind", "told"),
     [
-        (None, MissingInputError, "no such timeline"),
+        (None, MissingInputError, "there is no such file"),
         ("{", ShotError, "cannot be read"),
         ("[1]", ShotError, "cut|read|holds"),
     ],

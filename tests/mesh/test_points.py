@@ -41,6 +41,14 @@ def test_lines_of_numbers_are_points_and_what_is_beside_them(tmp_path: Path) -> 
     assert found.attributes["column_4"].tolist() == [0.5, 0.25]
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be"])
+@pytest.mark.parametrize("line_end", ["\n", "\r\n", "\r"])
+def test_lines_of_numbers_of_other_systems_lose_nothing(tmp_path: Path, encoding: str, line_end: str) -> None:
+    file = tmp_path / "a.xyz"
+    file.write_bytes("1;2;3 # Höhe\n4, 5, 6\n7\t8 9\n".replace("\n", line_end).encode(encoding))
+    assert read_points(file).points.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
+
+
 def test_the_vertices_of_a_model_are_points(tmp_path: Path) -> None:
     write_mesh(box(), tmp_path / "a.obj")
     assert len(read_points(tmp_path / "a.obj").points) == 8
@@ -66,7 +74,16 @@ WILD = np.where(np.arange(21).reshape(7, 3) == 9, np.nan, POINTS)
         ("a.xyz", "", "a.xyz: the file is empty. Copy or export it again."),
         ("a.xyz", "# none\n", "a.xyz: it holds no points; a cloud needs at least one"),
         ("a.xyz", "0 0 1\n0 0\n", "a.xyz: cannot be read as XYZ .point 1 has 2 numbers"),
-        ("a.xyz", "0 0 one\n", "a.xyz: cannot be read as XYZ"),
+        ("a.xyz", "0 0 1\n0 0 one\n", "a.xyz: cannot be read as XYZ .line 2: one is not a number"),
+        ("a.xyz", "x,y,z\n0,0,1\n", "a.xyz: cannot be read as XYZ .line 1: x is not a number"),
+        (
+            "a.xyz",
+            "0,5 1,25 2,0\n",
+            "line 1: 0,5 1,25 2,0: commas separate numbers, and decimals have a point",
+        ),
+        ("a.xyz", "0;1,25;2\n", "line 1: 0 1,25 2: commas separate numbers, and decimals have a point"),
+        ("a.xyz", "0 0 1\n0 0 1D3\n", "line 2: 1D3 is not a number"),
+        ("a.xyz", "0 0 1\n0 0 1\0\n", "line 2: byte 11 is NUL"),
         ("a.xyz", "0 0 1\n0 nan 1\n0 inf 1\n", r"a.xyz: point 1 is not finite .and 1 more.; coordinates"),
         ("a.obj", "# nothing\n", "a.obj: it holds no points"),
         ("a.ply", "no header", "a.ply: cannot be read as PLY .it has no PLY header"),

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import MissingInputError, ShotError
+from pipeline.shot.yaml.lookup import is_edit
 from pipeline.shot.yaml.source import YamlSource
 
 
@@ -22,6 +23,23 @@ def test_every_key_and_item_knows_its_line_and_column(tmp_path: Path) -> None:
     assert read.places[("b",)] == (2, 1)
     assert read.places[("b", 0, "d")] == (3, 12)
     assert read.places[("b", 1)] == (4, 5)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-be", "utf-32"])
+@pytest.mark.parametrize("line_end", ["\n", "\r\n", "\r"])
+def test_files_of_other_systems_have_the_same_places(tmp_path: Path, encoding: str, line_end: str) -> None:
+    file = tmp_path / "film.yaml"
+    file.write_bytes("shots: [a]\ntitle: Zoë\n".replace("\n", line_end).encode(encoding))
+    read = YamlSource.read(file)
+    assert read.data == {"shots": ["a"], "title": "Zoë"}
+    assert read.places[("title",)] == (2, 1)
+    assert is_edit(file)
+
+
+def test_a_file_cut_within_a_letter_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_bytes("title: a\n".encode("utf-16")[:-1])
+    with pytest.raises(ShotError, match=r"a\.yaml:1:1: it begins as UTF-16 text, and byte 18 is not: trunc"):
+        YamlSource.read(tmp_path / "a.yaml")
 
 
 def test_values_are_those_of_yaml_1_2(tmp_path: Path) -> None:

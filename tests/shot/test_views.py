@@ -110,3 +110,26 @@ def test_light_is_computed_in_the_space_that_a_shot_names(tmp_path):
     assert picture.working_space.name == picture.view.working_space == "acescg"
     assert picture.display_data() != read(tmp_path, "view: {view: Un-tone-mapped}\n").picture.display_data()
     assert "Did you mean 'acescg'?" in told(tmp_path, "working_space: ACEScg\n")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-be"])
+def test_tables_of_a_config_of_another_encoding_are_known(folder: Path, encoding: str) -> None:
+    said = "view: {config: studio.ocio, view: Graded, space: LINEAR}\n"
+    (folder / "studio.ocio").write_bytes(CONFIG.encode(encoding))
+    before = read(folder, said).picture.view.digest
+    (folder / "tables" / "half.spi1d").write_text(TABLE % 0.25)
+    assert read(folder, said).picture.view.digest != before
+
+
+@pytest.mark.parametrize(
+    ("content", "fault"),
+    [
+        ((TABLE % 0.5).encode("utf-8-sig"), "half.spi1d: it is UTF-16, has a byte order mark or lines"),
+        ((TABLE % 0.5).encode("utf-16"), "half.spi1d: it is UTF-16, has a byte order mark or lines"),
+        ((TABLE % 0.5).replace("\n", "\r").encode(), "lines that end in CR, which OpenColorIO does not read"),
+        ((TABLE % "0,5").encode(), "half.spi1d: line 7: 0,5 is not a number; decimals have a point"),
+    ],
+)
+def test_a_table_that_opencolorio_would_misread_is_refused(folder: Path, content: bytes, fault: str) -> None:
+    (folder / "tables" / "half.spi1d").write_bytes(content)
+    assert fault in told(folder, "view: {config: studio.ocio, view: Graded}\n")

@@ -20,9 +20,11 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 
 from pipeline.dailies.delivery.timeline_sound import LEVELS
-from pipeline.errors import MissingInputError, ShotError, UsageError, suggestion
+from pipeline.errors import FlowsculptError, ShotError, UsageError, suggestion
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.yaml.lookup import shown
+from pipeline.text_encoding import as_utf8
+from render.base.input_files import read_input
 
 SUFFIX = ".otio"
 
@@ -73,9 +75,10 @@ class ImportedEdit:
     @cached_property
     def _timeline(self) -> Any:
         try:
-            found = self._otio.adapters.read_from_file(str(self.file))
-        except OSError as error:
-            raise MissingInputError(f"{shown(self.file)}: no such timeline ({error.strerror})") from None
+            text = as_utf8(read_input(self.file)).decode()
+            found = self._otio.adapters.read_from_string(text, "otio_json")
+        except FlowsculptError:
+            raise
         except Exception as error:  # of many kinds, by what the file holds
             fact = " ".join(str(error).split())[:200]
             raise ShotError(f"{shown(self.file)}: it cannot be read as OpenTimelineIO ({fact})") from None
