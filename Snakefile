@@ -12,15 +12,13 @@ job has made, and has their digest in its name: an edited shot asks for other na
 its graph, done-files are compared with the store, so they cannot lie.
 """
 
-import sys
-
-from pipeline.production.execution.snakefile import PlannedWorkflow
+from pipeline.production.execution.snakefile import JOB_PROCESS, PlannedWorkflow
 
 plan = PlannedWorkflow(workflow, config)
 
 DONE, LOGS = ".flowsculpt/done", ".flowsculpt/logs/jobs"
 # A message takes the place of the line `rule NAME:` in Snakemake's log, and so begins with it.
-TASK = f"{sys.executable} -m pipeline.production.tasks.job_process {{params.job}} --threads {{threads}} >{{log:q}} 2>&1"
+TASK = f"{JOB_PROCESS} {{params.job}} --threads {{threads}} >{{log:q}} 2>&1"
 
 
 wildcard_constraints:

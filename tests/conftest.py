@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import signal
 import subprocess
@@ -13,9 +14,12 @@ from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
+from unittest import mock
 
 import pytest
 from hypothesis import settings
+
+from render.base import python_process
 
 if TYPE_CHECKING:
     from pipeline.production.planning.plan import Plan
@@ -114,7 +118,7 @@ class ProjectFolder:
         return self.path / "shots" / "T010_tiny.yaml"
 
     def run(self, *words: str, cores: int = 2) -> Run:
-        command = [sys.executable, "-m", "pipeline.cli", "--no-progress", "-j", str(cores), *words]
+        command = python_process.command("pipeline.cli", "--no-progress", "-j", str(cores), *words)
         done = subprocess.run(command, cwd=self.path, capture_output=True, text=True, timeout=300)
         assert "Traceback" not in done.stdout + done.stderr, done.stderr
         return Run(done.returncode, done.stdout, done.stderr)
@@ -130,9 +134,11 @@ class ProjectFolder:
             redirect_stdout(out),
             redirect_stderr(err),
             pytest.MonkeyPatch.context() as patch,
+            mock.patch.dict(os.environ),
             pytest.raises(SystemExit) as ended,
         ):
             patch.setattr(sys, "argv", ["flowsculpt", "--no-progress", "-j", "2", *words])
+            patch.setattr(sys, "path", [*sys.path])
             try:
                 main()
             finally:
@@ -153,7 +159,7 @@ class ProjectFolder:
 
     def start(self, *words: str) -> subprocess.Popen[str]:
         """The command at work, in a process group of its own."""
-        command = [sys.executable, "-m", "pipeline.cli", "--no-progress", "-j", "2", *words]
+        command = python_process.command("pipeline.cli", "--no-progress", "-j", "2", *words)
         return subprocess.Popen(
             command,
             cwd=self.path,

@@ -1,6 +1,7 @@
 """Compiled kernels: made at set-up, never while somebody waits."""
 
 import os
+import re
 import shutil
 import stat
 import subprocess
@@ -10,7 +11,7 @@ import tempfile
 import pytest
 
 from pipeline.cli.kernel_build import build_kernels, kernel_calls
-from render.base import kernel_cache
+from render.base import kernel_cache, user_cache
 
 SCENE = """
 from pathlib import Path
@@ -93,13 +94,18 @@ def folder_now(tmp_path, monkeypatch):
     """Return a function that finds the cache folder anew: caches are empty, and the user's is in `home`."""
     monkeypatch.setattr("platformdirs.user_cache_path", lambda name: tmp_path / "home" / name)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.delenv(user_cache.WARNED, raising=False)
+
+    def forget():
+        for function in (kernel_cache.cache_folder, user_cache.readable_cache, user_cache.writable_cache):
+            function.cache_clear()
 
     def ask():
-        kernel_cache.cache_folder.cache_clear()
+        forget()
         return kernel_cache.cache_folder()
 
     yield ask
-    kernel_cache.cache_folder.cache_clear()
+    forget()
 
 
 @pytest.fixture
@@ -186,31 +192,106 @@ def test_without_a_home_kernels_live_in_a_folder_of_the_users_own(tmp_path, no_h
     assert folder_now() == folder
 
 
-def _open_to_others(base, tmp_path, monkeypatch):
-    base.mkdir()
-    base.chmod(0o777)
+def _open_to_all(folder):
+    folder.mkdir()
+    folder.chmod(0o777)
 
 
-def _of_somebody_else(base, tmp_path, monkeypatch):
-    base.mkdir(mode=0o700)
-    owner = base.stat().st_uid + 1
-    base.rename(base.with_name(f"flowsculpt-cache-{owner}"))
-    monkeypatch.setattr(os, "getuid", lambda: owner)
+def _open_to_a_group(folder):
+    folder.mkdir()
+    os.chown(folder, -1, SOME_GROUP)
+    folder.chmod(0o770)
 
 
-def _a_link(base, tmp_path, monkeypatch):
-    (tmp_path / "elsewhere").mkdir(mode=0o700)
-    base.symlink_to(tmp_path / "elsewhere")
+def _of_somebody_else(folder):
+    folder.mkdir(mode=0o700)
+    os.chown(folder, SOMEBODY, -1)
 
 
-@pytest.mark.parametrize("set_up", [_open_to_others, _of_somebody_else, _a_link])
-def test_a_folder_that_others_could_have_filled_is_not_trusted(
-    set_up, tmp_path, monkeypatch, no_home, folder_now
+def _a_link_of_somebody_else(folder):
+    folder.with_name("elsewhere").mkdir(mode=0o700)
+    folder.symlink_to(folder.with_name("elsewhere"))
+    os.chown(folder, SOMEBODY, -1, follow_symlinks=False)
+
+
+def _below_a_folder_open_to_all(folder):
+    folder.with_name("elsewhere").mkdir()
+    (folder.with_name("elsewhere") / "mine").mkdir(mode=0o700)
+    folder.with_name("elsewhere").chmod(0o777)
+    folder.symlink_to(folder.with_name("elsewhere") / "mine")
+
+
+SOMEBODY, SOME_GROUP = 4242, 4243
+
+UNSAFE = [
+    _open_to_all,
+    _open_to_a_group,
+    _of_somebody_else,
+    _a_link_of_somebody_else,
+    _below_a_folder_open_to_all,
+]
+
+as_root = pytest.mark.skipif(os.getuid() != 0, reason="only root gives files to others")
+
+
+@as_root
+@pytest.mark.parametrize("set_up", UNSAFE)
+def test_a_temporary_folder_that_others_could_have_filled_is_not_trusted(
+    set_up, tmp_path, no_home, folder_now
 ):
-    set_up(tmp_path / f"flowsculpt-cache-{os.getuid()}", tmp_path, monkeypatch)
+    set_up(tmp_path / f"flowsculpt-cache-{os.getuid()}")
     folder = folder_now()
-    assert folder.parent == tmp_path and folder.name.startswith("flowsculpt-kernels-")
-    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    base = tmp_path / folder.relative_to(tmp_path).parts[0]
+    assert re.fullmatch("flowsculpt-cache-[a-z0-9_]{8}", base.name)
+    assert stat.S_IMODE(base.stat().st_mode) == 0o700
+
+
+@as_root
+@pytest.mark.parametrize("set_up", UNSAFE)
+def test_a_cache_of_the_user_that_others_may_write_is_left_alone_and_named_once(
+    set_up, tmp_path, folder_now, capfd
+):
+    (tmp_path / "home").mkdir()
+    set_up(tmp_path / "home/flowsculpt")
+    assert folder_now().is_relative_to(tmp_path / f"flowsculpt-cache-{os.getuid()}")
+    assert folder_now() == folder_now()
+    assert capfd.readouterr().err.count("home/flowsculpt: this cache is not used: ") == 1
+    assert not [*tmp_path.glob("home/flowsculpt/*")]
+
+
+def test_a_new_cache_is_closed_to_others_whatever_the_umask(tmp_path, folder_now):
+    before = os.umask(0)
+    try:
+        folder = folder_now()
+    finally:
+        os.umask(before)
+    assert folder.is_relative_to(tmp_path / "home/flowsculpt")
+    assert {stat.S_IMODE((tmp_path / place).stat().st_mode) for place in ("home", "home/flowsculpt")} == {
+        0o700
+    }
+
+
+def test_a_cache_that_may_only_be_read_is_read_and_what_it_lacks_is_kept_elsewhere(tmp_path):
+    """As in the image of a container, whose cache belongs to root."""
+    place, other = tmp_path / "cache", tmp_path / "temporary"
+    other.mkdir()
+    call = CALL.format(module="pipeline.flow.kernels.deformations")
+    run_code(call, place, other)
+    subprocess.run(["chmod", "-R", "a-w", place], check=True)
+    before = sorted(place.rglob("*"))
+    assert before and run_code(call, place, other, only_reads=True) == "{} 1"
+    assert not [*other.rglob("*.nbi")]
+
+
+def run_code(code, cache, temporary, only_reads=False):
+    """Run code with an empty home; as root, without the right to write what root may not."""
+    is_root = only_reads and os.getuid() == 0
+    humbly = ["setpriv", "--bounding-set=-all", "--inh-caps=-all"] if is_root else []
+    command = [*humbly, sys.executable, "-c", code]
+    environment = {**os.environ, "XDG_CACHE_HOME": str(cache), "TMPDIR": str(temporary)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
 
 
 def test_a_full_disk_costs_time_and_no_result(tmp_path):

@@ -30,6 +30,7 @@ from pipeline.cli.output import print_error
 from pipeline.cli.standard_streams import READER_LEFT, OutputError, discard_output
 from pipeline.errors import FlowsculptError, MachineError
 from render.base.atomic_write import REMEDIES, machine_error
+from render.base.python_process import distrust_working_folder
 
 HELP = """Films of shapes that flow like putty, from a shot file to a finished film.
 
@@ -210,6 +211,7 @@ def main() -> None:
         if signal.getsignal(number) != signal.SIG_IGN:  # as under nohup, and in the background of a script
             signal.signal(number, _interrupt_once)
     keep_freed_memory()
+    distrust_working_folder()
     try:
         command_line()()
     except OutputError as error:

@@ -22,7 +22,7 @@ from pipeline.formula.expression import Expression
 from pipeline.formula.syntax import PLACE, TIME
 from pipeline.kernels import BlockKernel
 from render.base.atomic_write import atomic_write
-from render.base.kernel_cache import cache_folder
+from render.base.kernel_cache import formula_folder
 
 _MATH = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sqrt", "exp", "log")
 _NUMPY = ("floor", "ceil")
@@ -181,9 +181,7 @@ def source(formulas: tuple[Expression, Expression, Expression], numbers: tuple[s
 @cache
 def _loaded(text: str) -> BlockKernel:
     """Return the function of a source, kept in a file named by its digest: numba caches by file name."""
-    folder = cache_folder() / "formulas"
-    folder.mkdir(exist_ok=True)
-    file = folder / f"formula_{hashlib.sha256(text.encode()).hexdigest()[:24]}.py"
+    file = formula_folder() / f"formula_{hashlib.sha256(text.encode()).hexdigest()[:24]}.py"
     if not file.exists():
         with atomic_write(file, flush=False) as draft:  # several processes may compile one at once
             draft.write_text(text)

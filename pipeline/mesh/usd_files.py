@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import json
-import sys
 from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -22,6 +21,7 @@ from pipeline.mesh.file_surface import FileSurface
 from render.base.disk_cache import cache_path, load_answer, store_answer
 from render.base.input_files import digest_of_file, joint_digest
 from render.base.limited_process import answer_of
+from render.base.python_process import command_line
 
 USD_FORMATS = ("usd", "usda", "usdc", "usdz")
 
@@ -36,7 +36,7 @@ def require_usd() -> None:
     if find_spec("pxr") is None:
         raise MachineError(
             f"USD files need the package {PACKAGE} (209 MB), which is not installed; install the extra "
-            f"[{EXTRA}], or it alone for the Python of flowsculpt: {sys.executable} -m pip install {PACKAGE}"
+            f"[{EXTRA}], or it alone for the Python of flowsculpt: {command_line('pip', 'install', PACKAGE)}"
         )
 
 

@@ -9,16 +9,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import platformdirs
-
 from render.base.atomic_write import atomic_write
 from render.base.errors import MachineError
+from render.base.user_cache import readable_cache
 
 
 def cache_path(kind: str, depends_on: Sequence[str], suffix: str = ".json") -> Path:
     """Return the file of an answer. Its name is a hash of all that the answer depends on."""
     name = hashlib.blake2b("\n".join(depends_on).encode(), digest_size=12).hexdigest()
-    return platformdirs.user_cache_path("flowsculpt") / kind / f"{name}{suffix}"
+    return readable_cache() / kind / f"{name}{suffix}"
 
 
 def load_answer(path: Path) -> dict[str, Any] | None:

@@ -8,12 +8,9 @@ checkouts of the same sources share one cache.
 
 from __future__ import annotations
 
-import getpass
 import hashlib
 import os
 import re
-import stat
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
@@ -21,11 +18,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
-import platformdirs
 from numba.core.caching import Cache, UserProvidedCacheLocator
 
 import render
 from render.base.errors import MachineError
+from render.base.user_cache import readable_cache, writable_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -37,6 +34,9 @@ _IMPORT = re.compile(
     r"|import (?P<module>(?:pipeline|render)\b[\w.]*))",
     re.M,
 )
+
+_FOLDER = Path("kernels", f"numba-{numba.__version__}" + ("-svml" if numba.config.USING_SVML else ""))
+"""The folder of compiled kernels in a cache."""
 
 _KERNEL = re.compile(r"^@(kernel|block_kernel|higher_kernel|compiled|exact|fast)\b", re.M)
 
@@ -56,6 +56,9 @@ def use_kernel_cache() -> None:
 
     Raises MachineError where numba is kept from compiling.
     """
+    if numba.config._config_fname:  # settings in the working folder, which may be a show
+        numba.config._config_fname = ""
+        numba.config.reload_config()
     if numba.config.DISABLE_JIT:
         raise MachineError("NUMBA_DISABLE_JIT is set, and flowsculpt runs compiled kernels; unset it")
     numba.config.CACHE_DIR = str(cache_folder())
@@ -70,8 +73,15 @@ class KernelCacheLocator(UserProvidedCacheLocator):  # type: ignore[misc]  # num
     def get_suitable_cache_subpath(cls, py_file: str) -> str:
         file = Path(py_file).absolute()
         if not file.is_relative_to(SOURCES):  # a formula's, which lies in the cache already
-            return str(UserProvidedCacheLocator.get_suitable_cache_subpath(py_file))
-        return f"{_module_of(file)}-{source_digest(file)[:16]}"
+            return str(file.parents[1] / UserProvidedCacheLocator.get_suitable_cache_subpath(py_file))
+        name = f"{_module_of(file)}-{source_digest(file)[:16]}"
+        is_there = os.access(cache_folder(), os.W_OK) or (cache_folder() / name).is_dir()
+        return name if is_there else str(_written_folder() / name)
+
+    def ensure_cache_path(self) -> None:
+        """Create the folder where that can be done; numba reads one that it cannot write."""
+        with suppress(OSError):
+            super().ensure_cache_path()
 
 
 def kernel_modules(package: str) -> list[str]:
@@ -116,35 +126,19 @@ def _imported_files(text: str) -> Iterator[Path]:
 
 @cache
 def cache_folder() -> Path:
-    """Return the folder of compiled kernels: in the user's cache or, where unwritable, among temporary files.
-
-    numba runs what it finds there, so a folder among temporary files is taken only where it is the user's
-    own and closed to others; else the kernels are compiled anew, into a folder of this process.
-    """
-    name = f"numba-{numba.__version__}" + ("-svml" if numba.config.USING_SVML else "")
-    for base in (_user_cache, _temporary_cache):
-        try:
-            folder = base() / "kernels" / name
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
-        if os.access(folder, os.W_OK):
-            return folder
-    return Path(tempfile.mkdtemp(prefix="flowsculpt-kernels-"))
+    """Return the folder of compiled kernels, which may be one that is only read."""
+    shared = readable_cache() / _FOLDER
+    return shared if shared.is_dir() else _written_folder()
 
 
-def _user_cache() -> Path:
-    return platformdirs.user_cache_path("flowsculpt")
+def formula_folder() -> Path:
+    """Return the folder of the sources of compiled formulas, and create it."""
+    folder = _written_folder() / "formulas"
+    folder.mkdir(exist_ok=True)
+    return folder
 
 
-def _temporary_cache() -> Path:
-    """Return a folder named after the user and theirs alone. Raises PermissionError where it is not."""
-    user = os.getuid() if hasattr(os, "getuid") else getpass.getuser()
-    folder = Path(tempfile.gettempdir()) / f"flowsculpt-cache-{user}"
-    folder.mkdir(mode=0o700, exist_ok=True)
-    found = folder.lstat()
-    if hasattr(os, "getuid") and (found.st_uid != user or stat.S_IMODE(found.st_mode) & 0o077):
-        raise PermissionError(f"{folder} is open to others")
-    if not stat.S_ISDIR(found.st_mode):
-        raise PermissionError(f"{folder} is a link")
+def _written_folder() -> Path:
+    folder = writable_cache() / _FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
     return folder

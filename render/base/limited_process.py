@@ -16,6 +16,7 @@ from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 
+from render.base import python_process
 from render.base.disk_cache import cache_path, load_answer, store_answer
 from render.base.errors import MachineError, reason_of
 from render.base.input_files import require_input
@@ -25,8 +26,6 @@ SECONDS = 60.0
 
 MEMORY = 1 << 30
 """Memory that a parser may take beside what its process has at the start, bytes; see `allow_memory`."""
-
-_PACKAGE_ROOT = Path(__file__).resolve().parents[2]
 
 _PARSED, _REFUSED = b"parsed\n", b"refused\n"
 
@@ -42,12 +41,11 @@ def answer_of(module: str, path: Path, *options: str) -> bytes:
     no process can be started.
     """
     seconds = SECONDS + require_input(path) / 2**20
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(_PACKAGE_ROOT), *filter(None, sys.path)])}
     try:
         done = subprocess.run(
-            [sys.executable, "-m", module],
+            python_process.command(module),
             input=json.dumps([seconds, str(path.absolute()), *options]).encode(),
-            env=environment,
+            env=python_process.environment(),
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             timeout=seconds,

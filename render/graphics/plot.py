@@ -99,7 +99,7 @@ def plot_panels(title: str, panels: Sequence[Panel], fps: float, path: Path) -> 
         raise BadInputError("a page of no curves is not possible")
     import matplotlib as mpl
 
-    with mpl.rc_context(STYLE), atomic_write(path) as temporary:
+    with mpl.rc_context({**mpl.rcParamsDefault, **STYLE}), atomic_write(path) as temporary:
         figure = _page(title, panels, fps)
         kind = path.suffix.lower().lstrip(".")
         metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})

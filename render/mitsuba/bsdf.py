@@ -7,17 +7,17 @@ still have to choose its engine, and stores the answer in the disk cache.
 from __future__ import annotations
 
 import json
-import os
 import re
 import signal
 import subprocess
 import sys
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
+from render.base import python_process
 from render.base.disk_cache import cache_path, load_answer, store_answer
 from render.base.errors import BadInputError
+from render.mitsuba.engine import Engine
 from render.mitsuba.texture_coordinates import TextureCoordinates, bitmap, to_uv
 from render.scene.materials.mitsuba_bsdf import Bsdf, Plain
 from render.scene.texture_projection import TextureProjection
@@ -30,8 +30,6 @@ _CRASHES = (signal.SIGSEGV, signal.SIGABRT, signal.SIGFPE, signal.SIGILL)
 
 Refusal = tuple[tuple[str, ...], str]
 """The path of names to the refused part of a description, and Mitsuba's reason."""
-
-_PACKAGE_ROOT = Path(__file__).resolve().parents[2]
 
 
 def build(bsdf: Bsdf, coordinates: TextureCoordinates, projection: TextureProjection) -> Any:
@@ -102,13 +100,12 @@ def _for_mitsuba(
 
 def _ask_process(bsdf: Bsdf) -> Any:
     """Return `load_error` from a process of its own, or None where that fails."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(_PACKAGE_ROOT), *sys.path])}
     question = json.dumps({"text": bsdf.text, "files": [file.path for file in bsdf.files]})
     try:
         done = subprocess.run(
-            [sys.executable, "-m", "render.mitsuba.bsdf"],
+            python_process.command("render.mitsuba.bsdf"),
             input=question,
-            env=environment,
+            env=python_process.environment(),
             capture_output=True,
             text=True,
             timeout=TIMEOUT,
@@ -148,10 +145,7 @@ def load_error(bsdf: Bsdf) -> list[Any]:
 
 def main() -> None:
     """Run the process that asks: a description and paths of files on stdin, the answer on stdout."""
-    import mitsuba as mi
-
-    mi.set_variant("scalar_rgb")
-    mi.set_log_level(mi.LogLevel.Error)
+    Engine("scalar_rgb", threads=1).start()
     question = json.loads(sys.stdin.read())
     files = tuple(Texture("", None, path) for path in question["files"])
     print(json.dumps(load_error(Bsdf(question["text"], files))), flush=True)

@@ -18,8 +18,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from render.base import python_process
 from render.base.disk_cache import cache_path, load_answer, store_answer
 from render.base.errors import BadInputError, MachineError
+from render.base.user_cache import intruder, writable_cache
 from render.mitsuba import llvm
 from render.mitsuba.llvm import LibLlvm
 
@@ -29,8 +31,6 @@ PROBE_SECONDS = 120.0
 
 CRASHES = {-number for number in signal.Signals if number.name in ("SIGABRT", "SIGBUS", "SIGILL", "SIGSEGV")}
 """Exit codes of a crash. Other signals come from outside and say nothing about the variant."""
-
-_PACKAGE_ROOT = Path(__file__).resolve().parents[2]
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,7 @@ class Engine:
                     "crashes; start the engine first"
                 )
             self.llvm.load()
+        _trust_compiled_code()
         import drjit as dr
         import mitsuba as mi
 
@@ -74,6 +75,9 @@ class Engine:
         if current is None:
             mi.set_variant(self.variant)
             mi.set_log_level(mi.LogLevel.Error)
+            files: Any = mi.file_resolver()  # type: ignore[operator]  # its stub is wrong
+            files.clear()  # it begins with the working folder, whose plugins/path.so would be run
+            files.append(str(Path(mi.__file__).parent))
         threads = self.threads or available_cores()
         if dr.thread_count() != threads:
             dr.set_thread_count(threads)
@@ -81,6 +85,15 @@ class Engine:
     def facts(self) -> dict[str, Any]:
         """Return the facts that a picture's header records."""
         return {"variant": self.variant, "mitsuba": version("mitsuba")}
+
+
+def _trust_compiled_code() -> None:
+    """Have Dr.Jit keep compiled code where nobody else can have put some."""
+    if "DRJIT_CACHE_DIR" in os.environ or not os.environ.get("HOME"):  # without, it keeps none
+        return
+    folder = Path(os.environ["HOME"]) / ".drjit"
+    if intruder(folder if folder.exists() else folder.parent):
+        os.environ["DRJIT_CACHE_DIR"] = str(writable_cache() / "drjit")
 
 
 def choose(prefer: Sequence[str] | None = None, threads: int = 0) -> Engine:
@@ -174,16 +187,11 @@ def _faster(variant: str) -> str:
 
 def _probe(variant: str, library: LibLlvm | None) -> bool | None:
     """Return whether one sample rendered, or None if the probe timed out or was killed from outside."""
-    command = [sys.executable, "-m", "render.mitsuba.engine", variant]
-    if library is not None:
-        command += [str(library.path), *map(str, library.dependencies)]
-    inherited = os.environ.get("PYTHONPATH", "")
-    search_path = [_PACKAGE_ROOT, inherited] if inherited else [_PACKAGE_ROOT]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, search_path))}
+    files = [library.path, *library.dependencies] if library is not None else []
     try:
         done = subprocess.run(
-            command,
-            env=environment,
+            python_process.command("render.mitsuba.engine", variant, *map(str, files)),
+            env=python_process.environment(),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

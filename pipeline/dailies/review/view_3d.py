@@ -31,6 +31,7 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
 from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.store import Key, Store, key_of
+from render.base import python_process
 from render.base.atomic_write import atomic_write
 
 REQUIREMENTS = Path(__file__).with_name("requirements.txt")
@@ -40,7 +41,7 @@ PACKED = Path("nicegui", "elements", "scene", "dist", "index.js")
 
 HINT = (
     "three.js is not installed, so the page has no 3-D view; "
-    f"{Path(sys.executable).name} -m pipeline.dailies.review.view_3d fetches it"
+    f"{python_process.command_line('pipeline.dailies.review.view_3d')} fetches it"
 )
 
 FORMAT = 2
@@ -183,7 +184,8 @@ def fetch() -> None:
         return
     with tempfile.TemporaryDirectory() as work:
         words = ["install", "--quiet", "--no-deps", "--no-compile", "--require-hashes", "--target", work]
-        done = subprocess.run([sys.executable, "-m", "pip", *words, "-r", str(REQUIREMENTS)])
+        pip = python_process.command("pip", *words, "-r", str(REQUIREMENTS))
+        done = subprocess.run(pip, env=python_process.environment())
         if done.returncode or not (Path(work) / PACKED).exists():
             raise MachineError("three.js cannot be fetched, and pip says why; review pages have no 3-D view")
         with atomic_write(_installed()) as draft:

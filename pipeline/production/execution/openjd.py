@@ -21,6 +21,7 @@ from pipeline.production.execution.farm_steps import FarmStep, steps_of
 from pipeline.production.execution.task import do
 from pipeline.production.planning.plan import Plan
 from pipeline.production.store.remote_url import VARIABLE, checked_url
+from render.base.python_process import command
 
 CHUNK = 8
 """Frames that a task makes until the manager knows how long one takes."""
@@ -79,7 +80,7 @@ def template(
             {
                 "name": "Python",
                 "type": "STRING",
-                "default": sys.executable,
+                "default": command("")[0],
                 "description": "The Python that flowsculpt is installed for on the workers.",
             },
         ],
@@ -98,7 +99,7 @@ def _step(step: FarmStep, number: int, names: Sequence[str], threads: int) -> di
     given = ["{{Param.Root}}", "{{Param.Plan}}", "{{Param.Store}}"]
     action = {
         "command": "{{Param.Python}}",
-        "args": ["-m", "pipeline.production.execution.openjd", *given, *tasks],
+        "args": command("pipeline.production.execution.openjd", *given, *tasks)[1:],
         "timeout": seconds,
         "cancelation": {"mode": "NOTIFY_THEN_TERMINATE", "notifyPeriodInSeconds": NOTICE_SECONDS},
     }

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import shutil
 import stat
 import sys
@@ -20,6 +21,8 @@ from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from snakemake_interface_executor_plugins.executors.remote import RemoteExecutor
 
 from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.execution.run import with_inputs_here
@@ -35,6 +38,7 @@ from pipeline.production.store.locks import making, writing
 from pipeline.production.store.store import Store
 from pipeline.production.store.uploads import upload_missed
 from render.base.atomic_write import atomic_write
+from render.base.python_process import command, command_line, distrust_working_folder
 from render.scene.quality import DEFAULT_QUALITY
 
 if TYPE_CHECKING:
@@ -51,6 +55,10 @@ DEFAULT_CORES = 2
 """Cores to plan for when a command such as --rulegraph runs nothing and names none."""
 
 
+JOB_PROCESS = re.sub("[{}]", r"\g<0>\g<0>", command_line("pipeline.production.tasks.job_process"))
+"""The program of a job in the shell commands of rules, in which Snakemake fills in `{params}`."""
+
+
 class PlannedWorkflow:
     """The plan, as the rules of the Snakefile ask for it.
 
@@ -60,6 +68,8 @@ class PlannedWorkflow:
     """
 
     def __init__(self, workflow: Any, config: Mapping[str, Any]) -> None:
+        distrust_working_folder()
+        RemoteExecutor.get_python_executable = _python_of_nodes
         self._workflow, self._config, self._root = workflow, config, Path.cwd()
         for name in config:
             if name not in (*SETTINGS, *PROFILE_SETTINGS, "plan"):
@@ -102,8 +112,8 @@ class PlannedWorkflow:
     def words(self, rule: str, wildcards: Any) -> str:
         """Return what the process of a job is called with."""
         job = self._job(rule, wildcards)
-        movie = f" --key {self.movie_key(rule, wildcards)}" if job.output.endswith(".mp4") else ""
-        return f"{self.plan.file} {job.name}{movie}"
+        movie = ["--key", self.movie_key(rule, wildcards)] if job.output.endswith(".mp4") else []
+        return shlex.join([str(self.plan.file), job.name, *movie])
 
     def movie_key(self, rule: str, wildcards: Any) -> str:
         """Return the key by which Snakemake knows a movie: another one makes it encode the movie anew.
@@ -254,6 +264,12 @@ _FILM = re.compile(r"renders/film/(?P<quality>[^/]+)/(?P<movie>[^/]+)\.mp4")
 _MOVIE = re.compile(
     r"renders/(?P<home>.+)/(?P<quality>[^/]+)/(?P<name>[^/]+?)(\.(?P<frames>[-\d,x:y]+))?\.mp4"
 )
+
+
+def _python_of_nodes(executor: RemoteExecutor) -> str:
+    """Return the Python of a farm's jobs for a shell; Snakemake's own is unquoted and lacks `-P`."""
+    return shlex.join(command("snakemake")[:2])
+
 
 _HELD = ExitStack()
 """The locks this process holds until it ends."""

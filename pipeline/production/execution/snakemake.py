@@ -20,12 +20,13 @@ from tempfile import TemporaryFile
 
 import psutil
 
-from pipeline.errors import MachineError
+from pipeline.errors import MachineError, UsageError
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile, shipped
 from pipeline.production.stages import STILLS
 from pipeline.production.store.paths import LOGS, STATE
 from pipeline.production.tasks.job_server import job_server
+from render.base import python_process
 from render.base.atomic_write import PROBE, REMEDIES, disk_errors, machine_error
 
 RULES = {stage.name: "stills" for stage in STILLS}
@@ -33,6 +34,9 @@ RULES = {stage.name: "stills" for stage in STILLS}
 
 PATIENCE = 5.0
 """Seconds that processes have to end before they are killed."""
+
+DEPLOYMENTS = ".snakemake/pip-deployments"
+"""A folder in the root from which Snakemake imports packages, among them every plugin for itself."""
 
 FARM_PATIENCE = 90.0
 """Seconds that taking jobs back from a farm may take."""
@@ -78,16 +82,19 @@ def execute(plan: Plan, root: Path, cores: int, profile: Profile) -> bool:
 
     An interrupt ends all jobs, and takes those of a farm back, before it is passed on.
     """
+    if not profile.is_local:
+        _require_root_for_farm(root)
     log = root / log_of(plan)
     with disk_errors(log):
         log.parent.mkdir(parents=True, exist_ok=True)
         output = log.open("w")
-    command = [sys.executable, "-m", "pipeline.production.execution.snakemake", *_words(plan, cores, profile)]
+    words = _words(plan, cores, profile)
     with (
         output,
         subprocess.Popen(
-            command,
+            python_process.command("pipeline.production.execution.snakemake", *words),
             cwd=root,
+            env=python_process.environment(),
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=output,
@@ -101,6 +108,20 @@ def execute(plan: Plan, root: Path, cores: int, profile: Profile) -> bool:
                 _take_back(process)
             end_family(process.pid)
             raise
+
+
+def _require_root_for_farm(root: Path) -> None:
+    """Raise UsageError for a root in which Snakemake's jobs on nodes would run what nobody asked for."""
+    if (root / DEPLOYMENTS).exists():
+        raise UsageError(
+            f"{root / DEPLOYMENTS}: on the nodes of a farm, Snakemake would import packages from here; a "
+            "show must not bring code along: remove the folder"
+        )
+    if wrong := re.search(r"""["'$`\\\n]""", str(root)):
+        raise UsageError(
+            f"{root}: Snakemake does not quote {wrong[0]!r} in commands for a farm; rename the folder, or "
+            "name another by --root"
+        )
 
 
 def _words(plan: Plan, cores: int, profile: Profile) -> list[str]:
@@ -156,8 +177,10 @@ def main(words: list[str]) -> None:
     with job_server() if is_local else contextlib.nullcontext():
         watcher = threading.Thread(target=_leave_with, args=(os.getppid(), not is_local), daemon=True)
         watcher.start()
+        sys.path_importer_cache[DEPLOYMENTS] = None  # Snakemake puts the folder into the search path
         from snakemake.cli import main as snakemake  # while the server loads
 
+        python_process.distrust_working_folder()
         try:
             snakemake(words)
         finally:

@@ -8,7 +8,6 @@ variant of its nodes (`variant`).
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,6 +19,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from pipeline.errors import MachineError, MissingInputError, UsageError, suggestion
+from render.base.python_process import command_line
 from render.mitsuba.engine import VARIANTS
 
 PROFILES = Path("profiles")
@@ -93,7 +93,7 @@ class Profile:
         if executor not in _BUILT_IN and find_spec(package.replace("-", "_")) is None:
             raise MachineError(
                 f"{self._file}: executor {executor} needs the package {package}, which is not installed; "
-                f"install it for the Python of flowsculpt: {sys.executable} -m pip install {package}"
+                f"install it for the Python of flowsculpt: {command_line('pip', 'install', package)}"
             )
         return executor
 

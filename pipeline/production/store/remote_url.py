@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import re
-import sys
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from pipeline.errors import MachineError, UsageError, suggestion
+from render.base.python_process import command_line
 
 VARIABLE = "FLOWSCULPT_STORE"
 """The environment variable that holds the address. Processes and farms pass it on to their jobs."""
@@ -60,7 +60,7 @@ def checked_url(typed: str) -> str:
     if find_spec(module) is None:
         raise MachineError(
             f"{where}: {scheme}:// needs the package {module}, which is not installed; install it "
-            f"for the Python of flowsculpt: {sys.executable} -m pip install {module}"
+            f"for the Python of flowsculpt: {command_line('pip', 'install', module)}"
         )
     return text
 

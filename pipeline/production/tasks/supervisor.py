@@ -12,7 +12,6 @@ import math
 import os
 import signal
 import subprocess
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -25,6 +24,7 @@ from pipeline.production.planning.plan import Job
 from pipeline.production.request.variants import avoid
 from pipeline.production.store.event_log import Event, EventReader
 from pipeline.production.tasks.job import ENVIRONMENT, Context
+from render.base import python_process
 
 CRASHES = {signal.SIGABRT, signal.SIGSEGV, signal.SIGILL, signal.SIGBUS, signal.SIGFPE}
 
@@ -132,9 +132,9 @@ def renderer(plan_path: str, job: Job) -> Start:
     """Start this package's `job_process` as a child that renders."""
 
     def start(settled: int) -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-m", "pipeline.production.tasks.job_process", plan_path, job.name]
-        words = ["--threads", str(job.threads), "--child", str(settled)]
-        return subprocess.Popen([*command, *words], stdin=subprocess.DEVNULL)
+        words = [plan_path, job.name, "--threads", str(job.threads), "--child", str(settled)]
+        command = python_process.command("pipeline.production.tasks.job_process", *words)
+        return subprocess.Popen(command, env=python_process.environment(), stdin=subprocess.DEVNULL)
 
     return start
 

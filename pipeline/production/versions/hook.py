@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pipeline.errors import MachineError, MissingInputError, UsageError
 from pipeline.production.versions.provenance import FILE
 from pipeline.production.versions.publish import Published
+from render.base.python_process import environment_of_others
 
 STANDARD_ERROR = 2
 """The file descriptor of standard error."""
@@ -61,7 +62,13 @@ class Hook:
             "provenance": provenance,
         }
         try:
-            ended = subprocess.run(self.words, input=json.dumps(told), stdout=STANDARD_ERROR, text=True)
+            ended = subprocess.run(
+                self.words,
+                env=environment_of_others(),
+                input=json.dumps(told),
+                stdout=STANDARD_ERROR,
+                text=True,
+            )
         except OSError as error:
             raise self._failed(done, f"cannot run ({error.strerror})") from None
         if ended.returncode != 0:

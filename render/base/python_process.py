@@ -1,0 +1,96 @@
+"""Start Python processes, and keep what lies in the working folder out of them and out of this one.
+
+A show is data: people get shows from each other. Python takes modules from the folder that it is started in
+(`python -m`), and from where a relative or empty entry of PYTHONPATH leads; programs are looked up in a PATH
+that holds `.`; numba reads its settings from the working folder. Here is the one place that starts Python:
+`command` and `environment` make a process that finds our packages and those of this process, and no module of
+a show. Source: https://docs.python.org/3/using/cmdline.html#cmdoption-P
+"""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+from pathlib import Path
+
+PACKAGE_ROOT = Path(__file__).resolve().parents[2]
+"""The folder that holds the packages `pipeline` and `render`."""
+
+SAFE_PATH = "PYTHONSAFEPATH"
+"""The environment variable that means `-P` to every Python, also to one that others start."""
+
+
+def command(module: str, *words: str) -> list[str]:
+    """Return the command that runs an installed module, whatever the folder that it is started in holds."""
+    return [sys.executable, "-P", "-m", module, *words]
+
+
+def command_line(module: str, *words: str) -> str:
+    """Return `command` as one types it into a shell."""
+    return shlex.join(command(module, *words))
+
+
+def environment() -> dict[str, str]:
+    """Return the environment of this process, without paths that lead into the working folder.
+
+    PYTHONPATH names what this process has added to Python's own search path, so that both find the same
+    packages.
+    """
+    path = [entry for entry in os.environ.get("PATH", "").split(os.pathsep) if Path(entry).is_absolute()]
+    return {
+        **os.environ,
+        SAFE_PATH: "1",
+        "PATH": os.pathsep.join(path) or os.defpath.removeprefix(":"),
+        "PYTHONPATH": os.pathsep.join(_added_to_search_path()),
+    }
+
+
+def distrust_working_folder() -> None:
+    """Take the working folder out of the search paths of this process, and of all that it starts."""
+    folders = _untrusted()
+    named = _named()
+    sys.path[:] = [e for e in sys.path if e in named or not (_is_relative(e) or _whole(e) in folders)]
+    os.environ.update(environment())
+
+
+def environment_of_others() -> dict[str, str]:
+    """Return the environment for a program of the user, which may be a Python script beside its modules."""
+    given = dict(os.environ)
+    if not sys.flags.safe_path:
+        given.pop(SAFE_PATH, None)
+    return given
+
+
+def _added_to_search_path() -> list[str]:
+    """Return our folder, and entries of the search path that a new Python does not have by itself."""
+    folders, installed = _untrusted(), (sys.prefix, sys.base_prefix)
+    added = [
+        entry
+        for entry in sys.path
+        if Path(entry).is_absolute() and _whole(entry) not in folders and not entry.startswith(installed)
+    ]
+    ours = [] if PACKAGE_ROOT.is_relative_to(sys.prefix) else [str(PACKAGE_ROOT)]
+    return list(dict.fromkeys([*ours, *_named(), *added]))
+
+
+def _named() -> list[str]:
+    """Return the entries of PYTHONPATH that name one folder, wherever a process is started."""
+    entries = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    return [entry for entry in entries if Path(entry).is_absolute()]
+
+
+def _untrusted() -> set[Path]:
+    """Return the working folder, the folder of the running script, and where relative entries lead."""
+    entries = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    script = getattr(sys.modules["__main__"], "__file__", None)
+    folders = {_whole(entry) for entry in ["", *entries] if not Path(entry).is_absolute()}
+    return (folders | ({_whole(script).parent} if script else set())) - {PACKAGE_ROOT}
+
+
+def _is_relative(entry: str) -> bool:
+    return not Path(entry).is_absolute() and not entry.startswith("__editable__")  # which names an importer
+
+
+def _whole(entry: str) -> Path:
+    return Path(os.path.realpath(entry or "."))

@@ -1,0 +1,101 @@
+"""Folders of what is cached for the user: compiled kernels, and answers that are slow to find.
+
+numba and Dr.Jit run what they find in their caches. So a folder is trusted only where nobody else could have
+put files into it: it and all folders above it belong to the user or to root, and others may not write there.
+One that only root may write, as in a container's image, is read and not written.
+"""
+
+from __future__ import annotations
+
+import grp
+import os
+import pwd
+import stat
+import sys
+import tempfile
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+import platformdirs
+
+WARNED = "FLOWSCULPT_CACHE_WARNED"
+"""The environment variable by which a process lets those it starts know that the user was warned."""
+
+_UNMAPPED = 65534
+"""The owner that files of others have in a container with user namespaces, those of root too."""
+
+
+@cache
+def readable_cache() -> Path:
+    """Return the user's cache folder where it can be trusted, even if only root may write there."""
+    folder = platformdirs.user_cache_path("flowsculpt")
+    return folder if folder.is_dir() and intruder(folder) is None else writable_cache()
+
+
+@cache
+def writable_cache() -> Path:
+    """Return the user's cache folder or, where it cannot be written or trusted, one among temporary files.
+
+    Where not even that can be trusted, the folder is of this process alone.
+    """
+    for folder in (platformdirs.user_cache_path("flowsculpt"), _temporary_folder()):
+        with suppress(OSError):
+            _make_private(folder)
+            reason = intruder(folder)
+            if reason is None and os.access(folder, os.W_OK):
+                return folder
+            if reason is not None:
+                _warn(
+                    f"{folder}: this cache is not used: {reason}, and what lies in it would run as code; "
+                    "take that permission away, or set XDG_CACHE_HOME to a folder of your own"
+                )
+    return Path(tempfile.mkdtemp(prefix="flowsculpt-cache-"))
+
+
+def intruder(folder: Path) -> str | None:
+    """Return who else may change what a folder holds, as "others may write …"; None where nobody may."""
+    inner = {folder.absolute(), folder.resolve()}
+    outer = {parent for path in inner for parent in path.parents}
+    for place in (*inner, *outer):
+        try:
+            found = place.lstat()
+        except OSError as error:
+            return f"{place} cannot be read ({error.strerror})"
+        if found.st_uid not in (os.getuid(), 0) and not (place in outer and found.st_uid == _UNMAPPED):
+            return f"{place} belongs to user {found.st_uid}"
+        each_their_own = place in outer and found.st_mode & stat.S_ISVTX  # as in /tmp
+        if not (each_their_own or stat.S_ISLNK(found.st_mode)) and _others_may_write(found):
+            return f"others may write {place}"
+    return None
+
+
+def _others_may_write(found: os.stat_result) -> bool:
+    by_group = found.st_mode & stat.S_IWGRP and not _is_alone_in(found.st_gid)
+    return bool(found.st_mode & stat.S_IWOTH or by_group)
+
+
+def _is_alone_in(group: int) -> bool:
+    """Tell whether a group is the user's own, which many systems make for each user. Root's is."""
+    with suppress(KeyError):
+        user, named = pwd.getpwuid(os.getuid()), grp.getgrgid(group)
+        return named.gr_name == user.pw_name and set(named.gr_mem) <= {user.pw_name}
+    return group == 0
+
+
+def _make_private(folder: Path) -> None:
+    """Create a folder, and those above it that are missing, for the user alone."""
+    for place in (*reversed(folder.absolute().parents), folder):
+        if not place.exists():
+            place.mkdir(mode=0o700, exist_ok=True)
+
+
+def _temporary_folder() -> Path:
+    """Return the path of a folder that is named after the user."""
+    return Path(tempfile.gettempdir()) / f"flowsculpt-cache-{os.getuid()}"
+
+
+def _warn(message: str) -> None:
+    if WARNED not in os.environ:
+        os.environ[WARNED] = "1"
+        print(message, file=sys.stderr)
