@@ -96,16 +96,12 @@ def folder_now(tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.delenv(user_cache.WARNED, raising=False)
 
-    def forget():
-        for function in (kernel_cache.cache_folder, user_cache.readable_cache, user_cache.writable_cache):
-            function.cache_clear()
-
     def ask():
-        forget()
+        kernel_cache.cache_folder.cache_clear()
         return kernel_cache.cache_folder()
 
     yield ask
-    forget()
+    kernel_cache.cache_folder.cache_clear()
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from pipeline.cli.options import Common
-from pipeline.cli.output import print_error, tell_of_store
+from pipeline.cli.output import print_error, print_warning, tell_of_store
 from pipeline.production.store.remote_url import VARIABLE, checked_url
 from render.mitsuba.engine import available_cores
 
@@ -76,7 +76,7 @@ class CommonOptions:
             "--profile",
             metavar="NAME|DIR",
             envvar="FLOWSCULPT_PROFILE",
-            help="Where jobs run: local, slurm, another folder in profiles/, or a path; see docs/farm.md.",
+            help="Where jobs run: local, slurm, another folder in profiles/, or any path; see docs/farm.md.",
         ),
     ] = None
     wait: Annotated[
@@ -92,6 +92,11 @@ class CommonOptions:
         if given.nice:
             os.nice(given.nice)  # processes that this one starts inherit it
         progress = not (given.no_progress or given.json_)
+        profile = Profile.named(given.profile) if given.profile else Profile.local()
+        if given.profile and (own := profile.hides):
+            print_warning(
+                f"--profile {given.profile}: the shipped profile; {own} here is used by --profile {own}"
+            )
         if given.store:
             os.environ[VARIABLE] = checked_url(given.store)  # so do they
             tell_of_store(progress)
@@ -102,7 +107,7 @@ class CommonOptions:
             dry_run=given.dry_run,
             root=(given.root or Path()).resolve(),
             patience=None if given.timeout is None else 60.0 * given.timeout,
-            profile=Profile.named(given.profile) if given.profile else Profile.local(),
+            profile=profile,
             wait=given.wait,
         )
 

@@ -26,20 +26,29 @@ _UNMAPPED = 65534
 """The owner that files of others have in a container with user namespaces, those of root too."""
 
 
-@cache
 def readable_cache() -> Path:
     """Return the user's cache folder where it can be trusted, even if only root may write there."""
     folder = platformdirs.user_cache_path("flowsculpt")
-    return folder if folder.is_dir() and intruder(folder) is None else writable_cache()
+    return folder if _is_readable(folder) else writable_cache()
 
 
-@cache
 def writable_cache() -> Path:
     """Return the user's cache folder or, where it cannot be written or trusted, one among temporary files.
 
     Where not even that can be trusted, the folder is of this process alone.
     """
-    for folder in (platformdirs.user_cache_path("flowsculpt"), _temporary_folder()):
+    temporary = Path(tempfile.gettempdir()) / f"flowsculpt-cache-{os.getuid()}"
+    return _first_writable(platformdirs.user_cache_path("flowsculpt"), temporary)
+
+
+@cache
+def _is_readable(folder: Path) -> bool:
+    return folder.is_dir() and intruder(folder) is None
+
+
+@cache
+def _first_writable(*folders: Path) -> Path:
+    for folder in folders:
         with suppress(OSError):
             _make_private(folder)
             reason = intruder(folder)
@@ -88,11 +97,6 @@ def _make_private(folder: Path) -> None:
     for place in (*reversed(folder.absolute().parents), folder):
         if not place.exists():
             place.mkdir(mode=0o700, exist_ok=True)
-
-
-def _temporary_folder() -> Path:
-    """Return the path of a folder that is named after the user."""
-    return Path(tempfile.gettempdir()) / f"flowsculpt-cache-{os.getuid()}"
 
 
 def _warn(message: str) -> None:

@@ -58,20 +58,28 @@ class Profile:
 
     @classmethod
     def named(cls, name: str) -> Profile:
-        """Find a profile by name, in `profiles/` of the working folder or among the shipped ones, or by path.
+        """Find a profile by name, among the shipped ones or in `profiles/` of the working folder, or by path.
 
+        A profile holds commands that submit jobs. So one of a show never takes the name of a shipped one.
         Raises MissingInputError where there is none.
         """
-        for folder in (PROFILES / name, shipped() / name, Path(name)):
+        for folder in (shipped() / name, PROFILES / name, Path(name)):
             if _file_in(folder) is not None:
                 return cls(folder.absolute())
         known = sorted(
             {path.name for place in (PROFILES, shipped()) for path in place.glob("*") if _file_in(path)}
         )
         raise MissingInputError(
-            f"{name}: no such profile, a folder with profile.yaml in {PROFILES}/, shipped, or at that path. "
+            f"{name}: no such profile, a folder with profile.yaml shipped, in {PROFILES}/, or at that path. "
             f"{suggestion(name, [other for other in known if other != 'default'])}"
         )
+
+    @property
+    def hides(self) -> Path | None:
+        """The working folder's own profile of the same name, which is used only where its path is given."""
+        own = PROFILES / self.folder.name
+        is_shipped = self.folder.parent == shipped() and own.absolute() != self.folder
+        return own if is_shipped and _file_in(own) is not None else None
 
     @classmethod
     def local(cls) -> Profile:

@@ -60,13 +60,17 @@ def cluster(project, request, tmp_path_factory, monkeypatch):
     return request.param, home
 
 
+STAND_IN = "profiles/{}"
+"""The path of the copied profile, which is not used by its name alone."""
+
+
 QUICK = [name if name == "lsf" else pytest.param(name, marks=pytest.mark.soak) for name in CLUSTERS]
 
 
 @pytest.mark.parametrize("cluster", QUICK, indirect=True)
 def test_a_simulation_is_given_to_the_cluster_with_cores_memory_and_time(project, cluster):
     name, home = cluster
-    done = project.run("--json", "simulate", NAME, "-f", "1-2", "--profile", name)
+    done = project.run("--json", "simulate", NAME, "-f", "1-2", "--profile", STAND_IN.format(name))
     assert done.code == 0, done.err
     assert json.loads(done.out)["made"] == {"simulate": 2}
     (submitted,) = [json.loads(file.read_text()) for file in home.glob("*.json")]
@@ -81,7 +85,7 @@ def test_nodes_without_the_variant_of_their_profile_end_the_run_with_one_message
         pytest.skip("this machine has a GPU")
     profile = project.path / "profiles" / "lsf" / "profile.yaml"
     profile.write_text(profile.read_text().replace("config:\n", "config:\n  variant: cuda_ad_rgb\n"))
-    done = project.run("render", NAME, "-q", QUALITY, "--profile", "lsf")
+    done = project.run("render", NAME, "-q", QUALITY, "--profile", STAND_IN.format("lsf"))
     assert done.code == 4 and done.err.count("cannot render with cuda_ad_rgb") == 1
 
 
@@ -89,7 +93,7 @@ def test_nodes_without_the_variant_of_their_profile_end_the_run_with_one_message
 @pytest.mark.parametrize("cluster", [*CLUSTERS], indirect=True)
 def test_frames_of_a_cluster_are_those_of_this_machine(project, cluster):
     name, _ = cluster
-    for root, profile in (("far", name), ("near", "local")):
+    for root, profile in (("far", STAND_IN.format(name)), ("near", "local")):
         done = project.run("--root", root, "render", NAME, "-q", QUALITY, "--profile", profile)
         assert done.code == 0, done.err
     far, near = (sorted((project.path / root).rglob("frames/*.exr")) for root in ("far", "near"))

@@ -3,6 +3,7 @@
 import json
 import os
 import time
+from pathlib import Path
 
 import pytest
 
@@ -59,12 +60,14 @@ def hops(plan):
     return max(map(depth, plan.jobs))
 
 
-def test_a_name_is_looked_up_in_the_working_folder_before_the_shipped_profiles(folder):
-    assert Profile.named("slurm").executor == "slurm"
+def test_a_profile_of_a_show_takes_the_name_of_no_shipped_one_and_is_named_by_its_path(folder):
+    assert Profile.named("slurm").executor == "slurm" and Profile.named("slurm").hides is None
     assert Profile.named("local") == Profile.local() and Profile.local().is_local
-    ours = profile(folder, "executor: local\n", "slurm")
-    assert ours.folder == folder / "profiles" / "slurm" and ours.is_local
-    assert Profile.named("profiles/slurm").folder == ours.folder
+    shipped = profile(folder, "executor: local\n", "slurm")
+    assert shipped.executor == "slurm" and shipped.hides == Path("profiles/slurm")
+    own = Profile.named("profiles/slurm")
+    assert own.folder == folder / "profiles" / "slurm" and own.is_local and own.hides is None
+    assert profile(folder, "executor: local\n", "ours").folder == folder / "profiles" / "ours"
 
 
 @pytest.mark.parametrize(

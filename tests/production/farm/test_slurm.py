@@ -61,7 +61,16 @@ def running(slurm, task):
 
 
 def start(project, *words):
-    command = [sys.executable, "-m", "pipeline.cli", "--no-progress", "--json", *words, "--profile", "slurm"]
+    command = [
+        sys.executable,
+        "-m",
+        "pipeline.cli",
+        "--no-progress",
+        "--json",
+        *words,
+        "--profile",
+        "profiles/slurm",
+    ]
     return subprocess.Popen(
         command, cwd=project.path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
@@ -69,7 +78,9 @@ def start(project, *words):
 
 def test_a_simulation_on_a_node_makes_the_same_meshes(on_slurm, slurm, monkeypatch):
     before = len(slurm.jobs())
-    far = on_slurm.run("--json", "--root", "far", "simulate", NAME, "-f", "1-2", "--profile", "slurm")
+    far = on_slurm.run(
+        "--json", "--root", "far", "simulate", NAME, "-f", "1-2", "--profile", "profiles/slurm"
+    )
     assert far.code == 0, far.err
     assert json.loads(far.out)["made"] == {"simulate": 2}
     (job,) = slurm.jobs()[before:]
@@ -100,14 +111,14 @@ class TestFilms:
     ):
         before = len(slurm.jobs())
         words = ("film", "-q", QUALITY, "--store", store)
-        far = on_slurm.run("--json", *words, "--profile", "slurm")
+        far = on_slurm.run("--json", *words, "--profile", "profiles/slurm")
         assert far.code == 0, far.err
         assert json.loads(far.out)["warnings"] == [] and missed_uploads(on_slurm.path) == []
         assert len(slurm.jobs()) == before + 3
         other = on_slurm.copy(tmp_path_factory.mktemp("other") / "root")
         for made in ("renders", STATE):
             shutil.rmtree(other.path / made)
-        again = other.run("--json", *words, "--profile", "slurm")
+        again = other.run("--json", *words, "--profile", "profiles/slurm")
         assert again.code == 0 and json.loads(again.out)["made"] == {}, again.err
         assert len(slurm.jobs()) == before + 3
         movies = [root / "renders/film" / QUALITY / "film.mp4" for root in (on_slurm.path, other.path)]
@@ -116,7 +127,7 @@ class TestFilms:
     def test_snakemake_asks_slurm_for_the_same_as_the_command(self, on_slurm, slurm, tmp_path_factory):
         other = on_slurm.copy(tmp_path_factory.mktemp("other") / "root")
         before = len(slurm.jobs())
-        done = on_slurm.run("render", NAME, "-q", QUALITY, "--profile", "slurm")
+        done = on_slurm.run("render", NAME, "-q", QUALITY, "--profile", "profiles/slurm")
         assert done.code == 0, done.err
         between = len(slurm.jobs())
         settings = ("--config", f"shot={NAME}", f"quality={QUALITY}")
