@@ -6,7 +6,6 @@ A scene may hold counts that no file can hold, and data that a library decompres
 from __future__ import annotations
 
 import io
-import sys
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -22,6 +21,7 @@ from pipeline.mesh.gltf_scene import Scene
 from render.base.input_files import require_input
 from render.base.limited_process import MEMORY, allow_memory, answer_of, serve
 from render.base.plural import plural
+from render.base.python_process import command_line
 
 GLTF_FORMATS = ("glb", "gltf")
 
@@ -31,7 +31,7 @@ def require_draco() -> None:
     if find_spec("DracoPy") is None:
         raise MachineError(
             "glTF files with Draco data need the package DracoPy, which is not installed; install the extra "
-            f"[models], or it alone for the Python of flowsculpt: {sys.executable} -m pip install DracoPy"
+            f"[models], or it alone for the Python of flowsculpt: {command_line('pip', 'install', 'DracoPy')}"
         )
 
 

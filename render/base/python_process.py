@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 PACKAGE_ROOT = Path(__file__).resolve().parents[2]
@@ -93,4 +94,6 @@ def _is_relative(entry: str) -> bool:
 
 
 def _whole(entry: str) -> Path:
-    return Path(os.path.realpath(entry or "."))
+    with suppress(FileNotFoundError):  # where the working folder was removed
+        return Path(os.path.realpath(entry or "."))
+    return Path(entry)
