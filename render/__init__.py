@@ -8,6 +8,10 @@ The public names, each imported from its module when first used:
 from importlib import import_module
 from typing import Any
 
+from render.base.python_process import import_numba_elsewhere
+
+import_numba_elsewhere()
+
 _MODULES = {
     "render.base.errors": ("BadInputError", "CorruptImageError", "FlowsculptError", "MissingImageError"),
     "render.base.serialise": ("from_plain", "to_plain"),

@@ -56,9 +56,7 @@ def use_kernel_cache() -> None:
 
     Raises MachineError where numba is kept from compiling.
     """
-    if numba.config._config_fname:  # settings in the working folder, which may be a show
-        numba.config._config_fname = ""
-        numba.config.reload_config()
+    numba.config._config_fname = ""  # see `import_numba_elsewhere`; numba looks again when it compiles
     if numba.config.DISABLE_JIT:
         raise MachineError("NUMBA_DISABLE_JIT is set, and flowsculpt runs compiled kernels; unset it")
     numba.config.CACHE_DIR = str(cache_folder())

@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from contextlib import suppress
+from contextlib import chdir, suppress
 from pathlib import Path
 
 PACKAGE_ROOT = Path(__file__).resolve().parents[2]
@@ -53,6 +53,13 @@ def distrust_working_folder() -> None:
     named = _named()
     sys.path[:] = [e for e in sys.path if e in named or not (_is_relative(e) or _whole(e) in folders)]
     os.environ.update(environment())
+
+
+def import_numba_elsewhere() -> None:
+    """Import numba in another folder if this one holds settings for it, which it reads when imported."""
+    if Path(".numba_config.yaml").exists():
+        with chdir("/"):
+            import numba  # noqa: F401
 
 
 def environment_of_others() -> dict[str, str]:
