@@ -18,6 +18,7 @@ import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.errors import FrameError, UsageError
+from pipeline.flow.declared_files import only_declared
 from render.base.input_files import read_input
 
 Displacement = Callable[[Points, float, float], Points]
@@ -93,12 +94,16 @@ class PythonFlow(Flow):
 
     digest   SHA-256 of the file, for keys; the modules it imports do not count
     allowed  tells whether the file may run; otherwise every step fails
+    reads    digests of the files that it may open
+    files    their paths
     """
 
     function: str
     digest: str
     path: Path = field(default=Path(), compare=False)
     allowed: bool = field(default=False, compare=False)
+    reads: tuple[str, ...] = ()
+    files: tuple[Path, ...] = field(default=(), compare=False)
 
     @property
     def name(self) -> str:
@@ -106,9 +111,16 @@ class PythonFlow(Flow):
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
         require_permission(self)
-        function = _function(self.path, self.digest, self.function)
+        with only_declared(self.path, self.files):
+            function = _function(self.path, self.digest, self.function)
+            return self._moved(function, np.array(points, np.float64), time, dt)
+
+    def _moved(self, function: Displacement, points: Points, time: float, dt: float) -> Points:
+        """Return what a function makes of points, over which it may write. Raises FrameError."""
         try:
-            return function(np.array(points, np.float64), time, dt)  # a copy: it may write over its points
+            return function(points, time, dt)
+        except FrameError:
+            raise
         except (Exception, SystemExit) as error:
             raise FrameError(
                 f"{self.path}: {self.function} raised {_described(error, self.path)} at {time:g} s; a flow "
@@ -116,7 +128,8 @@ class PythonFlow(Flow):
             ) from error
 
     def cache_data(self, time: float, dt: float) -> Any:
-        return {"python": self.digest, "function": self.function, "time": time, "dt": dt}
+        reads = {"reads": self.reads} if self.reads else {}
+        return {"python": self.digest, "function": self.function, "time": time, "dt": dt, **reads}
 
     @property
     def advice(self) -> str:

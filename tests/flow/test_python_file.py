@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -126,3 +127,21 @@ def test_its_source_decides_what_acts(tmp_path: Path) -> None:
     same = flow_of(tmp_path / "b.py", "def f(p, t, dt):\n    return p\n")
     other = flow_of(tmp_path / "c.py", "def f(p, t, dt):\n    return 2 * p\n")
     assert one.cache_data(0.0, 0.1) == same.cache_data(0.0, 0.1) != other.cache_data(0.0, 0.1)
+
+
+READS = "import numpy as np\n\ndef f(points, time, dt):\n    return points + np.load({!r})\n"
+
+
+def test_a_file_that_the_shot_does_not_name_is_not_opened(tmp_path: Path) -> None:
+    np.save(tmp_path / "shift.npy", np.ones(3))
+    code = READS.format(str(tmp_path / "shift.npy"))
+    flow = flow_of(tmp_path / "a.py", code)
+    with pytest.raises(
+        FrameError, match=r"a\.py: it opens .*shift\.npy, .* Write reads: \[shift\.npy\], with its"
+    ):
+        flow.displace(POINTS, 0.0, 0.1)
+    named = replace(flow, files=(tmp_path / "shift.npy",), reads=("digest",))
+    np.testing.assert_array_equal(named.displace(POINTS, 0.0, 0.1), POINTS + 1)
+    assert np.load(tmp_path / "shift.npy").sum() == 3.0, "other code reads what it likes"
+    assert named.cache_data(0.0, 0.1) != flow.cache_data(0.0, 0.1)
+    assert "reads" not in flow.cache_data(0.0, 0.1), "keys of flows that open nothing stay"

@@ -201,10 +201,16 @@ class PythonDocument(FlowParameters):
 
     file: Annotated[str, ParameterDoc("a Python file")]
     function: Annotated[str, ParameterDoc("the name of a function in it")]
+    reads: Annotated[
+        list[str],
+        Field(default_factory=list),
+        ParameterDoc("files that it opens; their contents decide frames too"),
+    ]
 
     _path: Path = PrivateAttr()
     _digest: str = PrivateAttr()
     _allowed: bool = PrivateAttr()
+    _reads: dict[Path, str] = PrivateAttr(default_factory=dict)
 
     @field_validator("function")
     @classmethod
@@ -219,6 +225,7 @@ class PythonDocument(FlowParameters):
         context = ParseContext.of(info)
         self._path, self._allowed = context.file(self.file), context.allow_code
         self._digest = context.digests[self._path]
+        self._reads = {path: context.digests[path] for path in map(context.file, self.reads)}
         code = as_finding(lambda: read_input(self._path, MOST_CODE))
         try:
             ast.parse(code, str(self._path))
@@ -230,7 +237,8 @@ class PythonDocument(FlowParameters):
 
     def own_values(self, clock: Clock) -> dict[str, Any]:
         file = {"digest": self._digest, "path": self._path, "allowed": self._allowed}
-        return {"function": self.function, **file}
+        opened = {"files": tuple(self._reads), "reads": tuple(self._reads.values())}
+        return {"function": self.function, **file, **opened}
 
 
 _WRITTEN_OUT: dict[str, type[FlowParameters]] = {

@@ -3,7 +3,6 @@
 import hashlib
 import math
 import re
-from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
@@ -13,6 +12,7 @@ from pipeline.frames import FASTEST, SLOWEST
 from pipeline.mesh.pn_triangles import MOST_PIECES
 from pipeline.shot.documents.camera import CameraDocument, ShutterDocument
 from pipeline.shot.documents.colours import no_bare_colour
+from pipeline.shot.documents.config_tables import tables
 from pipeline.shot.documents.curves import NumberField
 from pipeline.shot.documents.fields import (
     MAPPING_IS_SECOND,
@@ -36,8 +36,6 @@ from pipeline.shot.documents.stage import StageDocument
 from pipeline.shot.documents.subject import SubjectDocument, SubjectsField
 from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.validation import ParseContext, as_finding, bad_value, finding
-from pipeline.text_encoding import as_utf8
-from render.base.input_files import read_input
 from render.post.view import ACES, BUILT_IN, ColourView, view_of
 from render.scene.aovs import AOVS
 from render.scene.quality import CONVENTIONS
@@ -68,16 +66,6 @@ AovsField = Annotated[
 Layers = Annotated[str, one_of(CONVENTIONS, "program whose channel names are known")]
 
 _PIXELS = r"^\s*(\d+\.?\d*|\.\d+)\s*px\s*$"
-
-_TABLE = re.compile(r"\bsrc\s*:\s*([^,}\n]+)")
-"""An OpenColorIO config's reference to a table file."""
-
-
-_TEXT_TABLES = (".3dl", ".csp", ".cube", ".itx", ".lut", ".spi1d", ".spi3d")
-_DECIMAL_COMMA = re.compile(rb"^[ \t]*([-+]?\d+,\d+)", re.MULTILINE)
-
-MOST_CONFIG = 64 << 20
-"""Size of the largest OpenColorIO config."""
 
 
 def _pixels(value: Any) -> Any:
@@ -149,44 +137,8 @@ class ViewDocument(Document):
         if self.config.startswith(BUILT_IN):
             return self.config, ""
         path = context.file(self.config)
-        files = [path, *_tables(path)]
-        for table in files[1:]:
-            context.file(str(table.relative_to(context.folder)))
-            _require_plain(table)
-        digests = [context.digests[file] for file in files]
+        digests = [context.digests[path], *map(context.note, tables(path))]
         return str(path), hashlib.sha256("".join(digests).encode()).hexdigest()
-
-
-def _tables(config: Path) -> list[Path]:
-    """Return the files beside a config, or below, whose names it mentions as tables."""
-    if config.suffix != ".ocio":
-        return []
-    content = as_finding(lambda: read_input(config, MOST_CONFIG))
-    try:
-        text = as_utf8(content).decode("utf-8", "replace")
-    except ValueError as error:
-        raise finding(f"{config}: {error}. Save it as UTF-8.") from None
-    names = {Path(name.strip().strip("'\"")).name for name in _TABLE.findall(text)}
-    files = config.parent.rglob("*") if names else ()
-    return sorted(file for file in files if file.name in names and file.is_file())
-
-
-def _require_plain(table: Path) -> None:
-    """Refuse a table of colours that OpenColorIO would not read, or would read wrong."""
-    if table.suffix.lower() not in _TEXT_TABLES:
-        return
-    content = as_finding(lambda: read_input(table, MOST_CONFIG))
-    try:
-        is_plain = as_utf8(content) == content and (b"\n" in content or b"\r" not in content)
-    except ValueError:
-        is_plain = False
-    if not is_plain:
-        fact = "it is UTF-16, has a byte order mark or lines that end in CR, which OpenColorIO does not read"
-        raise finding(f"{table}: {fact}. Save it as plain text.")
-    comma = _DECIMAL_COMMA.search(content)
-    if comma:
-        line = content.count(b"\n", 0, comma.start(1)) + 1
-        raise finding(f"{table}: line {line}: {comma[1].decode()} is not a number; decimals have a point")
 
 
 def require_range(value: Any) -> Any:

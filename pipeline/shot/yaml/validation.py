@@ -55,8 +55,13 @@ class ParseContext:
     def file(self, name: str) -> Path:
         """Return the path of a file, and note its digest. Raises a finding where it is not there."""
         path = self._path(name)
-        self.digests[path] = as_finding(lambda: digest_of_file(path))
+        self.note(path)
         return path
+
+    def note(self, path: Path) -> str:
+        """Note the digest of a file that is read, and return it. Raises a finding where it cannot be read."""
+        self.digests[path] = as_finding(lambda: digest_of_file(path))
+        return self.digests[path]
 
     def mesh(self, name: str) -> Path:
         """Return the path of a mesh file, and note its digest and those of the layers of a USD stage.
