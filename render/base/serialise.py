@@ -28,6 +28,9 @@ NOT_PLAIN = {"plain": False}
 """`field(metadata=NOT_PLAIN)`: a field to leave out, such as where a file of known content lies, or a cache.
 It needs a default."""
 
+PLAIN_IF_SET = {"plain": "if set"}
+"""`field(metadata=PLAIN_IF_SET)`: a field to leave out while it has its default, so that keys stay what they
+were before there was such a field."""
 
 _LEAVES = frozenset({str, int, float, bool, type(None)})
 """Types that JSON holds as they are: most of what is turned into plain values."""
@@ -36,14 +39,17 @@ _LEAVES = frozenset({str, int, float, bool, type(None)})
 def to_plain(value: Any) -> Any:
     """Return a value that `json.dumps` takes and `from_plain` turns back.
 
-    A dataclass becomes a dict by field name, without its NOT_PLAIN fields; a mapping, a dict whose keys are
-    strings; a tuple, a list; a path, a string. Anything else is returned unchanged.
+    A dataclass becomes a dict by field name, without its NOT_PLAIN fields and unset PLAIN_IF_SET
+    ones; a mapping, a dict whose keys are strings; a tuple, a list; a path, a string. Anything else is
+    returned unchanged.
     """
     kind: Any = type(value)
     if kind in _LEAVES:
         return value
     if _is_record(kind):
-        return {name: to_plain(getattr(value, name)) for name in _plain_names(kind)}
+        names, optional = _plain_names(kind)
+        set_names = [name for name, default in optional if getattr(value, name) != default]
+        return {name: to_plain(getattr(value, name)) for name in (*names, *set_names)}
     if isinstance(value, list | tuple):
         return [item if type(item) in _LEAVES else to_plain(item) for item in value]
     if isinstance(value, Mapping):
@@ -75,8 +81,11 @@ def _is_record(kind: Any) -> bool:
 
 
 @cache
-def _plain_names(kind: type) -> list[str]:
-    return [field.name for field in dataclasses.fields(kind) if field.metadata.get("plain", True)]
+def _plain_names(kind: type) -> tuple[list[str], list[tuple[str, Any]]]:
+    """Return the fields that are always plain, and those that are if they differ from a default."""
+    plain = [(field, field.metadata.get("plain", True)) for field in dataclasses.fields(kind)]
+    always = [field.name for field, when in plain if when is True]
+    return always, [(field.name, field.default) for field, when in plain if when == "if set"]
 
 
 class _MisfitError(ValueError):

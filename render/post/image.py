@@ -20,8 +20,8 @@ from render.base.errors import BadInputError, CorruptImageError, MissingImageErr
 from render.post.exr_attributes import ExrAttributes
 from render.post.layer_names import CRYPTO, channels_of
 from render.scene.aovs import AOVS, COMPUTED, COPIES, RenderedFrame
+from render.scene.picture_file import last_message
 from render.scene.projection import PERSPECTIVE, Projection
-from render.scene.textures import last_message
 from render.scene.working_space import REC709, WORKING_SPACES
 
 Header = Mapping[str, Any]

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
 from render.base.serialise import NOT_PLAIN
+from render.scene.rgb_encoding import linear_of_srgb
 from render.scene.surface import Surface
-from render.scene.textures import linear_of_srgb
 from render.scene.working_space import REC709, converted_pixels
 
 Floats = NDArray[np.float64]

@@ -6,12 +6,13 @@ reader says itself. The answer is stored by the content of the file.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from render.base.errors import BadInputError
 from render.base.input_files import require_input
 from render.base.limited_process import MEMORY, ParserError, allow_memory, answer_about_content, serve
+from render.scene.picture_file import OpenedPicture
 
 MOST_BYTES = 4 << 30
 """Size of the largest file."""
@@ -21,6 +22,9 @@ MOST_PIXELS = 1 << 28
 
 _ALWAYS = 1 << 20
 """So many pixels may be in a file of any size."""
+
+_ALWAYS_SHOWN = 1 << 23
+"""Pixels that the display window of any file may have: 4096 × 2048."""
 
 _PIXELS_A_BYTE = {"piz": 10_000, "dwaa": 10_000, "dwab": 10_000}
 """Pixels in a byte of an even picture, at most, by the name of its compression."""
@@ -49,25 +53,29 @@ def _decode(path: str) -> bytes:
 
     oiio.attribute("threads", 1)
     file = oiio.ImageInput.open(path)
-    if file is None:
-        return b""
-    spec = file.spec()
-    pixels = _require_size(spec, Path(path).stat().st_size)
-    allow_memory(MEMORY + 16 * pixels * min(spec.nchannels, 4))
-    file.read_image(0, 0, 0, 3 if spec.nchannels >= 3 else 1)
+    if file is not None:
+        with suppress(BadInputError):
+            picture = OpenedPicture(file, path)
+            pixels = _require_size(picture, Path(path).stat().st_size)
+            allow_memory(MEMORY + 16 * pixels * len(picture.channels))
+            picture.pixels()
     return b""
 
 
-def _require_size(spec: Any, size: int) -> int:
+def _require_size(picture: OpenedPicture, size: int) -> int:
     """Return the number of pixels. Raises ValueError where a file of `size` bytes cannot hold them."""
-    pixels: int = spec.width * spec.height * max(spec.depth, 1)
-    words = f"its header promises {spec.width} × {spec.height} pixels"
-    if pixels > MOST_PIXELS:
-        raise ValueError(f"{words}; {MOST_PIXELS >> 20} million are the most")
+    spec, (_, _, width, height) = picture.spec, picture.display
+    stored, shown = spec.width * spec.height * max(spec.depth, 1), width * height
     ratio = _PIXELS_A_BYTE.get(spec.get_string_attribute("compression"), _MOST_DEFLATED)
-    if pixels > max(_ALWAYS, ratio * size):
-        raise ValueError(f"{words}, and it has {size} bytes")
-    return pixels
+    for pixels, promise, always in (
+        (stored, f"{spec.width} × {spec.height} pixels", _ALWAYS),
+        (shown, f"a display window of {width} × {height} pixels", _ALWAYS_SHOWN),
+    ):
+        if pixels > MOST_PIXELS:
+            raise ValueError(f"its header promises {promise}; {MOST_PIXELS >> 20} million are the most")
+        if pixels > max(always, ratio * size):
+            raise ValueError(f"its header promises {promise}, and it has {size} bytes")
+    return int(max(stored, shown))
 
 
 if __name__ == "__main__":

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.scene.camera import Camera
+from render.scene.rgb_encoding import linear_of_srgb
 from render.scene.stage import StagePlacement
 from render.scene.surface import Surface
-from render.scene.textures import linear_of_srgb
 
 HALF_HEIGHT = 0.12
 """Half the height of each object, over half the height of the picture."""

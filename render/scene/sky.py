@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
-from render.base.serialise import NOT_PLAIN, Triple
+from render.base.serialise import NOT_PLAIN, PLAIN_IF_SET, Triple
 from render.scene.picture_check import require_decodable
-from render.scene.textures import opened_picture, read_channels, require_finite
+from render.scene.picture_file import Pixels, StatedSpace, opened_picture
+from render.scene.textures import is_linear, linear_pixels, require_finite
 from render.scene.working_space import REC709, converted_pixels
 
 OBLIQUITY = math.radians(23.44)
@@ -27,6 +27,8 @@ WIDEST = 4096
 
 _FORMATS = ("openexr", "hdr", "tiff")
 """File formats that hold linear light; others hold display values."""
+
+_WRITABLE = "EXR or HDR"
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,7 @@ class Environment:
     intensity  factor on the light
     visible    True if the lens sees it
     path       the file
+    reading    what `environment_of` finds out about it
 
     working_space  the space that its radiance is converted to
     """
@@ -110,15 +113,27 @@ class Environment:
     visible: bool = True
     path: str = field(default="", metadata=NOT_PLAIN)
     working_space: str = field(default=REC709.name, metadata=NOT_PLAIN)
+    reading: str = field(default="", metadata=PLAIN_IF_SET)
 
-    def pixels(self) -> NDArray[np.float32]:
-        """Return radiance (H, 2H, 3) in the working space. Raises as `read_map`."""
-        return converted_pixels(read_map(self.path, self.digest), self.working_space)
+    def pixels(self) -> Pixels:
+        """Return radiance (H, 2H, 3) in the working space, at least 0. Raises as `read_map`."""
+        light = converted_pixels(read_map(self.path, self.digest), self.working_space)
+        return np.maximum(light, 0.0) if light.min() < 0.0 else light
+
+
+@lru_cache(maxsize=8)
+def environment_of(path: str, digest: str) -> Environment:
+    """Return the environment of a file, checked: everything of it that keys hold. Raises as `read_map`."""
+    read_map(path, digest)
+    with opened_picture(path, _WRITABLE) as picture:
+        return Environment(digest, path=path, reading=picture.reading(None))
 
 
 @lru_cache(maxsize=2)
-def read_map(path: str, digest: str) -> NDArray[np.float32]:
+def read_map(path: str, digest: str) -> Pixels:
     """Read a map: radiance (H, 2H, 3), linear Rec.709, averaged down to at most WIDEST columns.
+
+    Colours of a wider space that Rec.709 lacks have a channel below 0.
 
     digest  of the content, so that a changed file is read again
 
@@ -126,7 +141,7 @@ def read_map(path: str, digest: str) -> NDArray[np.float32]:
     or has pixels that are not finite or below 0.
     """
     require_decodable(path, digest)
-    pixels = _pixels(path)
+    pixels, stated = _pixels(path)
     height, width = pixels.shape[:2]
     if width != 2 * height:
         raise BadInputError(
@@ -136,21 +151,27 @@ def read_map(path: str, digest: str) -> NDArray[np.float32]:
     if pixels.min() < 0.0:
         row, column = np.argwhere(pixels.min(axis=2) < 0.0)[0]
         raise BadInputError(f"{path}: pixel {column}, {row} is below 0; light is not. Clamp it at 0")
-    return _averaged(pixels)
+    return _averaged(pixels if stated is None else linear_pixels(pixels, stated, path))
 
 
-def _pixels(path: str) -> NDArray[np.float32]:
-    with opened_picture(path, "EXR or HDR") as file:
-        kind, channels = file.format_name(), file.spec().nchannels
-        if kind not in _FORMATS or channels < 3:
+def _pixels(path: str) -> tuple[Pixels, StatedSpace | None]:
+    """Return pixels (H, W, 3) as stored, and their colour space where it is not linear Rec.709."""
+    with opened_picture(path, _WRITABLE) as picture:
+        if picture.kind not in _FORMATS or picture.count < 3:
             raise BadInputError(
-                f"{path}: it is a picture of {channels} channels in {kind}; a map of light has 3, in an EXR "
-                "or HDR"
+                f"{path}: it is a picture of {picture.spec.nchannels} channels in {picture.kind}; a map of "
+                f"light has 3, in an {_WRITABLE}"
             )
-        return read_channels(file, 3, path)
+        if picture.is_cube:
+            raise BadInputError(f"{path}: it has the faces of a cube; write it as latitude and longitude")
+        stated = picture.stated_space()
+        if not (picture.is_float and is_linear(stated)):
+            space = stated.name if stated else "integers, display values"
+            raise BadInputError(f"{path}: it is in {space}; a map of light is linear, in an {_WRITABLE}")
+        return picture.pixels(), stated
 
 
-def _averaged(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+def _averaged(pixels: Pixels) -> Pixels:
     """Return the map averaged over squares of pixels until it is at most WIDEST wide."""
     while pixels.shape[1] > WIDEST and not pixels.shape[0] % 2:
         height, width = pixels.shape[0] // 2, pixels.shape[1] // 2

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cache, lru_cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError, reason_of
-from render.base.input_files import parsing
-from render.base.serialise import NOT_PLAIN
+from render.base.errors import BadInputError
+from render.base.serialise import NOT_PLAIN, PLAIN_IF_SET
 from render.scene.picture_check import require_decodable
+from render.scene.picture_file import OpenedPicture, Pixels, StatedSpace, opened_picture
+from render.scene.rgb_encoding import linear_of_srgb
 from render.scene.working_space import REC709, converted_pixels
-
-Pixels = NDArray[np.float32]
 
 DEFAULT_CONFIG = "ocio://default"
 """OpenColorIO's own config, which names the colour spaces of textures."""
@@ -38,10 +34,11 @@ _LINEAR = "lin_rec709_scene"
 class Texture:
     """A picture that covers a surface.
 
-    digest  SHA-256 of the file's content
-    space   one of SPACES, or a colour space of OpenColorIO's config. None means "linear" for a file of
-            floats (EXR, HDR, TIFF), else "srgb"
-    path    the file
+    digest   SHA-256 of the file's content
+    space    one of SPACES, or a colour space of OpenColorIO's config. None means the one that the file
+             states, else "linear" for floats (EXR, HDR, TIFF) and "srgb" for integers
+    path     the file
+    reading  what `reading_of` returns
 
     working_space  the space that colours are converted to
     """
@@ -50,6 +47,7 @@ class Texture:
     space: str | None = None
     path: str = field(default="", metadata=NOT_PLAIN)
     working_space: str = field(default=REC709.name, metadata=NOT_PLAIN)
+    reading: str = field(default="", metadata=PLAIN_IF_SET)
 
     def pixels(self) -> Pixels:
         """Return pixels (H, W, 3) of the working space from 0 to 1, or data as stored. Raises as
@@ -64,7 +62,7 @@ class Texture:
 
 @lru_cache(maxsize=6)
 def read_picture(path: str, digest: str, space: str | None) -> Pixels:
-    """Read the first three channels of a file, (H, W, 3), averaged down to at most WIDEST pixels a side.
+    """Read a file's colours, (H, W, 3), averaged down to at most WIDEST pixels a side.
 
     A single channel becomes grey; alpha is left out. Colours are clipped to reflectances, 0 to 1; data are
     kept as stored.
@@ -76,15 +74,42 @@ def read_picture(path: str, digest: str, space: str | None) -> Pixels:
     """
     require_space(space)
     require_decodable(path, digest)
-    pixels, is_float = _read(path)
+    with _opened(path) as picture:
+        stated = picture.stated_space() if space is None else StatedSpace(space, space)
+        usual = "linear" if picture.is_float else "srgb"
+        pixels = picture.pixels()
+    pixels = np.ascontiguousarray(np.broadcast_to(pixels, (*pixels.shape[:2], 3)))
     require_finite(pixels, path)
-    texture = _linear(pixels, space or ("linear" if is_float else "srgb"), path)
+    texture = _linear(pixels, stated or StatedSpace(usual, usual), path)
     while max(texture.shape[:2]) > WIDEST:
         height, width = texture.shape[0] // 2, texture.shape[1] // 2
         texture = texture[: 2 * height, : 2 * width].reshape(height, 2, width, 2, 3).mean(axis=(1, 3))
     texture = np.ascontiguousarray(texture, dtype=np.float32)
     texture.setflags(write=False)
     return texture
+
+
+def texture_of(path: str, digest: str, space: str | None) -> Texture:
+    """Return the texture of a file, checked: everything of it that keys hold. Raises as `read_picture`."""
+    read_picture(path, digest, space)
+    return Texture(digest, space, path, reading=reading_of(path, digest, space))
+
+
+@lru_cache(maxsize=64)
+def reading_of(path: str, digest: str, space: str | None) -> str:
+    """Return what `OpenedPicture.reading` says of a texture. Raises as `read_picture`."""
+    require_decodable(path, digest)
+    with _opened(path) as picture:
+        return picture.reading(space)
+
+
+def _opened(path: str) -> AbstractContextManager[OpenedPicture]:
+    """Open a texture; its colours are not multiplied by alpha."""
+    import OpenImageIO as oiio
+
+    unassociated = oiio.ImageSpec()
+    unassociated["oiio:UnassociatedAlpha"] = 1
+    return opened_picture(path, "EXR, PNG, JPEG or TIFF", unassociated)
 
 
 def require_finite(pixels: NDArray[np.floating], path: str) -> None:
@@ -117,83 +142,41 @@ def _names() -> frozenset[str]:
     return frozenset(n for name in config.getColorSpaceNames() for n in (name, *config.getAliases(name)))
 
 
-def _linear(pixels: Pixels, space: str, path: str) -> NDArray[np.floating]:
-    if space == "data":
+def _linear(pixels: Pixels, stated: StatedSpace, path: str) -> NDArray[np.floating]:
+    """Return reflectances of linear Rec.709, 0 to 1; data as they are."""
+    if stated.space == "data":
         return pixels
-    if space == "srgb":
+    if stated.space == "srgb":
         return linear_of_srgb(np.clip(pixels, 0.0, 1.0))
-    if space == "linear":
-        return np.clip(pixels, 0.0, 1.0)
+    return np.clip(linear_pixels(pixels, stated, path), 0.0, 1.0)
+
+
+def is_linear(stated: StatedSpace | None) -> bool:
+    """Tell whether values are proportional to light; None is linear Rec.709."""
+    if stated is None or stated.space in ("linear", "data"):
+        return True
+    if stated.encoding is not None:
+        return stated.encoding.is_linear
     import OpenImageIO as oiio
 
+    return bool(oiio.ColorConfig(DEFAULT_CONFIG).isColorSpaceLinear(stated.space))
+
+
+def linear_pixels(pixels: Pixels, stated: StatedSpace, path: str) -> Pixels:
+    """Return linear Rec.709 pixels (H, W, 3) of any space; colours outside its gamut go below 0.
+
+    Raises BadInputError where OpenColorIO cannot convert them.
+    """
+    if stated.encoding is not None:
+        return stated.encoding.linear(pixels)
+    if stated.space in ("linear", "data"):
+        return pixels
+    import OpenImageIO as oiio
+
+    source = "srgb_tx" if stated.space == "srgb" else stated.space
     converted = oiio.ImageBufAlgo.colorconvert(
-        oiio.ImageBuf(pixels), space, _LINEAR, colorconfig=DEFAULT_CONFIG
+        oiio.ImageBuf(pixels), source, _LINEAR, colorconfig=DEFAULT_CONFIG
     )
     if converted.has_error:
-        raise BadInputError(f"{path}: OpenColorIO cannot convert it from {space!r}: {converted.geterror()}")
-    return np.clip(np.asarray(converted.get_pixels(oiio.FLOAT), dtype=np.float32), 0.0, 1.0)
-
-
-def _read(path: str) -> tuple[Pixels, bool]:
-    """Return pixels (H, W, 3) as stored, and True if the file stores floats."""
-    import OpenImageIO as oiio
-
-    unassociated = oiio.ImageSpec()
-    unassociated["oiio:UnassociatedAlpha"] = 1
-    with opened_picture(path, "EXR, PNG, JPEG or TIFF", unassociated) as file:
-        is_float = str(file.spec().format) in ("half", "float", "double")
-        pixels = read_channels(file, 3 if file.spec().nchannels >= 3 else 1, path)
-    pixels = pixels.reshape(*pixels.shape[:2], -1)
-    return np.ascontiguousarray(np.broadcast_to(pixels, (*pixels.shape[:2], 3))), is_float
-
-
-@contextmanager
-def opened_picture(path: str, kinds: str, *options: Any) -> Iterator[Any]:
-    """Open a file with OpenImageIO.
-
-    kinds    file formats that the message recommends
-    options  an ImageSpec for the reader
-
-    Raises BadInputError where it is no picture, and for any error of OpenImageIO while it is open.
-    """
-    import OpenImageIO as oiio
-
-    with parsing(Path(path), "a picture", f"Write an {kinds}."):
-        file = oiio.ImageInput.open(path, *options)
-        if file is None:
-            raise BadInputError(
-                f"{path}: it cannot be read as a picture ({last_message(oiio)}); write an {kinds}"
-            )
-        try:
-            yield file
-        finally:
-            file.close()
-
-
-def read_channels(file: Any, count: int, path: str) -> Pixels:
-    """Return the first channels of an opened picture. Raises BadInputError where it is truncated."""
-    pixels = file.read_image(0, 0, 0, count)
-    if pixels is None:
-        raise BadInputError(f"{path}: it cannot be read to its end ({last_message(file)}); write it again")
-    return np.asarray(pixels, dtype=np.float32)
-
-
-def last_message(source: Any) -> str:
-    """Return the first line of OpenImageIO's last message."""
-    try:
-        lines = str(source.geterror()).strip().splitlines()
-    except UnicodeDecodeError:  # it quotes the file
-        lines = []
-    return reason_of(ValueError(lines[0] if lines else "unknown format"))
-
-
-def srgb_of_linear(linear: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Return sRGB values from 0 to 1 of linear ones (IEC 61966-2-1)."""
-    light = np.clip(np.asarray(linear, dtype=np.float64), 0.0, 1.0)
-    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
-
-
-def linear_of_srgb(srgb: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Return the linear values of sRGB values 0 … 1 (IEC 61966-2-1)."""
-    srgb = np.asarray(srgb, dtype=np.float64)
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+        raise BadInputError(f"{path}: OpenColorIO cannot convert it from {source!r}: {converted.geterror()}")
+    return np.asarray(converted.get_pixels(oiio.FLOAT), dtype=np.float32)

@@ -19,7 +19,7 @@ from render.base.serialise import Colour
 
 T = TypeVar("T")
 
-_BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
+BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 """From CIE XYZ to cone responses (Lam 1985; ICC.1:2010, annex E)."""
 
 
@@ -40,6 +40,17 @@ class WorkingSpace:
     def is_rec709(self) -> bool:
         """True for the space of descriptions."""
         return self == REC709
+
+    @property
+    def white(self) -> NDArray[np.float64]:
+        """CIE XYZ (3,) of the white, whose Y is 1."""
+        return _xyz(self)[:, 3]
+
+    @property
+    def to_xyz(self) -> NDArray[np.float64]:
+        """The matrix (3, 3) to CIE XYZ (SMPTE RP 177)."""
+        points = _xyz(self)
+        return np.asarray(points[:, :3] * np.linalg.solve(points[:, :3], points[:, 3]))
 
     def from_rec709(self, colours: NDArray[np.floating]) -> NDArray[np.float64]:
         """Convert linear Rec.709 colours (…, 3) to this space."""
@@ -62,22 +73,17 @@ WORKING_SPACES = {space.name: space for space in (REC709, ACESCG)}
 @cache
 def _matrix(source: WorkingSpace, target: WorkingSpace) -> NDArray[np.float64]:
     """Return the matrix (3, 3) between spaces. Bradford's adaptation keeps neutral colours neutral."""
-    white = [_BRADFORD @ _xyz(space)[:, 3] for space in (source, target)]
-    adaptation = np.linalg.inv(_BRADFORD) @ np.diag(white[1] / white[0]) @ _BRADFORD
-    matrix = np.linalg.inv(_to_xyz(target)) @ adaptation @ _to_xyz(source)
+    white = [BRADFORD @ space.white for space in (source, target)]
+    adaptation = np.linalg.inv(BRADFORD) @ np.diag(white[1] / white[0]) @ BRADFORD
+    matrix = np.linalg.inv(target.to_xyz) @ adaptation @ source.to_xyz
     return np.asarray(matrix / matrix.sum(axis=1, keepdims=True))  # exact for neutral colours
 
 
 def _xyz(space: WorkingSpace) -> NDArray[np.float64]:
-    """Return CIE XYZ (3, 4) of red, green, blue and white, each with Y = 1."""
+    """Return CIE XYZ (3, 4) of red, green, blue and white, each with Y = 1, or 0 where its y is 0."""
     x, y = np.reshape(space.chromaticities, (4, 2)).T
-    return np.stack([x / y, np.ones(4), (1.0 - x - y) / y])
-
-
-def _to_xyz(space: WorkingSpace) -> NDArray[np.float64]:
-    """Return the matrix (3, 3) to CIE XYZ (SMPTE RP 177)."""
-    points = _xyz(space)
-    return np.asarray(points[:, :3] * np.linalg.solve(points[:, :3], points[:, 3]))
+    scale = np.where(y == 0.0, 1.0, y)
+    return np.stack([x / scale, y / scale, (1.0 - x - y) / scale])
 
 
 def in_working_space(value: T, space: WorkingSpace) -> T:

@@ -12,12 +12,14 @@ import DracoPy
 import numpy as np
 import OpenImageIO as oiio
 import trimesh
+from PIL import ImageCms
 from pxr import Sdf, UsdUtils
 
 from pipeline.dailies.interchange.exported_frame import ExportedFrame
 from pipeline.dailies.interchange.mesh_files import write_glb, write_obj, write_ply
 from pipeline.mesh import box, icosphere, split_at_creases
 from render.scene.materials import LOOKS
+from render.scene.working_space import ACESCG
 from tests.mesh.gltf_scenes import GltfScene, with_instances
 from tests.mesh.test_meshopt import STREAMS
 
@@ -302,8 +304,17 @@ def _pictures(folder: Path) -> Iterator[tuple[str, Path]]:
         ("picture", "wavelets.exr", "piz", 24),
         ("sky", "sky.hdr", "", 16),
         ("sky", "sky.exr", "zips", 16),
+        ("picture", "layers.exr", "zip", 24),
     ):
         spec = oiio.ImageSpec(32, height, 3, "half" if name.endswith("exr") else "uint8")
+        if name == "layers.exr":
+            spec.channelnames = ("View.Combined.R", "View.Combined.G", "View.Combined.B")
+            spec.attribute("chromaticities", "float[8]", ACESCG.chromaticities)
+            spec.x, spec.full_width, spec.full_height = 4, 32, 32
+        if name == "picture.jpg":
+            profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+            spec.attribute("ICCProfile", f"uint8[{len(profile)}]", np.frombuffer(profile, np.uint8))
+            spec.attribute("Orientation", 6)
         if compression:
             spec.attribute("compression", compression)
         if name == "tiles.exr":

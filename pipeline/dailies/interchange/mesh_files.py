@@ -16,7 +16,7 @@ from pipeline.mesh.normals import NORMAL, unit
 from pipeline.mesh.write import write_mesh
 from render.base.atomic_write import disk_errors
 from render.scene.materials import Material
-from render.scene.textures import srgb_of_linear
+from render.scene.rgb_encoding import srgb_of_linear
 
 
 def write_ply(path: Path, frame: ExportedFrame) -> None:

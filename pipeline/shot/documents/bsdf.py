@@ -18,7 +18,7 @@ from render.base.errors import RenderError
 from render.base.input_files import digest_of_file
 from render.mitsuba.bsdf import refusal
 from render.scene.materials.mitsuba_bsdf import BSDFS, PLUGINS, TEXTURES, Bsdf, Plugin
-from render.scene.textures import Texture, read_picture
+from render.scene.textures import Texture, read_picture, reading_of
 
 _KINDS = {
     "number": "a number",
@@ -57,7 +57,9 @@ def bsdf_of(bsdf: dict[str, Any], context: ParseContext) -> Bsdf:
         if "filename" in plugin:
             path = context.file(plugin["filename"])
             space = "data" if plugin.get("raw") else plugin.pop("space", None)
-            files.append(Texture(context.digests[path], space, str(path)))
+            digest, is_picture = context.digests[path], plugin["type"] == "bitmap"
+            reading = reading_of(str(path), digest, space) if is_picture else ""
+            files.append(Texture(digest, space, str(path), reading=reading))
             plugin["filename"] = len(files) - 1
         return plugin
 

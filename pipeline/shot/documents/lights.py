@@ -26,7 +26,7 @@ from pipeline.shot.documents.fields import (
 from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.validation import ParseContext, as_finding, bad_value, finding
 from render.scene.lights import LIGHTS, LightRig, Sky, Softbox
-from render.scene.sky import Daylight, Environment, read_map, sun_position
+from render.scene.sky import Daylight, Environment, environment_of, sun_position
 
 SUBJECT_MIDDLE = [0.0, 1.0, 0.0]
 Intensity = Annotated[float, Field(ge=0, le=1e6)]
@@ -49,7 +49,7 @@ def _check_map(name: str, info: ValidationInfo) -> str:
     """Check that a file holds an environment map, and note its digest."""
     context = ParseContext.of(info)
     path = context.file(name)
-    as_finding(lambda: read_map(str(path), context.digests[path]))
+    as_finding(lambda: environment_of(str(path), context.digests[path]))
     return name
 
 
@@ -255,8 +255,8 @@ class LightsDocument(Document):
         if self.hdri is not None:
             context = ParseContext.of(info)
             path = context.folder / self.hdri
-            digest = context.digests[path]
-            self._environment = Environment(digest, visible=self.visible, path=str(path))
+            found = environment_of(str(path), context.digests[path])
+            self._environment = dataclasses.replace(found, visible=self.visible)
         elif "visible" in self.model_fields_set:
             raise finding(
                 "lights has visible, which is for hdri; sun and sky have their own. Move or remove it."

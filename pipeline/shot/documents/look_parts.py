@@ -35,7 +35,7 @@ from render.scene.measure import COLOUR_MAPS, KINDS, Measure
 from render.scene.patterns import PATTERNS, Pigment
 from render.scene.surface import Wireframe
 from render.scene.texture_projection import PROJECTIONS, TextureProjection
-from render.scene.textures import Texture, read_picture
+from render.scene.textures import Texture, texture_of
 
 _PROJECTIONS_WITH = {
     "axis": ("planar", "cylindrical", "spherical"),
@@ -153,8 +153,7 @@ def _read_texture(name: str, space: str | None, info: ValidationInfo) -> Texture
     context = ParseContext.of(info)
     path = context.file(name)
     digest = context.digests[path]
-    as_finding(lambda: read_picture(str(path), digest, space))
-    return Texture(digest, space, str(path))
+    return as_finding(lambda: texture_of(str(path), digest, space))
 
 
 def _texture(space: str | None) -> AfterValidator:

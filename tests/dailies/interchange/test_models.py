@@ -33,7 +33,7 @@ from pipeline.mesh.points import read_points
 from pipeline.mesh.read import read_mesh, read_surface
 from pipeline.mesh.write import write_mesh
 from render.scene.materials import LOOKS
-from render.scene.textures import linear_of_srgb, srgb_of_linear
+from render.scene.rgb_encoding import linear_of_srgb, srgb_of_linear
 from tests.conftest import commanded
 from tests.dailies.review.studio import simulated
 
