@@ -231,9 +231,9 @@ class OpenedPicture:
 
     def _stated(self) -> StatedSpace | None:
         """Return the space that the file states. Raises ValueError where it cannot be converted."""
-        name = self.spec.get_string_attribute("oiio:ColorSpace")
-        if self.spec.getattribute("CICP") is not None:  # it stands over a profile (PNG, 4.3)
-            return _named(name)
+        code_points = self.spec.getattribute("CICP")  # they stand over a profile (PNG, 4.3)
+        if code_points is not None and not _is_unspecified(*code_points[:2]):
+            return _named(_name_of_code_points(*code_points[:2]))
         profile = self.spec.getattribute("ICCProfile")
         if profile is not None:
             return self._profile_space(bytes(profile))
@@ -244,6 +244,7 @@ class OpenedPicture:
             "dpx": self._dpx_space,
             "cineon": self._cineon_space,
         }
+        name = self.spec.get_string_attribute("oiio:ColorSpace")
         return by_kind.get(self.kind, self._exif_space)(name)
 
     def _profile_space(self, content: bytes) -> StatedSpace:
@@ -331,6 +332,22 @@ def _named(name: str) -> StatedSpace | None:
         )
     linear = oiio.ColorConfig("ocio://default").resolve(name) == "Linear Rec.709 (sRGB)"
     return StatedSpace(name, "srgb" if name in _SRGB else "linear" if linear else name)
+
+
+def _is_unspecified(primaries: int, transfer: int) -> bool:
+    """Tell whether code points (ITU-T H.273) leave a space open, or say no more than that it is sRGB."""
+    return primaries in (1, 2) and transfer in (2, 13)
+
+
+def _name_of_code_points(primaries: int, transfer: int) -> str:
+    """Return the interop ID of code points (ITU-T H.273). Raises ValueError where there is none."""
+    import OpenImageIO as oiio
+
+    curve = 1 if transfer in (6, 14, 15) else transfer  # the curve of BT.709 has four numbers
+    name = str(oiio.ColorConfig("ocio://default").get_color_interop_id([primaries, curve, 0, 1]))
+    if not name:
+        raise ValueError(f"OpenColorIO has no colour space of its code points {primaries} and {transfer}")
+    return name
 
 
 def _png_chunks(content: bytes) -> Iterator[tuple[bytes, bytes]]:

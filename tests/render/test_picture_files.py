@@ -409,6 +409,53 @@ def test_spaces_that_cannot_be_converted_are_refused(
     assert np.array_equal(texture(path, "linear").pixels(), FLAT), "the shot's word counts"
 
 
+@pytest.mark.parametrize("points", [(9, 1), (9, 14), (5, 1), (9, 18)])
+def test_code_points_without_a_space_are_refused(points: tuple[int, int], tmp_path: Path) -> None:
+    path = png(tmp_path / "a.png", (b"cICP", bytes([*points, 0, 1])))
+    with pytest.raises(BadInputError, match="colour space"):
+        texture(path)
+
+
+@pytest.mark.parametrize("points", [(1, 13), (2, 2), (1, 2)])
+def test_code_points_that_say_nothing_change_nothing(points: tuple[int, int], tmp_path: Path) -> None:
+    found = texture(png(tmp_path / "a.png", (b"cICP", bytes([*points, 0, 1]))))
+    assert np.array_equal(found.pixels(), texture(png(tmp_path / "b.png")).pixels()) and not found.reading
+
+
+def subsampled(path: Path) -> Path:
+    """Write an EXR of luminance and chroma of half its size."""
+
+    def attribute(name: str, kind: str, value: bytes) -> bytes:
+        return f"{name}\0{kind}\0".encode() + struct.pack("<i", len(value)) + value
+
+    channels = b"".join(
+        name + struct.pack("<BiB3xii", 0, 1, 0, step, step)
+        for name, step in ((b"BY", 2), (b"RY", 2), (b"Y", 1))
+    )
+    window, rows = struct.pack("<4i", 0, 0, 3, 3), []
+    for row in range(4):
+        content = np.full(8 if row % 2 == 0 else 4, 0.5, np.float16).tobytes()
+        rows.append(struct.pack("<ii", row, len(content)) + content)
+    head = b"\x76\x2f\x31\x01\2\0\0\0" + attribute("channels", "chlist", channels + b"\0")
+    head += attribute("compression", "compression", b"\0") + attribute("lineOrder", "lineOrder", b"\0")
+    head += attribute("dataWindow", "box2i", window) + attribute("displayWindow", "box2i", window)
+    head += attribute("pixelAspectRatio", "float", struct.pack("<f", 1.0))
+    head += attribute("screenWindowCenter", "v2f", bytes(8))
+    head += attribute("screenWindowWidth", "float", struct.pack("<f", 1.0)) + b"\0"
+    starts = len(head) + 32 + np.cumsum([0, *map(len, rows[:-1])])
+    path.write_bytes(head + struct.pack("<4Q", *starts.tolist()) + b"".join(rows))
+    return path
+
+
+def test_pixels_that_openimageio_does_not_decode_have_its_reason(tmp_path: Path) -> None:
+    with pytest.raises(BadInputError, match="Subsampled channels are not supported"):
+        texture(subsampled(tmp_path / "a.exr"))
+    path = radiance(tmp_path / "a.hdr", PICTURE, f"-Y {H} +X {W}")
+    path.write_bytes(path.read_bytes().replace(b"rle_rgbe", b"rle_xyze"))
+    with pytest.raises(BadInputError, match="cannot be read as a picture"):
+        texture(path)
+
+
 def stored_linear(path: Path) -> Floats:
     """Pixels as stored, from 0 to 1."""
     return texture(path, "data").pixels()
