@@ -91,7 +91,8 @@ PLACES = [(3, 1), (9, 5), (-4, -2), (-4, 1), (3, -2), (-15, -7)]
 
 
 @pytest.mark.parametrize(
-    ("suffix", "x", "y"), [*(("exr", *place) for place in PLACES), *(("tif", *place) for place in PLACES[:2])]
+    ("suffix", "x", "y"),
+    [*(("exr", *place) for place in PLACES), *(("tif", *place) for place in PLACES[:2]), ("rla", 3, 1)],
 )
 def test_the_display_window_is_the_picture(suffix: str, x: int, y: int, tmp_path: Path) -> None:
     spec = spec_of()
@@ -542,10 +543,20 @@ def test_damaged_profiles_have_one_reason(damage: bytes) -> None:
 
 
 def test_inks_are_refused(tmp_path: Path) -> None:
-    for name in ("a.jpg", "a.tif"):
-        Image.new("CMYK", (W, H), (10, 200, 30, 40)).save(tmp_path / name)
-        with pytest.raises(BadInputError, match="its colours are CMYK; write it as RGB"):
+    for kind, name in (("CMYK", "a.jpg"), ("CMYK", "a.tif"), ("LAB", "b.tif")):
+        Image.new(kind, (W, H)).save(tmp_path / name)
+        with pytest.raises(BadInputError, match=rf"its colours are \w*{kind}; write it as RGB"):
             texture(tmp_path / name)
+
+
+def test_a_profile_that_is_a_table_is_refused_by_its_name(tmp_path: Path) -> None:
+    profile = icc(P3, SRGB_CURVE, name="Scanner 9").replace(b"rXYZ", b"A2B0")
+    Image.new("RGB", (W, H)).save(tmp_path / "a.png", icc_profile=profile)
+    with pytest.raises(
+        BadInputError, match=r"is a table, not curves and primaries \(Scanner 9\); write it in"
+    ):
+        texture(tmp_path / "a.png")
+    assert texture(tmp_path / "a.png", "srgb").pixels().max() == 0.0
 
 
 def test_a_dpx_is_read_by_its_transfer_or_the_shots_word(tmp_path: Path) -> None:
