@@ -9,8 +9,7 @@ from typing import Any
 
 from render.base.errors import BadInputError, suggestion
 from render.base.limited_process import ParserError, answer_about_content, serve
-from render.scene.picture_file import last_message
-from render.scene.textures import DEFAULT_CONFIG
+from render.scene.picture_file import DEFAULT_CONFIG, last_message
 from render.scene.working_space import REC709
 
 BUILT_IN = "ocio://"

@@ -11,7 +11,7 @@ import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,9 @@ from render.base.errors import BadInputError, reason_of
 from render.base.input_files import parsing
 from render.scene.picture_layers import Layer, Part, choose_layer
 from render.scene.rgb_encoding import RgbEncoding, encoding_of, encoding_of_icc, linear_of_srgb, power, same
+
+DEFAULT_CONFIG = "ocio://default"
+"""OpenColorIO's own config, which names the colour spaces of textures."""
 
 Pixels = NDArray[np.float32]
 Window = tuple[int, int, int, int]
@@ -313,24 +316,27 @@ def _assignment(line: bytes) -> tuple[bytes, bytes, bytes]:
     return name.strip(), equals, value.strip()
 
 
-def _is_known(name: str) -> bool:
+@cache
+def _config() -> Any:
     import OpenImageIO as oiio
 
-    config = oiio.ColorConfig("ocio://default")
-    return name in _SRGB or name == "data" or config.resolve(name) in config.getColorSpaceNames()
+    return oiio.ColorConfig(DEFAULT_CONFIG)
+
+
+def _is_known(name: str) -> bool:
+    """Tell whether OpenColorIO's own config has a space of this interop ID."""
+    return name in (*_SRGB, "data") or _config().resolve(name) in _config().getColorSpaceNames()
 
 
 def _named(name: str) -> StatedSpace | None:
     """Return a space by its interop ID; None where there is none. Raises ValueError for unknown ones."""
-    import OpenImageIO as oiio
-
     if not name:
         return None
     if not _is_known(name):
         raise ValueError(
             f"its colour space {reason_of(ValueError(name))} is not in OpenColorIO's built-in config"
         )
-    linear = oiio.ColorConfig("ocio://default").resolve(name) == "Linear Rec.709 (sRGB)"
+    linear = _config().resolve(name) == _config().resolve("lin_rec709_scene")
     return StatedSpace(name, "srgb" if name in _SRGB else "linear" if linear else name)
 
 
@@ -341,10 +347,8 @@ def _is_unspecified(primaries: int, transfer: int) -> bool:
 
 def _name_of_code_points(primaries: int, transfer: int) -> str:
     """Return the interop ID of code points (ITU-T H.273). Raises ValueError where there is none."""
-    import OpenImageIO as oiio
-
     curve = 1 if transfer in (6, 14, 15) else transfer  # the curve of BT.709 has four numbers
-    name = str(oiio.ColorConfig("ocio://default").get_color_interop_id([primaries, curve, 0, 1]))
+    name = str(_config().get_color_interop_id([primaries, curve, 0, 1]))
     if not name:
         raise ValueError(f"OpenColorIO has no colour space of its code points {primaries} and {transfer}")
     return name

@@ -13,12 +13,9 @@ from numpy.typing import NDArray
 from render.base.errors import BadInputError
 from render.base.serialise import NOT_PLAIN, PLAIN_IF_SET
 from render.scene.picture_check import require_decodable
-from render.scene.picture_file import OpenedPicture, Pixels, StatedSpace, opened_picture
+from render.scene.picture_file import DEFAULT_CONFIG, OpenedPicture, Pixels, StatedSpace, opened_picture
 from render.scene.rgb_encoding import linear_of_srgb
 from render.scene.working_space import REC709, converted_pixels
-
-DEFAULT_CONFIG = "ocio://default"
-"""OpenColorIO's own config, which names the colour spaces of textures."""
 
 WIDEST = 4096
 """Pixels along a side that are kept of a texture; finer ones are averaged."""
