@@ -211,8 +211,7 @@ class OpenedPicture:
 
     @cached_property
     def _header(self) -> bytes:
-        with Path(self.path).open("rb") as file:
-            return file.read(_HEADER_BYTES)
+        return _header_of(self.path)
 
     @cached_property
     def _exposure(self) -> NDArray[np.float64] | None:
@@ -306,6 +305,11 @@ class OpenedPicture:
         raise ValueError("its transfer is printing density")
 
 
+def _header_of(path: str) -> bytes:
+    with Path(path).open("rb") as file:
+        return file.read(_HEADER_BYTES)
+
+
 def _first(channels: int) -> tuple[int, ...]:
     """Return the channels of a picture without layers."""
     return (0, 1, 2) if channels >= 3 else (0,)
@@ -390,9 +394,10 @@ def opened_picture(path: str, kinds: str, *options: Any) -> Iterator[OpenedPictu
     with parsing(Path(path), "a picture", f"Write an {kinds}."):
         file = oiio.ImageInput.open(path, *options)
         if file is None:
-            raise BadInputError(
-                f"{path}: it cannot be read as a picture ({last_message(oiio)}); write an {kinds}"
-            )
+            reason = last_message(oiio)
+            if b"FORMAT=32-bit_rle_xyze" in _header_of(path):  # OpenImageIO finds no format in such a file
+                reason = "its pixels are in CIE XYZ"
+            raise BadInputError(f"{path}: it cannot be read as a picture ({reason}); write an {kinds}")
         try:
             yield OpenedPicture(file, path)
         finally:
