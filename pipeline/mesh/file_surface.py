@@ -53,27 +53,33 @@ def file_surface(
     Raises ValueError where a face names a missing vertex.
     """
     if isinstance(faces, np.ndarray):
-        sides, corners = np.full(len(faces), faces.shape[1]), faces.reshape(-1).astype(np.int64)
+        offsets, corners = faces.shape[1] * np.arange(len(faces) + 1), faces.reshape(-1).astype(np.int64)
     else:
-        sides = np.array([len(face) for face in faces], np.int64)
+        offsets = offsets_of([len(face) for face in faces])
         corners = np.fromiter(chain.from_iterable(faces), np.int64)
-    return polygon_surface(points, sides, corners, groups, tagged, base)
+    return polygon_surface(points, offsets, corners, groups, tagged, base)
+
+
+def offsets_of(sides: Sequence[int] | AnyArray) -> AnyArray:
+    """Return where the corners of each face begin, and the last end, int64 (F + 1,), by their counts (F,)."""
+    offsets = np.zeros(len(sides) + 1, np.int64)
+    np.cumsum(sides, out=offsets[1:])
+    return offsets
 
 
 def polygon_surface(
     points: Points,
-    sides: AnyArray,
+    offsets: AnyArray,
     corners: AnyArray,
     groups: Sequence[int] | None = None,
     tagged: Sequence[tuple[int, int]] = (),
     base: int | None = 0,
     notes: tuple[str, ...] = (),
 ) -> FileSurface:
-    """Return the surface of faces with so many corners each, `sides` (F,), in one list, int64 (C,).
+    """Return the surface of faces whose corners, int64 (C,), are in one list; `offsets` as in FileSurface.
 
     Raises ValueError where a face names a missing vertex.
     """
-    offsets = np.concatenate([[0], np.cumsum(sides, dtype=np.int64)])
     outside = (corners < 0) | (corners >= len(points))
     if outside.any():
         c = int(np.argmax(outside))
@@ -83,7 +89,7 @@ def polygon_surface(
             f"face {face + first} names vertex {corners[c] + first}; the file has {len(points)} vertices, "
             f"numbered from {first}"
         )
-    alike = np.zeros(len(sides), np.int64) if groups is None else np.array(groups, np.int64)
+    alike = np.zeros(len(offsets) - 1, np.int64) if groups is None else np.array(groups, np.int64)
     return FileSurface(
         points, offsets, corners, alike, np.array(tagged, np.int64).reshape(-1, 2), base, notes
     )

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.errors import MeshError
-from pipeline.mesh.file_surface import FileSurface, polygon_surface
+from pipeline.mesh.file_surface import FileSurface, offsets_of, polygon_surface
 from pipeline.text_encoding import number_fault, text_content
 from render.base.plural import plural
 
@@ -164,7 +164,7 @@ class _Wavefront:
         """Return the faces. Raises ValueError where one names a missing vertex."""
         return polygon_surface(
             np.array(self.coordinates, np.float64).reshape(-1, 3),
-            np.array(self.sides, np.int64),
+            offsets_of(self.sides),
             np.array(self.corners, np.int64) - 1,
             self.groups,
             self.tagged,

@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError
-from pipeline.mesh.file_surface import FileSurface, early_end, polygon_surface
+from pipeline.mesh.file_surface import FileSurface, early_end, offsets_of, polygon_surface
 from pipeline.text_encoding import number_fault, text_content
 
 _KEYWORD = re.compile(rb"((?:ST|C|N|4|n)*)OFF(\d*)")
@@ -141,7 +141,7 @@ def _read_rows(rows: Iterator[Row], layout: _Layout, vertices: int, faces: int) 
         sides.append(count)
     _require_faces(faces, len(sides), sum(1 for _ in rows), "row")
     points = layout.points(np.array(positions, np.float64).reshape(-1, width))
-    return polygon_surface(points, np.array(sides, np.int64), np.array(corners, np.int64))
+    return polygon_surface(points, offsets_of(sides), np.array(corners, np.int64))
 
 
 def _require_faces(promised: int, present: int, more: int, item: str) -> None:
@@ -172,7 +172,7 @@ def _read_words(rows: list[Row], layout: _Layout, vertices: int, faces: int) -> 
             at += 1
     _require_faces(faces, len(sides), len(words) - at, "number")
     points = layout.points(table[:, : layout.numbers])
-    return polygon_surface(points, np.array(sides, np.int64), np.array(corners, np.int64))
+    return polygon_surface(points, offsets_of(sides), np.array(corners, np.int64))
 
 
 def _read_binary(body: bytes, prefixes: bytes) -> FileSurface:
@@ -205,4 +205,4 @@ def _read_binary(body: bytes, prefixes: bytes) -> FileSurface:
         raise early_end(faces, "face", len(sides) - 1)
     _require_faces(faces, len(sides), 4 * (len(words) - at), "byte")
     points = layout.points(table[:, : layout.numbers])
-    return polygon_surface(points, np.array(sides, np.int64), np.array(corners, np.int64))
+    return polygon_surface(points, offsets_of(sides), np.array(corners, np.int64))

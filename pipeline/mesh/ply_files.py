@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.errors import MeshError
-from pipeline.mesh.file_surface import FileSurface, early_end, polygon_surface
+from pipeline.mesh.file_surface import FileSurface, early_end, offsets_of, polygon_surface
 from pipeline.text_encoding import as_utf8, number_fault
 from render.base.plural import plural
 
@@ -35,10 +35,26 @@ _LONGEST_WORD = 64
 
 
 class Lists(NamedTuple):
-    """A property that is a list in every row: lengths (rows,), and the values of all rows in one array."""
+    """A property that is a list in every row.
+
+    lengths  (rows,)
+    values   those of all rows, one after another; (rows, n) where all lists have n
+    """
 
     lengths: AnyArray
     values: AnyArray
+
+    @property
+    def offsets(self) -> AnyArray:
+        """Where the values of each row begin, and the last end, int64 (rows + 1,)."""
+        if self.values.ndim == 2:
+            return self.values.shape[1] * np.arange(len(self.values) + 1)
+        return offsets_of(self.lengths)
+
+    def joined(self, others: Lists) -> Lists:
+        """Return these lists and then others."""
+        values = np.concatenate([self.values.reshape(-1), others.values.reshape(-1)])
+        return Lists(np.concatenate([self.lengths, others.lengths]), values)
 
 
 Column = AnyArray | Lists
@@ -65,17 +81,23 @@ def read_polygon_file(content: bytes) -> FileSurface:
     Raises ValueError for unreadable input, MeshError for a range grid without faces.
     """
     tables = read_elements(content)
-    parts = [_faces(tables["face"])] if "face" in tables else []
-    if _STRIPS in tables:
-        parts.append(_triangles_of(_corners(_STRIPS, tables[_STRIPS], restarts=True)))
-    if not any(len(part.lengths) for part in parts) and len(next(iter(tables.get(_GRID, {}).values()), ())):
+    faces = Lists(*np.empty((2, 0), np.int64))
+    if _rows(tables, "face"):
+        faces = _corners("face", tables["face"])
+    if _rows(tables, _STRIPS):
+        faces = faces.joined(_triangles_of(_corners(_STRIPS, tables[_STRIPS], restarts=True)))
+    if not len(faces.lengths) and _rows(tables, _GRID):
         raise MeshError(
             f"it holds a grid of ranges as a scanner made it ({_GRID}), and no faces. "
             "Export it as faces from the scanner's program."
         )
-    sides = np.concatenate([np.empty(0, np.int64), *(part.lengths for part in parts)])
-    corners = np.concatenate([np.empty(0, np.int64), *(part.values for part in parts)])
-    return polygon_surface(vertex_positions(tables), sides, corners)
+    return polygon_surface(vertex_positions(tables), faces.offsets, faces.values.reshape(-1))
+
+
+def _rows(tables: dict[str, Table], element: str) -> int:
+    """Return how many rows an element has; 0 where there is none."""
+    column = next(iter(tables.get(element, {}).values()), ())
+    return len(column.lengths) if isinstance(column, Lists) else len(column)
 
 
 def vertex_positions(tables: dict[str, Table]) -> Points:
@@ -100,11 +122,7 @@ def _corners(element: str, table: Table, restarts: bool = False) -> Lists:
         raise ValueError(f"its {element} names vertices by numbers that are not integers")
     if restarts and lists.values.dtype.kind == "u":
         vertices[vertices == np.iinfo(lists.values.dtype).max] = -1
-    return Lists(lists.lengths.astype(np.int64), vertices)
-
-
-def _faces(table: Table) -> Lists:
-    return _corners("face", table) if any(map(len, table.values())) else Lists(*np.empty((2, 0), np.int64))
+    return Lists(lists.lengths, vertices)
 
 
 def _triangles_of(strips: Lists) -> Lists:
@@ -113,14 +131,14 @@ def _triangles_of(strips: Lists) -> Lists:
     Triangles that name a vertex twice only lead the strip elsewhere, and are left out.
     """
     ends = np.full(len(strips.lengths), -1)  # each list is a strip of its own too
-    vertices = np.insert(strips.values, np.cumsum(strips.lengths), ends)
+    vertices = np.insert(strips.values.reshape(-1), strips.offsets[1:], ends)
     places = np.arange(len(vertices))
     begins = np.maximum.accumulate(np.where(vertices == -1, places + 1, 0))
     a, b, c = vertices[:-2], vertices[1:-1], vertices[2:]
     odd = (places[:-2] - begins[:-2]) % 2 == 1
     triangles = np.column_stack([np.where(odd, b, a), np.where(odd, a, b), c])
     whole = (triangles != -1).all(axis=1) & (a != b) & (b != c) & (a != c)
-    return Lists(np.full(int(whole.sum()), 3), triangles[whole].reshape(-1))
+    return Lists(np.full(int(whole.sum()), 3), triangles[whole])
 
 
 def read_elements(content: bytes) -> dict[str, Table]:
@@ -251,7 +269,7 @@ def _even_text(element: _Element, words: list[bytes], at: int) -> tuple[Table, i
         if (cells[:, start] != cells[0, start]).any():
             return None
         lengths = np.full(element.rows, end - start - 1)
-        table[p.name] = Lists(lengths, _numbers(cells[:, start + 1 : end].reshape(-1), p.kind, p.name))
+        table[p.name] = Lists(lengths, _numbers(cells[:, start + 1 : end], p.kind, p.name))
     return table, at + width * element.rows
 
 
@@ -298,8 +316,9 @@ def _numbers(words: AnyArray, kind: str, place: str) -> AnyArray:
             return words.astype(wanted)
         except (ValueError, OverflowError):
             continue
-    row = next(k for k, word in enumerate(words.tolist()) if number_fault([word]))
-    raise ValueError(f"{place.format(row)[:60]}: {number_fault([words[row]])}")
+    flat = words.reshape(-1).tolist()
+    row = next(k for k, word in enumerate(flat) if number_fault([word]))
+    raise ValueError(f"{place.format(row)[:60]}: {number_fault([flat[row]])}")
 
 
 def _binary(elements: list[_Element], content: bytes, order: str, at: int) -> dict[str, Table]:
@@ -340,7 +359,7 @@ def _even_rows(element: _Element, content: bytes, order: str, at: int) -> tuple[
         lengths = rows[_length_of(p)]
         if (lengths != row[p.name].shape[0]).any():
             return None
-        table[p.name] = Lists(lengths, rows[p.name].reshape(-1))
+        table[p.name] = Lists(lengths, rows[p.name])
     return table, at + rows.nbytes
 
 
