@@ -195,7 +195,11 @@ def _contents(folder: Path) -> Iterator[tuple[str, str, bytes]]:
     yield "model", "uneven.ply", _uneven_ply()
     yield "model", "binary.stl", ball.export(file_type="stl")
     yield "model", "text.stl", ball.export(file_type="stl_ascii").encode()
+    yield "model", "line.stl", b" ".join(ball.export(file_type="stl_ascii").encode().split())
     yield "model", "ball.off", ball.export(file_type="off").encode()
+    yield "model", "binary.off", _binary_off(ball)
+    yield "model", "strips.ply", _strips_ply()
+    yield "model", "utf16.obj", OBJ.encode("utf-16")
     yield "scene", "ball.glb", trimesh.Scene([ball, trimesh.creation.box()]).export(file_type="glb")
     yield "scene", "features.glb", _scene_of_features(folder / "features.glb")
     yield "stage", "box.usda", STAGE.encode()
@@ -254,6 +258,26 @@ def _uneven_ply() -> bytes:
     )
     rows = (b"\x07" + bytes([len(face)]) + np.array(face, ">i4").tobytes() for face in faces)
     return head.encode() + points.tobytes() + b"".join(rows)
+
+
+def _strips_ply() -> bytes:
+    """Return a tetrahedron as one triangle and a strip, which -1 ends."""
+    head = (
+        "ply\rformat binary_little_endian 1.0\relement vertex 4\rproperty float x\rproperty float y\r"
+        "property float z\relement face 1\rproperty list uchar int vertex_indices\relement tristrips 1\r"
+        "property list int int vertex_indices\rend_header\r"
+    )
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "<f4")
+    face, strip = np.array([0, 2, 1], "<i4"), np.array([6, 0, 1, 3, 2, 0, -1], "<i4")
+    return head.encode() + points.tobytes() + b"\x03" + face.tobytes() + strip.tobytes()
+
+
+def _binary_off(ball: trimesh.Trimesh) -> bytes:
+    """Return a ball with a homogeneous coordinate, and a colour in each face."""
+    counts = np.array([len(ball.vertices), len(ball.faces), 0], ">i4")
+    points = np.column_stack([2.0 * ball.vertices, np.full(len(ball.vertices), 2.0)]).astype(">f4")
+    faces = np.column_stack([np.full(len(ball.faces), 3), ball.faces, np.ones_like(ball.faces[:, :2])])
+    return b"4OFF BINARY\n" + counts.tobytes() + points.tobytes() + faces.astype(">i4").tobytes()
 
 
 def _vtk(form: str, compressor: str) -> str:
