@@ -4,8 +4,8 @@ Formats are OBJ, PLY, STL and OFF, PLY and STL also as text, and GLB. Four kinds
 torus of triangles and quadrangles; the torus with normals, texture coordinates and colours; and many small
 balls, each a part of its own. STL and GLB have their triangles. This code, the code of another checkout, DIR,
 and trimesh read each in turns, every reader in a process of its own. Times are CPU seconds, also of the
-processes that a reader starts, medians; nan of what a reader refuses. Prints a table with the worst kind of each
-format and the best; writes `benchmarks/out/readers.json`.
+processes that a reader starts, medians; nan of what a reader refuses. Prints a table with the worst kind of
+each format and the best; writes `benchmarks/out/readers.json`.
 """
 
 from __future__ import annotations
