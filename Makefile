@@ -65,8 +65,9 @@ pictures: figures film
 setup: .venv/ready
 
 .venv/ready: requirements.lock pyproject.toml
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
-		{ echo "flowsculpt needs Python 3.11 or newer; point make at one: make PYTHON=python3.12 film" >&2; exit 4; }
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' || \
+		{ echo "flowsculpt's lock supports Python 3.11, 3.12 and 3.13, and $(PYTHON) is none of them;" \
+		"point make at one: make PYTHON=python3.12 film" >&2; exit 4; }
 	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || \
 		{ echo "flowsculpt needs Python's venv module: apt-get install python3-venv" >&2; exit 4; }
 	@echo "Setting up .venv, once. 1 of 3: packages (1.1 GB; about a minute if pip has them already)"

@@ -194,6 +194,15 @@ def keep_freed_memory() -> None:
     bytes(2**25 - 2**14)
 
 
+def name_a_home() -> None:
+    """Let accounts without a home, as containers and farms have, have one where nothing can be written.
+
+    Libraries ask for it when they look for settings and caches, and some fail where there is no answer.
+    """
+    if not os.path.isabs(os.path.expanduser("~")):  # noqa: PTH111, PTH117  # Path.home() raises
+        os.environ["HOME"] = os.devnull
+
+
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that interrupt a command: of a user, a farm or service manager, and a terminal that is closed."""
 
@@ -212,6 +221,7 @@ def main() -> None:
             signal.signal(number, _interrupt_once)
     keep_freed_memory()
     distrust_working_folder()
+    name_a_home()
     try:
         command_line()()
     except OutputError as error:

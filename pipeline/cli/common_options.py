@@ -15,6 +15,7 @@ import typer
 
 from pipeline.cli.options import Common
 from pipeline.cli.output import print_error, print_warning, tell_of_store
+from pipeline.production.store.paths import require_store
 from pipeline.production.store.remote_url import VARIABLE, checked_url
 from render.mitsuba.engine import available_cores
 
@@ -100,12 +101,14 @@ class CommonOptions:
         if given.store:
             os.environ[VARIABLE] = checked_url(given.store)  # so do they
             tell_of_store(progress)
+        root = (given.root or Path()).resolve()
+        require_store(root)
         return Common(
             json=given.json_,
             progress=progress,
             cores=given.cores or available_cores(),
             dry_run=given.dry_run,
-            root=(given.root or Path()).resolve(),
+            root=root,
             patience=None if given.timeout is None else 60.0 * given.timeout,
             profile=profile,
             wait=given.wait,

@@ -172,7 +172,7 @@ def _of_frame(
     try:
         store.bring("measures", key)
         store.digests.check(known)
-        return dict(json.loads(known.read_text()))
+        return dict(json.loads(known.read_text(encoding="utf-8")))
     except (CorruptFileError, OSError, ValueError):
         store.discard("measures", key)
     try:
@@ -180,7 +180,7 @@ def _of_frame(
         found = measures_of(readers.mesh_frame(mesh)(path), maximum, count_crossings)
     except (CorruptFileError, OSError):
         return None
-    store.put("measures", key, lambda draft: draft.write_text(json.dumps(found)))
+    store.put("measures", key, lambda draft: draft.write_text(json.dumps(found), encoding="utf-8"))
     return found
 
 

@@ -184,7 +184,7 @@ def _loaded(text: str) -> BlockKernel:
     file = formula_folder() / f"formula_{hashlib.sha256(text.encode()).hexdigest()[:24]}.py"
     if not file.exists():
         with atomic_write(file, flush=False) as draft:  # several processes may compile one at once
-            draft.write_text(text)
+            draft.write_text(text, encoding="utf-8")
     module = ModuleType(file.stem)
     vars(module).update(math=math, np=np)
     sys.modules[file.stem] = module  # where numba looks up cached functions

@@ -23,7 +23,7 @@ def cache_path(kind: str, depends_on: Sequence[str], suffix: str = ".json") -> P
 def load_answer(path: Path) -> dict[str, Any] | None:
     """Return the stored answer, or None where there is none that can be read."""
     try:
-        answer = json.loads(path.read_text())
+        answer = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     return answer if isinstance(answer, dict) else None
@@ -32,4 +32,4 @@ def load_answer(path: Path) -> dict[str, Any] | None:
 def store_answer(path: Path, answer: dict[str, Any]) -> None:
     """Store an answer. A folder that cannot be written only means that the next process asks again."""
     with suppress(MachineError), atomic_write(path, flush=False) as draft:
-        draft.write_text(json.dumps(answer))
+        draft.write_text(json.dumps(answer), encoding="utf-8")

@@ -101,7 +101,7 @@ def allow_memory(count: int) -> None:
     with suppress(ImportError, OSError, ValueError):  # systems differ in what they can limit
         import resource
 
-        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        used = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (used + count, resource.RLIM_INFINITY))
 
 

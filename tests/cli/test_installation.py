@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+import tomllib
 import venv
 from dataclasses import dataclass
 from pathlib import Path
@@ -91,6 +92,24 @@ def test_a_package_that_comes_first_in_the_search_path_is_named(environment, tmp
     (tmp_path / "mine" / "render" / "__init__.py").touch()
     told = environment.run("--version", cwd=tmp_path, code=4, path=str(tmp_path / "mine"))
     assert "mine/render/__init__.py" in told
+
+
+def test_set_up_says_at_once_which_pythons_it_supports(tmp_path):
+    for name in ("Makefile", "pyproject.toml", "requirements.lock"):
+        shutil.copy(ROOT / name, tmp_path)
+    newer = tmp_path / "python3.14"
+    program = "import sys; sys.version_info = (3, 14, 0); ${2#import sys; }"
+    newer.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "{program}"\n')
+    newer.chmod(0o755)
+    words = ["make", "--no-print-directory", f"PYTHON={newer}", "setup"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    told = done.stderr.splitlines()[0]
+    assert done.returncode != 0 and told.startswith(
+        "flowsculpt's lock supports Python 3.11, 3.12 and 3.13, and"
+    )
+    assert "make PYTHON=python3.12" in told and not (tmp_path / ".venv").exists()
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert project["requires-python"] == ">=3.11,<3.14"
 
 
 @pytest.mark.soak

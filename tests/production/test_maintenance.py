@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -75,8 +76,9 @@ def test_verify_makes_frames_of_a_scale_again_and_says_how_a_curve_sheet_is(fini
 def test_cleaning_keeps_what_today_and_the_last_runs_need(
     finished: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Links of a copied project are copies, so that what renders/ shows keeps nothing here."""
+    """Nothing is shown in renders/, which would keep it."""
     monkeypatch.chdir(finished.path)
+    shutil.rmtree(finished.path / "renders")
     store, text = Store(finished.path), finished.shot.read_text()
     everything = {path for _, _, path in store.entries()}
 

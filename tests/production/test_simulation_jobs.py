@@ -136,7 +136,7 @@ def test_where_writing_fails_the_job_says_so_once_and_leaves_nothing_half_writte
     assert failure["frame"] == 3 and failure["exit_code"] == 4
     assert capfd.readouterr().err.count("disk is full") == 1
     assert job.stored() == job.shown() == [1, 2]
-    assert not [*Store(root).scratch.glob("*")]
+    assert not [*Store(root).scratch.glob("*"), *Store(root).inner_scratch.glob("*")]
 
 
 def test_where_a_frame_fails_those_before_it_are_stored(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -36,5 +36,12 @@ def clean(
     verb = "Would free" if common.dry_run else "Freed"
     freed = f"{size(done.freed)} in {plural(len(done.removed), 'file')}"
     words = f"{verb} {freed}, and {'keep' if common.dry_run else 'kept'} {plural(done.kept, 'file')}."
-    facts = {"removed": len(done.removed), "freed_bytes": done.freed, "kept": done.kept}
+    if done.linked:
+        words += f" {plural(done.linked, 'copy', 'copies')} in renders/ became links to the store."
+    facts = {
+        "removed": len(done.removed),
+        "freed_bytes": done.freed,
+        "kept": done.kept,
+        "linked": done.linked,
+    }
     print_result(words, facts, common.json)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-import shutil
 from importlib.metadata import version
 from typing import Annotated, Any
 
@@ -37,8 +36,8 @@ def doctor(
             calls = kernel_calls()
             build_kernels(calls, common.cores, bar("compiling kernels", len(calls)))
     renderer = engine.facts()
-    existing = next(folder for folder in (common.root, *common.root.parents) if folder.exists())
-    remote = Store(common.root).remote
+    store = Store(common.root)
+    remote = store.remote
     facts: dict[str, Any] = {
         "flowsculpt": version("flowsculpt"),
         "python": platform.python_version(),
@@ -47,7 +46,7 @@ def doctor(
         "kernels": str(cache_folder()),
         "packages": {name: version(name) for name in PACKAGES},
         "root": str(common.root),
-        "free_gigabytes": round(shutil.disk_usage(existing).free / 1e9, 1),
+        "free_gigabytes": round(store.free_bytes() / 1e9, 1),
         "remote_store": None if remote is None else {"url": remote.url, "fault": remote.fault()},
     }
     print_result(_diagnosis(facts), facts, common.json)

@@ -58,7 +58,11 @@ class KeyedFiles:
         finally:
             if len(self._written) > before:
                 text = json.dumps(dict(sorted(self._noted.items())), indent=1) + "\n"
-                self.store.write(self.folder / self.name, lambda draft: draft.write_text(text), flush=False)
+                self.store.write(
+                    self.folder / self.name,
+                    lambda draft: draft.write_text(text, encoding="utf-8"),
+                    flush=False,
+                )
 
     def _is_whole(self, name: str) -> bool:
         try:
@@ -70,7 +74,7 @@ class KeyedFiles:
 def _read(path: Path) -> dict[str, dict[str, Any]]:
     """Return what the JSON file says; nothing where it is not there, or damaged: all is then written anew."""
     try:
-        noted = json.loads(path.read_text())
+        noted = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     if not isinstance(noted, dict):

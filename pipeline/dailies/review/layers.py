@@ -103,7 +103,7 @@ class LayerWriter:
             steps = np.rint(255.0 * np.clip(table.values, 0.0, 1.0)).astype(np.uint8)
             about = {"toe": table.toe, "white": table.white, "side": side}
             script = as_script(file, DISPLAY, steps.reshape(side * side, side, 3), about=about)
-            self.store.write(self.folder / file, lambda draft: draft.write_text(script))
+            self.store.write(self.folder / file, lambda draft: draft.write_text(script, encoding="utf-8"))
         return file
 
 
@@ -130,7 +130,9 @@ def _write_script(
     draft: Path, file: str, name: str, values: NDArray[Any], exposure: float, view: str
 ) -> None:
     is_shown = name == "beauty" or name.startswith(PREFIX)
-    draft.write_text(as_script(file, name, values, exposure, {"view": view} if is_shown else {}))
+    draft.write_text(
+        as_script(file, name, values, exposure, {"view": view} if is_shown else {}), encoding="utf-8"
+    )
 
 
 def as_script(

@@ -86,7 +86,7 @@ class PageMeshes:
             except (CorruptFileError, OSError):
                 return None
             script = as_script(name, arrays)
-            self.store.write(self.folder / name, lambda draft: draft.write_text(script))
+            self.store.write(self.folder / name, lambda draft: draft.write_text(script, encoding="utf-8"))
         return name
 
     def _files(self, number: int) -> list[tuple[Path, Key]]:
@@ -194,7 +194,7 @@ def fetch() -> None:
 
 def _installed() -> Path:
     """Return the path of three.js in the environment, named by its release."""
-    release = re.search(r"^nicegui==(\S+)", REQUIREMENTS.read_text(), re.MULTILINE)
+    release = re.search(r"^nicegui==(\S+)", REQUIREMENTS.read_text(encoding="utf-8"), re.MULTILINE)
     assert release, "the requirement names one release"
     return Path(sys.prefix) / "web" / f"three.nicegui-{release[1]}.js"
 

@@ -122,7 +122,7 @@ class PlannedWorkflow:
         """
         job = self._job(rule, wildcards)
         try:
-            known = (self._root / movie_record(job.output)).read_text()
+            known = (self._root / movie_record(job.output)).read_text(encoding="utf-8")
         except OSError:
             return job.key
         if job.present:

@@ -16,7 +16,7 @@ import sys
 import threading
 import time
 from pathlib import Path
-from tempfile import TemporaryFile
+from tempfile import TemporaryFile, gettempdir
 
 import psutil
 
@@ -58,22 +58,23 @@ def log_of(plan: Plan) -> Path:
 
 def complaint(log: Path) -> str | None:
     """Return the first message about a job that could not be run, such as that a farm refused it."""
-    text = log.read_text(errors="replace") if log.exists() else ""
+    text = log.read_text(errors="replace", encoding="utf-8") if log.exists() else ""
     message = re.search(r"^ +message: (?!None)(.+?)(?:For further error details.*)?$", text, re.MULTILINE)
     return message.group(1).strip().rstrip(".") + "." if message else None
 
 
 def refusal(root: Path, log: Path) -> str | None:
-    """Return why Snakemake could not write what it needs itself: by its log, or as the disk is full."""
-    text = log.read_text(errors="replace") if log.exists() else ""
+    """Return why Snakemake could not write what it needs itself: by its log, or as a disk is full."""
+    text = log.read_text(errors="replace", encoding="utf-8") if log.exists() else ""
     for number, path in re.findall(r"Error: \[Errno (\d+)\] [^\n:]+: '([^'\n]+)'", text):
         if int(number) in REMEDIES:
             return str(machine_error(root / path, OSError(int(number), "")))
-    try:
-        with disk_errors(root / STATE), TemporaryFile(dir=root / STATE) as file:
-            file.write(bytes(PROBE))
-    except MachineError as error:
-        return str(error)
+    for folder in (root / STATE, Path(gettempdir())):
+        try:
+            with disk_errors(folder), TemporaryFile(dir=folder) as file:
+                file.write(bytes(PROBE))
+        except MachineError as error:
+            return str(error)
     return None
 
 

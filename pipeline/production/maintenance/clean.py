@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
-from pipeline.errors import FlowsculptError
+from pipeline.errors import FlowsculptError, MachineError
 from pipeline.production.maintenance.known_requests import last_requests
+from pipeline.production.maintenance.repair import by_digest
+from pipeline.production.maintenance.verify import inode, shown_files
 from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.store.event_log import RUNS
 from pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS, RENDERS
@@ -23,24 +26,28 @@ class Collected:
     removed  files of the store
     kept     how many files stay
     freed    bytes
+    linked   how many copies in renders/ became links
     """
 
     removed: tuple[Path, ...]
     kept: int
     freed: int
+    linked: int = 0
 
 
 def collect_garbage(store: Store, requests: Iterable[RenderRequest], keep: int, dry_run: bool) -> Collected:
     """Remove stored files that neither `requests` nor the last `keep` runs of each shot need.
 
-    Files that renders/ shows stay. Unless `dry_run`, only the holder of the root's lock may call this.
+    Files that renders/ shows stay; copies of them become links where the disk has links. Unless `dry_run`,
+    only the holder of the root's lock may call this.
     """
-    needed = {
-        name for request in (*requests, *last_requests(store.root, keep)) for name in _needs(request, store)
-    }
+    requests = (*requests, *last_requests(store.root, keep))
+    copies = _shown_copies(store)
+    needed = {name for request in requests for name in _needs(request, store)} | set(copies.values())
+    linked, freed = (0, 0) if dry_run else _link_copies(store, copies)
     shown = set(_inodes(store.root / RENDERS))
     removed: list[Path] = []
-    kept, freed = 0, 0
+    kept = 0
     for kind, key, path in store.entries():
         facts = path.stat()
         if (kind, key) in needed or (facts.st_dev, facts.st_ino) in shown:
@@ -57,7 +64,7 @@ def collect_garbage(store: Store, requests: Iterable[RenderRequest], keep: int, 
             for path in (store.root / folder).glob("*"):
                 if path.name != "renders":  # by which keys Snakemake knows movies
                     shutil.rmtree(path, ignore_errors=True)
-    return Collected(tuple(removed), kept, freed)
+    return Collected(tuple(removed), kept, freed, linked)
 
 
 def _needs(request: RenderRequest, store: Store) -> Iterator[tuple[str, Key]]:
@@ -77,6 +84,35 @@ def _needs(request: RenderRequest, store: Store) -> Iterator[tuple[str, Key]]:
             yield from ((form, request.still_key(form, keys[number].frame)) for form in FORMS)
         for numbers in (request.requested, tuple(request.angles)):
             yield "movie", request.movie_key([keys[n].frame for n in sorted(numbers)])
+
+
+def _shown_copies(store: Store) -> dict[Path, tuple[str, Key]]:
+    """Return the files in renders/ that are copies of stored files, with the kind and key of each.
+
+    Disks without links have such copies, and a store that was moved to another disk leaves them.
+    """
+    names, known = by_digest(store), cache(store.digests.in_folder)
+    stored = {inode(path) for _, _, path in store.entries()}
+    copies = {}
+    for path in shown_files(store.root):
+        digests, place = known(path.parent).get(path.name), path.relative_to(store.root)
+        name = names.get(digests[-1]) if digests and inode(path) not in stored else None
+        if name is not None and store.shows(*name, place):
+            copies[place] = name
+    return copies
+
+
+def _link_copies(store: Store, copies: Mapping[Path, tuple[str, Key]]) -> tuple[int, int]:
+    """Replace copies by links, unless the disk has none; return how many, and the bytes freed."""
+    freed = []
+    for place, name in copies.items():
+        size = (store.root / place).stat().st_size
+        with contextlib.suppress(MachineError):  # a full disk; the rest of `clean` frees it
+            store.link(*name, place, replace=True)
+        if inode(store.root / place) != inode(store.path(*name)):
+            break
+        freed.append(size)
+    return len(freed), sum(freed)
 
 
 def _inodes(folder: Path) -> Iterator[tuple[int, int]]:

@@ -53,7 +53,7 @@ def last_requests(root: Path, count: int) -> Iterator[RenderRequest]:
     seen: Counter[tuple[Any, ...]] = Counter()
     for path in sorted((root / PLANS).glob("*.json"), reverse=True):
         with suppress(OSError, ValueError, KeyError):
-            for data in json.loads(path.read_text())["requests"]:
+            for data in json.loads(path.read_text(encoding="utf-8"))["requests"]:
                 if not is_quality(data["quality_name"]):
                     continue  # a quality of an earlier version
                 if data["source"].get("subject"):

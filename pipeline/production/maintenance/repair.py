@@ -49,7 +49,7 @@ def evict(store: Store, damaged: Sequence[StoredFile], shown: Sequence[ShownFile
     digests = {digest for file in damaged for digest in store.digests.known(file.path)}
     faulty = {file.path for file in shown}
     in_folder = cache(store.digests.in_folder)
-    links = _by_digest(store, damaged) if faulty else {}
+    links = by_digest(store, damaged) if faulty else {}
     lost: list[Path] = []
     altered: list[Path] = []
     for path in sorted({*shown_files(store.root), *faulty}):
@@ -73,7 +73,7 @@ def evict(store: Store, damaged: Sequence[StoredFile], shown: Sequence[ShownFile
     return Evicted({(file.kind, file.key) for file in damaged}, tuple(lost), tuple(altered))
 
 
-def _by_digest(store: Store, damaged: Iterable[StoredFile]) -> dict[str, tuple[str, Key]]:
+def by_digest(store: Store, damaged: Iterable[StoredFile] = ()) -> dict[str, tuple[str, Key]]:
     """Return kind and key of the whole files of the store, by their digests."""
     bad = {file.path for file in damaged}
     in_folder = cache(store.digests.in_folder)

@@ -265,7 +265,7 @@ def _version(value: Any) -> str:
 def _source_in(plan: Path, request: RenderRequest) -> ShotSource | None:
     """Return the source of a request's shot at its quality in a frozen plan."""
     with contextlib.suppress(OSError, ValueError, KeyError, RenderError):
-        for data in json.loads(plan.read_text())["requests"]:
+        for data in json.loads(plan.read_text(encoding="utf-8"))["requests"]:
             planned = from_plain(RenderRequest, data)
             if (planned.label, planned.home) == (request.label, request.home):
                 return planned.source

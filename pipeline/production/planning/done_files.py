@@ -31,7 +31,7 @@ def movie_record(movie: str) -> str:
 def write_manifest(path: Path, kind: str, keys: Sequence[Key]) -> None:
     """Write a done-file: the kind and the keys of what its job has made."""
     with atomic_write(path) as draft:
-        draft.write_text(json.dumps({"kind": kind, "keys": list(keys)}))
+        draft.write_text(json.dumps({"kind": kind, "keys": list(keys)}), encoding="utf-8")
 
 
 def check_done_files(plan: Plan, store: Store) -> None:
@@ -56,7 +56,7 @@ def check_done_files(plan: Plan, store: Store) -> None:
 def _is_true(job: Job, path: Path, store: Store) -> bool:
     """Tell whether a done-file names all that its job makes, and the store holds it."""
     try:
-        manifest = json.loads(path.read_text())
+        manifest = json.loads(path.read_text(encoding="utf-8"))
         kind, keys = manifest["kind"], manifest["keys"]
     except (OSError, ValueError, KeyError, TypeError):
         return False

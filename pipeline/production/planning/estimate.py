@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -16,6 +15,7 @@ from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.planning.timings import SHARED_STAGES, statistics_in
 from pipeline.production.request.crop_and_scale import base_of, quality_named
 from pipeline.production.store.history import History
+from pipeline.production.store.store import Store
 from render.base.plural import plural
 from render.scene.quality import DEFAULT_QUALITY, QUALITIES, Quality
 
@@ -210,7 +210,7 @@ def estimate(plan: Plan, root: Path, cores: int) -> Estimate:
         unmeasured=tuple(unmeasured),
         by="" if render is None else f"{plural(render.frames, 'frame')} of {render.source}",
         bytes=size,
-        free=shutil.disk_usage(next(f for f in (root, *root.parents) if f.exists())).free,
+        free=Store(root).free_bytes(),
     )
 
 

@@ -222,12 +222,12 @@ class Plan:
     def write(self, path: Path) -> None:
         """Write the plan to a file, which appears whole or not at all."""
         with atomic_write(path) as draft:
-            draft.write_text(json.dumps(to_plain(self)))
+            draft.write_text(json.dumps(to_plain(self)), encoding="utf-8")
 
     @classmethod
     def thaw(cls, path: Path) -> Plan:
         """Read a frozen plan: all but links, targets and the like, which concern the process that plans."""
-        return from_plain(cls, json.loads(path.read_text()))
+        return from_plain(cls, json.loads(path.read_text(encoding="utf-8")))
 
     def job(self, name: str) -> Job:
         """Return the job of a name; with `:3,17` after it, a job of just these frames.

@@ -56,7 +56,7 @@ class RenderStatistics:
 def read_statistics(path: Path) -> RenderStatistics | None:
     """Read the statistics of one picture; None where they are missing or damaged."""
     with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
-        data = json.loads(path.read_text())
+        data = json.loads(path.read_text(encoding="utf-8"))
         return RenderStatistics(
             key=str(data["key"]),
             seconds={str(part): float(seconds) for part, seconds in data["seconds"].items()},

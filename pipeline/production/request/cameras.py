@@ -76,7 +76,7 @@ class CameraFile(Mapping[int, "Framing"]):
         try:
             store.bring("cameras", key)
             is_known = store.digests.check(path)
-            text = path.read_text()
+            text = path.read_text(encoding="utf-8")
             cameras = cls(store, key, numbers, lambda: json.loads(text))
             if not is_known and not cameras._data.keys() >= set(map(str, numbers)):
                 raise CorruptFileError(f"{path} lacks cameras")
@@ -155,7 +155,7 @@ class ShownCameras:
         if noted is None or not store.shows("cameras", noted["key"], path):
             return None
         try:
-            data: dict[str, Any] = json.loads((store.root / path).read_text())
+            data: dict[str, Any] = json.loads((store.root / path).read_text(encoding="utf-8"))
             known = dict.fromkeys(number for number in request.angles if str(number) in data)
         except (OSError, ValueError, TypeError):
             return None

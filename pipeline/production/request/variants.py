@@ -102,14 +102,14 @@ def avoid(root: Path, shot: str, variant: str, reason: str) -> bool:
     path = _memory(root, shot)
     known = {**_avoided(root, shot), variant: reason}
     with atomic_write(path) as draft:
-        draft.write_text(json.dumps({"mitsuba": version("mitsuba"), "avoid": known}))
+        draft.write_text(json.dumps({"mitsuba": version("mitsuba"), "avoid": known}), encoding="utf-8")
     return any(v not in known for v in DEFAULT_ORDER)
 
 
 def _avoided(root: Path, shot: str) -> dict[str, str]:
     """Return the variants that failed on this shot and the reasons; a new Mitsuba gets a new chance."""
     try:
-        memory = json.loads(_memory(root, shot).read_text())
+        memory = json.loads(_memory(root, shot).read_text(encoding="utf-8"))
     except (FileNotFoundError, ValueError):
         return {}
     return dict(memory["avoid"]) if memory.get("mitsuba") == version("mitsuba") else {}

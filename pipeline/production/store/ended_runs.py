@@ -49,7 +49,7 @@ def summarise(root: Path) -> None:
         added = {name: size for name, size in added.items() if name in kept}
         if added != before:
             with atomic_write(root / HISTORY / "logs.json", flush=False) as draft:
-                draft.write_text(json.dumps(added))
+                draft.write_text(json.dumps(added), encoding="utf-8")
 
 
 def _rotated(root: Path, logs: Sequence[Path]) -> Iterator[Path]:

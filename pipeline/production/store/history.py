@@ -158,7 +158,9 @@ class History:
         for (shot, quality), stages in self._stages.items():
             data = {name: stage.as_data() for name, stage in stages.items()}
             with atomic_write(_summary(self._root, (shot, quality)), flush=False) as draft:
-                draft.write_text(json.dumps({"shot": shot, "quality": quality, "stages": data}))
+                draft.write_text(
+                    json.dumps({"shot": shot, "quality": quality, "stages": data}), encoding="utf-8"
+                )
 
     def _at(self, place: Place) -> dict[str, StageHistory]:
         if place not in self._stages:
@@ -168,7 +170,7 @@ class History:
     def _summary_in(self, path: Path) -> dict[Place, dict[str, StageHistory]]:
         """Return the stages in a summary by their place; none where it is not there, or cannot be read."""
         try:
-            data = json.loads(path.read_text())
+            data = json.loads(path.read_text(encoding="utf-8"))
             stages = {name: StageHistory.from_data(stage) for name, stage in data["stages"].items()}
             return {(str(data["shot"]), str(data["quality"])): stages}
         except FileNotFoundError:
@@ -244,7 +246,7 @@ class _Run:
 def logs_added(root: Path) -> dict[str, int]:
     """Return the size that each log had when it was added to the summaries."""
     with contextlib.suppress(OSError, ValueError):
-        return dict(json.loads((root / HISTORY / "logs.json").read_text()))
+        return dict(json.loads((root / HISTORY / "logs.json").read_text(encoding="utf-8")))
     return {}
 
 

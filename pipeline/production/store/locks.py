@@ -161,7 +161,7 @@ def _myself(words: str) -> dict[str, str | int]:
 
 def _holder_in(path: Path) -> str:
     try:
-        holder = json.loads(path.read_text())
+        holder = json.loads(path.read_text(encoding="utf-8"))
         return "{user} on {host}, process {process}, since {since}".format(**holder)
     except (OSError, ValueError, KeyError, TypeError):
         return "a process that has not said who it is"
@@ -171,4 +171,4 @@ def _holders(root: Path) -> Iterator[str]:
     """Yield what runs make now, and who they are."""
     for path in sorted((root / LOCKS).glob("*.lock")):
         with contextlib.suppress(OSError, ValueError, KeyError):
-            yield f"{json.loads(path.read_text())['words']} by {_holder_in(path)}"
+            yield f"{json.loads(path.read_text(encoding='utf-8'))['words']} by {_holder_in(path)}"

@@ -8,7 +8,11 @@ from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
 
+from pipeline.errors import MachineError
+
 STATE = Path(".flowsculpt")
+STORE = STATE / "store"
+"""The store; it may be a link to a folder on another disk, or another disk itself."""
 PLANS = STATE / "plans"
 EVENTS = STATE / "events"
 LOGS = STATE / "logs"
@@ -102,6 +106,15 @@ class Folders:
 def film(quality: str, name: str) -> Path:
     """The film of an edit; it is named like the edit."""
     return Path("renders") / "film" / quality / f"{name}.mp4"
+
+
+def require_store(root: Path) -> None:
+    """Raise MachineError where the store of a root is a link to a folder that is not there."""
+    store = root / STORE
+    if store.is_symlink() and not store.is_dir():
+        raise MachineError(
+            f"{store}: links to {store.readlink()}, which is not a folder; mount its disk, or change the link"
+        )
 
 
 def published(name: str) -> Path:

@@ -6,7 +6,7 @@ mapping, a file's time) must stay out of it.
 
 Snakemake deletes a job's declared outputs before the job runs and after it fails, so those outputs
 are links; the store is what survives. A file appears under its name whole or not at all: it is written
-in `tmp/` beside the store, flushed, made read-only and renamed into place. Its digest is recorded before, and
+in the store's `tmp/`, flushed, made read-only and renamed into place. Its digest is recorded before, and
 compared whenever the file is read: `digests.py`.
 
 Where a remote store is named, which several roots share, files that it has count as held, and are fetched
@@ -16,6 +16,7 @@ when they are needed (`bring`); what is put here is uploaded: `remote.py`.
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import json
 import os
@@ -31,7 +32,7 @@ from typing import Any, TypeVar
 
 from pipeline.errors import FrameError, MachineError
 from pipeline.production.store.digests import CorruptFileError, Digests
-from pipeline.production.store.paths import STATE, SUFFIXES
+from pipeline.production.store.paths import STATE, STORE, SUFFIXES
 from pipeline.production.store.remote import SIDE_BY_SIDE, RemoteStore
 from pipeline.production.store.remote_requests import LOG
 from pipeline.production.store.remote_url import store_url
@@ -85,7 +86,13 @@ class Store:
 
     @property
     def scratch(self) -> Path:
+        """The folder of drafts on the disk of the root."""
         return self.root / STATE / "tmp"
+
+    @property
+    def inner_scratch(self) -> Path:
+        """The folder of drafts on the disk of the store, which may be another."""
+        return self.root / STORE / "tmp"
 
     @property
     def digests(self) -> Digests:
@@ -99,7 +106,7 @@ class Store:
 
     @cached_property
     def _folder(self) -> str:
-        return f"{self.root}/{STATE}/store"
+        return f"{self.root}/{STORE}"
 
     def holds(self, kind: str, key: Key | None) -> bool:
         """Tell whether the file of `key` is here or in the remote store, and so need not be made."""
@@ -128,7 +135,7 @@ class Store:
             return True
         if self.remote is None or not self.remote.holds(kind, key):
             return False
-        final, draft = self.path(kind, key), self.draft(SUFFIXES[kind])
+        final, draft = self.path(kind, key), self._stored_draft(kind)
         try:
             digest = self.remote.fetch(kind, key, draft)
             if digest is None:
@@ -151,16 +158,24 @@ class Store:
     def entries(self) -> Iterator[tuple[str, Key, Path]]:
         """Yield kind, key and path of every stored file."""
         for kind, suffix in SUFFIXES.items():
-            for path in sorted((self.root / STATE / "store" / kind).glob(f"*/*{suffix}")):
+            for path in sorted((self.root / STORE / kind).glob(f"*/*{suffix}")):
                 yield kind, path.stem, path
 
     def count(self) -> int:
         """Return how many files are stored."""
         return sum(1 for _ in self.entries())
 
+    def free_bytes(self) -> int:
+        """Return the bytes that are free on the disk of the store."""
+        folder = self.root / STORE
+        return shutil.disk_usage(next(f for f in (folder, *folder.parents) if f.exists())).free
+
     def draft(self, suffix: str = "") -> Path:
         """Return a new path for an unfinished file; its name tells the host and the process."""
         return self.scratch / f"{platform.node()}+{os.getpid()}+{uuid.uuid4().hex}{suffix}"
+
+    def _stored_draft(self, kind: str) -> Path:
+        return self.inner_scratch / self.draft(SUFFIXES[kind]).name
 
     def put(self, kind: str, key: Key, write: Callable[[Path], object], replace: bool = False) -> Path:
         """Make the file of `key` by `write(path)`, unless it is there; return its path.
@@ -174,7 +189,7 @@ class Store:
         final = self.path(kind, key)
         if not replace and self.bring(kind, key):
             return final
-        with atomic_write(final, self.draft(SUFFIXES[kind])) as draft:
+        with atomic_write(final, self._stored_draft(kind)) as draft:
             with _named(draft, final):
                 write(draft)
             draft.chmod(_mode(kind))
@@ -195,7 +210,9 @@ class Store:
             self.digests.add(path, draft)
 
     def link(self, kind: str, key: Key, target: Path, replace: bool = False) -> None:
-        """Show the file of `key` at `target` under the root: a hard link, or a copy if links fail.
+        """Show the file of `key` at `target` under the root.
+
+        It is a hard link, a symbolic link where the store is on another disk, a copy where links fail.
 
         replace  link it even if `target` seems to show it
 
@@ -210,9 +227,9 @@ class Store:
         try:
             with atomic_write(place, self.draft(), flush=False) as draft:
                 draft.hardlink_to(source)
-        except MachineError:  # a file system without links, or another one than the store's
+        except MachineError:
             with atomic_write(place, flush=False) as draft:
-                shutil.copy2(source, draft)
+                _link_or_copy(source, draft)
 
     def shows(self, kind: str, key: Key | None, target: Path | str) -> bool:
         """Tell whether `target` is the file of `key`: the same inode, or a copy by its size and both ends.
@@ -286,6 +303,21 @@ def _named(draft: Path, path: Path) -> Iterator[None]:
     except FlowsculptError as error:
         error.args = tuple(a.replace(str(draft), str(path)) if isinstance(a, str) else a for a in error.args)
         raise
+
+
+def _link_or_copy(source: Path, draft: Path) -> None:
+    """Show a stored file at a draft in a folder to which there may be no hard link.
+
+    A symbolic link names the store from there, so that a show that is moved keeps it.
+    """
+    try:
+        draft.hardlink_to(source)
+    except OSError as error:
+        if error.errno == errno.EXDEV:
+            with contextlib.suppress(OSError):
+                draft.symlink_to(os.path.relpath(source.absolute(), draft.parent.resolve()))
+                return
+        shutil.copy2(source, draft)
 
 
 def _mode(kind: str) -> int:

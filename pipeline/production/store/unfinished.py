@@ -1,4 +1,5 @@
-"""Unfinished files: drafts in `tmp/`, and checkpoints, the sums of samples of unfinished pictures.
+"""Unfinished files: drafts in `tmp/`, of the root and of the store, and checkpoints, the sums of samples of
+unfinished pictures.
 
 A checkpoint is named after the place and the key of its picture, so one of another look, camera or version is
 never resumed.
@@ -36,10 +37,11 @@ def sweep(store: Store) -> None:
     work though nobody holds the root's lock. A checkpoint goes when its picture is done, or it is old.
     """
     now = _disk_time(store)
-    with contextlib.suppress(OSError):
-        for path in sorted(store.scratch.iterdir()):
-            if _left_behind(path, now):
-                path.unlink(missing_ok=True)
+    for folder in (store.scratch, store.inner_scratch):
+        with contextlib.suppress(OSError):
+            for path in sorted(folder.iterdir()):
+                if _left_behind(path, now):
+                    path.unlink(missing_ok=True)
     oldest = now - KEPT_CHECKPOINT
     for path in _checkpoints(store):
         with contextlib.suppress(OSError):

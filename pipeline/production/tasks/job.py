@@ -130,7 +130,7 @@ class Context:
         kind = STAGES[self.job.stage].makes
         if kind == "movie":
             with atomic_write(self.root / movie_record(self.job.output)) as draft:
-                draft.write_text(self.job.key)
+                draft.write_text(self.job.key, encoding="utf-8")
         else:
             keys = [key for key in self._keys() if self.store.holds(kind, key)]
             write_manifest(self.root / self.job.output, kind, keys)

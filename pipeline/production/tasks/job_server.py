@@ -20,7 +20,7 @@ import socket
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing import connection as connections
 from multiprocessing import get_context
@@ -42,13 +42,11 @@ IGNORED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 @contextmanager
 def job_server() -> Iterator[None]:
     """Have the jobs that this process starts forked by a server, where there can be one."""
-    if sys.platform != "linux":
+    opened = _listener() if sys.platform == "linux" else None
+    if opened is None:
         yield
         return
-    folder = Path(tempfile.mkdtemp(prefix="flowsculpt-jobs-"))
-    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    listener.bind(str(folder / "socket"))
-    listener.listen(128)
+    folder, listener = opened
     os.environ[SERVER] = str(folder / "socket")  # a job that renders starts a process that does
     lifeline, ours = os.pipe()
     process = os.fork()
@@ -62,6 +60,23 @@ def job_server() -> Iterator[None]:
     finally:
         os.close(ours)
         os.waitpid(process, 0)
+
+
+def _listener() -> tuple[Path, socket.socket] | None:
+    """Return a folder of this user's alone and a listening socket in it, or None where there can be none.
+
+    The path of a socket has 107 bytes at most, and some clusters have longer temporary folders.
+    """
+    for place in (None, "/tmp", "/dev/shm"):
+        with ExitStack() as made, suppress(OSError):
+            folder = Path(tempfile.mkdtemp(prefix="flowsculpt-jobs-", dir=place))
+            made.callback(shutil.rmtree, folder, ignore_errors=True)
+            listener = made.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET))
+            listener.bind(str(folder / "socket"))
+            listener.listen(128)
+            made.pop_all()
+            return folder, listener
+    return None
 
 
 def _serve(listener: socket.socket, lifeline: int, folder: Path) -> NoReturn:

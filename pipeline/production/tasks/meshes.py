@@ -218,7 +218,7 @@ def frame_camera(context: Context) -> bool:
         framings = [with_stage_in_view(framing, request.shot.picture.stage) for framing in framings]
         plain = {number: to_plain(framing) for number, framing in zip(framed, framings, strict=True)}
         data = {str(number): plain[firsts[angle.mesh, angle.spin]] for number, angle in angles.items()}
-        path.write_text(json.dumps(data))
+        path.write_text(json.dumps(data), encoding="utf-8")
 
     started = time.perf_counter()
     try:

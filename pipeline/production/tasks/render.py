@@ -130,4 +130,4 @@ def _write_statistics(
     }
     text = json.dumps(statistics, indent=1) + "\n"
     path = context.root / context.request.place("statistics", number)
-    context.store.write(path, lambda draft: draft.write_text(text), flush=False)
+    context.store.write(path, lambda draft: draft.write_text(text, encoding="utf-8"), flush=False)

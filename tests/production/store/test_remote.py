@@ -107,7 +107,7 @@ def test_a_damaged_object_is_told_once_never_used_and_replaced(stores, share, ca
     there.write_bytes(damage(whole))
     assert not theirs.bring("cameras", KEY)
     assert not theirs.holds("cameras", KEY) and not theirs.bring("cameras", KEY)
-    assert not theirs.path("cameras", KEY).exists() and not list(theirs.scratch.iterdir())
+    assert not theirs.path("cameras", KEY).exists() and not list(theirs.inner_scratch.iterdir())
     (said,) = warnings(caplog)
     assert "is not what was stored" in said and KEY in said
     assert fill(theirs).read_bytes() == content_of(KEY)

@@ -123,7 +123,7 @@ def test_what_is_damaged_on_the_way_is_never_used(stores, s3: Proxy, caplog, fau
     fill(ours)
     s3.fault = fault
     assert not theirs.bring("raw", KEYS[0])
-    assert not theirs.path("raw", KEYS[0]).exists() and not list(theirs.scratch.iterdir())
+    assert not theirs.path("raw", KEYS[0]).exists() and not list(theirs.inner_scratch.iterdir())
     assert len(warnings(caplog)) == 1
     fill(theirs)
     s3.fault = None
