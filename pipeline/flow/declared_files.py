@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import site
 import sys
 import threading
 from collections.abc import Collection, Iterator
@@ -42,8 +43,16 @@ def _watch() -> None:
 
 @cache
 def _system() -> tuple[str, ...]:
-    python = {sys.prefix, sys.base_prefix, *map(os.path.realpath, (sys.prefix, sys.base_prefix))}
-    return (*(f"{folder}/" for folder in python), "/proc/", "/sys/", "/dev/", "/etc/", "/usr/", "/lib/")
+    python = (sys.prefix, sys.base_prefix, site.getusersitepackages())
+    return (
+        *(f"{folder}/" for folder in {*python, *map(os.path.realpath, python)}),
+        "/proc/",
+        "/sys/",
+        "/dev/",
+        "/etc/",
+        "/usr/",
+        "/lib/",
+    )
 
 
 def _check(event: str, arguments: tuple[Any, ...]) -> None:

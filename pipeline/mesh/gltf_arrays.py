@@ -44,12 +44,13 @@ class SceneArrays:
         self.scene, self.document = scene, scene.document
         self._buffers: dict[int, bytes] = {}
         self._views: dict[int, AnyArray] = {}
+        self._known: dict[int, Triangles] = {}
 
     def surface(self) -> Triangles:
         """Return the triangles of all parts, in the coordinates of the scene. Raises ValueError."""
         points, faces, corners, first = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0, 0
         for part in self.scene.parts:
-            own, matrices = self._triangles(part), self._matrices(part)
+            own, matrices = self._own(part), self._matrices(part)
             corners += len(matrices) * max(own.faces.size, len(own.points))
             if corners > _MOST_CORNERS:
                 raise ValueError(f"its parts and their copies have over {_MOST_CORNERS} corners of triangles")
@@ -58,6 +59,15 @@ class SceneArrays:
             faces.append(placed.faces + first)
             first += len(placed.points)
         return Triangles(np.concatenate(points), np.concatenate(faces))
+
+    def _own(self, part: Part) -> Triangles:
+        """Return the triangles of a part, read once where many nodes show its mesh."""
+        if part.is_skinned:
+            return self._triangles(part)
+        primitive = id(part.primitive.values)
+        if primitive not in self._known:
+            self._known[primitive] = self._triangles(part)
+        return self._known[primitive]
 
     def _triangles(self, part: Part) -> Triangles:
         """Return the triangles of a part in its node's coordinates, or in the scene's where it is skinned."""
@@ -208,7 +218,7 @@ class SceneArrays:
         view = self.document.item("bufferViews", index, source.place)
         data = self._view(index, source.place)
         width = size * dtype.itemsize
-        stride, start = view.whole("byteStride", width), source.whole("byteOffset", 0)
+        stride, start = view.whole("byteStride", 0) or width, source.whole("byteOffset", 0)
         if stride < width:
             raise ValueError(
                 f"byteStride of {view.place} is {stride}; elements of {source.place} have {width} bytes"

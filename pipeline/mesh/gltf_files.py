@@ -78,7 +78,7 @@ def read_gltf(path: Path) -> FileSurface:
     Raises ValueError or ParserError where it cannot be read, MissingInputError for a missing buffer.
     """
     scene = Scene.of(Document.read(path))
-    if any(scene.draco_of(part) is not None for part in scene.parts):
+    if scene.needs_draco:
         require_draco()
     _buffer_files(scene)
     answer = answer_of("pipeline.mesh.gltf_files", path)

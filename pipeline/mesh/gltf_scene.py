@@ -27,6 +27,9 @@ _NOT_GEOMETRY = (
 )
 """Beginnings of the names of extensions without which surfaces are the same."""
 
+_MOST_PARTS = 1_000_000
+"""Most primitives, counted at every node that has their mesh."""
+
 POINTS_AND_LINES = (0, 1, 2, 3)
 TRIANGLES, STRIP, FAN = 4, 5, 6
 
@@ -123,6 +126,8 @@ class Scene:
     def _add_mesh(self, number: int, node: Entry) -> None:
         mesh = self.document.item("meshes", node.values["mesh"], node.place)
         for k, primitive in enumerate(mesh.entries("primitives")):
+            if len(self.parts) + self.skipped >= _MOST_PARTS:
+                raise ValueError(f"its nodes have over {_MOST_PARTS} primitives in all")
             part = Part(number, node, mesh, primitive, f"primitive {k} of {mesh.place}")
             if part.mode in POINTS_AND_LINES:
                 self.skipped += 1
@@ -137,6 +142,8 @@ class Scene:
         """Return the joints of a part's skin, by node, and the skin. Raises ValueError."""
         skin = self.document.item("skins", part.node.values["skin"], part.node.place)
         joints = skin.items("joints")
+        if not joints:
+            raise ValueError(f"{skin.place} has no joints")
         for joint in joints:
             if joint not in self._parents:
                 raise ValueError(
@@ -176,10 +183,23 @@ class Scene:
         return self._locals[number]
 
     @cached_property
+    def distinct(self) -> list[Part]:
+        """Parts that rest on other data than those before: many nodes may show one mesh."""
+        known: dict[tuple[Any, ...], Part] = {}
+        for part in self.parts:
+            own = id(part.node.values) if {"skin", "extensions"} & part.node.values.keys() else 0
+            known.setdefault((id(part.primitive.values), own), part)
+        return list(known.values())
+
+    @property
+    def needs_draco(self) -> bool:
+        return any(self.draco_of(part) is not None for part in self.distinct)
+
+    @cached_property
     def views(self) -> frozenset[int]:
         """The buffer views that hold what the surface is made from."""
         found: set[int] = set()
-        for part in self.parts:
+        for part in self.distinct:
             draco = self.draco_of(part)
             if draco is not None:
                 found.add(draco.whole("bufferView"))
@@ -235,7 +255,7 @@ class Scene:
             or any("camera" in node and "mesh" in node for node in nodes)
             or any(node.extension(INSTANCING, _VISIBILITY) is not None for node in nodes)
             or any(item("bufferViews", view, "").extension(*MESHOPT) is not None for view in self.views)
-            or any(self._was_part_misread(part) for part in self.parts)
+            or any(self._was_part_misread(part) for part in self.distinct)
         )
 
     def _was_part_misread(self, part: Part) -> bool:
