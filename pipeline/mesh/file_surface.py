@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import json
 from collections.abc import Sequence
 from itertools import chain
 from typing import NamedTuple
@@ -39,6 +41,27 @@ class FileSurface(NamedTuple):
     @property
     def shares_vertices(self) -> bool:
         return self.base is not None
+
+    def packed(self) -> bytes:
+        """Return the surface as bytes: a line of JSON, and its arrays as npz."""
+        file = io.BytesIO()
+        np.savez(
+            file,
+            points=self.points,
+            offsets=self.offsets,
+            corners=self.corners,
+            groups=self.groups,
+            tagged=self.tagged,
+        )
+        return json.dumps({"base": self.base, "notes": self.notes}).encode() + b"\n" + file.getvalue()
+
+    @staticmethod
+    def unpacked(content: bytes) -> FileSurface:
+        """Return the surface that `packed` turned into bytes."""
+        head, _, archive = content.partition(b"\n")
+        facts = json.loads(head)
+        with np.load(io.BytesIO(archive), allow_pickle=False) as arrays:
+            return FileSurface(**arrays, base=facts["base"], notes=tuple(facts["notes"]))
 
 
 def file_surface(

@@ -6,15 +6,12 @@ that process.
 
 from __future__ import annotations
 
-import io
 import json
 from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from pipeline.errors import MachineError, MeshError, MissingInputError
 from pipeline.mesh.file_surface import FileSurface
@@ -102,17 +99,8 @@ def read_usd(path: Path, part: StagePart = StagePart()) -> FileSurface:
     where there is no such prim, or no mesh.
     """
     require_usd()
-    answer, content = _answer("surface", path, part)
-    with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-        return FileSurface(
-            points=arrays["points"],
-            offsets=arrays["offsets"],
-            corners=arrays["corners"],
-            groups=arrays["groups"],
-            tagged=arrays["tagged"],
-            base=0 if answer["meshes"] == 1 else None,
-            notes=tuple(answer["notes"]),
-        )
+    _, content = _answer("surface", path, part)
+    return FileSurface.unpacked(content)
 
 
 def _digest(path: Path) -> str:
@@ -124,7 +112,7 @@ def _digest(path: Path) -> str:
 
 
 def _answer(question: str, path: Path, part: StagePart) -> tuple[dict[str, Any], bytes]:
-    """Return what `usd_reader` answers: facts, and the arrays of a surface as npz."""
+    """Return what `usd_reader` answers: facts, and a packed surface."""
     options = json.dumps([part.prim, part.time_code])
     head, _, content = answer_of("pipeline.mesh.usd_reader", path, question, options).partition(b"\n")
     answer: dict[str, Any] = json.loads(head)

@@ -5,47 +5,23 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Points
+from pipeline.arrays import AnyArray, Floats
 from pipeline.errors import MeshError, brief
+from pipeline.mesh.placed_meshes import PlacedMeshes, Polygons, reversed_faces
 from render.base.plural import plural
 
 if TYPE_CHECKING:  # USD is an optional package, and takes a moment to import
     from pxr import Usd, UsdGeom
 
-MOST_PRIMS, MOST_MESHES, MOST_CORNERS = 50_000, 20_000, 20_000_000
-"""Prims that are visited, meshes that are placed, and corners of faces of all; instances count each time."""
+MOST_PRIMS = 50_000
+"""Prims that are visited; those of instances count each time."""
 
 _DEEPEST = 8
 """Point instancers within prototypes of point instancers."""
-
-
-class Polygons(NamedTuple):
-    """The faces of a mesh.
-
-    points   float64 (V, 3)
-    sides    int64 (F,): numbers of corners
-    corners  int64 (C,), from 0, counter-clockwise seen from outside
-    creases  int64 (K, 2): the edges with a sharpness
-    """
-
-    points: Points
-    sides: AnyArray
-    corners: AnyArray
-    creases: AnyArray
-
-    def placed(self, matrix: Floats) -> Polygons:
-        """Return the mesh transformed by a matrix (4, 4) of row vectors; a mirror turns its faces over."""
-        if np.array_equal(matrix, np.eye(4)):
-            return self
-        points = self.points @ matrix[:3, :3] + matrix[3, :3]
-        corners = self.corners
-        if np.linalg.det(matrix[:3, :3]) < 0.0:
-            corners = _reversed(corners, self.sides)
-        return self._replace(points=points, corners=corners)
 
 
 @dataclass
@@ -53,18 +29,17 @@ class StageMeshes:
     """Collects the meshes below prims: active, visible, of purpose default or render, instances included.
 
     time     of the stage
-    parts    the meshes, placed
+    placed   the meshes
     cages    number of meshes that ask to be subdivided
     omitted  number of prims of each other kind that has a shape
     """
 
     time: Usd.TimeCode
-    parts: list[Polygons] = field(default_factory=list)
+    placed: PlacedMeshes = field(default_factory=lambda: PlacedMeshes("read fewer by prim"))
     cages: int = 0
     omitted: Counter[str] = field(default_factory=Counter)
     _read: dict[str, Polygons] = field(default_factory=dict)
     _prims: int = 0
-    _corners: int = 0
 
     def add(self, start: Usd.Prim) -> None:
         """Add the meshes below a prim, placed as they are on the stage.
@@ -115,14 +90,7 @@ class StageMeshes:
         from pxr import UsdGeom
 
         if prim.IsA(UsdGeom.Mesh):
-            polygons = self._polygons(prim)
-            self._corners += len(polygons.corners)
-            if self._corners > MOST_CORNERS or len(self.parts) >= MOST_MESHES:
-                raise MeshError(
-                    f"it has over {MOST_MESHES} meshes or {MOST_CORNERS} corners of faces with its "
-                    "instances; read fewer by prim"
-                )
-            self.parts.append(polygons.placed(to_stage))
+            self.placed.add(self._polygons(prim), to_stage)
         elif prim.IsA(UsdGeom.PointInstancer):
             self._add_instances(UsdGeom.PointInstancer(prim), to_stage, depth)
         elif prim.IsA(UsdGeom.Gprim):
@@ -179,19 +147,6 @@ class StageMeshes:
             for matrix in to_stage:
                 self._add_prim(prim, within @ matrix, depth + 1)
 
-    def arrays(self) -> dict[str, AnyArray]:
-        """Return the arrays of a `FileSurface` by name; each mesh is a group."""
-        firsts = np.cumsum([0, *(len(part.points) for part in self.parts)])[:-1]
-        sides = np.concatenate([part.sides for part in self.parts])
-        numbered = list(zip(self.parts, firsts.tolist(), strict=True))
-        return {
-            "points": np.concatenate([part.points for part in self.parts]),
-            "offsets": np.concatenate([[0], np.cumsum(sides)]),
-            "corners": np.concatenate([part.corners + first for part, first in numbered]),
-            "groups": np.repeat(np.arange(len(self.parts)), [len(part.sides) for part in self.parts]),
-            "tagged": np.concatenate([part.creases + first for part, first in numbered]),
-        }
-
     @property
     def omitted_words(self) -> str:
         """Number and type of prims that were left out: `2 Cube, 1 BasisCurves`."""
@@ -240,7 +195,7 @@ def _polygons(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str) -> Polygons:
     kept[holes[(holes >= 0) & (holes < len(sides))]] = False
     corners, sides = corners[np.repeat(kept, sides)], sides[kept]
     if mesh.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
-        corners = _reversed(corners, sides)
+        corners = reversed_faces(corners, sides)
     return Polygons(points, sides, corners, _creases(mesh, time, path, len(points)))
 
 
@@ -260,14 +215,6 @@ def _creases(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, points: int) -> 
     starts = np.flatnonzero(within)
     each = sharpness if len(sharpness) == edges else np.repeat(sharpness, lengths - 1)
     return np.column_stack([chain[starts], chain[starts + 1]])[each > 0.0]
-
-
-def _reversed(corners: AnyArray, sides: AnyArray) -> AnyArray:
-    """Return the corners of faces the other way round; each face keeps its first."""
-    ends = np.cumsum(sides)
-    place = np.arange(len(corners)) - np.repeat(ends - sides, sides)
-    count = np.repeat(sides, sides)
-    return corners[np.repeat(ends - sides, sides) + (count - place) % np.maximum(count, 1)]
 
 
 def _numbers(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, columns: int = 1) -> AnyArray:

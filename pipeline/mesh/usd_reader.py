@@ -6,7 +6,6 @@ regular files, before USD opens any.
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import textwrap
@@ -15,9 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from pipeline.errors import FlowsculptError, MeshError, MissingInputError, brief, suggestion
+from pipeline.mesh.placed_meshes import joined
 from pipeline.mesh.usd_meshes import StageMeshes
 from render.base.input_files import require_input
 from render.base.limited_process import MEMORY, allow_memory, serve
@@ -167,7 +165,7 @@ def _up(stage: Usd.Stage) -> str:
 
 
 def _surface(stage: Usd.Stage, prim: str | None, time_code: float | None) -> bytes:
-    """Return the meshes of a prim as one surface: a line of JSON, and an npz."""
+    """Return the meshes of a prim as one surface, packed, after an empty line of JSON."""
     from pxr import Usd
 
     start = _start(stage, prim)
@@ -179,18 +177,14 @@ def _surface(stage: Usd.Stage, prim: str | None, time_code: float | None) -> byt
         time = Usd.TimeCode.EarliestTime()
     meshes = StageMeshes(time)
     meshes.add(start)
-    if not meshes.parts:
+    if not meshes.placed.parts:
         where = "it" if start.IsPseudoRoot() else f"its prim {start.GetPath()}"
         others = f" Left out: {meshes.omitted_words}." if meshes.omitted else ""
         raise MeshError(
             f"{where} holds no mesh that is active, visible and of purpose default or render.{others} "
             f"{_remedy(stage)}"
         )
-    file = io.BytesIO()
-    arrays: dict[str, Any] = dict(meshes.arrays())
-    np.savez(file, **arrays)
-    facts = {"meshes": len(meshes.parts), "notes": meshes.notes()}
-    return json.dumps(facts).encode() + b"\n" + file.getvalue()
+    return b"{}\n" + joined(meshes.placed.parts, meshes.notes()).packed()
 
 
 def _start(stage: Usd.Stage, prim: str | None) -> Usd.Prim:

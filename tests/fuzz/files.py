@@ -72,8 +72,6 @@ def _stage(path: Path) -> None:
     """Read USD as `read_surface` does, but in this process; a crash there is a message to users."""
     import json
 
-    import numpy as np
-
     from pipeline.errors import MeshError
     from pipeline.mesh.file_surface import FileSurface
     from pipeline.mesh.repair import repair_surface
@@ -86,8 +84,7 @@ def _stage(path: Path) -> None:
         fault = json.loads(head).get("fault") or json.loads(head).get("missing")
         if fault:
             raise MeshError(fault)
-        with np.load(io.BytesIO(content)) as arrays:
-            repair_surface(FileSurface(**arrays)).mesh.triangulated()
+        repair_surface(FileSurface.unpacked(content)).mesh.triangulated()
 
 
 def _points(path: Path) -> None:

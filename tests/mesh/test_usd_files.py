@@ -13,7 +13,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdUtils
 
 from pipeline.errors import FlowsculptError, MachineError, MeshError, MissingInputError, ShotError
 from pipeline.mesh import PolygonMesh, read_mesh, usd_files
-from pipeline.mesh.file_surface import FileSurface
+from pipeline.mesh.placed_meshes import joined
 from pipeline.mesh.read import model_files, read_surface, usual_up
 from pipeline.mesh.repair import repair_surface
 from pipeline.mesh.usd_files import StagePart
@@ -50,7 +50,7 @@ def surface_of(stage: Usd.Stage, time: float | None = None) -> PolygonMesh:
     """Return the meshes of a stage in memory, not repaired."""
     meshes = StageMeshes(Usd.TimeCode.Default() if time is None else Usd.TimeCode(time))
     meshes.add(stage.GetPseudoRoot())
-    return repair_surface(FileSurface(**meshes.arrays()), repair=False).mesh
+    return repair_surface(joined(meshes.placed.parts), repair=False).mesh
 
 
 def volume(mesh: PolygonMesh) -> float:
@@ -113,8 +113,8 @@ def test_points_of_an_instancer_show_their_prototype_unless_they_are_hidden(poin
     instancer.CreateInvisibleIdsAttr(hidden)
     meshes = StageMeshes(Usd.TimeCode.Default())
     meshes.add(stage.GetPseudoRoot())
-    assert len(meshes.parts) == len(points) - len(hidden)
-    for part, k in zip(meshes.parts, (k for k in range(len(points)) if k not in hidden), strict=True):
+    assert len(meshes.placed.parts) == len(points) - len(hidden)
+    for part, k in zip(meshes.placed.parts, (k for k in range(len(points)) if k not in hidden), strict=True):
         low, high = part.points.min(axis=0), part.points.max(axis=0)
         assert 0.5 * (low + high) == pytest.approx([200.0 * k, 1.0, 0.0])
         assert high - low == pytest.approx(np.abs(points[k][0][0]))

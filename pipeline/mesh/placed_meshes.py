@@ -1,0 +1,103 @@
+"""Meshes of a scene, placed by matrices and joined to one surface."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Floats, Points
+from pipeline.errors import MeshError
+from pipeline.mesh.file_surface import FileSurface
+
+MOST_MESHES, MOST_CORNERS = 20_000, 20_000_000
+"""Meshes that are placed, and corners of faces of all; instances count each time."""
+
+
+class Polygons(NamedTuple):
+    """The faces of a mesh.
+
+    points   float64 (V, 3)
+    sides    int64 (F,): numbers of corners
+    corners  int64 (C,), from 0, counter-clockwise seen from outside
+    creases  int64 (K, 2): the edges that the file marks as creases
+    groups   int64 (F,): edges between faces with different numbers are creases; None for one group
+    """
+
+    points: Points
+    sides: AnyArray
+    corners: AnyArray
+    creases: AnyArray = np.empty((0, 2), np.int64)
+    groups: AnyArray | None = None
+
+    def placed(self, matrix: Floats) -> Polygons:
+        """Return the mesh transformed by a matrix (4, 4) of row vectors; a mirror turns its faces over."""
+        if np.array_equal(matrix, np.eye(4)):
+            return self
+        points = self.points @ matrix[:3, :3] + matrix[3, :3]
+        corners = self.corners
+        if np.linalg.det(matrix[:3, :3]) < 0.0:
+            corners = reversed_faces(corners, self.sides)
+        return self._replace(points=points, corners=corners)
+
+    def without(self, dropped: AnyArray) -> Polygons:
+        """Return the mesh without the faces where `dropped` (F,) is True."""
+        kept = ~dropped
+        groups = None if self.groups is None else self.groups[kept]
+        return self._replace(
+            sides=self.sides[kept], corners=self.corners[np.repeat(kept, self.sides)], groups=groups
+        )
+
+
+def reversed_faces(corners: AnyArray, sides: AnyArray) -> AnyArray:
+    """Return the corners (C,) of faces the other way round; each face keeps its first."""
+    ends = np.cumsum(sides)
+    place = np.arange(len(corners)) - np.repeat(ends - sides, sides)
+    count = np.repeat(sides, sides)
+    return corners[np.repeat(ends - sides, sides) + (count - place) % np.maximum(count, 1)]
+
+
+class PlacedMeshes:
+    """Collects placed meshes. Raises MeshError for more than the limits.
+
+    parts   the meshes, placed
+    remedy  what the message about too many of them advises
+    """
+
+    def __init__(self, remedy: str) -> None:
+        self.parts: list[Polygons] = []
+        self._remedy = remedy
+        self._corners = 0
+
+    def add(self, polygons: Polygons, matrix: Floats) -> None:
+        """Add a mesh transformed by a matrix (4, 4) of row vectors."""
+        self._corners += len(polygons.corners)
+        if self._corners > MOST_CORNERS or len(self.parts) >= MOST_MESHES:
+            raise MeshError(
+                f"it has over {MOST_MESHES} meshes or {MOST_CORNERS} corners of faces with its instances; "
+                f"{self._remedy}"
+            )
+        self.parts.append(polygons.placed(matrix))
+
+
+def joined(parts: Sequence[Polygons], notes: Sequence[str] = ()) -> FileSurface:
+    """Return meshes as one surface; edges that two of them share are creases.
+
+    Its vertices have the numbers of the file where there is one mesh.
+    """
+    firsts = np.cumsum([0, *(len(part.points) for part in parts)])[:-1].tolist()
+    groups, base = [], 0
+    for part in parts:
+        own = np.zeros(len(part.sides), np.int64) if part.groups is None else part.groups
+        groups.append(own + base)
+        base += int(own.max(initial=0)) + 1
+    return FileSurface(
+        points=np.concatenate([part.points for part in parts]),
+        offsets=np.concatenate([[0], np.cumsum(np.concatenate([part.sides for part in parts]))]),
+        corners=np.concatenate([part.corners + first for part, first in zip(parts, firsts, strict=True)]),
+        groups=np.concatenate(groups),
+        tagged=np.concatenate([part.creases + first for part, first in zip(parts, firsts, strict=True)]),
+        base=0 if len(parts) == 1 else None,
+        notes=tuple(notes),
+    )
