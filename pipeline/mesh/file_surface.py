@@ -28,6 +28,7 @@ class FileSurface(NamedTuple):
     base     number of the first vertex and the first face in the file; None in formats without numbers, whose
              faces share no vertices
     notes    lines to tell the user about what else the file holds
+    unit     length of a unit of its coordinates, metres; None in formats that do not say it
     """
 
     points: Points
@@ -37,6 +38,7 @@ class FileSurface(NamedTuple):
     tagged: AnyArray
     base: int | None = 0
     notes: tuple[str, ...] = ()
+    unit: float | None = None
 
     @property
     def shares_vertices(self) -> bool:
@@ -53,7 +55,8 @@ class FileSurface(NamedTuple):
             groups=self.groups,
             tagged=self.tagged,
         )
-        return json.dumps({"base": self.base, "notes": self.notes}).encode() + b"\n" + file.getvalue()
+        facts = {"base": self.base, "notes": self.notes, "unit": self.unit}
+        return json.dumps(facts).encode() + b"\n" + file.getvalue()
 
     @staticmethod
     def unpacked(content: bytes) -> FileSurface:
@@ -61,7 +64,7 @@ class FileSurface(NamedTuple):
         head, _, archive = content.partition(b"\n")
         facts = json.loads(head)
         with np.load(io.BytesIO(archive), allow_pickle=False) as arrays:
-            return FileSurface(**arrays, base=facts["base"], notes=tuple(facts["notes"]))
+            return FileSurface(**arrays, base=facts["base"], notes=tuple(facts["notes"]), unit=facts["unit"])
 
 
 def file_surface(

@@ -1,4 +1,4 @@
-"""Read meshes: OBJ, PLY, OFF and STL with their polygons, GLB and glTF, and USD by usd-core.
+"""Read meshes: OBJ, PLY, OFF, STL, glTF, COLLADA and 3MF, with their polygons; USD by usd-core, FBX by ufbx.
 
 trimesh cuts faces of more than four sides into fans, which is wrong for concave ones, and drops groups.
 """
@@ -14,6 +14,8 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from pipeline.errors import FlowsculptError, MeshError, reason_of
+from pipeline.mesh.collada_files import read_collada, up_of_collada
+from pipeline.mesh.fbx_files import read_fbx, up_of_fbx
 from pipeline.mesh.file_surface import FileSurface
 from pipeline.mesh.gltf_document import MOST_BYTES
 from pipeline.mesh.gltf_files import GLTF_FORMATS, is_gltf, read_gltf, scene_files
@@ -23,6 +25,7 @@ from pipeline.mesh.ply_files import read_polygon_file
 from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.mesh.repair import repair_surface
 from pipeline.mesh.stl_files import read_stl
+from pipeline.mesh.threemf_files import read_threemf
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.mesh.usd_files import USD_FORMATS, StagePart, is_usd, read_usd, stage_files
 from render.base.input_files import digest_of_file, joint_digest, opened_input, read_input, require_input
@@ -56,6 +59,7 @@ class ImportedSurface:
     vertices  number of vertices in the file; of merged ones where its faces share none, as in an STL
     faces     number of faces in the file
     notes     lines about what was not read as other programs show it
+    unit      length of a unit of its coordinates, metres; None where the file does not say it
     """
 
     mesh: PolygonMesh
@@ -64,6 +68,7 @@ class ImportedSurface:
     vertices: int
     faces: int
     notes: tuple[str, ...] = ()
+    unit: float | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -78,13 +83,14 @@ def read_surface(path: str | Path, repair: bool = True, part: StagePart | None =
     Merging joins the loose triangles of an STL and the seams of textured models into one surface; faces with
     fewer than three corners left are dropped, and so are unused vertices. Creases are the edges that an OBJ
     tags as such, and those between faces of different objects, groups, smoothing groups or materials (P31);
-    in USD those with a sharpness, and those between meshes.
+    in USD those with a sharpness, and those between meshes; in FBX, COLLADA and 3MF those between meshes or
+    materials, in FBX also those with a weight and hard ones amid smooth ones.
 
     part  of a USD stage
 
     Raises MissingInputError where there is no such file, MeshError where it cannot be read or is not a
     finite, oriented manifold: without `repair` any such fault, with it those that cannot be repaired.
-    MachineError for USD without usd-core.
+    MachineError for USD without usd-core, and for FBX without ufbx.
     """
     path = Path(path)
     readers = _READERS if part is None else dict.fromkeys(USD_FORMATS, lambda p: read_usd(p, part))
@@ -99,7 +105,9 @@ def read_surface(path: str | Path, repair: bool = True, part: StagePart | None =
         raise MeshError(f"{path}: {error}") from None
     suffix = path.suffix.lstrip(".").upper()
     vertices = len(loaded.points) if loaded.shares_vertices else len(mesh.vertices)
-    return ImportedSurface(mesh, repairs, suffix, vertices, len(loaded.offsets) - 1, loaded.notes)
+    return ImportedSurface(
+        mesh, repairs, suffix, vertices, len(loaded.offsets) - 1, loaded.notes, loaded.unit
+    )
 
 
 _FEW_CORNERS, _MOST_WORK = 64, 1.2e9
@@ -129,6 +137,9 @@ _READERS: dict[str, Callable[[Path], FileSurface]] = {
     "glb": read_gltf,
     "gltf": read_gltf,
     "off": reader_of(read_object_file),
+    "fbx": read_fbx,
+    "dae": reader_of(read_collada),
+    "3mf": reader_of(read_threemf),
     **dict.fromkeys(USD_FORMATS, read_usd),
 }
 FORMATS = tuple(_READERS)
@@ -141,12 +152,25 @@ FORMATS_WITH_Z_UP = ("stl",)
 """Formats most of whose files have z up; they come from printing and construction."""
 
 
-def usual_up(path: Path) -> str:
-    """Return the axis, y or z, that points up: what a USD stage says, or what is usual in the file's format.
+_UP_AXES: dict[str, Callable[[Path], str]] = {
+    "fbx": lambda path: up_of_fbx(path, digest_of_file(path)),
+    "dae": reader_of(up_of_collada),
+    "3mf": lambda path: "z",
+}
+"""Readers of the axis that points up, of the formats that state it; USD is read by `stage_files`."""
 
-    Raises as `model_files` for USD.
+
+def states_up(path: Path) -> bool:
+    """Tell whether files of a path's format state which axis points up."""
+    return is_usd(path) or path.suffix.lower().lstrip(".") in _UP_AXES
+
+
+def usual_up(path: Path) -> str:
+    """Return the axis, y or z, that points up: what a file states, or what is usual in its format.
+
+    Raises as `model_files` where the format states it.
     """
-    up = model_files(path).up if is_usd(path) else None
+    up = model_files(path).up if states_up(path) else None
     return up or ("z" if path.suffix.lower().lstrip(".") in FORMATS_WITH_Z_UP else "y")
 
 
@@ -167,8 +191,8 @@ class ModelFiles(NamedTuple):
 def model_files(path: Path) -> ModelFiles:
     """Return the files of a model, and their digests.
 
-    Raises MissingInputError where one is missing; for USD and glTF also MeshError where it cannot be read,
-    and MachineError without usd-core.
+    Raises MissingInputError where one is missing; for USD, glTF, FBX, COLLADA and 3MF also MeshError
+    where it cannot be read, and MachineError without the package that reads it.
     """
     if is_usd(path):
         stage = read_by_suffix(path, dict.fromkeys(USD_FORMATS, stage_files), "a USD stage")
@@ -177,7 +201,8 @@ def model_files(path: Path) -> ModelFiles:
     own = (path, digest_of_file(path))
     if not is_gltf(path):
         reader = ["text reader 2"] if _was_misread(path) else []
-        return ModelFiles(joint_digest([*reader, own[1]]), (own,))
+        up = read_by_suffix(path, _UP_AXES, "a format that states its axes") if states_up(path) else None
+        return ModelFiles(joint_digest([*reader, own[1]]), (own,), up)
     scene = read_by_suffix(path, dict.fromkeys(GLTF_FORMATS, scene_files), "a glTF scene")
     files = (own, *((file, digest_of_file(file)) for file in scene.buffers))
     return ModelFiles(joint_digest([*scene.reader, *(digest for _, digest in files)]), files)

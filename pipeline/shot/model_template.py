@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.mesh import PolygonMesh
 from pipeline.mesh.parts import find_small_parts
-from pipeline.mesh.read import usual_up
+from pipeline.mesh.read import states_up, usual_up
 from pipeline.mesh.usd_files import is_usd
 from pipeline.shot.model_subject import Model
 
@@ -52,7 +52,8 @@ def model_template(file: Path, reference: str) -> ModelTemplate:
     Raises MissingInputError or MeshError for a file that is no model.
     """
     imported = Model("", path=file).imported()
-    mesh, is_z_up = imported.mesh, not is_usd(file) and usual_up(file) == "z"
+    mesh, up = imported.mesh, usual_up(file)
+    is_z_up = up == "z" and not states_up(file)
     size = mesh.bounds[1] - mesh.bounds[0]
     fitted = mesh.with_vertices(mesh.vertices * (FIT / size.max()))
     usual = usual_edge(fitted)
@@ -61,11 +62,12 @@ def model_template(file: Path, reference: str) -> ModelTemplate:
     parts = () if small is None else (f"{file.name} has {small}",)
     extents = " × ".join(f"{side:.4g}" for side in size)
     word = reference if re.fullmatch(r"[\w./-]+", reference) else json.dumps(reference, ensure_ascii=False)
-    facts = [
-        f"{file.name}: {imported.vertices} vertices, {imported.faces} faces, {extents} in its own units."
-    ]
+    units = "its own units" if imported.unit is None else f"its own units, of {imported.unit:.6g} m"
+    facts = [f"{file.name}: {imported.vertices} vertices, {imported.faces} faces, {extents} in {units}."]
     if is_usd(file):
-        facts.append(f"Its stage has {usual_up(file)} up, which is heeded. prim: /World/Chair reads a part.")
+        facts.append(f"Its stage has {up} up, which is heeded. prim: /World/Chair reads a part.")
+    elif states_up(file):
+        facts.append(f"The file says that {up} points up, which is heeded. rotate: [0, 30, 0] turns it.")
     elif is_z_up:
         facts.append("Most STL files have z up. If the model lies on its back, write up: y.")
     else:

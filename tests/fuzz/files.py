@@ -7,7 +7,6 @@ worker process, which also calls what `render.base.limited_process` would start,
 from __future__ import annotations
 
 import argparse
-import io
 import multiprocessing
 import os
 import resource
@@ -28,7 +27,7 @@ from tests.fuzz.mutations import mutated
 from tests.fuzz.samples import samples
 
 MOST_SECONDS, MOST_BYTES, MOST_WORDS = 5.0, 512 << 20, 1200
-CRASHING, CRASHED = ("stage",), "its reader crashed"
+CRASHING, CRASHED = ("stage", "fbx"), "its reader crashed"
 """Kinds whose library may crash on a damaged file, and what the message then says."""
 
 PATIENCE = 60.0
@@ -85,6 +84,27 @@ def _stage(path: Path) -> None:
         if fault:
             raise MeshError(fault)
         repair_surface(FileSurface.unpacked(content)).mesh.triangulated()
+
+
+def _fbx(path: Path) -> None:
+    """Read FBX as `read_surface` does, but in this process; a crash there is a message to users."""
+    import json
+
+    from pipeline.errors import MeshError
+    from pipeline.mesh.fbx_reader import answer
+    from pipeline.mesh.file_surface import FileSurface
+    from pipeline.mesh.repair import repair_surface
+    from render.base.input_files import parsing
+
+    with parsing(path, "FBX", ""):
+        answer(str(path), "up")
+        head, _, content = answer(str(path), "surface").partition(b"\n")
+        if head:
+            raise MeshError(json.loads(head)["fault"])
+        surface = FileSurface.unpacked(content)
+        if not len(surface.corners):
+            raise MeshError("it holds no faces")
+        repair_surface(surface).mesh.triangulated()
 
 
 def _points(path: Path) -> None:
@@ -169,6 +189,7 @@ READERS: dict[str, Callable[[Path], None]] = {
     "model": _model,
     "scene": _scene,
     "stage": _stage,
+    "fbx": _fbx,
     "points": _points,
     "net": _net,
     "field": _field,

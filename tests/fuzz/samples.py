@@ -20,8 +20,11 @@ from pipeline.dailies.interchange.mesh_files import write_glb, write_obj, write_
 from pipeline.mesh import box, icosphere, split_at_creases
 from render.scene.materials import LOOKS
 from render.scene.working_space import ACESCG
+from tests.mesh.fbx_writer import N, binary, box_geometry, layer, model, scene, text
 from tests.mesh.gltf_scenes import GltfScene, with_instances
+from tests.mesh.test_collada_files import BOX, document, faces
 from tests.mesh.test_meshopt import STREAMS
+from tests.mesh.test_threemf_files import corner, package, part
 
 FLOW = """\
 import math
@@ -203,6 +206,10 @@ def _contents(folder: Path) -> Iterator[tuple[str, str, bytes]]:
     yield "scene", "ball.glb", trimesh.Scene([ball, trimesh.creation.box()]).export(file_type="glb")
     yield "scene", "features.glb", _scene_of_features(folder / "features.glb")
     yield "stage", "box.usda", STAGE.encode()
+    yield "model", "box.dae", collada().encode()
+    yield "model", "two.3mf", _package()
+    for form, write in (("text", text), ("binary", binary)):
+        yield "fbx", f"{form}.fbx", write(_fbx())
     for form, write in (("ply", write_ply), ("obj", write_obj)):
         write(folder / f"export.{form}", exported())
         yield "model", f"export.{form}", (folder / f"export.{form}").read_bytes()
@@ -222,6 +229,55 @@ def _contents(folder: Path) -> Iterator[tuple[str, str, bytes]]:
     yield "field", "text.vti", _vtk("ascii", "").encode()
     yield "field", "packed.vti", _vtk("binary", 'compressor="vtkZLibDataCompressor"').encode()
     yield "field", "wind.vtr", _rectilinear().encode()
+
+
+def collada() -> str:
+    """Return a COLLADA file with faces of every kind, nodes, instances and a skin."""
+    sets = "".join(
+        faces(*given)
+        for given in (
+            ("polygons", "0 1 3 2", "4 6 7 5"),
+            ("tristrips", "0 4 1 5"),
+            ("trifans", "2 3 7 6"),
+            ("triangles", "0 2 6"),
+        )
+    )
+    nodes = """<node><rotate>0 0 1 90</rotate><scale>1 2 1</scale><instance_geometry url="#box"/></node>
+    <node><matrix>-1 0 0 30  0 1 0 0  0 0 1 0  0 0 0 1</matrix><instance_node url="#part"/>
+    <instance_controller url="#skin"/></node>"""
+    more = """<library_nodes><node id="part"><translate>0 9 0</translate>
+    <instance_geometry url="#box"/></node></library_nodes><library_controllers><controller id="skin"><skin source="#box"/></controller>
+    </library_controllers>"""
+    asset = '<unit meter="0.0254"/><up_axis>Z_UP</up_axis>'
+    return document(BOX.replace("count", 'material="red" count') + sets, nodes, asset, more=more)
+
+
+def _package() -> bytes:
+    """Return a 3MF package of two model parts."""
+    component = '<component objectid="1" p:path="/3D/b.model" transform="-2 0 0 0 2 0 0 0 2 0 0 0"/>'
+    pair = f'<object id="2"><components>{component}</components></object>'
+    file = io.BytesIO()
+    package(file, a=part(pair + corner(1), '<item objectid="2"/><item objectid="1"/>'), b=part(corner(1), ""))
+    return file.getvalue()
+
+
+def _fbx() -> list[N]:
+    """Return a scene of FBX with layers, pivots, a mirrored instance and a parent."""
+    layers = (
+        layer("LayerElementMaterial", "ByPolygon", "Materials", [1, 0, 0, 0, 0, 0]),
+        N("Edges", (list(range(4)),)),
+        layer("LayerElementSmoothing", "ByEdge", "Smoothing", [0, 1, 1, 1]),
+        layer("LayerElementHole", "ByPolygon", "Hole", [0, 0, 1, 0, 0, 0]),
+    )
+    turned = {"Lcl__Rotation": (0.0, 0.0, 90.0), "RotationPivot": (1.0, 0.0, 0.0), "RotationActive": 1}
+    nodes = [
+        model(2, "box", **turned, GeometricTranslation=(0.0, 0.0, 5.0)),
+        model(3, "above", "Null", Lcl__Translation=(0.0, 9.0, 0.0)),
+        model(4, "mirrored", Lcl__Scaling=(-1.0, 1.0, 1.0)),
+        *(N("Material", (number, f"Material::{number}", "")) for number in (8, 9)),
+    ]
+    links = [(3, 0), (2, 3), (4, 0), (1, 2), (1, 4), (8, 2), (9, 2)]
+    return scene([box_geometry(1, *layers), *nodes], links, UpAxis=2, UnitScaleFactor=2.54)
 
 
 def exported() -> ExportedFrame:

@@ -59,7 +59,7 @@ def new(
         typer.Option(
             "--model",
             metavar="FILE",
-            help="Show this model: OBJ, PLY, STL, OFF, GLB or USD. It is fitted, "
+            help="Show this model: OBJ, PLY, STL, OFF, GLB, FBX, DAE, 3MF or USD. It is fitted, "
             "with edges that suit its detail.",
         ),
     ] = None,

@@ -41,7 +41,8 @@ REFUSALS = {
 def resample(
     common: Common,
     source: Annotated[
-        Path, typer.Argument(metavar="IN", help="The mesh to read: OBJ, PLY, STL, OFF, GLB or USD.")
+        Path,
+        typer.Argument(metavar="IN", help="The mesh to read: OBJ, PLY, STL, OFF, GLB, FBX, DAE, 3MF or USD."),
     ],
     target: Annotated[Path, typer.Argument(metavar="OUT", help=f"Where to write it: {', '.join(WRITERS)}.")],
     max_edge_length: Annotated[

@@ -18,7 +18,10 @@ from render.scene.quality import DEFAULT_QUALITY
 def turntable(
     common: Common,
     subject: Annotated[
-        str, typer.Argument(metavar="SHOT|MESHFILE", help="A shot, or an OBJ, PLY, STL, OFF, GLB or USD.")
+        str,
+        typer.Argument(
+            metavar="SHOT|MESHFILE", help="A shot, or an OBJ, PLY, STL, OFF, GLB, FBX, DAE, 3MF or USD."
+        ),
     ],
     options: ShotOptions,
     at: Annotated[int | None, at_option("The frame of the shot. Default: its first.")] = None,
@@ -41,7 +44,7 @@ def turntable(
         str | None,
         typer.Option(
             metavar="y|z",
-            help="The axis of the mesh file that points up. Default: z of an STL, y of any other file.",
+            help="The axis of the mesh file that points up. Default: what it states; else z of an STL, y of others.",
         ),
     ] = None,
     part: Subject = None,

@@ -12,11 +12,29 @@ from render.base.input_files import kind_of_path
 
 SHOTS = Path("shots")
 FILM = SHOTS / "film.yaml"
-MODELS = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
-"""Endings of model files, for the message to one who names such a file in place of a shot."""
+MODELS = (
+    *(".obj", ".ply", ".stl", ".glb", ".gltf", ".off", ".fbx", ".dae", ".3mf"),
+    *(".usd", ".usda", ".usdc", ".usdz"),
+)
+"""Endings of `pipeline.mesh.read.FORMATS`, which takes long to import, for the message to one who names
+such a file in place of a shot.
+"""
 
-OTHER_MODELS = (".3ds", ".abc", ".bgeo", ".blend", ".dae", ".fbx", ".usd", ".usda", ".usdc", ".usdz")
-"""Endings of model files of other formats."""
+OTHER_MODELS = (
+    ".3ds",
+    ".abc",
+    ".ac",
+    ".bgeo",
+    ".blend",
+    ".lwo",
+    ".ma",
+    ".max",
+    ".mb",
+    ".vrml",
+    ".wrl",
+    ".x3d",
+)
+"""Endings of model files of formats that are not read, for the message to one who names such a file."""
 
 NO_SHOTS = (
     f"there are no shots here: {SHOTS}/ holds none. `flowsculpt new A010_first` writes one, "
@@ -37,7 +55,9 @@ def find_shot(name: str) -> Path:
             "shot of it"
         )
     if Path(name).suffix.lower() in OTHER_MODELS:
-        raise UsageError(f"{shown(name)} is no format that is read; export the model as GLB, OBJ or PLY")
+        raise UsageError(
+            f"{shown(name)} is not a format that is read; export the model as FBX, GLB, OBJ or USD"
+        )
     path = _path(name)
     if is_edit(path):
         own = "" if path == FILM else f" {shown(name)}"

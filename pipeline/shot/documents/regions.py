@@ -101,7 +101,7 @@ class CylinderDocument(CapsuleDocument):
 class MeshDocument(Document):
     """The inside of the closed surface in a file; `mesh: stone.obj` is `mesh: {file: stone.obj}`."""
 
-    file: str = Field(description="an OBJ, PLY, STL, OFF, GLB or USD beside the shot file")
+    file: str = Field(description="an OBJ, PLY, STL, OFF, GLB, FBX, DAE, 3MF or USD beside the shot file")
     centre: PlaceField = Field(ORIGIN, description="position of its origin (units)")
     scale: PositiveField = Field(1.0, description="factor on its coordinates")
 

@@ -106,13 +106,13 @@ def _require_angles(value: Any) -> Any:
 class ModelDocument(Document):
     example = "{model: FILE.obj}"
 
-    model: str = Field(description="an OBJ, PLY, STL, OFF, GLB or USD beside the shot file")
+    model: str = Field(description="an OBJ, PLY, STL, OFF, GLB, FBX, DAE, 3MF or USD beside the shot file")
     scale: Positive = Field(1.0, description="factor on all coordinates; or use fit")
     fit: Positive | None = optional("its largest extent, centred on the origin (units)")
     prim: str | None = optional("of a USD stage: the path of the prim to read, as /World/Chair")
     time_code: float | None = optional("of a USD stage: when to read it, in place of its start")
     up: Literal["y", "z"] | None = optional(
-        "the axis of the file that points up: y, or what a USD stage says"
+        "the axis of the file that points up: what the file states, else y"
     )
     rotate: Annotated[list[Degrees], BeforeValidator(_require_angles), Field(min_length=3, max_length=3)] = (
         Field(ORIGIN, description="about x, then y, then z (degrees)")

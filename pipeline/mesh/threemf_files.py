@@ -1,0 +1,281 @@
+"""Models in 3MF packages, .3mf (3MF Consortium, Core Specification 1.3 and Production Extension 1.1).
+
+The triangles of the objects that the build names are read, in place. Colours, textures and slices are not.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+from urllib.parse import unquote
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.errors import MeshError, brief
+from pipeline.mesh.file_surface import FileSurface
+from pipeline.mesh.placed_meshes import PlacedMeshes, Polygons, joined
+from pipeline.mesh.xml_elements import limited_parser, local_name, parse_elements
+from render.base.input_files import size_of
+from render.base.plural import plural
+
+MOST_OBJECTS = 50_000
+"""Objects that are visited; those of components count each time."""
+
+MOST_BYTES, _MOST_PACKED = 1 << 30, 200
+"""Size of a part of a package unpacked, and how many times its size in the package that may be."""
+
+_SMALL = 1 << 24
+"""Size of parts that may be packed more tightly, bytes."""
+
+_DEEPEST = 32
+"""Components of components."""
+
+_UNITS = {
+    "micron": 1e-6,
+    "millimeter": 1e-3,
+    "centimeter": 1e-2,
+    "inch": 0.0254,
+    "foot": 0.3048,
+    "meter": 1.0,
+}
+"""Length of the units of 3MF, metres."""
+
+_HARMLESS = ("/core/", "/production/", "/material/", "/trianglesets/")
+"""Parts of the namespaces of extensions that leave the shape as its triangles are."""
+
+_SUPPORTS = ("support", "solidsupport")
+
+
+class _Reference(NamedTuple):
+    """A placed object, of another part of the package where `path` is not empty."""
+
+    path: str
+    object_id: str
+    matrix: Floats
+    line: int
+
+
+@dataclass
+class _Object:
+    """An object: triangles, or components that place others."""
+
+    kind: str
+    line: int
+    points: list[tuple[float, float, float]] = field(default_factory=list)
+    triangles: list[tuple[int, int, int]] = field(default_factory=list)
+    materials: list[tuple[str | None, ...]] = field(default_factory=list)
+    components: list[_Reference] = field(default_factory=list)
+    lattices: int = 0
+    polygons: Polygons | None = None
+
+
+@dataclass
+class _ModelPart:
+    """A model part of a package: its objects by their ids, and the items of its build."""
+
+    unit: str = "millimeter"
+    objects: dict[str, _Object] = field(default_factory=dict)
+    items: list[_Reference] = field(default_factory=list)
+
+
+def read_threemf(content: bytes) -> FileSurface:
+    """Read the objects of a package's build as one surface, in the units of the package.
+
+    Edges between objects, and between the materials of each, are creases. Raises MeshError, with part and
+    line, for a package that contradicts itself, needs an extension that is not read, or unpacks to too much.
+    """
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        package = _Package(archive)
+        root = package.root()
+        part = package.part(root)
+        for item in part.items:
+            package.add(item, root, np.eye(4), 0)
+    if not package.placed.parts:
+        raise MeshError("its build places no triangles. Export the model again.")
+    return joined(package.placed.parts, package.notes())._replace(unit=_UNITS[part.unit])
+
+
+@dataclass
+class _Package:
+    """Collects the triangles of a package.
+
+    placed    the meshes
+    left_out  number of objects of each kind that was not read
+    """
+
+    archive: zipfile.ZipFile
+    placed: PlacedMeshes = field(default_factory=lambda: PlacedMeshes("export fewer"))
+    left_out: Counter[str] = field(default_factory=Counter)
+    _parts: dict[str, _ModelPart] = field(default_factory=dict)
+    _visited: int = 0
+
+    def root(self) -> str:
+        """Return the name of the part that the package begins with."""
+        for relation in parse_elements(self._read("_rels/.rels")).all("Relationship"):
+            if relation.attributes.get("Type", "").endswith("/3dmodel"):
+                return _part_name(relation.attributes.get("Target", ""))
+        raise MeshError("its _rels/.rels names no 3D model")
+
+    def part(self, name: str) -> _ModelPart:
+        """Return a model part of the package, which is parsed once."""
+        if name not in self._parts:
+            self._parts[name] = _parsed_part(name, self._read(name))
+        return self._parts[name]
+
+    def _read(self, name: str) -> bytes:
+        """Return the content of a part. Raises MeshError where it is missing or too large."""
+        info = next((i for i in self.archive.infolist() if i.filename.lower() == name.lower()), None)
+        if info is None:
+            raise MeshError(f"it has no part {brief(name)}. Export the model again.")
+        if info.file_size > min(MOST_BYTES, max(_SMALL, _MOST_PACKED * info.compress_size)):
+            raise MeshError(
+                f"its part {brief(name)} unpacks from {size_of(info.compress_size)} to "
+                f"{size_of(info.file_size)}, which no model does"
+            )
+        with self.archive.open(info) as file:
+            return file.read(info.file_size)
+
+    def add(self, reference: _Reference, within: str, parent: Floats, depth: int) -> None:
+        """Add an object, and the components below it.
+
+        within  the part that refers to it
+        parent  matrix (4, 4) of row vectors that places what refers to it
+        """
+        name = _part_name(reference.path) or within
+        place = f"{within}, line {reference.line}"
+        self._visited += 1
+        if depth > _DEEPEST or self._visited > MOST_OBJECTS:
+            raise MeshError(
+                f"{place}: over {MOST_OBJECTS} objects with components, or {_DEEPEST} within each other"
+            )
+        part, root = self.part(name), next(iter(self._parts.values()))
+        if part.unit != root.unit:
+            raise MeshError(f"{name}: its unit is {part.unit}, and that of the package {root.unit}")
+        found = part.objects.get(reference.object_id)
+        if found is None:
+            raise MeshError(f"{place}: there is no object {brief(reference.object_id)} in {name}")
+        if found.kind in _SUPPORTS:
+            self.left_out["support"] += 1
+            return
+        self.left_out["beam lattice"] += found.lattices
+        matrix = reference.matrix @ parent
+        if found.polygons is not None:
+            self.placed.add(found.polygons, matrix)
+        for component in found.components:
+            self.add(component, name, matrix, depth + 1)
+
+    def notes(self) -> list[str]:
+        """Return lines about what was not read as other programs show it."""
+        counts = sorted((+self.left_out).items())
+        words = ", ".join(plural(count, kind) for kind, count in counts)
+        return [f"left out, as they are not part of its triangles: {words}"] if words else []
+
+
+def _part_name(path: str) -> str:
+    return unquote(path).lstrip("/")
+
+
+def _parsed_part(name: str, content: bytes) -> _ModelPart:
+    """Return a model part. Raises MeshError with part and line."""
+    part = _ModelPart()
+    current, core = _Object("", 0), ""
+
+    def start(tag: str, given: dict[str, str]) -> None:
+        nonlocal current, core
+        if local_name(tag) == "model":
+            core = tag.removesuffix("model")
+        elif local_name(tag) == "beamlattice":
+            current.lattices += 1
+        match tag.removeprefix(core):  # slices of extensions have vertices too
+            case "vertex":
+                current.points.append((float(given["x"]), float(given["y"]), float(given["z"])))
+            case "triangle":
+                current.triangles.append((int(given["v1"]), int(given["v2"]), int(given["v3"])))
+                current.materials.append((given.get("pid"), *_uniform(given)))
+            case "object":
+                current = part.objects[given["id"]] = _Object(
+                    given.get("type", "model"), parser.CurrentLineNumber
+                )
+            case "component":
+                current.components.append(_reference(given, parser.CurrentLineNumber))
+            case "item":
+                part.items.append(_reference(given, parser.CurrentLineNumber))
+            case "model":
+                part.unit = given.get("unit", part.unit)
+                _require_known(part.unit, given)
+
+    def end(tag: str) -> None:
+        if tag == f"{core}object":
+            current.polygons = _polygons(current, name)
+            current.points, current.triangles, current.materials = [], [], []
+
+    parser = limited_parser(_with_lines(start, lambda: parser.CurrentLineNumber, name), end)
+    parser.Parse(content, True)
+    return part
+
+
+def _with_lines(
+    start: Callable[[str, dict[str, str]], None], line: Callable[[], int], name: str
+) -> Callable[[str, dict[str, str]], None]:
+    """Return a function that raises the errors of another as MeshError, with part and line."""
+
+    def called(tag: str, given: dict[str, str]) -> None:
+        try:
+            start(tag, given)
+        except KeyError as error:
+            raise MeshError(f"{name}, line {line()}: {brief(tag)} has no {error.args[0]}") from None
+        except (ValueError, MeshError) as error:
+            raise MeshError(f"{name}, line {line()}: {brief(error)}") from None
+
+    return called
+
+
+def _require_known(unit: str, given: dict[str, str]) -> None:
+    """Raise MeshError for an unknown unit, and for extensions that decide the shape."""
+    if unit not in _UNITS:
+        raise MeshError(f"its unit {brief(unit)} is not one of {', '.join(_UNITS)}")
+    for prefix in given.get("requiredextensions", "").split():
+        space = given.get(f"xmlns:{prefix}", prefix)
+        if not any(known in space for known in _HARMLESS):
+            raise MeshError(f"it requires the extension {brief(space)}, which is not read")
+
+
+def _reference(given: dict[str, str], line: int) -> _Reference:
+    """Return the object that a component or item places. Raises KeyError or ValueError."""
+    matrix = np.eye(4)
+    words = given.get("transform", "").split()
+    if words:
+        if len(words) != 12:
+            raise ValueError(f"its transform has {len(words)} numbers, not 12")
+        matrix[:, :3] = np.array(list(map(float, words))).reshape(4, 3)
+    path = next((value for key, value in given.items() if local_name(key) == "path"), "")
+    return _Reference(path, given["objectid"], matrix, line)
+
+
+def _uniform(given: dict[str, str]) -> tuple[str | None]:
+    """Return the property of a triangle where its three corners have the same."""
+    first = given.get("p1")
+    same = given.get("p2", first) == first == given.get("p3", first)
+    return (first if same else None,)
+
+
+def _polygons(found: _Object, part: str) -> Polygons | None:
+    """Return the triangles of an object; None where it has none. Raises MeshError for missing vertices."""
+    if not found.triangles:
+        return None
+    corners = np.array(found.triangles, np.int64).reshape(-1)
+    wrong = np.flatnonzero((corners < 0) | (corners >= len(found.points)))
+    if len(wrong):
+        raise MeshError(
+            f"{part}, line {found.line}: triangle {wrong[0] // 3} names vertex "
+            f"{corners[wrong[0]]}; its object has {len(found.points)}, numbered from 0"
+        )
+    numbers: dict[tuple[str | None, ...], int] = {}
+    groups = np.array([numbers.setdefault(key, len(numbers)) for key in found.materials], np.int64)
+    sides = np.full(len(found.triangles), 3)
+    return Polygons(np.array(found.points, np.float64), sides, corners, groups=groups)

@@ -1,0 +1,148 @@
+"""Models in 3MF packages: objects where the build places them, in their unit, of all model parts."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.errors import MeshError
+from pipeline.mesh.read import model_files, read_surface, usual_up
+
+RELATIONS = '<Relationships><Relationship Target="/3D/a.model" Type="http://x/3dmodel"/></Relationships>'
+CORNERS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+FACES = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+
+
+def corner(number: int, faces: list[tuple[int, int, int]] = FACES, more: str = "", last: str = "") -> str:
+    """Return an object: a tetrahedron of volume 1/6; `last` are attributes of its last triangle."""
+    vertices = "".join(f'<vertex x="{x}" y="{y}" z="{z}"/>' for x, y, z in CORNERS)
+    rows = [f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in faces]
+    rows[-1] = rows[-1].replace("/>", f" {last}/>")
+    triangles = "".join(rows)
+    mesh = f"<mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles>{more}</mesh>"
+    return f'<object id="{number}">{mesh}</object>'
+
+
+def part(objects: str, items: str = '<item objectid="1"/>', given: str = "") -> str:
+    return (
+        f'<model xmlns="http://x/core/2015/02" xmlns:p="http://x/production/2015/06" {given}>\n'
+        f"<resources>{objects}</resources>\n<build>{items}</build></model>"
+    )
+
+
+def package(path: Any, **parts: str) -> Any:
+    """Write a package of model parts by name, `a` as the first, to a path or file; return which."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("_rels/.rels", RELATIONS)
+        for name, content in parts.items():
+            archive.writestr(f"3D/{name}.model", content)
+    return path
+
+
+def volume(path: Path) -> float:
+    mesh = read_surface(path).mesh.triangulated()
+    a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
+
+
+@pytest.mark.parametrize(("given", "unit"), [("", 0.001), ('unit="inch"', 0.0254), ('unit="micron"', 1e-6)])
+def test_triangles_unit_and_axis_are_those_of_the_package(tmp_path: Path, given: str, unit: float) -> None:
+    path = package(tmp_path / "a.3mf", a=part(corner(1), given=given))
+    read = read_surface(path)
+    assert (read.vertices, read.faces, read.repairs, read.unit) == (4, 4, (), unit)
+    assert usual_up(path) == model_files(path).up == "z" and volume(path) == pytest.approx(1 / 6)
+
+
+def test_items_and_components_of_other_parts_are_placed_and_mirrored(tmp_path: Path) -> None:
+    pair = """<object id="2"><components>
+        <component objectid="1" p:path="/3D/b.model" transform="1 0 0 0 1 0 0 0 1 10 0 0"/>
+        <component objectid="1" p:path="/3D/b.model" transform="-2 0 0 0 2 0 0 0 2 0 0 0"/>
+        </components></object>"""
+    items = """<item objectid="2" transform="0 1 0 -1 0 0 0 0 1 0 0 5"/>
+        <item objectid="3" transform="1 0 0 0 1 0 0 0 1 99 0 0"/>"""
+    path = package(
+        tmp_path / "a.3mf",
+        a=part(pair + corner(3), items, 'requiredextensions="p"'),
+        b=part(corner(1) + corner(7), items=""),
+    )
+    assert read_surface(path).faces == 12 and volume(path) == pytest.approx((1 + 8 + 1) / 6)
+    low, high = read_surface(path).mesh.bounds
+    assert np.allclose((low, high), ((-2, -2, 0), (100, 11, 7))), "x becomes y, y becomes -x"
+
+
+def test_edges_between_materials_are_creases_and_supports_are_left_out(tmp_path: Path) -> None:
+    plain, painted = corner(1), corner(1, last='pid="5" p1="2"')
+    assert len(read_surface(package(tmp_path / "a.3mf", a=part(plain))).mesh.creases) == 0
+    assert len(read_surface(package(tmp_path / "b.3mf", a=part(painted))).mesh.creases) == 3
+    support = corner(2).replace('id="2"', 'id="2" type="support"')
+    path = package(tmp_path / "c.3mf", a=part(plain + support, '<item objectid="1"/><item objectid="2"/>'))
+    read = read_surface(path)
+    assert read.faces == 4 and "1 support" in read.notes[0]
+
+
+def test_vertices_of_slices_and_lattices_are_no_vertices_of_the_mesh(tmp_path: Path) -> None:
+    slices = '<s:slice xmlns:s="http://x/slice/"><s:vertex x="1" y="1"/></s:slice>'
+    path = package(
+        tmp_path / "a.3mf", a=part(slices + corner(1, more="<b:beamlattice xmlns:b='http://x/b'/>"))
+    )
+    read = read_surface(path)
+    assert (read.vertices, read.faces) == (4, 4) and "1 beam lattice" in read.notes[0]
+
+
+LOOP = '<object id="1"><components><component objectid="1"/></components></object>'
+
+
+@pytest.mark.parametrize(
+    ("parts", "says"),
+    [
+        ({"a": part(corner(1, [*FACES[:3], (1, 2, 9)]))}, "3D/a.model, line 2: triangle 3 names vertex 9"),
+        ({"a": part(corner(1).replace('y="1"', 'y="one"'))}, "3D/a.model, line 2: could not convert"),
+        ({"a": part(corner(1).replace('y="1"', ""))}, "3D/a.model, line 2: vertex has no y"),
+        ({"a": part(corner(1), '<item objectid="8"/>')}, "3D/a.model, line 3: there is no object 8"),
+        (
+            {"a": part(corner(1), '<item objectid="1" transform="1 2"/>')},
+            "its transform has 2 numbers, not 12",
+        ),
+        ({"a": part(corner(1), '<item objectid="1" p:path="/3D/c.model"/>')}, "it has no part 3D/c.model"),
+        ({"a": part(LOOP)}, "32 within each other"),
+        ({"a": part(corner(1), "")}, "its build places no triangles"),
+        ({"a": part(corner(1), given='unit="mile"')}, "its unit mile is not one of"),
+        (
+            {"a": part(corner(1), given='requiredextensions="s" xmlns:s="http://x/slice/2015/07"')},
+            "it requires the extension http://x/slice/2015/07, which is not read",
+        ),
+        ({"a": '<!DOCTYPE x [<!ENTITY a "b">]><model/>'}, "it declares the entity 'a'"),
+        ({"a": part(corner(1) + " " * (1 << 25))}, "unpacks from .* to 32 MiB, which no model does"),
+        ({"b": part(corner(1))}, "it has no part 3D/a.model"),
+        (
+            {
+                "a": part("", '<item objectid="1" p:path="/3D/b.model"/>'),
+                "b": part(corner(1), given='unit="inch"'),
+            },
+            "3D/b.model: its unit is inch, and that of the package millimeter",
+        ),
+    ],
+)
+def test_what_is_not_read_is_told_with_its_part_and_line(
+    tmp_path: Path, parts: dict[str, str], says: str
+) -> None:
+    path = package(tmp_path / "a.3mf", **parts)
+    with pytest.raises(MeshError, match=says) as told:
+        read_surface(path)
+    assert str(told.value).startswith(str(path)) and "\n" not in str(told.value)
+
+
+def test_a_file_that_is_no_package_is_refused(tmp_path: Path) -> None:
+    empty = io.BytesIO()
+    with zipfile.ZipFile(empty, "w"):
+        pass
+    whole = package(tmp_path / "a.3mf", a=part(corner(1))).read_bytes()
+    for content in (b"a chair", whole[:-30], whole[:200], empty.getvalue()):
+        (tmp_path / "b.3mf").write_bytes(content)
+        with pytest.raises(MeshError, match=r"b\.3mf: (cannot be read as 3MF|it has no part)"):
+            read_surface(tmp_path / "b.3mf")
