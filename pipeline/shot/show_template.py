@@ -34,8 +34,8 @@ rate: 24  # frames per second, that of all its shots
 """
 
 MODELS = """\
-Mesh files for shots: OBJ, PLY, STL, OFF, GLB, FBX, DAE, 3MF or USD. A shot in the folder above names one by its
-path from there:
+Mesh files for shots: OBJ, PLY, STL, OFF, GLB, FBX, DAE, 3MF or USD. A shot in the folder above names one by
+its path from there:
 
     subject: {model: models/bunny.obj}
 """

@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
+from pipeline.mesh.read import FORMATS
+from pipeline.production.request.lookup import MODELS, OTHER_MODELS
 from tests.conftest import FILM, TINY, commanded
 
 ROWS = YAML(typ="safe").load((Path(__file__).parent / "mistakes.yaml").read_text(encoding="utf-8"))
@@ -44,3 +46,7 @@ def test_a_mistake_on_the_command_line_is_told_with_its_remedy_which_works(
     if "right" in row:
         code, text = told(folder, row["right"])
         assert code == 0, text
+
+
+def test_a_model_of_every_format_is_told_from_a_shot() -> None:
+    assert {f".{suffix}" for suffix in FORMATS} == set(MODELS) and not set(MODELS) & set(OTHER_MODELS)

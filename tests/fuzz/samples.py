@@ -246,7 +246,8 @@ def collada() -> str:
     <node><matrix>-1 0 0 30  0 1 0 0  0 0 1 0  0 0 0 1</matrix><instance_node url="#part"/>
     <instance_controller url="#skin"/></node>"""
     more = """<library_nodes><node id="part"><translate>0 9 0</translate>
-    <instance_geometry url="#box"/></node></library_nodes><library_controllers><controller id="skin"><skin source="#box"/></controller>
+    <instance_geometry url="#box"/></node></library_nodes>
+    <library_controllers><controller id="skin"><skin source="#box"/></controller>
     </library_controllers>"""
     asset = '<unit meter="0.0254"/><up_axis>Z_UP</up_axis>'
     return document(BOX.replace("count", 'material="red" count') + sets, nodes, asset, more=more)

@@ -44,7 +44,7 @@ def turntable(
         str | None,
         typer.Option(
             metavar="y|z",
-            help="The axis of the mesh file that points up. Default: what it states; else z of an STL, y of others.",
+            help="The axis of the mesh file that points up. Default: what it states, or z of an STL, else y.",
         ),
     ] = None,
     part: Subject = None,
