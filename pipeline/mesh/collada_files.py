@@ -12,7 +12,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.errors import MeshError, brief
+from pipeline.errors import MeshError, shortened
 from pipeline.mesh.collada_meshes import numbers_in, read_geometry
 from pipeline.mesh.file_surface import FileSurface
 from pipeline.mesh.placed_meshes import PlacedMeshes, Polygons, joined
@@ -40,7 +40,7 @@ def read_collada(content: bytes) -> FileSurface:
     """
     root = parse_elements(content)
     if root.name != "COLLADA":
-        raise MeshError(f"its XML is {brief(root.name)}, not COLLADA")
+        raise MeshError(f"its XML is {shortened(root.name)}, not COLLADA")
     scene = _Scene(root)
     scene.add_all()
     if not scene.placed.parts:
@@ -146,7 +146,8 @@ class _Scene:
     def _add_geometry(self, geometry: Element, matrix: Floats) -> None:
         mesh = geometry.first("mesh")
         if mesh is None:
-            self.left_out[next((child.name for child in geometry.children), "empty geometry")] += 1
+            kinds = {child.name for child in geometry.children} & {"spline", "convex_mesh", "brep"}
+            self.left_out[min(kinds, default="empty geometry")] += 1
             return
         if id(mesh) not in self._read:
             self._read[id(mesh)] = read_geometry(mesh, self.left_out)
@@ -158,20 +159,20 @@ class _Scene:
         address = element.attributes.get(attribute, "").strip()
         if not address.startswith("#") and ("#" in address or "." in address):
             raise MeshError(
-                f"line {element.line}: it refers to {brief(address)}, in another file, which is not read. "
+                f"line {element.line}: it refers to {shortened(address)}, in a file that is not read. "
                 "Export the model as one file."
             )
         target = self._named.get((kind, _identifier(element, attribute)))
         if target is None:
             raise MeshError(
-                f"line {element.line}: it refers to a {kind} {brief(address)}, which is not there"
+                f"line {element.line}: it refers to a {kind} {shortened(address)}, which is not there"
             )
         return target
 
     @property
     def left_out_words(self) -> str:
         """Number and kind of what was left out: `2 line sets, 1 spline`."""
-        return ", ".join(plural(count, brief(kind), "") for kind, count in sorted(self.left_out.items())[:5])
+        return ", ".join(plural(count, kind) for kind, count in sorted(self.left_out.items())[:5])
 
     def notes(self) -> list[str]:
         """Return lines about what was not read as other programs show it."""

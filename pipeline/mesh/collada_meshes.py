@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from pipeline.arrays import AnyArray, Points
-from pipeline.errors import MeshError, brief
+from pipeline.errors import MeshError, brief, shortened
 from pipeline.mesh.placed_meshes import Polygons
 from pipeline.mesh.xml_elements import Element
 
@@ -175,7 +175,7 @@ def _number(element: Element, name: str, default: int) -> int:
     try:
         return int(text) if text else default
     except ValueError:
-        raise MeshError(f"line {element.line}: its {name} {brief(text)!r} is not an integer") from None
+        raise MeshError(f"line {element.line}: its {name} {shortened(text)} is not an integer") from None
 
 
 def _floats(element: Element) -> AnyArray:

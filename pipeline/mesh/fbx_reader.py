@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.errors import MeshError, brief
+from pipeline.errors import MeshError, shortened
 from pipeline.mesh.file_surface import FileSurface
 from pipeline.mesh.placed_meshes import PlacedMeshes, Polygons, joined
 from render.base.input_files import read_input, require_input
@@ -129,7 +129,7 @@ def visible_surface(content: bytes) -> FileSurface:
         if kind or mesh is None:
             continue
         if mesh.element_id not in read:
-            read[mesh.element_id] = _polygons(mesh, brief(node.name or mesh.name or "a mesh"))
+            read[mesh.element_id] = _polygons(mesh, shortened(node.name or mesh.name))
         cages += int(mesh.subdivision_display_mode) != 0
         meshes.add(read[mesh.element_id], _matrix(node) @ turn)
     others = ", ".join(plural(count, kind, _PLURALS.get(kind, "")) for kind, count in left_out.items())

@@ -16,7 +16,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.errors import MeshError, brief
+from pipeline.errors import MeshError, brief, shortened
 from pipeline.mesh.file_surface import FileSurface
 from pipeline.mesh.placed_meshes import PlacedMeshes, Polygons, joined
 from pipeline.mesh.xml_elements import limited_parser, local_name, parse_elements
@@ -130,11 +130,11 @@ class _Package:
     def _read(self, name: str) -> bytes:
         """Return the content of a part. Raises MeshError where it is missing or too large."""
         info = next((i for i in self.archive.infolist() if i.filename.lower() == name.lower()), None)
-        if info is None:
-            raise MeshError(f"it has no part {brief(name)}. Export the model again.")
+        if info is None or not name.isprintable():
+            raise MeshError(f"it has no part {shortened(name)}. Export the model again.")
         if info.file_size > min(MOST_BYTES, max(_SMALL, _MOST_PACKED * info.compress_size)):
             raise MeshError(
-                f"its part {brief(name)} unpacks from {size_of(info.compress_size)} to "
+                f"its part {shortened(name)} unpacks from {size_of(info.compress_size)} to "
                 f"{size_of(info.file_size)}, which no model does"
             )
         with self.archive.open(info) as file:
@@ -158,7 +158,7 @@ class _Package:
             raise MeshError(f"{name}: its unit is {part.unit}, and that of the package {root.unit}")
         found = part.objects.get(reference.object_id)
         if found is None:
-            raise MeshError(f"{place}: there is no object {brief(reference.object_id)} in {name}")
+            raise MeshError(f"{place}: there is no object {shortened(reference.object_id)} in {name}")
         if found.kind in _SUPPORTS:
             self.left_out["support"] += 1
             return
@@ -238,11 +238,11 @@ def _with_lines(
 def _require_known(unit: str, given: dict[str, str]) -> None:
     """Raise MeshError for an unknown unit, and for extensions that decide the shape."""
     if unit not in _UNITS:
-        raise MeshError(f"its unit {brief(unit)} is not one of {', '.join(_UNITS)}")
+        raise MeshError(f"its unit {shortened(unit)} is not one of {', '.join(_UNITS)}")
     for prefix in given.get("requiredextensions", "").split():
         space = given.get(f"xmlns:{prefix}", prefix)
         if not any(known in space for known in _HARMLESS):
-            raise MeshError(f"it requires the extension {brief(space)}, which is not read")
+            raise MeshError(f"it requires the extension {shortened(space)}, which is not read")
 
 
 def _reference(given: dict[str, str], line: int) -> _Reference:

@@ -250,7 +250,7 @@ def collada() -> str:
     <library_controllers><controller id="skin"><skin source="#box"/></controller>
     </library_controllers>"""
     asset = '<unit meter="0.0254"/><up_axis>Z_UP</up_axis>'
-    return document(BOX.replace("count", 'material="red" count') + sets, nodes, asset, more=more)
+    return document(BOX.replace("count", 'material="red" count', 1) + sets, nodes, asset, more=more)
 
 
 def _package() -> bytes:

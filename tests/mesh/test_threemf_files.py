@@ -103,22 +103,22 @@ LOOP = '<object id="1"><components><component objectid="1"/></components></objec
         ({"a": part(corner(1, [*FACES[:3], (1, 2, 9)]))}, "3D/a.model, line 2: triangle 3 names vertex 9"),
         ({"a": part(corner(1).replace('y="1"', 'y="one"'))}, "3D/a.model, line 2: could not convert"),
         ({"a": part(corner(1).replace('y="1"', ""))}, "3D/a.model, line 2: vertex has no y"),
-        ({"a": part(corner(1), '<item objectid="8"/>')}, "3D/a.model, line 3: there is no object 8"),
+        ({"a": part(corner(1), '<item objectid="8"/>')}, "3D/a.model, line 3: there is no object '8'"),
         (
             {"a": part(corner(1), '<item objectid="1" transform="1 2"/>')},
             "its transform has 2 numbers, not 12",
         ),
-        ({"a": part(corner(1), '<item objectid="1" p:path="/3D/c.model"/>')}, "it has no part 3D/c.model"),
+        ({"a": part(corner(1), '<item objectid="1" p:path="/3D/c.model"/>')}, "it has no part '3D/c.model'"),
         ({"a": part(LOOP)}, "32 within each other"),
         ({"a": part(corner(1), "")}, "its build places no triangles"),
-        ({"a": part(corner(1), given='unit="mile"')}, "its unit mile is not one of"),
+        ({"a": part(corner(1), given='unit="mile"')}, "its unit 'mile' is not one of"),
         (
             {"a": part(corner(1), given='requiredextensions="s" xmlns:s="http://x/slice/2015/07"')},
-            "it requires the extension http://x/slice/2015/07, which is not read",
+            "it requires the extension 'http://x/slice/2015/07', which is not read",
         ),
         ({"a": '<!DOCTYPE x [<!ENTITY a "b">]><model/>'}, "it declares the entity 'a'"),
         ({"a": part(corner(1) + " " * (1 << 25))}, "unpacks from .* to 32 MiB, which no model does"),
-        ({"b": part(corner(1))}, "it has no part 3D/a.model"),
+        ({"b": part(corner(1))}, "it has no part '3D/a.model'"),
         (
             {
                 "a": part("", '<item objectid="1" p:path="/3D/b.model"/>'),
