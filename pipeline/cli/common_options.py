@@ -6,6 +6,7 @@ import copy
 import functools
 import inspect
 import os
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
@@ -14,7 +15,9 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from pipeline.cli.options import Common
+from pipeline.cli.other_words import require_utf_8
 from pipeline.cli.output import print_error, print_warning, tell_of_store
+from pipeline.errors import UsageError
 from pipeline.production.store.paths import require_store
 from pipeline.production.store.remote_url import VARIABLE, checked_url
 from render.mitsuba.engine import available_cores
@@ -98,11 +101,14 @@ class CommonOptions:
             print_warning(
                 f"--profile {given.profile}: the shipped profile; {own} here is used by --profile {own}"
             )
+        root = (given.root or Path()).resolve()
+        require_utf_8(str(root))
+        if re.search(r"[\x00-\x1f\x7f]", str(root)):
+            raise UsageError(f"{str(root)!r}: a line break or control character in a path; rename the folder")
+        require_store(root)
         if given.store:
             os.environ[VARIABLE] = checked_url(given.store)  # so do they
             tell_of_store(progress)
-        root = (given.root or Path()).resolve()
-        require_store(root)
         return Common(
             json=given.json_,
             progress=progress,

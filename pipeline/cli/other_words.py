@@ -6,6 +6,15 @@ from collections.abc import Collection, Iterable
 
 from pipeline.errors import UsageError
 
+
+def require_utf_8(*words: str) -> None:
+    """Raise UsageError for a word that is not UTF-8: shots, keys and logs could not hold it."""
+    for word in words:
+        name = word.encode(errors="surrogateescape").decode(errors="backslashreplace")
+        if name != word:
+            raise UsageError(f"{name}: this name is not UTF-8, as on some old file shares; rename it")
+
+
 COMMANDS = {
     "help": "--help",
     "play": "preview",

@@ -20,8 +20,8 @@ from render.base.plural import plural
 if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
 
-out = Console(highlight=False, emoji=False, soft_wrap=True)
-err = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True)
+out = Console(highlight=False, emoji=False, soft_wrap=True, markup=False)  # names of files may hold [red]
+err = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True, markup=False)
 
 
 def print_result(words: str | RenderableType, facts: Any, as_json: bool) -> None:
@@ -33,11 +33,11 @@ def print_result(words: str | RenderableType, facts: Any, as_json: bool) -> None
 
 
 def print_error(words: str) -> None:
-    err.print(words, style="red", markup=False)
+    err.print(words, style="red")
 
 
 def print_warning(words: str) -> None:
-    err.print(words, style="yellow", markup=False)
+    err.print(words, style="yellow")
 
 
 class _StoreMessages(logging.Handler):
@@ -117,7 +117,7 @@ def frame_progress(*more: ProgressColumn, wanted: bool = True) -> Progress:
     )
 
     return Progress(
-        TextColumn("{task.description:>16}"),
+        TextColumn("{task.description:>16}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),

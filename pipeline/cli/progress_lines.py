@@ -33,7 +33,7 @@ class ProgressLines(Progress):
         unfinished = [task for task in self.tasks if task.started and not task.finished]
         begun = [task for task in unfinished if task.completed or task.fields.get("now")]
         for task in begun or unfinished[:1]:
-            self.console.print(_line(task, time.monotonic() - self._began), markup=False, soft_wrap=True)
+            self.console.print(_line(task, time.monotonic() - self._began), soft_wrap=True)
 
 
 def _line(task: Task, seconds: float) -> str:

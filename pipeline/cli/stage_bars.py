@@ -26,7 +26,7 @@ class StageBars:
     def __init__(self, plan: Plan, reader: EventReader) -> None:
         self._reader = reader
         totals = plan.frame_counts()
-        self._progress = frame_progress(TextColumn("{task.fields[now]}", style="dim"))
+        self._progress = frame_progress(TextColumn("{task.fields[now]}", style="dim", markup=False))
         self._tasks: dict[str, TaskID] = {
             name: self._progress.add_task(stage.doing, total=totals[name], start=False, now="")
             for name, stage in STAGES.items()

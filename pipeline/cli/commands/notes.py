@@ -42,7 +42,7 @@ def notes(
     live = sorted((note for note in found if not note.deleted), key=lambda note: (note.sequence, note.first))
     listing = table("sequence", "frames", "status", "by", "time (UTC)", "note")
     for note in live:
-        listing.add_row(*(readable(word).replace("[", r"\[") for word in _row(note)))
+        listing.add_row(*map(readable, _row(note)))
     kind = f"{status} notes" if status else "notes"
     none = f"{name} has no {kind}; flowsculpt review {name} writes the page to take them."
     facts = {"path": str(folder.path(name)), "added": added, **as_data(found)}

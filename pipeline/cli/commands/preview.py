@@ -165,7 +165,7 @@ def _serve(
 
     session = LiveSession(read, feed, stream, write_movie, {editor.path})
     with serving(feed, port, actions_of(editor, session)) as address:
-        err.print(f"Live at {address} – Ctrl-C ends it.", markup=False, soft_wrap=True)
+        err.print(f"Live at {address} – Ctrl-C ends it.", soft_wrap=True)
         if browser:
             webbrowser.open(address)
         session.follow()

@@ -133,7 +133,7 @@ def _report(provenances: Sequence[tuple[Path, Provenance]], as_json: bool) -> No
         frames = str(FrameRange.of(record.frames))
         who, note = record.user or "–", record.note or "–"
         row = (record.shot, record.version, record.quality, frames, when, who, note)
-        listing.add_row(*(word.replace("[", r"\[") for word in row))
+        listing.add_row(*row)
     words = listing if provenances else "Nothing is published here; flowsculpt publish does it."
     print_result(words, [_facts(folder, record) for folder, record in provenances], as_json)
 

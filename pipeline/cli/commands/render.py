@@ -228,7 +228,7 @@ def stills(
         words = "" if common.dry_run else _cost(common, plan)
         if words and words not in announced:
             announced.add(words)
-            err.print(words, markup=False)
+            err.print(words)
         return plan
 
     execute_and_report(common, planned)
