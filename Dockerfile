@@ -1,18 +1,22 @@
-# flowsculpt in a container: docker build -t flowsculpt . && docker run --rm -v "$PWD":/show flowsculpt film
+# flowsculpt in a container: docker build -t flowsculpt .
+#     docker run --rm --user "$(id -u):$(id -g)" -v "$PWD":/show flowsculpt film
+# The show is mounted at /show. Any user may run it; without --user it is user 1000, never root.
 # Debian 12 has Python 3.11; set-up unpacks libLLVM from its packages. A GPU, where the host passes one on, is found.
 FROM debian:bookworm-slim
 
-RUN apt-get update && apt-get install -y --no-install-recommends ca-certificates make python3 python3-venv
+RUN apt-get update && apt-get install -y --no-install-recommends ca-certificates make python3 python3-venv \
+    && useradd --uid 1000 --create-home flowsculpt && install --directory --owner=flowsculpt /show
 
-# Packages, renderer and kernels are made at build time. Any user of the container may write the cache of kernels,
-# for one that cannot be written is not used.
+# Packages, renderer and kernels are made at build time, by root. All users read the compiled kernels and none may change
+# them, for what lies there runs as code; what is compiled later goes to a folder of the user's in /tmp.
 ENV XDG_CACHE_HOME=/opt/flowsculpt/.cache
 ENV PIP_NO_CACHE_DIR=1
 COPY . /opt/flowsculpt
-RUN make -C /opt/flowsculpt setup && chmod -R a+rX /opt/flowsculpt && chmod -R a+rwX $XDG_CACHE_HOME \
+RUN make -C /opt/flowsculpt setup && chmod -R a+rX /opt/flowsculpt && mkdir -p -m 1777 $XDG_CACHE_HOME/snakemake \
     && rm -rf /var/lib/apt/lists
 
 ENV PATH=/opt/flowsculpt/.venv/bin:$PATH
+USER 1000:1000
 WORKDIR /show
 ENTRYPOINT ["flowsculpt"]
 CMD ["--help"]

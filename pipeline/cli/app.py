@@ -25,7 +25,7 @@ from pipeline.cli.common_options import (
     with_options,
     with_parameters,
 )
-from pipeline.cli.other_words import require_command, require_options, require_utf_8
+from pipeline.cli.other_words import require_command, require_options, require_readable
 from pipeline.cli.output import print_error
 from pipeline.cli.standard_streams import READER_LEFT, OutputError, discard_output
 from pipeline.errors import FlowsculptError, MachineError
@@ -223,7 +223,7 @@ def main() -> None:
     distrust_working_folder()
     name_a_home()
     try:
-        require_utf_8(*sys.argv[1:])
+        require_readable(*sys.argv[1:])
         command_line()()
     except OutputError as error:
         discard_output()

@@ -6,7 +6,6 @@ import copy
 import functools
 import inspect
 import os
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
@@ -15,9 +14,8 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from pipeline.cli.options import Common
-from pipeline.cli.other_words import require_utf_8
+from pipeline.cli.other_words import require_readable, require_readable_path
 from pipeline.cli.output import print_error, print_warning, tell_of_store
-from pipeline.errors import UsageError
 from pipeline.production.store.paths import require_store
 from pipeline.production.store.remote_url import VARIABLE, checked_url
 from render.mitsuba.engine import available_cores
@@ -102,9 +100,8 @@ class CommonOptions:
                 f"--profile {given.profile}: the shipped profile; {own} here is used by --profile {own}"
             )
         root = (given.root or Path()).resolve()
-        require_utf_8(str(root))
-        if re.search(r"[\x00-\x1f\x7f]", str(root)):
-            raise UsageError(f"{str(root)!r}: a line break or control character in a path; rename the folder")
+        require_readable(str(root))
+        require_readable_path(str(root))
         require_store(root)
         if given.store:
             os.environ[VARIABLE] = checked_url(given.store)  # so do they

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Collection, Iterable
 
 from pipeline.errors import UsageError
 
 
-def require_utf_8(*words: str) -> None:
-    """Raise UsageError for a word that is not UTF-8: shots, keys and logs could not hold it."""
+def require_readable(*words: str) -> None:
+    """Raise UsageError for words that are not UTF-8, and as `require_readable_path` for files."""
     for word in words:
         name = word.encode(errors="surrogateescape").decode(errors="backslashreplace")
         if name != word:
             raise UsageError(f"{name}: this name is not UTF-8, as on some old file shares; rename it")
+        if os.path.lexists(word):
+            require_readable_path(word)
+
+
+def require_readable_path(path: str) -> None:
+    """Raise UsageError for a path that messages, logs and shot files cannot hold in one line."""
+    if re.search(r"[\x00-\x1f\x7f]", path):
+        raise UsageError(f"{path!r}: a line break or control character in a path; rename it")
 
 
 COMMANDS = {

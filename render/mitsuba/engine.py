@@ -88,11 +88,12 @@ class Engine:
 
 
 def _trust_compiled_code() -> None:
-    """Have Dr.Jit keep compiled code where nobody else can have put some."""
+    """Have Dr.Jit keep compiled code where it can write, and where nobody else can have put some."""
     if "DRJIT_CACHE_DIR" in os.environ or not os.environ.get("HOME"):  # without, it keeps none
         return
     folder = Path(os.environ["HOME"]) / ".drjit"
-    if intruder(folder if folder.exists() else folder.parent):
+    place = folder if folder.exists() else folder.parent
+    if intruder(place) or not os.access(place, os.W_OK):
         os.environ["DRJIT_CACHE_DIR"] = str(writable_cache() / "drjit")
 
 

@@ -29,6 +29,12 @@ def test_the_container_is_the_system_that_the_tests_run_on() -> None:
     assert {".git", ".venv", "renders", ".flowsculpt"} <= ignored
 
 
+def test_the_container_runs_as_a_user_whose_number_clusters_can_check_and_nobody_writes_its_kernels() -> None:
+    (user,) = [words for name, words in instructions() if name == "USER"]
+    assert re.fullmatch("[1-9][0-9]*:[1-9][0-9]*", user)
+    assert not [words for _, words in instructions() if re.search("a[+]rwX|777 \\$XDG_CACHE_HOME ", words)]
+
+
 @pytest.mark.soak
 def test_the_steps_of_the_container_make_a_flowsculpt_that_renders(tmp_path: Path) -> None:
     """Steps run in a clone in place of /opt/flowsculpt; the packages of the system are those of this one."""

@@ -168,6 +168,7 @@ class KubernetesJob:
         container = {
             "name": "task",
             "image": self.image,
+            "securityContext": {"allowPrivilegeEscalation": False, "capabilities": {"drop": ["ALL"]}},
             "command": ["sh", "-c", _command(step, self.threads)],
             "workingDir": str(WORK),
             "env": [{"name": VARIABLE, "value": self.store}],
@@ -183,6 +184,7 @@ class KubernetesJob:
         }
         return {
             "restartPolicy": "Never",
+            "securityContext": {"runAsNonRoot": True, "seccompProfile": {"type": "RuntimeDefault"}},
             "activeDeadlineSeconds": 60 * step.minutes(self.threads, CHUNK),
             "containers": [container],
             "volumes": [

@@ -103,7 +103,9 @@ def test_every_object_is_valid_by_the_schemas_of_kubernetes(project, monkeypatch
     assert len(names) == len(set(names)) and max(map(len, names)) < 60
 
 
-def test_pods_ask_for_cores_memory_a_gpu_and_a_time_limit_and_share_out_the_frames(project, monkeypatch):
+def test_pods_ask_for_cores_memory_a_gpu_and_a_time_limit_and_no_rights_and_share_out_the_frames(
+    project, monkeypatch
+):
     monkeypatch.chdir(project.path)
     project.shot.write_text(project.shot.read_text().replace("1-6", "1-20"))
     files = job_of(project, NAME, variant="cuda_ad_rgb").manifests()
@@ -115,6 +117,9 @@ def test_pods_ask_for_cores_memory_a_gpu_and_a_time_limit_and_share_out_the_fram
         "limits": {"memory": "4096Mi", "nvidia.com/gpu": "1"},
     }
     assert pod["activeDeadlineSeconds"] >= 3600
+    assert pod["securityContext"] == {"runAsNonRoot": True, "seccompProfile": {"type": "RuntimeDefault"}}
+    rights = pod["containers"][0]["securityContext"]
+    assert rights == {"allowPrivilegeEscalation": False, "capabilities": {"drop": ["ALL"]}}
     limits = finish["spec"]["template"]["spec"]["containers"][0]["resources"]["limits"]
     assert "nvidia.com/gpu" not in limits
 
