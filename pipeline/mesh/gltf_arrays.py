@@ -155,10 +155,12 @@ class SceneArrays:
 
     def _matrices(self, part: Part) -> Floats:
         """Return where a part is: matrices (N, 4, 4), one for each copy of it."""
+        instances = part.node.extension(INSTANCING)
+        if part.is_skinned and instances is not None:
+            raise ValueError(f"{part.node.place} has a skin and instances, which are not read together")
         if part.is_skinned:
             return np.eye(4)[None]
         own = self.scene.matrix(part.number)
-        instances = part.node.extension(INSTANCING)
         if instances is None:
             return own[None]
         given = instances.entry("attributes").values

@@ -128,7 +128,7 @@ class Document:
                     raise ValueError("it is a GLB without JSON")
                 start, length = chunks[b"JSON"]
                 file.seek(start)
-                return cls._parsed(path, file.read(length), chunks.get(b"BIN\0"))
+                return cls._parsed(path, file.read(length).rstrip(b"\0"), chunks.get(b"BIN\0"))
         if path.suffix.lower() == ".glb":
             raise ValueError("it has no GLB header")
         return cls._parsed(path, read_input(path, MOST_BYTES), None)
@@ -141,7 +141,7 @@ class Document:
             embedded.append(address[0][1:-1])
             return b'"data:%d"' % (len(embedded) - 1)
 
-        text = _DATA.sub(cut, text).rstrip(b"\0 ")
+        text = _DATA.sub(cut, text)
         if len(text) > MOST_JSON:
             raise ValueError(f"its JSON has {size_of(len(text))}; up to {size_of(MOST_JSON)} are read")
         root = Entry(json.loads(text), "the file")

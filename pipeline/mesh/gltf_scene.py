@@ -16,7 +16,9 @@ from pipeline.mesh.gltf_document import MESHOPT, Document, Entry
 DRACO, INSTANCING = "KHR_draco_mesh_compression", "EXT_mesh_gpu_instancing"
 _QUANTIZATION, _VISIBILITY = "KHR_mesh_quantization", "KHR_node_visibility"
 
-_READ = {DRACO, INSTANCING, _QUANTIZATION, _VISIBILITY, *MESHOPT}
+_RESTART = ("KHR_mesh_primitive_restart", "EXT_mesh_primitive_restart")
+
+_READ = {DRACO, INSTANCING, _QUANTIZATION, _VISIBILITY, *MESHOPT, *_RESTART}
 
 _NOT_GEOMETRY = (
     *("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_xmp", "KHR_animation_", "KHR_audio"),

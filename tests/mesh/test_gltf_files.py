@@ -284,6 +284,8 @@ def test_a_skinned_mesh_stands_where_its_joints_are(tmp_path: Path) -> None:
     bind = np.tile(np.eye(4, dtype=np.float32).reshape(-1), (2, 1))
     scene.json["skins"] = [{"joints": bones, "inverseBindMatrices": scene.accessor(bind)}]
     read = surface(scene.glb(tmp_path / "a.glb"))
+    scene.json["nodes"][0]["extensions"] = with_instances(scene, TRANSLATION=np.eye(3))
+    assert "node 0 has a skin and instances" in refusal(scene.glb(tmp_path / "b.glb"))
     assert extents(read) == [5, 2, 2]
     assert read.points.min(axis=0).tolist() == [-1, 4, -1], "the node's own transform does not count"
 
@@ -461,10 +463,11 @@ def test_a_buffer_that_ends_early_is_named(tmp_path: Path) -> None:
     )
 
 
-def test_data_within_the_file_and_byte_order_marks_are_read(tmp_path: Path) -> None:
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le"])
+def test_data_within_the_file_is_read_in_every_encoding_of_json(tmp_path: Path, encoding: str) -> None:
     path = box_scene(box()).gltf(tmp_path / "A.GLTF")
-    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
-    assert read_surface(path).faces == 12
+    path.write_bytes(path.read_text().encode(encoding))
+    assert extents(surface(path)) == [2, 2, 2]
     assert len(model_files(path).files) == 1
 
 
