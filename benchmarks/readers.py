@@ -109,6 +109,8 @@ def write(path: Path, model: Model) -> None:
         path.write_bytes(_ply(model, is_text=path.stem == "text"))
     else:
         parts = [trimesh.Trimesh(model.points, part, process=False) for part in model.triangles]
+        for part in parts:
+            part.remove_unreferenced_vertices()
         if model.has_attributes:
             parts[0].visual.vertex_colors = _colours(model)
         scene = trimesh.Scene(parts) if form == "glb" else trimesh.util.concatenate(parts)

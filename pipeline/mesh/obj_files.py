@@ -7,6 +7,7 @@ By its specification (Wavefront, Advanced Visualizer, Appendix B), with crease t
 from __future__ import annotations
 
 import io
+import re
 from collections import Counter
 from collections.abc import Iterator
 from itertools import pairwise
@@ -20,6 +21,9 @@ from render.base.plural import plural
 
 _PARTING = (b"o", b"g", b"s", b"usemtl")
 """Statements that begin another object, group, smoothing group or material."""
+
+_RUN = re.compile(rb"^(?:(?:v [^\n#]*+\n){8,4096}+|(?:f [^\n#]*+\n){8,4096}+)", re.MULTILINE)
+"""Lines of vertices, or of faces, which can be read at once; not more, since their words take memory."""
 
 _UNSMOOTHED = (b"off", b"0")
 
@@ -42,9 +46,21 @@ def read_wavefront(content: bytes) -> FileSurface:
     surfaces are left out with a note. Raises ValueError, with its line, for unreadable input, and MeshError
     for weights of vertices and for other files that it calls.
     """
-    reader = _Wavefront()
+    reader, text = _Wavefront(), text_content(content)
+    line, at = 1, 0
+    for run in () if b"\\" in text else _RUN.finditer(text):
+        line = _read_statements(reader, text[at : run.start()], line)
+        at = run.end()
+        lines = reader.run(run[0])
+        line = line + lines if lines else _read_statements(reader, run[0], line)
+    _read_statements(reader, text[at:], line)
+    return reader.surface()
+
+
+def _read_statements(reader: _Wavefront, text: bytes, first: int) -> int:
+    """Read statements that begin in line `first`; return the line after them."""
     vertex, face = reader.vertex, reader.face
-    for line, words in _statements(text_content(content)):
+    for line, words in _statements(text, first):
         try:
             match words[0]:
                 case b"v":
@@ -56,14 +72,14 @@ def read_wavefront(content: bytes) -> FileSurface:
         except (ValueError, MeshError) as error:
             shown = b" ".join(words).decode("utf-8", "replace")[:40]
             raise type(error)(f"line {line}: {shown}: {error}") from None
-    return reader.surface()
+    return first + text.count(b"\n")
 
 
-def _statements(content: bytes) -> Iterator[tuple[int, list[bytes]]]:
+def _statements(content: bytes, first: int) -> Iterator[tuple[int, list[bytes]]]:
     """Yield statements as words, with the line where each ends; a backslash continues a line."""
     words: list[bytes] = []
     number = 0
-    for number, text in enumerate(io.BytesIO(content), 1):
+    for number, text in enumerate(io.BytesIO(content), first):
         if b"#" in text:
             text = text.partition(b"#")[0]
         if b"\\" in text and (begun := text.rstrip()).endswith(b"\\"):
@@ -124,11 +140,38 @@ class _Wavefront:
             numbers = [*map(int, names)]
         if numbers and min(numbers) <= 0:
             numbers = [number if number > 0 else self._counted_back(number) for number in numbers]
-        self.corners += numbers
-        self.sides.append(len(numbers))
+        self._add_faces(numbers, len(numbers), 1)
+
+    def run(self, text: bytes) -> int:
+        """Read lines of vertices alone, or of faces with as many corners each; return their number.
+
+        Return 0, with nothing read, where a line has another form than the first, or holds a fault.
+        """
+        words, lines = text.split(), text.count(b"\n")
+        width, kind = len(text[: text.index(b"\n")].split()), words[0]
+        if len(words) != width * lines or words[::width] != lines * [kind] or (kind == b"v" and width != 4):
+            return 0
+        del words[::width]
+        try:
+            if kind == b"v":
+                self.coordinates += [*map(float, words)]
+                return lines
+            names = [word.partition(b"/")[0] for word in words] if b"/" in text else words
+            numbers = [*map(int, names)]
+        except ValueError:
+            return 0
+        if min(numbers, default=0) <= 0:
+            return 0
+        self._add_faces(numbers, width - 1, lines)
+        return lines
+
+    def _add_faces(self, corners: list[int], sides: int, count: int) -> None:
+        """Add faces with so many sides each to the group that has begun."""
         if self._group is None:
             self._group = self._numbers.setdefault(tuple(self._part.values()), len(self._numbers))
-        self.groups.append(self._group)
+        self.corners += corners
+        self.sides += count * [sides]
+        self.groups += count * [self._group]
 
     def _counted_back(self, number: int) -> int:
         vertices = len(self.coordinates) // 3

@@ -2,9 +2,13 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pipeline.errors import MeshError
+from pipeline.mesh.obj_files import read_wavefront
 from pipeline.mesh.points import read_net, read_points
 from tests.mesh.brick import OBJ, QUADS, read, require_brick, rows
 
@@ -52,6 +56,37 @@ def test_corners_of_every_form_are_read(tmp_path: Path, form: str) -> None:
 
     faces = "".join(f"f {' '.join(corner(v, k) for k, v in enumerate(quad))}\n" for quad in QUADS)
     require_brick(read(tmp_path / "a.obj", OBJ.partition("f")[0] + "vt 0 0\nvn 0 0 1\n" + faces))
+
+
+STATEMENTS = st.one_of(
+    st.tuples(
+        st.sampled_from(["v 1 2 3", "v\t1 2 3", "v 1 2 3 1 1 1", "v 1 2 3 1", "v 1 2 3 v"]),
+        st.integers(1, 20),
+    ),
+    st.tuples(
+        st.sampled_from(["f 1 2 3", "f 1/1 2/1 3/1", "f 1 2 3 4", "f -1 1 2", "f 1 2/1 3"]),
+        st.integers(1, 20),
+    ),
+    st.tuples(
+        st.sampled_from(["", "# f", "g a", "g b", "l 1 2", "v 1 2", "f 1 2 x", "v 1 2\nv 1 2 3 v 3", "f"]),
+        st.just(1),
+    ),
+)
+
+
+@given(st.lists(STATEMENTS, max_size=8))
+def test_many_lines_at_once_are_read_as_each_alone(statements: list[tuple[str, int]]) -> None:
+    def result(text: str) -> list[object]:
+        try:
+            return [
+                part.tolist() if isinstance(part, np.ndarray) else part
+                for part in read_wavefront(text.encode())
+            ]
+        except (ValueError, MeshError) as error:
+            return [str(error)]
+
+    text = "v 0 0 0\n" * 4 + "".join(f"{line}\n" * count for line, count in statements)
+    assert result(text) == result(f"{text}# a backslash has every line read alone: \\")
 
 
 def test_groups_whose_names_differ_in_letters_of_latin_1_only_are_two(tmp_path: Path) -> None:
