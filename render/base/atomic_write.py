@@ -18,6 +18,9 @@ from render.base.exchanged_files import replace_unchanged
 PROBE = 65536
 """Bytes that tell whether a disk takes more."""
 
+_LETTERS = 40
+"""Letters of a file's name in the name of its draft: file systems limit names, mostly to 255 bytes."""
+
 REMEDIES = {
     errno.ENOSPC: "the disk is full; free some space and run again, nothing done is lost",
     errno.EDQUOT: "the disk quota is used up; free some space or ask for more",
@@ -60,7 +63,8 @@ def atomic_write(
     Where the file is only a cache, suppress MachineError.
     """
     if draft is None:
-        draft = path.with_name(f".{path.stem}.tmp{os.getpid()}-{secrets.token_hex(4)}{path.suffix}")
+        unique = f"{os.getpid()}-{secrets.token_hex(4)}"
+        draft = path.with_name(f".{path.stem[:_LETTERS]}.tmp{unique}{path.suffix}")
     try:
         with disk_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)

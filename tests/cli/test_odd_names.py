@@ -5,12 +5,16 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from contextlib import chdir
 from pathlib import Path
 
 import pytest
 
 from pipeline.cli.output import err, frame_progress, out
 from pipeline.cli.output import table as empty_table
+from pipeline.errors import UsageError
+from pipeline.production.request.lookup import find_shot
+from render.base.atomic_write import atomic_write
 from tests.conftest import ProjectFolder
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -82,3 +86,16 @@ def test_an_installation_in_a_folder_of_any_name_simulates(project: ProjectFolde
     )
     assert done.returncode == 0, done.stderr
     assert [*Path(project.path).glob("renders/T010_tiny/meshes/*.npz")]
+
+
+def test_a_name_of_the_greatest_length_can_be_written(tmp_path: Path) -> None:
+    for name in ("M" * 251 + ".obj", "日" * 83 + ".obj"):
+        with atomic_write(tmp_path / name) as draft:
+            draft.write_text(OBJ)
+        assert [*tmp_path.iterdir()] == [tmp_path / name]
+        (tmp_path / name).unlink()
+
+
+def test_a_command_to_copy_quotes_the_file_it_names(project: ProjectFolder) -> None:
+    with chdir(project.path), pytest.raises(UsageError, match=r"--model 'my model\.obj' makes"):
+        find_shot("my model.obj")

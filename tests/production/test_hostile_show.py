@@ -94,3 +94,8 @@ def test_every_python_is_started_in_one_place() -> None:
     starting = [file.name for file in PACKAGES if "sys.executable" in file.read_text()]
     assert starting == ["python_process.py"]
     assert "executable" not in (python_process.PACKAGE_ROOT / "Snakefile").read_text()
+
+
+def test_a_hook_of_the_user_finds_the_modules_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(python_process.SAFE_PATH, "1")
+    assert python_process.SAFE_PATH not in python_process.environment_of_others()

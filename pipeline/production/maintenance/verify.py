@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import shlex
 from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -265,8 +266,8 @@ def remedies(faulty: Iterable[PublishedFile], root: Path) -> Iterator[str]:
             continue
         only_frames = f" -f {FrameRange.of(numbers)}" if len(numbers) == len(damaged) else ""
         yield (
-            f"{version}: flowsculpt render --from {version / FILE}{only_frames} makes it again, in "
-            f"{root / repeated(record.shot, record.version)}; published files are never written to"
+            f"{version}: flowsculpt render --from {shlex.quote(str(version / FILE))}{only_frames} makes it "
+            f"again, in {root / repeated(record.shot, record.version)}; published files are never written to"
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
+import shlex
 from pathlib import Path
 
 from pipeline.errors import MissingInputError, UsageError
@@ -51,8 +52,8 @@ def find_shot(name: str) -> Path:
     if Path(name).suffix.lower() in MODELS and not is_there(SHOTS / f"{name}.yaml"):
         own = re.sub(r"[^A-Za-z0-9_-]", "_", Path(name).stem)
         raise UsageError(
-            f"{shown(name)} is a model, not a shot; flowsculpt new A010_{own} --model {shown(name)} makes a "
-            "shot of it"
+            f"{shown(name)} is a model, not a shot; flowsculpt new A010_{own} --model "
+            f"{shlex.quote(shown(name))} makes a shot of it"
         )
     if Path(name).suffix.lower() in OTHER_MODELS:
         raise UsageError(

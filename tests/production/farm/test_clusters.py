@@ -70,7 +70,11 @@ QUICK = [name if name == "lsf" else pytest.param(name, marks=pytest.mark.soak) f
 @pytest.mark.parametrize("cluster", QUICK, indirect=True)
 def test_a_simulation_is_given_to_the_cluster_with_cores_memory_and_time(project, cluster):
     name, home = cluster
-    done = project.run("--json", "simulate", NAME, "-f", "1-2", "--profile", STAND_IN.format(name))
+    root = "My {x} films [b] & ü"
+    (project.path / root).mkdir()
+    (project.path / root / "random.py").write_text("raise SystemExit('a module of the show ran')")
+    words = "--json", "--root", root, "simulate", NAME, "-f", "1-2"
+    done = project.run(*words, "--profile", STAND_IN.format(name))
     assert done.code == 0, done.err
     assert json.loads(done.out)["made"] == {"simulate": 2}
     (submitted,) = [json.loads(file.read_text()) for file in home.glob("*.json")]
