@@ -24,7 +24,7 @@ from tests.mesh.fbx_writer import N, binary, box_geometry, layer, model, scene, 
 from tests.mesh.gltf_scenes import GltfScene, with_instances
 from tests.mesh.test_collada_files import BOX, document, faces
 from tests.mesh.test_meshopt import STREAMS
-from tests.mesh.test_threemf_files import corner, package, part
+from tests.mesh.test_threemf_files import corner, model_part, package
 
 FLOW = """\
 import math
@@ -258,7 +258,11 @@ def _package() -> bytes:
     component = '<component objectid="1" p:path="/3D/b.model" transform="-2 0 0 0 2 0 0 0 2 0 0 0"/>'
     pair = f'<object id="2"><components>{component}</components></object>'
     file = io.BytesIO()
-    package(file, a=part(pair + corner(1), '<item objectid="2"/><item objectid="1"/>'), b=part(corner(1), ""))
+    package(
+        file,
+        a=model_part(pair + corner(1), '<item objectid="2"/><item objectid="1"/>'),
+        b=model_part(corner(1), ""),
+    )
     return file.getvalue()
 
 

@@ -28,7 +28,7 @@ def corner(number: int, faces: list[tuple[int, int, int]] = FACES, more: str = "
     return f'<object id="{number}">{mesh}</object>'
 
 
-def part(objects: str, items: str = '<item objectid="1"/>', given: str = "") -> str:
+def model_part(objects: str, items: str = '<item objectid="1"/>', given: str = "") -> str:
     return (
         f'<model xmlns="http://x/core/2015/02" xmlns:p="http://x/production/2015/06" {given}>\n'
         f"<resources>{objects}</resources>\n<build>{items}</build></model>"
@@ -52,7 +52,7 @@ def volume(path: Path) -> float:
 
 @pytest.mark.parametrize(("given", "unit"), [("", 0.001), ('unit="inch"', 0.0254), ('unit="micron"', 1e-6)])
 def test_triangles_unit_and_axis_are_those_of_the_package(tmp_path: Path, given: str, unit: float) -> None:
-    path = package(tmp_path / "a.3mf", a=part(corner(1), given=given))
+    path = package(tmp_path / "a.3mf", a=model_part(corner(1), given=given))
     read = read_surface(path)
     assert (read.vertices, read.faces, read.repairs, read.unit) == (4, 4, (), unit)
     assert usual_up(path) == model_files(path).up == "z" and volume(path) == pytest.approx(1 / 6)
@@ -67,8 +67,8 @@ def test_items_and_components_of_other_parts_are_placed_and_mirrored(tmp_path: P
         <item objectid="3" transform="1 0 0 0 1 0 0 0 1 99 0 0"/>"""
     path = package(
         tmp_path / "a.3mf",
-        a=part(pair + corner(3), items, 'requiredextensions="p"'),
-        b=part(corner(1) + corner(7), items=""),
+        a=model_part(pair + corner(3), items, 'requiredextensions="p"'),
+        b=model_part(corner(1) + corner(7), items=""),
     )
     assert read_surface(path).faces == 12 and volume(path) == pytest.approx((1 + 8 + 1) / 6)
     low, high = read_surface(path).mesh.bounds
@@ -77,10 +77,12 @@ def test_items_and_components_of_other_parts_are_placed_and_mirrored(tmp_path: P
 
 def test_edges_between_materials_are_creases_and_supports_are_left_out(tmp_path: Path) -> None:
     plain, painted = corner(1), corner(1, last='pid="5" p1="2"')
-    assert len(read_surface(package(tmp_path / "a.3mf", a=part(plain))).mesh.creases) == 0
-    assert len(read_surface(package(tmp_path / "b.3mf", a=part(painted))).mesh.creases) == 3
+    assert len(read_surface(package(tmp_path / "a.3mf", a=model_part(plain))).mesh.creases) == 0
+    assert len(read_surface(package(tmp_path / "b.3mf", a=model_part(painted))).mesh.creases) == 3
     support = corner(2).replace('id="2"', 'id="2" type="support"')
-    path = package(tmp_path / "c.3mf", a=part(plain + support, '<item objectid="1"/><item objectid="2"/>'))
+    path = package(
+        tmp_path / "c.3mf", a=model_part(plain + support, '<item objectid="1"/><item objectid="2"/>')
+    )
     read = read_surface(path)
     assert read.faces == 4 and "1 support" in read.notes[0]
 
@@ -88,7 +90,7 @@ def test_edges_between_materials_are_creases_and_supports_are_left_out(tmp_path:
 def test_vertices_of_slices_and_lattices_are_no_vertices_of_the_mesh(tmp_path: Path) -> None:
     slices = '<s:slice xmlns:s="http://x/slice/"><s:vertex x="1" y="1"/></s:slice>'
     path = package(
-        tmp_path / "a.3mf", a=part(slices + corner(1, more="<b:beamlattice xmlns:b='http://x/b'/>"))
+        tmp_path / "a.3mf", a=model_part(slices + corner(1, more="<b:beamlattice xmlns:b='http://x/b'/>"))
     )
     read = read_surface(path)
     assert (read.vertices, read.faces) == (4, 4) and "1 beam lattice" in read.notes[0]
@@ -100,29 +102,35 @@ LOOP = '<object id="1"><components><component objectid="1"/></components></objec
 @pytest.mark.parametrize(
     ("parts", "says"),
     [
-        ({"a": part(corner(1, [*FACES[:3], (1, 2, 9)]))}, "3D/a.model, line 2: triangle 3 names vertex 9"),
-        ({"a": part(corner(1).replace('y="1"', 'y="one"'))}, "3D/a.model, line 2: could not convert"),
-        ({"a": part(corner(1).replace('y="1"', ""))}, "3D/a.model, line 2: vertex has no y"),
-        ({"a": part(corner(1), '<item objectid="8"/>')}, "3D/a.model, line 3: there is no object '8'"),
         (
-            {"a": part(corner(1), '<item objectid="1" transform="1 2"/>')},
+            {"a": model_part(corner(1, [*FACES[:3], (1, 2, 9)]))},
+            "3D/a.model, line 2: triangle 3 names vertex 9",
+        ),
+        ({"a": model_part(corner(1).replace('y="1"', 'y="one"'))}, "3D/a.model, line 2: could not convert"),
+        ({"a": model_part(corner(1).replace('y="1"', ""))}, "3D/a.model, line 2: vertex has no y"),
+        ({"a": model_part(corner(1), '<item objectid="8"/>')}, "3D/a.model, line 3: there is no object '8'"),
+        (
+            {"a": model_part(corner(1), '<item objectid="1" transform="1 2"/>')},
             "its transform has 2 numbers, not 12",
         ),
-        ({"a": part(corner(1), '<item objectid="1" p:path="/3D/c.model"/>')}, "it has no part '3D/c.model'"),
-        ({"a": part(LOOP)}, "32 within each other"),
-        ({"a": part(corner(1), "")}, "its build places no triangles"),
-        ({"a": part(corner(1), given='unit="mile"')}, "its unit 'mile' is not one of"),
         (
-            {"a": part(corner(1), given='requiredextensions="s" xmlns:s="http://x/slice/2015/07"')},
+            {"a": model_part(corner(1), '<item objectid="1" p:path="/3D/c.model"/>')},
+            "it has no part '3D/c.model'",
+        ),
+        ({"a": model_part(LOOP)}, "32 within each other"),
+        ({"a": model_part(corner(1), "")}, "its build places no triangles"),
+        ({"a": model_part(corner(1), given='unit="mile"')}, "its unit 'mile' is not one of"),
+        (
+            {"a": model_part(corner(1), given='requiredextensions="s" xmlns:s="http://x/slice/2015/07"')},
             "it requires the extension 'http://x/slice/2015/07', which is not read",
         ),
         ({"a": '<!DOCTYPE x [<!ENTITY a "b">]><model/>'}, "it declares the entity 'a'"),
-        ({"a": part(corner(1) + " " * (1 << 25))}, "unpacks from .* to 32 MiB, which no model does"),
-        ({"b": part(corner(1))}, "it has no part '3D/a.model'"),
+        ({"a": model_part(corner(1) + " " * (1 << 25))}, "unpacks from .* to 32 MiB, which no model does"),
+        ({"b": model_part(corner(1))}, "it has no part '3D/a.model'"),
         (
             {
-                "a": part("", '<item objectid="1" p:path="/3D/b.model"/>'),
-                "b": part(corner(1), given='unit="inch"'),
+                "a": model_part("", '<item objectid="1" p:path="/3D/b.model"/>'),
+                "b": model_part(corner(1), given='unit="inch"'),
             },
             "3D/b.model: its unit is inch, and that of the package millimeter",
         ),
@@ -141,7 +149,7 @@ def test_a_file_that_is_no_package_is_refused(tmp_path: Path) -> None:
     empty = io.BytesIO()
     with zipfile.ZipFile(empty, "w"):
         pass
-    whole = package(tmp_path / "a.3mf", a=part(corner(1))).read_bytes()
+    whole = package(tmp_path / "a.3mf", a=model_part(corner(1))).read_bytes()
     for content in (b"a chair", whole[:-30], whole[:200], empty.getvalue()):
         (tmp_path / "b.3mf").write_bytes(content)
         with pytest.raises(MeshError, match=r"b\.3mf: (cannot be read as 3MF|it has no part)"):

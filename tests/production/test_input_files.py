@@ -17,7 +17,10 @@ from pipeline.production.execution.project import Project
 from pipeline.production.request.keys import appearance
 from pipeline.shot import Shot
 from render.post.colour import view_exactly
+from tests.mesh.fbx_writer import N, binary, box_geometry, model, scene
 from tests.mesh.gltf_scenes import box_scene
+from tests.mesh.test_collada_files import document
+from tests.mesh.test_threemf_files import corner, model_part, package
 from tests.opened_files import opened_below
 from tests.sounds import sine, write_sound
 
@@ -59,9 +62,29 @@ def _stage(path: Path, size: float) -> None:
         UsdUtils.CreateNewUsdzPackage(str(root), str(path))
 
 
+def _fbx(path: Path, size: float) -> None:
+    video = N("Video", (9, "Video::", "Clip"), [N("Filename", ("not_opened.png",))])
+    nodes = [box_geometry(1), model(2, "box", Lcl__Scaling=(size, size, size)), video]
+    path.write_bytes(binary(scene(nodes, [(2, 0), (1, 2)])))
+
+
+def _collada(path: Path, size: float) -> None:
+    images = "<library_images><image><init_from>not_opened.png</init_from></image></library_images>"
+    scaled = f'<node><scale>{size} {size} {size}</scale><instance_geometry url="#box"/></node>'
+    path.write_text(document(nodes=scaled, more=images))
+
+
+def _package(path: Path, size: float) -> None:
+    placed = f'<item objectid="1" transform="{size} 0 0 0 {size} 0 0 0 {size} 0 0 0"/>'
+    package(path, a=model_part(corner(1), placed))
+
+
 MODELS: Mapping[str, Maker] = {
     **dict.fromkeys(("obj", "ply", "stl", "off", "glb"), _mesh),
     "gltf": _gltf,
+    "fbx": _fbx,
+    "dae": _collada,
+    "3mf": _package,
     **dict.fromkeys(("usd", "usda", "usdc", "usdz"), _stage),
 }
 """How a sample of each format is written: a new reader needs one here."""
