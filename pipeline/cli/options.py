@@ -12,7 +12,7 @@ import typer
 from pipeline.errors import UsageError, suggestion
 from pipeline.production.request.crop_and_scale import today_name
 from render.mitsuba.engine import VARIANTS
-from render.scene.quality import CONVENTIONS, QUALITIES
+from render.scene.quality import CONVENTIONS, QUALITIES, qualities_of_size
 
 if TYPE_CHECKING:  # imported when a command runs, for help and --version need neither
     from pipeline.production.execution.project import Project
@@ -161,11 +161,21 @@ class PictureOptions:
         """Return the project that a command works in."""
         return project_of(common, self.settings, self.allow_code, self.variant)
 
-    def quality(self, name: str) -> str:
-        """Return the name of a quality with crop and scale, as its folder has it. Raises UsageError."""
-        from pipeline.production.request.crop_and_scale import cropped_name
+    def quality(self, name: str, project: Project, shots: Sequence[str]) -> str:
+        """Return the name of a quality with crop and scale, as its folder has it.
 
-        return cropped_name(name, self.crop, self.scale)
+        Raises UsageError for what cannot be cropped, among it shots and edits with pictures of several sizes.
+        """
+        from pipeline.production.request.crop_and_scale import cropped_name, is_quality
+
+        if self.crop is None or not shots or not is_quality(name):
+            return cropped_name(name, self.crop, self.scale)
+        sizes = {request.source.summary.size for shot in shots for request in project.named(shot, name)}
+        if len(sizes) > 1:
+            raise UsageError(
+                f"--crop {self.crop}: these have pictures of several sizes. Crop those of one size at a time."
+            )
+        return cropped_name(name, self.crop, self.scale, qualities_of_size(*sizes.pop()))
 
 
 def project_of(

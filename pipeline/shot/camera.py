@@ -93,16 +93,17 @@ class CameraPath:
     """The camera over the course of a shot; framing finds what is None.
 
     azimuth, elevation  radians, constant or keyed: 0 looks along −z, positive azimuth from the right
-    field_of_view       radians, horizontal; acts where there is no focal length. Of a wide projection, the
-                        angle into which framing fits the sculpture
+    field_of_view       radians, across the longer side of the picture; acts where there is no focal length.
+                        Of a wide projection, the angle into which framing fits the sculpture
     margin              fraction of the picture, or of that angle, left empty on each side
-    focal_length        millimetres, before a sensor `sensor_width` millimetres wide
+    focal_length        millimetres, before a sensor whose longer side is `sensor_width` millimetres
     orbit               radians a second around the set; the azimuth turns the set along
     follow              1 goes along with the sculpture, 0 stands as the whole shot needs it
     aperture            f-number; None is sharp everywhere
     focus, unit         as in `Lens`
     projection          of all pictures; a wide one is sharp everywhere
     eye_distance        between the eyes of a stereo camera, millimetres
+    aspect              width to height of the pictures; upright ones are of the camera turned on its side
     """
 
     azimuth: Number
@@ -123,13 +124,14 @@ class CameraPath:
     unit: float | None = None
     projection: Projection = PERSPECTIVE
     eye_distance: float = EYE_DISTANCE
+    aspect: float = 16 / 9
 
     def at(self, time: float) -> View:
         """Return the view at a time in seconds."""
         return View(
             number_at(self.azimuth, time),
             number_at(self.elevation, time),
-            self._field_of_view(time),
+            self._horizontal(self._field_of_view(time)),
             number_at(self.margin, time),
             roll=number_at(self.roll, time),
             orbit=elapsed(self.orbit, time),
@@ -144,6 +146,12 @@ class CameraPath:
         if self.focal_length is None:
             return number_at(self.field_of_view, time)
         return 2.0 * math.atan(self.sensor_width / 2.0 / number_at(self.focal_length, time))
+
+    def _horizontal(self, angle: float) -> float:
+        """Return the horizontal angle of one across the longer side of the picture."""
+        if self.aspect >= 1.0 or self.projection.is_wide:
+            return angle
+        return 2.0 * math.atan(math.tan(angle / 2.0) * self.aspect)
 
     def _lens(self, time: float) -> Lens | WideLens | None:
         if (wide := self.projection).is_wide:

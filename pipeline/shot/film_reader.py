@@ -7,14 +7,18 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError, suggestion
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.documents.fields import is_number
 from pipeline.shot.documents.film import FilmDocument
+from pipeline.shot.documents.picture import PictureDocument
 from pipeline.shot.documents.sound import SUFFIXES
 from pipeline.shot.shot import Card, Clip, Film, Shot
 from pipeline.shot.shot_reader import read_rate, read_shot
 from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, is_there, name_fault, shown
+from pipeline.shot.yaml.settings import OPTION
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from pipeline.shot.yaml.validation import Checks, unforeseen, validated
 from render.base.plural import plural
@@ -38,6 +42,8 @@ def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
     rate, problems = read_rate(source)
     failed: list[FlowsculptError] = []
     entries: list[Clip | Card | None] = []
+    own = _picture_setting(source.get("picture"))
+    settings = (own, *settings) if own else settings
     placed: list[tuple[Where, Shot]] = []
     written = source.get("shots")
     for index, entry in enumerate(written if isinstance(written, list) else []):
@@ -50,7 +56,10 @@ def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
             continue
         try:
             shot = _shot(path.parent, name, source.place(where), settings)
-        except (ShotError, MissingInputError) as error:
+        except ShotError as error:
+            failed.append(_at_the_edit(error, own, source))
+            continue
+        except MissingInputError as error:
             failed.append(error)
             continue
         placed.append((where, shot))
@@ -66,7 +75,7 @@ def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
             entries[-1] = _clip(shot, entry)
         except UsageError as error:
             problems.append((("shots", index, "frames"), str(error)))
-    problems += _mixed_projections(placed)
+    problems += [*_mixed_projections(placed), *_mixed_shapes(placed)]
     title = Card(str(source.get("title") or ""), seconds=_title_seconds(source.get("title_seconds")))
     if rate:
         dissolves = list(_dissolves(entries, title.length(rate) if title.title else 0, rate))
@@ -84,7 +93,23 @@ def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
         credits_seconds=float(document.credits_seconds),
         sound=None if document.sound is None else document.sound.build(path.parent),
         path=path,
+        setting=own,
     )
+
+
+def _picture_setting(written: Any) -> str:
+    """Return the setting that gives shots the picture of an edit; empty where it has none, or a wrong one."""
+    try:
+        document = PictureDocument.model_validate(written)
+    except ValidationError:  # the document of the film reports it
+        return ""
+    return "" if document.final is None else f"picture={{size: {list(document.final)}}}"
+
+
+def _at_the_edit(error: ShotError, setting: str, source: YamlSource) -> ShotError:
+    """Return the error of a shot with the place of the edit's picture where that is what is wrong."""
+    place, begin = source.place(("picture",)), f"{OPTION} {setting}: "
+    return ShotError(*(message.replace(begin, f"{place}: ", 1) for message in error.messages))
 
 
 def _shot(folder: Path, name: str, place: str, settings: tuple[str, ...]) -> Shot:
@@ -186,6 +211,22 @@ def _mixed_projections(placed: Sequence[tuple[Where, Shot]]) -> Iterator[Problem
                 f"{shot.name} has projection {_words(projection)}, and {first.name} "
                 f"{_words(first.picture.camera.projection)}; all shots of a film share one. Change one of "
                 "them, or make a film of each.",
+            )
+
+
+def _mixed_shapes(placed: Sequence[tuple[Where, Shot]]) -> Iterator[Problem]:
+    """Check that the shots of a film, each with its place, have pictures of the size of the first."""
+    for where, shot in placed[1:]:
+        first = placed[0][1]
+        if shot.picture.camera.projection != first.picture.camera.projection:
+            continue
+        (width, height), size = (each.picture.qualities["final"].rendered_size for each in (first, shot))
+        if size != (width, height):
+            yield (
+                where,
+                f"{shot.name} has pictures of {size[0]} × {size[1]} pixels in final, and {first.name} {width} × "
+                f"{height}; all shots of a film share one size. Write picture: {{size: [{width}, {height}]}} in "
+                "the edit, which frames all of them for it.",
             )
 
 

@@ -128,6 +128,12 @@ def wide_camera(source: YamlSource) -> Iterator[Problem]:
                 f"{name} is of a perspective lens; projection {kind} has none and is sharp everywhere. "
                 f"Remove {name}, or write `{name}:` with nothing after it if inherited.",
             )
+    if source.get("picture") is not None:
+        yield (
+            ("picture",),
+            f"projection {kind} has sizes of its own, and picture is the shape of flat pictures. Remove "
+            "picture, or write `picture:` with nothing after it if inherited.",
+        )
     yield from _not_wide(source, kind)
 
 

@@ -224,6 +224,8 @@ class Film:
     """An edit: clips of shots and cards in order, a title, credits and sound.
 
     title_seconds, credits_seconds  duration of those cards; 0 leaves them out
+    setting                         what gives its shots the shape of its pictures, in place of their own; empty
+                                    if it has none
     """
 
     title: str
@@ -235,6 +237,7 @@ class Film:
     credits_seconds: float = 3.0
     sound: SoundTrack | None = None
     path: Path | None = field(default=None, metadata=NOT_PLAIN)
+    setting: str = ""
 
     @property
     def clips(self) -> tuple[Clip, ...]:

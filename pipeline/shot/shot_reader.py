@@ -303,10 +303,11 @@ def _picture(document: ShotDocument, clock: Clock, entry: SubjectEntry | None = 
     overrides = [override.build(grouped) for override in document.overrides]
     is_net = isinstance(document.subject if entry is None else entry, NetDocument)
     is_plain = smooth.tessellate is None and smooth.dicing is None and not is_net
-    camera = document.camera.build(clock)
+    camera, shape = document.camera.build(clock), document.picture
+    sizes = qualities_for(camera.projection, None if shape is None else shape.final)
     return Picture(
         look=look,
-        camera=camera,
+        camera=replace(camera, aspect=sizes["final"].aspect),
         lights=grouped(built_lights(document.lights)),
         overrides=tuple(overrides if own is None else [replace(each, look=None) for each in overrides]),
         stage=_stage(document.stage, look),
@@ -314,10 +315,7 @@ def _picture(document: ShotDocument, clock: Clock, entry: SubjectEntry | None = 
         tessellate=smooth.tessellate or (PIECES if is_net else 1),
         dicing=smooth.dicing,
         hide_facets=is_plain and look.is_lit,
-        qualities={
-            name: getattr(document.quality, name).build(quality)
-            for name, quality in qualities_for(camera.projection).items()
-        },
+        qualities={name: getattr(document.quality, name).build(quality) for name, quality in sizes.items()},
         shutter=document.shutter.build(clock) if document.shutter else Shutter(),
         aovs=AovSelection.of(document.aovs),
         layers=document.layers,

@@ -138,13 +138,35 @@ WIDE_SIZES = {
 the angle of a perspective, and players show a part of them at a time."""
 
 
-def qualities_for(projection: Projection) -> dict[str, Quality]:
-    """Return QUALITIES with the sizes of a projection."""
+def qualities_for(projection: Projection, final: tuple[int, int] | None = None) -> dict[str, Quality]:
+    """Return QUALITIES with the sizes of a projection, or of flat pictures with another size in `final`."""
+    if final is not None:
+        return qualities_of_size(*final)
     sizes = WIDE_SIZES.get(projection.kind, {})
     return {
         name: replace(quality, width=sizes[name][0], height=sizes[name][1]) if sizes else quality
         for name, quality in QUALITIES.items()
     }
+
+
+def qualities_of_size(width: int, height: int) -> dict[str, Quality]:
+    """Return QUALITIES with other pictures in `final`, and as large a part of them as usual in the others."""
+    parts = {name: quality.height / QUALITIES["final"].height for name, quality in QUALITIES.items()}
+    return {
+        name: replace(quality, width=even(width * parts[name]), height=even(height * parts[name]))
+        for name, quality in QUALITIES.items()
+    }
+
+
+def final_size(aspect: float) -> tuple[int, int]:
+    """Return width and height of `final` pictures of an aspect, whose shorter side is as usual."""
+    shorter = QUALITIES["final"].height
+    return even(shorter * max(1.0, aspect)), even(shorter * max(1.0, 1.0 / aspect))
+
+
+def even(pixels: float) -> int:
+    """Return the nearest even number of pixels above 0: movies store colours in blocks of 2 × 2."""
+    return 2 * max(1, round(pixels / 2.0))
 
 
 DEFAULT_QUALITY = "draft"

@@ -111,7 +111,8 @@ def deliver(
         audio=None if sound is None else audio_track(sound),
         folder=output,
     )
-    wanted = _Wanted(options.project(common), tuple(names), options.quality(quality), frames, relit)
+    project = options.project(common)
+    wanted = _Wanted(project, tuple(names), options.quality(quality, project, names), frames, relit)
     wanted.relit_frames()  # refuses names that are none before anything is rendered
     if common.dry_run:
         report_plan(common, wanted.plan())

@@ -111,7 +111,8 @@ def export(
     if form not in FORMATS and len(names) == 1 and names[0] in FORMATS:
         form, names = names[0], [form]
     require_one_of(form, FORMATS, f"{form!r} is not a format to export.")
-    project, quality = options.project(common), options.quality(quality)
+    project = options.project(common)
+    quality = options.quality(quality, project, names)
     if len(names) > 1 and form not in FOR_FARMS:
         raise UsageError(f"export {form} takes one {'edit' if form == 'otio' else 'shot'}, not {len(names)}")
     if form in FOR_FARMS:

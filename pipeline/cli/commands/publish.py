@@ -64,7 +64,7 @@ def publish(
     """
     hooks = [Hook.of(text) for text in hook or ()]
     project = options.project(common)
-    request = project.request(find_shot(shot), options.quality(quality))
+    request = project.request(find_shot(shot), options.quality(quality, project, [shot]))
     given = {"--crop": options.crop, "--scale": options.scale, "--variant": options.variant}
     words = ["flowsculpt", "render", shot, "-q", quality]
     words += [word for option, value in given.items() if value is not None for word in (option, value)]

@@ -13,6 +13,7 @@ from pipeline.cli.options import (
     Common,
     Crop,
     Frames,
+    PictureOptions,
     Quality,
     Scale,
     Shot,
@@ -23,7 +24,7 @@ from pipeline.cli.output import exit_with, print_error, print_result, progress_b
 from pipeline.dailies.relighting.light_factors import LightSettings, permanent, version_name
 from pipeline.dailies.relighting.relit_frames import RelitFrames
 from pipeline.errors import FrameError, MissingInputError, UsageError
-from pipeline.production.request.crop_and_scale import cropped_name, options_of
+from pipeline.production.request.crop_and_scale import options_of
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import writing
@@ -64,7 +65,7 @@ def relight(
     """
     given = LightSettings.of(settings or ())
     project = project_of(common, given.of_shot, allow_code, variant)
-    quality_name = cropped_name(quality, crop, scale)
+    quality_name = PictureOptions(crop, scale).quality(quality, project, [shot])
     request = project.asked(shot, quality_name, frames)
     lights, path = request.shot.picture.lights, find_shot(shot)
     if not lights.groups:

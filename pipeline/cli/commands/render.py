@@ -92,7 +92,7 @@ def render(
         raise UsageError(
             "render needs the name of a shot, or --from and a provenance; flowsculpt status lists shots"
         )
-    named = options.quality(quality or DEFAULT_QUALITY)
+    named = options.quality(quality or DEFAULT_QUALITY, project, shots)
     execute_and_report(common, lambda: project.pictures(shots, named, frames))
 
 
@@ -220,7 +220,8 @@ def stills(
     Stills have the shot's exposure and view transform; JPEG of a spherical shot opens as a panorama. Frames
     in linear EXR, with all AOVs, lie in renders/SHOT/QUALITY/frames and raw.
     """
-    project, quality = options.project(common), options.quality(quality)
+    project = options.project(common)
+    quality = options.quality(quality, project, shots)
     announced: set[str] = set()
 
     def planned() -> Plan:

@@ -60,8 +60,8 @@ def sheet(
         raise UsageError("--at is the frame of --looks; name the frames of a sheet with -f")
     from pipeline.dailies.sheets import ShotSheet, spread
 
-    project, name = options.project(common), options.quality(quality)
-    request = project.request(find_shot(shot), name, frames)
+    project = options.project(common)
+    request = project.request(find_shot(shot), options.quality(quality, project, [shot]), frames)
     made = ShotSheet(request if frames is not None else spread(request), project.store, columns)
 
     def planned() -> Plan:

@@ -61,7 +61,8 @@ def wedge(
     A value with keys is varied at one of them, as here at frame 57. Varied as a whole it would lose its keys.
     """
     grid = Grid.parse(vary or [], yes)
-    project, named = options.project(common), options.quality(quality)
+    project = options.project(common)
+    named = options.quality(quality, project, [shot])
     made = Wedge(project, find_shot(shot), grid, named, frames, at, columns)
     for note in _notes(made):
         print_warning(note)

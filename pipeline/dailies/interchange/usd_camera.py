@@ -23,7 +23,7 @@ class CameraSettings(NamedTuple):
     """Settings of a camera that hold for all frames.
 
     aspect        width to height of the picture
-    sensor_width  millimetres
+    sensor_width  of the longer side of the picture, millimetres
     unit          metres in a scene unit
     exposure      stops
     """
@@ -49,7 +49,8 @@ def add_camera(
     from pxr import Gf, UsdGeom
 
     camera = UsdGeom.Camera.Define(stage, path)
-    tenths = settings.sensor_width / 100.0 / settings.unit  # sensor width in tenths of a scene unit
+    width = settings.sensor_width * min(1.0, settings.aspect)
+    tenths = width / 100.0 / settings.unit  # tenths of a scene unit
     camera.CreateHorizontalApertureAttr(tenths)
     camera.CreateVerticalApertureAttr(tenths / settings.aspect)
     if settings.exposure:

@@ -29,6 +29,7 @@ from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.request.shot_source import ShotSource, SourceCache, shot_around
 from pipeline.production.request.variants import variant_for
 from pipeline.production.stages import forced_with
+from pipeline.production.store import paths
 from pipeline.production.store.history import History
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store
@@ -198,16 +199,30 @@ class Project:
     def edit(self, quality: str, path: Path = FILM) -> tuple[Edit, list[RenderRequest]]:
         """Return an edit and the render requests of its clips.
 
-        Its shots are read only where the planning cache does not hold it.
+        Its shots are read only where the planning cache does not hold it. If it has a picture of its own,
+        their files have folders of their own.
         """
         if path not in self._edits:
             cache = PlanningCache(self.root)
             self._edits[path] = resolved_edit(
-                path, self.settings, cache, lambda shot: self._source(shot).summary
+                path, self.settings, cache, lambda shot, edit: self._of_edit(edit)._source(shot).summary
             )
-        resolved = self._edits[path]
-        requests = [replace(self.request(shot, quality), requested=frames) for shot, frames in resolved.clips]
-        return resolved.edit, requests
+        edit, clips = self._edits[path].edit, self._edits[path].clips
+        project = self._of_edit(edit)
+        requests = [replace(project.request(shot, quality), requested=frames) for shot, frames in clips]
+        if edit.setting:
+            requests = [replace(r, home=paths.of_edit(r.name, edit.name).as_posix()) for r in requests]
+        return edit, requests
+
+    def _of_edit(self, edit: Edit) -> Project:
+        """Return the project whose shots have the picture of an edit; settings of the user come on top."""
+        return replace(self, settings=(edit.setting, *self.settings)) if edit.setting else self
+
+    def named(self, name: str, quality: str) -> list[RenderRequest]:
+        """Return the request of a shot, or those of the clips of an edit, by its name."""
+        if names_edit(name):
+            return self.edit(quality, find_edit(name))[1]
+        return [self.request(find_shot(name), quality)]
 
     def asked(
         self,
@@ -281,10 +296,16 @@ class Project:
         if finished(request)[0] == len(shown):
             return request
         path, quality = request.source.path, request.quality_name
+        alike = replace(self, settings=request.source.settings)
         others = [
-            self.with_layers(each).request(path, quality, variant=request.variant) for each in CONVENTIONS
+            replace(
+                alike.with_layers(each).request(path, quality, variant=request.variant),
+                requested=request.requested,
+                home=request.home,
+            )
+            for each in CONVENTIONS
         ]
-        return max(request, *(replace(o, requested=request.requested) for o in others), key=finished)
+        return max(request, *others, key=finished)
 
     def shot_around(self, mesh: Path, up: str) -> Path:
         """Return the path of a shot that shows a mesh file; no such file is written. `up` is y or z."""

@@ -225,8 +225,9 @@ class PlannedWorkflow:
                 shot = _shot_of(match, target)
                 project.add_pictures(planner, shot, match["quality"], match["frames"])
             elif target == "shots":
-                for name in shots or [request.name for request in project.edit(quality, find_edit(edit))[1]]:
-                    planner.surfaces(project.request(find_shot(name), quality))
+                of_film = [] if shots else project.edit(quality, find_edit(edit))[1]
+                for request in [project.request(find_shot(name), quality) for name in shots] or of_film:
+                    planner.surfaces(request.whole())
         for (shot, wanted), frame_numbers in numbers.items():
             asked = ",".join(str(int(number)) for number in frame_numbers)
             planner.pictures(project.request(find_shot(shot), wanted, asked))

@@ -23,6 +23,7 @@ from pipeline.production.render_inputs.view_geometry import (
     bearing,
     bounds,
     fitting_distance,
+    landscape,
     picture_centre,
 )
 from render.scene.camera import Camera
@@ -40,6 +41,10 @@ FOOTING = 1
 
 AHEAD = 3 * STEADINESS
 """Frames after one that its camera depends on: the distance is smoothed from above, around aims that are."""
+
+STAGE_ASPECT = 16 / 9
+"""Width to height of the picture whose frame gives the stage its size, so that one light falls on a sculpture
+whatever the shape of the picture."""
 
 STAGE_HALF_WIDTH = 1.5
 """Half the width of what the lens sees at its target, in stage units: a sculpture of half-size 1, and air."""
@@ -91,7 +96,8 @@ class Framer:
     ) -> None:
         many = len(views)
         self._views, self._points_of, self._aspect, self._follow = views, points_of, aspect, follow
-        self._half_widths = np.array([np.tan(view.field_of_view / 2) for view in views])
+        self._landscapes = [landscape(view, aspect) for view in views]
+        self._half_widths = np.array([np.tan(view.field_of_view / 2) for view in self._landscapes])
         self._boxes, self._centres, self._floors = np.zeros((many, 3)), np.zeros((many, 3)), np.zeros(many)
         self._middles, self._aims, self._sides = (np.zeros((many, 3, *more)) for more in ((), (), (3,)))
         self._reach, self._around = np.zeros(many), np.zeros(many)
@@ -127,8 +133,9 @@ class Framer:
             aim = self._aims[i] = centre if view.target is None else np.array(view.target)
             side = self._sides[i] = axes_of(view, aim)
             self._reach[i] = self._around[i] = fitting_distance(points, aim, side, view, self._aspect)
-            if view.target is not None:
-                self._around[i] = fitting_distance(points, centre, side, view, self._aspect)
+            if view.target is not None or self._aspect != STAGE_ASPECT:
+                wide = self._landscapes[i]
+                self._around[i] = fitting_distance(points, centre, side, wide, STAGE_ASPECT)
 
     def _calm_part(self, track: Floats, first: int, last: int) -> Floats:
         moving = _part(track[: self._surveyed], first, last, STEADINESS, _calm)

@@ -141,6 +141,13 @@ def _extents(points: Extent, directions: Floats, slant: Floats) -> Floats:
     return reach
 
 
+def landscape(view: View, aspect: float) -> View:
+    """Return a view of an upright picture as that of a wide one: the camera turned back from its side."""
+    if aspect >= 1.0 or view.wide is not None:
+        return view
+    return view._replace(field_of_view=2.0 * float(np.arctan(np.tan(view.field_of_view / 2) / aspect)))
+
+
 def bearing(view: View, aim: Floats) -> tuple[float, float]:
     """Return azimuth and elevation of the camera seen from its look-at point, radians."""
     if view.position is None:

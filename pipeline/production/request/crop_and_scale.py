@@ -21,15 +21,23 @@ LEAST, MOST = 1.0, 400.0
 _NAME = re.compile(r"(\w+)(?:\.scale(\d+(?:\.\d+)?))?(?:\.crop(\d+)-(\d+)-(\d+)-(\d+))?")
 
 
-def cropped_name(quality: str, crop: str | None = None, scale: str | None = None) -> str:
-    """Return the name of a quality's crop or scale. Raises UsageError where an option is wrong."""
+def cropped_name(
+    quality: str,
+    crop: str | None = None,
+    scale: str | None = None,
+    qualities: Mapping[str, Quality] = QUALITIES,
+) -> str:
+    """Return the name of a quality's crop or scale. Raises UsageError where an option is wrong.
+
+    qualities  those of the shot: the pixels of a crop are part of its name
+    """
     if quality not in QUALITIES:
         return quality  # whoever looks it up tells that it is unknown
     name = quality
     if scale is not None and (per_cent := _per_cent(scale)) != 100.0:
         name += f".scale{per_cent:g}"
     if crop is not None:
-        whole = quality_named(name, QUALITIES)
+        whole = quality_named(name, qualities)
         name += ".crop" + "-".join(map(str, _pixels(crop, whole.width, whole.height)))
     return name
 

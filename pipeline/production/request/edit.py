@@ -48,8 +48,9 @@ class EditItem:
 class Edit:
     """Name, items, rate and sound of a film; the shots of its clips are the plan's, in order.
 
-    audio  the film's own sound, in place of those of its shots
-    clips  the sounds of its shots, if it has none of its own
+    audio    the film's own sound, in place of those of its shots
+    clips    the sounds of its shots, if it has none of its own
+    setting  gives its shots the shape of its pictures, in place of their own; empty if it has none
     """
 
     name: str
@@ -57,6 +58,7 @@ class Edit:
     rate: str
     audio: AudioTrack | None = None
     clips: tuple[AudioClip, ...] = ()
+    setting: str = ""
 
     @classmethod
     def of(cls, film: Film, name: str) -> Edit:
@@ -76,7 +78,8 @@ class Edit:
         credits = Card(first, " · ".join(others), film.credits_seconds if film.credits else 0.0)
         items = [item(entry) for entry in (title, *film.entries, credits)]
         audio = None if film.sound is None else AudioTrack.of(film.sound)
-        edit = cls(name, tuple(item for item in items if item.frames), str(film.rate), audio)
+        shown = tuple(item for item in items if item.frames)
+        edit = cls(name, shown, str(film.rate), audio, setting=film.setting)
         return edit if audio else replace(edit, clips=tuple(edit._sounds_of_shots(film)))
 
     def _sounds_of_shots(self, film: Film) -> Iterator[AudioClip]:
@@ -119,18 +122,22 @@ class Edit:
         return key_of(FILM.recipe, to_plain(self.items), self.rate, audio, frames, shown_as, bits)
 
 
+SummaryOf = Callable[[Path, Edit], ShotSummary]
+"""Returns the summary of a shot in an edit."""
+
+
 @dataclass(frozen=True)
 class ResolvedEdit:
     """An edit with its shots looked up.
 
     clips  for each clip the path of its shot file and the frames that it shows
-    shots  for each clip the frames, the rate, the sounds and the projection of its shot: all that an edit
-           needs of it
+    shots  for each clip the frames, the rate, the sounds, the projection and the size of its shot: all that
+           an edit needs of it
     """
 
     edit: Edit
     clips: tuple[tuple[Path, tuple[int, ...]], ...]
-    shots: tuple[tuple[tuple[int, ...], str, tuple[AudioTrack, ...], tuple[str, float]], ...]
+    shots: tuple[tuple[tuple[int, ...], str, tuple[AudioTrack, ...], tuple[str, float], tuple[int, int]], ...]
 
     @classmethod
     def of(cls, film: Film, name: str) -> ResolvedEdit:
@@ -141,24 +148,25 @@ class ResolvedEdit:
                 str(shot.rate),
                 tuple(map(AudioTrack.of, shot.sounds)),
                 astuple(shot.picture.camera.projection),
+                shot.picture.qualities["final"].rendered_size,
             )
             for shot in film.shots
         ]
         absolute = tuple((path.absolute(), frames) for path, frames in clips if path is not None)
         return cls(Edit.of(film, name), absolute, tuple(shots))
 
-    def is_current(self, summary_of: Callable[[Path], ShotSummary]) -> bool:
+    def is_current(self, summary_of: SummaryOf) -> bool:
         """Tell whether shots and sound are as they were. Raises what reading a shot raises."""
-        summaries = (summary_of(path) for path, _ in self.clips)
+        summaries = (summary_of(path, self.edit) for path, _ in self.clips)
         same = all(
-            (summary.frames, summary.rate, summary.sounds, summary.projection) == shot
+            (summary.frames, summary.rate, summary.sounds, summary.projection, summary.size) == shot
             for summary, shot in zip(summaries, self.shots, strict=True)
         )
         return same and (self.edit.audio is None or self.edit.audio.is_unchanged)
 
 
 def resolved_edit(
-    path: Path, settings: tuple[str, ...], cache: PlanningCache, summary_of: Callable[[Path], ShotSummary]
+    path: Path, settings: tuple[str, ...], cache: PlanningCache, summary_of: SummaryOf
 ) -> ResolvedEdit:
     """Return the edit at `path`, with settings in its shots; the cache spares reading all of them.
 

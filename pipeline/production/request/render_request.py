@@ -15,7 +15,7 @@ from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.request.audio import AudioClip, sound_of_frames
 from pipeline.production.request.cameras import CameraFile
-from pipeline.production.request.crop_and_scale import base_of, movie_bits, quality_named
+from pipeline.production.request.crop_and_scale import movie_bits, quality_named
 from pipeline.production.request.keys import PictureKeys, appearance
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.request_summary import RequestSummary
@@ -25,7 +25,7 @@ from pipeline.production.stages import ASSEMBLE, STAGES, STILLS
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.serialise import to_plain
-from render.scene.quality import Quality
+from render.scene.quality import QUALITIES, Quality
 
 if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
     from pipeline.shot import Shot
@@ -171,7 +171,7 @@ class RenderRequest:
 
         Raises UsageError for a crop of a picture with a wide projection.
         """
-        quality = quality_named(self.quality_name, self.shot.picture.qualities)
+        quality = quality_named(self.quality_name, self._qualities(self.shot.picture))
         if quality.crop is not None and self.projection.is_wide:
             raise UsageError(
                 f"{self.name}: a picture of projection {self.projection.kind} has no crop, since players and "
@@ -181,8 +181,18 @@ class RenderRequest:
 
     @property
     def aspect(self) -> float:
-        """Width to height of the whole picture, whatever its crop and scale."""
-        return self.shot.picture.qualities[base_of(self.quality_name)].aspect
+        """Width to height of whole pictures of `final`, which is one for all qualities; others round theirs."""
+        return self._qualities(self.shot.picture)["final"].aspect
+
+    def _qualities(self, picture: Picture) -> Mapping[str, Quality]:
+        """Return the qualities of a picture; a turntable, seen in perspective, has no sizes of wide ones."""
+        if self.turntable is None or not picture.camera.projection.is_wide:
+            return picture.qualities
+        sizes = {name: (flat.width, flat.height) for name, flat in QUALITIES.items()}
+        return {
+            name: replace(quality, width=sizes[name][0], height=sizes[name][1])
+            for name, quality in picture.qualities.items()
+        }
 
     @property
     def shown_as(self) -> Mapping[str, Any]:
@@ -230,7 +240,7 @@ class RenderRequest:
         """Return the quality of a frame; size, crop and denoising are those of all frames."""
         if self.summary.override_of(number) is None:
             return self.quality
-        return quality_named(self.quality_name, self.picture(number).qualities)
+        return quality_named(self.quality_name, self._qualities(self.picture(number)))
 
     def _time(self, number: int) -> float:
         return self.shot.motion.clock.time(self.angles[number].mesh)

@@ -19,6 +19,7 @@ from pipeline.production.store.store import Key, key_of
 from pipeline.shot.yaml.lookup import DEFAULTS, is_there, text_of
 from render.base.input_files import digest_of_file, require_input
 from render.base.serialise import NOT_PLAIN, from_plain, to_plain
+from render.scene.quality import QUALITIES
 
 if TYPE_CHECKING:
     from pipeline.shot import Shot
@@ -40,6 +41,7 @@ class ShotSummary:
     meshes, normals  keys by frame; of several subjects, digests of the keys of each
     subjects         the names of its subjects, if it has several
     projection       of its camera: kind and angle, as `Projection` has them
+    size             width and height of its pictures in `final`, pixels
     """
 
     inputs: InputDigests
@@ -53,6 +55,7 @@ class ShotSummary:
     normals: Mapping[int, Key]
     subjects: tuple[str, ...] = ()
     projection: tuple[str, float] = ("perspective", math.pi)
+    size: tuple[int, int] = QUALITIES["final"].rendered_size
 
     @classmethod
     def of(cls, shot: Shot) -> ShotSummary:
@@ -72,6 +75,7 @@ class ShotSummary:
             normals=normals_keys(shot, meshes),
             subjects=tuple(part.subject for part in shot.subjects),
             projection=astuple(shot.picture.camera.projection),
+            size=shot.picture.qualities["final"].rendered_size,
         )
 
     @property

@@ -1,7 +1,7 @@
 """Inheritance: a shot file over the shots that it extends, these over the defaults, and settings on top.
 
 Mappings merge. Everything else replaces, also a mapping that defines another kind of thing: other keys, a
-formula, another subject. Every value keeps its position.
+formula, another subject, another shape of the picture. Every value keeps its position.
 """
 
 from __future__ import annotations
@@ -19,6 +19,9 @@ from render.scene.quality import FORMER_NAMES
 
 KIND_NAMES = frozenset({"keys", "formula", "curvature", "camera", "solid", "model", "cloud", "net", "bsdf"})
 """Names that define the kind of their mapping: one that has any of them replaces the inherited mapping."""
+
+WHOLE = frozenset({("picture",)})
+"""Mappings whose names exclude each other: one replaces an inherited one."""
 
 ReadText = Callable[[str], str | None]
 """Returns the text of a file beside the shot by its name; None if there is none."""
@@ -127,7 +130,7 @@ def over(source: YamlSource, base: YamlSource) -> YamlSource:
 def _merged(value: Any, base: Any, where: Where, replaced: set[Where]) -> Any:
     """Return a value merged over a base; add the paths where the base is replaced as a whole."""
     both = isinstance(value, dict) and isinstance(base, dict)
-    if not both or (where and KIND_NAMES & set(value)):
+    if not both or where in WHOLE or (where and KIND_NAMES & set(value)):
         replaced.add(where)
         return value
     merged = dict(base)

@@ -110,6 +110,8 @@ def _put(data: Any, steps: list[str], value: Any, place: str) -> Where:
             raise ShotError(f"{place}: {name} is {in_yaml(holder)}, which holds no {step}. {remedy}.")
         where = (*where, key)
         if not steps:
+            if where[:-1] == ("picture",):  # aspect and size exclude each other
+                holder.clear()
             holder[key] = value
         else:
             holder = holder[key]

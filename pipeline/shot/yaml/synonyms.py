@@ -190,11 +190,19 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "subdivision": ("tessellate",),
     "energy": ("intensity", "radiance", "strength"),
     "draught": ("draft",),
+    # pictures
+    "aspect_ratio": ("aspect",),
+    "ratio": ("aspect",),
 }
 """By the word that is not known, spelt with small letters and underscores."""
 
+SHAPE_WORDS = frozenset(
+    "aspect aspect_ratio format frame_size height orientation pixels ratio resolution screen_size size width "
+    "image_size film_format".split()
+)
+"""Words for the shape of the picture, which the entry `picture` has."""
+
 REMEDIES = {
-    "resolution": "The quality decides it: -q draft is 480×270, daily 960×540, final 1920×1080",
     "subdiv": "Write smooth: {tessellate: 2} at the top of the shot",
     "subdivide": "Write smooth: {tessellate: 2} at the top of the shot",
     "subdivisions": "resample: {max_edge_length: 0.05} sets how fine it is",
@@ -237,7 +245,6 @@ REMEDIES = {
     "path": "Write position: {keys: {1: [0, 1, 6], 24: [3, 1, 6]}}",
     "version": "`flowsculpt publish` counts versions. Remove it",
     "author": "Write it in a comment: # …",
-    "size": "The quality decides it: -q draft is 480×270, daily 960×540, final 1920×1080",
     "quality": "The option -q of a command chooses it. Remove it",
     "quality_name": "The option -q chooses the quality. Remove it",
     "output": "The option -o of a command chooses it. Remove it",

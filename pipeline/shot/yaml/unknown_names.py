@@ -27,7 +27,15 @@ from pipeline.shot.yaml.schema_walk import (
     without_tags,
 )
 from pipeline.shot.yaml.source import Where, YamlSource
-from pipeline.shot.yaml.synonyms import FLOW_REMEDIES, REMEDIES, RENAMED, VALUES, as_name, synonym
+from pipeline.shot.yaml.synonyms import (
+    FLOW_REMEDIES,
+    REMEDIES,
+    RENAMED,
+    SHAPE_WORDS,
+    VALUES,
+    as_name,
+    synonym,
+)
 
 _NAMED_BY = ("type", "name", "flow", "kind")
 """Words under which other formats have the name of a thing that a shot has as a key."""
@@ -57,7 +65,7 @@ def _explain(mapping: CheckedMapping, unknown: list[Any]) -> None:
         return
     beside: dict[Any, list[Any]] = {}
     for name in unknown:
-        owner = owner_beside(mapping, name)
+        owner = None if _shape(mapping, name) else owner_beside(mapping, name)
         if owner is None:
             message = _message(mapping, name)
             if message.partition(".")[2] not in told or "Rename" in message:
@@ -89,10 +97,28 @@ def _message(mapping: CheckedMapping, name: Any) -> str:
     if (new := RENAMED.get(name)) in mapping.fields:
         mapping.found.supplied.add((*mapping.where, new))
         return f"{name} is called {new} now{under}. Rename it."
-    for explain in (_misspelt, _other_form, _synonym, _chosen, further_down, further_up):
+    for explain in (_shape, _misspelt, _other_form, _synonym, _chosen, further_down, further_up):
         if (message := explain(mapping, name)) is not None:
             return message
     return f"{name} is not known{under}. {_remedy(mapping, name)}"
+
+
+def _shape(mapping: CheckedMapping, name: Any) -> str | None:
+    """Return the message about the shape of the picture where a shot or an edit, camera or quality has it."""
+    value, word = mapping.values[name], as_name(name)
+    is_units = len(value) == 3 if isinstance(value, list) else isinstance(value, int | float) and value < 16
+    if word not in SHAPE_WORDS or mapping.where[:1] not in ((), ("camera",), ("quality",)):
+        return None
+    if is_units and word in ("size", "width", "height"):
+        return None
+    aspect, size = '{aspect: "9:16"}', "{size: [1080, 1920]}"
+    if len(numbers := re.findall(r"\d{2,}", in_yaml(value))) == 2:
+        size = f"{{size: [{', '.join(numbers)}]}}"
+    fact = f"{name} is not known under {mapping.name}." if mapping.where else f"{name} is not known."
+    if mapping.is_set(name):
+        return f"{fact} Set picture='{aspect}', or picture='{size}'."
+    top = " at the top of the file" if mapping.where else ""
+    return f"{fact} Write picture: {aspect}, or picture: {size}{top}."
 
 
 def _misspelt(mapping: CheckedMapping, name: Any) -> str | None:
