@@ -220,13 +220,12 @@ def _mixed_shapes(placed: Sequence[tuple[Where, Shot]]) -> Iterator[Problem]:
         first = placed[0][1]
         if shot.picture.camera.projection != first.picture.camera.projection:
             continue
-        (width, height), size = (each.picture.qualities["final"].rendered_size for each in (first, shot))
-        if size != (width, height):
+        one, size = (list(each.picture.qualities["final"].rendered_size) for each in (first, shot))
+        if size != one:
             yield (
                 where,
-                f"{shot.name} has pictures of {size[0]} × {size[1]} pixels in final, and {first.name} {width} × "
-                f"{height}; all shots of a film share one size. Write picture: {{size: [{width}, {height}]}} in "
-                "the edit, which frames all of them for it.",
+                f"{shot.name} has pictures of {size} pixels in final, and {first.name} of {one}; all shots of a "
+                f"film share one size. Write picture: {{size: {one}}} in the edit, which frames all for it.",
             )
 
 

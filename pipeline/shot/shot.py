@@ -224,8 +224,7 @@ class Film:
     """An edit: clips of shots and cards in order, a title, credits and sound.
 
     title_seconds, credits_seconds  duration of those cards; 0 leaves them out
-    setting                         what gives its shots the shape of its pictures, in place of their own; empty
-                                    if it has none
+    setting                         gives its shots the shape of its pictures, in place of their own; or empty
     """
 
     title: str

@@ -181,7 +181,7 @@ class RenderRequest:
 
     @property
     def aspect(self) -> float:
-        """Width to height of whole pictures of `final`, which is one for all qualities; others round theirs."""
+        """Width to height of whole pictures in `final`, the same for all qualities; others round theirs."""
         return self._qualities(self.shot.picture)["final"].aspect
 
     def _qualities(self, picture: Picture) -> Mapping[str, Quality]:

@@ -37,7 +37,7 @@ def _aspect(value: Any) -> Any:
     elif not is_number(value):
         raise bad_value(f"{shortened(in_yaml(value))} is not an aspect, width to height. {_USUAL}")
     if not NARROWEST <= value <= WIDEST:
-        raise bad_value(f"{value:.4g} is out of range, which goes from 1:5 to 5:1. {_USUAL}")
+        raise bad_value(f"{value:.4g} is out of range, 1:5 to 5:1. {_USUAL}")
     return float(value)
 
 
@@ -59,9 +59,7 @@ def _size(value: Any) -> Any:
         )
     width, height = map(int, value)
     if not NARROWEST <= width / height <= WIDEST:
-        raise bad_value(
-            f"[{width}, {height}] is out of range, which goes from 1:5 to 5:1. Write [1080, 1920]."
-        )
+        raise bad_value(f"[{width}, {height}] is out of range, 1:5 to 5:1. Write [1080, 1920].")
     return [width, height]
 
 

@@ -197,8 +197,7 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
 """By the word that is not known, spelt with small letters and underscores."""
 
 SHAPE_WORDS = frozenset(
-    "aspect aspect_ratio format frame_size height orientation pixels ratio resolution screen_size size width "
-    "image_size film_format".split()
+    {"aspect", "aspect_ratio", "format", "height", "orientation", "ratio", "resolution", "size", "width"}
 )
 """Words for the shape of the picture, which the entry `picture` has."""
 
