@@ -63,7 +63,7 @@ def main() -> None:
 
 def _picture(surface: Surface, framing: Framing, lights: LightRig, stage: Stage, look: str) -> Image.Image:
     quality = QUALITIES["draft"]
-    there = with_stage_in_view(framing, stage)
+    there = with_stage_in_view(framing, stage, quality.aspect)
     seed = seed_of("sets", stage.kind)
     scene = Scene(surface, LOOKS[look], lights, stage, there.placement, there.camera)
     layers = render_frame(scene, quality, seed, choose())

@@ -224,8 +224,8 @@ def _mixed_shapes(placed: Sequence[tuple[Where, Shot]]) -> Iterator[Problem]:
         if size != one:
             yield (
                 where,
-                f"{shot.name} has pictures of {size} pixels in final, and {first.name} of {one}; all shots of a "
-                f"film share one size. Write picture: {{size: {one}}} in the edit, which frames all for it.",
+                f"{shot.name} has pictures of {size} pixels in final, and {first.name} of {one}; all shots "
+                f"of a film share one size. Write picture: {{size: {one}}} in the edit.",
             )
 
 

@@ -41,10 +41,13 @@ BARS: tuple[Triple, ...] = (
 GREYS = 11
 """Steps of the ramp from black to white."""
 
+NARROW, MOST_LINES = 1.5, 6
+"""Width to height below which titles are set in several lines, and the most of them."""
+
 
 @dataclass(frozen=True)
 class TitleCard:
-    """A title card: one line each, the title in wide capitals."""
+    """A title card: title in wide capitals and subtitle, a line each where the page is wide enough."""
 
     title: str
     subtitle: str = ""
@@ -86,9 +89,41 @@ def _title_ground(size: tuple[int, int], swell: float) -> Floats:
 def _words(card: TitleCard, size: tuple[int, int]) -> tuple[Floats, Floats]:
     """Return the coverage (H, W) of the title, a little above the middle, and of the subtitle below it."""
     width, height = size
-    title = _fitted(card.title.upper(), "DroidSans", 0.085 * height, 0.30, width)
-    subtitle = _fitted(card.subtitle, "DroidSerif-Italic", 0.06 * height, 0.03, width)
+    if width < NARROW * height:
+        return _stacked(card, size)
+    title = _fitted(card.title.upper(), _SANS, 0.085 * height, 0.30, width)
+    subtitle = _fitted(card.subtitle, _SERIF, 0.06 * height, 0.03, width)
     return _centred(title, size, 0.46), _centred(subtitle, size, 0.585)
+
+
+def _stacked(card: TitleCard, size: tuple[int, int]) -> tuple[Floats, Floats]:
+    """Return the coverage (H, W) of both on a narrow page, each in as many lines as it needs."""
+    width, height = size
+    title = _block(card.title.upper(), _SANS, 0.09 * width, 0.20, width)
+    subtitle = _block(card.subtitle, _SERIF, 0.065 * width, 0.03, width)
+    gap = 0.07 * width if card.subtitle else 0.0
+    above, below = (gap + len(block) for block in (subtitle, title))
+    middle = 0.48 * height
+    return (
+        _centred(title, size, (middle - above / 2.0) / height),
+        _centred(subtitle, size, (middle + below / 2.0) / height),
+    )
+
+
+def _block(text: str, font: str, height: float, spacing: float, width: int) -> Floats:
+    """Set lines (H, W) in four fifths of a width, at that height in pixels or as the longest word needs."""
+    room = 0.8 * width
+    sizes = [fit_size(word, font, round(height), room, spacing) for word in text.split()]
+    if not sizes:
+        return np.zeros((0, width), np.float32)
+    size = max(2, min(sizes))
+    covers = [line(each, font, size, spacing) for each in wrap(text, font, size, room, MOST_LINES, spacing)]
+    leading = round(1.5 * size)
+    block = np.zeros((leading * (len(covers) - 1) + len(covers[0]), width), np.float32)
+    for number, cover in enumerate(covers):
+        left = (width - cover.shape[1]) // 2
+        block[number * leading :, max(0, left) :][: len(cover), : cover.shape[1]] += cover[:, :width]
+    return block
 
 
 def _fitted(text: str, font: str, height: float, spacing: float, width: int) -> Floats:
@@ -151,13 +186,15 @@ def failure_card(size: tuple[int, int], heading: str, reason: str) -> Floats:
 
 
 class _Card:
-    """A page. Its distances are in units: a hundredth of its height, or less where it is narrow."""
+    """A page. Its distances are in units, 160 across and 100 down, or 100 across and 150 down if upright."""
 
     def __init__(self, size: tuple[int, int]) -> None:
         self.width, self.height = size
-        self.unit = min(self.height / 100.0, self.width / 160.0)
+        self.is_upright = self.height >= 1.4 * self.width
+        across, self.length = (100.0, 150.0) if self.is_upright else (160.0, 100.0)
+        self.unit = min(self.height / self.length, self.width / across)
         self.margin = 9.0 * self.unit
-        self.top = (self.height - 100.0 * self.unit) / 2.0
+        self.top = (self.height - self.length * self.unit) / 2.0
         self.page = _ground(size)
 
     def slate(self, slate: Slate) -> Floats:
@@ -171,8 +208,8 @@ class _Card:
             title = cut_short(slate.title, _SERIF, size, room)
             write(self.page, title, _SERIF, size, (self.margin, self._down(34.5)), QUIET)
         self._rule(self._down(39.5))
-        self._picture(slate.picture)
-        self._facts(slate.facts, with_picture=slate.picture is not None)
+        self._picture(slate.picture, len(slate.facts))
+        self._facts(slate.facts, with_picture=slate.picture is not None and not self.is_upright)
         self._references()
         return self.page
 
@@ -201,20 +238,21 @@ class _Card:
             write(self.page, name, _SANS, size, (self.margin, y), QUIET)
             write(self.page, cut_short(value, _SANS, size, room), _SANS, size, (self.margin + tab, y), INK)
 
-    def _picture(self, picture: Floats | None) -> None:
-        """Draw the picture small, below the rule on the right."""
+    def _picture(self, picture: Floats | None, facts: int) -> None:
+        """Draw the picture small, below the rule on the right, or below the facts on an upright page."""
         if picture is None:
             return
-        widest, highest = 58.0 * self.unit, 36.0 * self.unit
+        first = 46.0 + 4.55 * facts if self.is_upright else 43.5
+        widest, highest = 58.0 * self.unit, (self.length - 20.5 - first) * self.unit
         height, width = picture.shape[:2]
         share = min(widest / width, highest / height)
         small = _resized(picture, (max(1, round(share * width)), max(1, round(share * height))))
-        top, right = round(self._down(43.5)), round(self.width - self.margin)
-        self._fill(top, right - small.shape[1], small)
+        left = self.margin if self.is_upright else self.width - self.margin - small.shape[1]
+        self._fill(round(self._down(first)), round(left), small)
 
     def _references(self) -> None:
         """Draw colour bars and a ramp of greys along the lower edge, to judge a display by."""
-        top, height = self._down(85.0), 2.6 * self.unit
+        top, height = self._down(self.length - 15.0), 2.6 * self.unit
         left, right = round(self.margin), round(self.width - self.margin)
         middle = (left + right) // 2
         gap = round(self.unit)
@@ -238,7 +276,7 @@ class _Card:
         place[:] = values[: place.shape[0], : place.shape[1]]
 
     def _down(self, units: float) -> float:
-        """Return the row at a distance from the top of the drawing, which is centred on upright pages."""
+        """Return the row at a distance from the top of the drawing, which is centred on the page."""
         return self.top + units * self.unit
 
     def _size(self, units: float) -> int:

@@ -37,11 +37,11 @@ MAX_PIXELS = 3840
 
 @dataclass(frozen=True, eq=False)
 class ContactSheet:
-    """A page for pictures of one size.
+    """A page for pictures of one size, or smaller ones in the middle of their places.
 
     heading   stands above all pictures
     captions  one for each picture, row by row from the left
-    size      width and height of a picture, pixels
+    size      width and height of a picture, pixels; the largest of each
     columns   pictures in a row
     bits      8 or 16: those of the pictures and of the page
     """
@@ -63,7 +63,7 @@ class ContactSheet:
         """Return the page (H, W, 3) with display pictures (h, w, 3), uint8 or, for 16 bits, uint16.
 
         A picture that is None is shown as missing; `note` stands above on the right. Raises BadInputError for
-        pictures of another number, size or type.
+        pictures of another number or type, and for larger ones.
         """
         if len(pictures) != len(self.captions):
             raise BadInputError(
@@ -79,7 +79,9 @@ class ContactSheet:
             x, y = self._corner(index)
             if picture is not None:
                 self._require(picture)
-                page[y : y + self.size[1], x : x + self.size[0]] = picture
+                height, width = picture.shape[:2]
+                x, y = x + (self.size[0] - width) // 2, y + (self.size[1] - height) // 2
+                page[y : y + height, x : x + width] = picture
         return page
 
     @cached_property
@@ -174,11 +176,12 @@ class ContactSheet:
             self._write(page, words, x + (self.size[0] - width) // 2, baseline, self._text_size, QUIET)
 
     def _require(self, picture: NDArray[Any]) -> None:
-        expected = (self.size[1], self.size[0], 3)
-        if picture.shape != expected or picture.dtype != self._page.dtype:
+        most = (self.size[1], self.size[0], 3)
+        fits = picture.ndim == 3 and all(own <= side for own, side in zip(picture.shape, most, strict=True))
+        if not fits or picture.dtype != self._page.dtype:
             raise BadInputError(
                 f"a picture is {picture.dtype} {picture.shape}; on this sheet it must be {self._page.dtype} "
-                f"{expected}"
+                f"of at most {most}"
             )
 
 

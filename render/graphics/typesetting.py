@@ -90,23 +90,25 @@ def fit_size(text: str, font: str, size: int, max_width: float, spacing: float =
     return size if width <= max_width else max(4, int(size * max_width / width))
 
 
-def wrap(text: str, font: str, size: int, max_width: float, max_lines: int) -> list[str]:
+def wrap(
+    text: str, font: str, size: int, max_width: float, max_lines: int, spacing: float = 0.0
+) -> list[str]:
     """Break a text into lines; what does not fit ends in dots."""
     lines: list[str] = []
     for word in text.split():
         longer = f"{lines[-1]} {word}" if lines else word
-        if lines and line(longer, font, size).shape[1] <= max_width:
+        if lines and line(longer, font, size, spacing).shape[1] <= max_width:
             lines[-1] = longer
         else:
             lines.append(word)
     if len(lines) > max_lines:
         lines = [*lines[: max_lines - 1], f"{lines[max_lines - 1]} ..."]
-    return [cut_short(words, font, size, max_width) for words in lines]
+    return [cut_short(words, font, size, max_width, spacing) for words in lines]
 
 
-def cut_short(text: str, font: str, size: int, max_width: float) -> str:
+def cut_short(text: str, font: str, size: int, max_width: float, spacing: float = 0.0) -> str:
     """Return the line, or as much of its beginning as fits, with dots."""
-    while text and (width := line(text, font, size).shape[1]) > max_width:
+    while text and (width := line(text, font, size, spacing).shape[1]) > max_width:
         kept = text.removesuffix("...")
         kept = kept[: max(0, min(len(kept) - 1, int(len(kept) * max_width / width)))]
         text = f"{kept}..." if kept else ""

@@ -19,11 +19,11 @@ from render.scene.stage import StagePlacement
 from render.scene.surface import Surface
 
 HALF_HEIGHT = 0.12
-"""Half the height of each object, over half the height of the picture."""
+"""Half the height of each object, over half the shorter side of the picture."""
 
 LEVEL, SPACING = -0.83, 0.04
-"""Vertical position of their middles, from 0 (picture's middle) to −1 (lower edge), and their distance from
-the picture's sides and from each other."""
+"""Vertical position of their middles, from 0 (picture's middle) to −1 (lower edge) of a picture that is not
+upright, and their distance from the picture's sides and from each other."""
 
 GREY, CHROME = 0.18, 0.9
 """Reflectances of the balls."""
@@ -58,10 +58,11 @@ def positions(
     camera: Camera, placement: StagePlacement, aspect: float
 ) -> tuple[ObjectPosition, ObjectPosition, ObjectPosition]:
     """Return the positions of the grey ball, the chrome ball and the chart."""
-    wide = HALF_HEIGHT / aspect
-    grey = -1.0 + SPACING / aspect + wide
-    chrome = grey + 2.0 * wide + SPACING / aspect
-    chart = 1.0 - SPACING / aspect - 1.5 * wide
+    shorter = min(1.0, aspect)
+    wide, spacing = HALF_HEIGHT * shorter / aspect, SPACING * shorter / aspect
+    grey = -1.0 + spacing + wide
+    chrome = grey + 2.0 * wide + spacing
+    chart = 1.0 - spacing - 1.5 * wide
     x, y, z = (_position(camera, placement, aspect, across) for across in (grey, chrome, chart))
     return x, y, z
 
@@ -108,9 +109,10 @@ def _position(camera: Camera, placement: StagePlacement, aspect: float, across: 
     or too far.
     """
     right, up, forward = camera.axes()
-    wide = math.tan(camera.field_of_view / 2.0)
-    ray = forward + wide * across * right + wide / aspect * LEVEL * up
-    half = wide / aspect * HALF_HEIGHT
+    wide, shorter = math.tan(camera.field_of_view / 2.0), min(1.0, aspect)
+    level = shorter * LEVEL - (1.0 - shorter)
+    ray = forward + wide * across * right + wide / aspect * level * up
+    half = wide / aspect * HALF_HEIGHT * shorter
     distance = float(np.linalg.norm(np.subtract(camera.target, camera.origin)))
     above, falling = camera.origin[1] - placement.origin[1], half - ray[1]
     depth = above / falling if falling > 0.0 else math.inf

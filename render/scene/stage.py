@@ -33,6 +33,10 @@ _CAMERA_MOVES = {"plinth": (1.14, 0.13), "turntable": (1.08, 0.04)}
 """Camera distance as a multiple of the distance for the subject alone, and stage units to lower the
 camera."""
 
+_WIDE, _AROUND, _FARTHEST = 16 / 9, 1.06, 2.0
+"""Width to height from which on a picture shows all of a plinth; the width that it needs over that of the
+plinth; and the factor on the distance at which wider ones are cut off."""
+
 Mesh = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]
 
 
@@ -128,16 +132,22 @@ class Stage:
         """The names of its objects."""
         return _OBJECTS.get(self.kind, ("stage",))
 
-    @property
-    def camera_move(self) -> tuple[float, float] | None:
-        """Factor on the camera's distance and stage units to lower it, or None: see `adjusted_camera`."""
-        return _CAMERA_MOVES.get(self.kind)
+    def camera_move(self, aspect: float) -> tuple[float, ...] | None:
+        """Return a factor on the camera's distance and stage units to lower it; None where it stays.
 
-    def adjusted_camera(self, camera: Camera, placement: StagePlacement) -> Camera:
-        """Return the camera moved back and down where this stage needs space below the subject."""
-        if self.camera_move is None:
+        In narrow pictures also the width that must be in the picture, stage units. `adjusted_camera` uses it.
+        """
+        move = _CAMERA_MOVES.get(self.kind)
+        return (*move, self.width) if move and self.kind == "plinth" and aspect < _WIDE else move
+
+    def adjusted_camera(self, camera: Camera, placement: StagePlacement, aspect: float) -> Camera:
+        """Return the camera moved back and down where this stage needs space around the subject."""
+        if (move := self.camera_move(aspect)) is None:
             return camera
-        back, down = self.camera_move
+        back, down, *widths = move
+        for half in (width / 2.0 * placement.size for width in widths):
+            needed = half + _AROUND * half / math.tan(camera.field_of_view / 2.0)
+            back = min(max(back, needed / math.dist(camera.origin, camera.target)), _FARTHEST * back)
         x, y, z = camera.target
         away = [back * (a - b) for a, b in zip(camera.origin, camera.target, strict=True)]
         target = (x, y - down * placement.size, z)

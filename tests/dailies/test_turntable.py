@@ -252,19 +252,19 @@ sizes = st.tuples(*[st.floats(0.2, 4.0)] * 3)
 
 
 @settings(max_examples=40, deadline=None)
-@given(views, sizes)
+@given(views, sizes, st.sampled_from([ASPECT, 9 / 16, 1.0, 2.39]))
 def test_through_the_whole_turn_the_object_touches_neither_balls_nor_chart(
-    view: View, size: tuple[float, ...]
+    view: View, size: tuple[float, ...], aspect: float
 ) -> None:
     box = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
     angles = [rotate_y(box, angle) for angle in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)]
-    (framing, *_) = frame_all([framed_whole(view)] * 12, angles.__getitem__, ASPECT, follow=0.0)
-    framing = with_stage_in_view(framing, STAGES["turntable"])
+    (framing, *_) = frame_all([framed_whole(view)] * 12, angles.__getitem__, aspect, follow=0.0)
+    framing = with_stage_in_view(framing, STAGES["turntable"], aspect)
     camera = framing.camera
-    object_ = np.concatenate([camera.project(angle, ASPECT) for angle in angles])
-    grey, chrome, board = positions(camera, framing.placement, ASPECT)
+    object_ = np.concatenate([camera.project(angle, aspect) for angle in angles])
+    grey, chrome, board = positions(camera, framing.placement, aspect)
     pieces: list[Surface] = [ball(grey), ball(chrome), chart(board, camera)]
-    projected = [camera.project(piece.vertices, ASPECT) for piece in pieces]
+    projected = [camera.project(piece.vertices, aspect) for piece in pieces]
     assert np.abs(object_[:, :2]).max() < 1.0
     # A wide lens stretches the balls a little.
     assert max(piece[:, 1].max() for piece in projected) < object_[:, 1].min() + 0.02

@@ -77,7 +77,7 @@ def test_what_cannot_be_on_a_sheet_is_refused() -> None:
     sheet = ContactSheet("A shot", CAPTIONS, SIZE, 3)
     with pytest.raises(BadInputError, match="5 pictures for 6 captions"):
         sheet.picture([picture(1)] * 5)
-    with pytest.raises(BadInputError, match=r"on this sheet it must be uint8 \(36, 64, 3\)"):
+    with pytest.raises(BadInputError, match=r"on this sheet it must be uint8 of at most \(36, 64, 3\)"):
         sheet.picture([picture(1, np.uint16)] * 6)
     with pytest.raises(BadInputError, match="0 pictures"):
         ContactSheet("A shot", (), SIZE, 3)

@@ -79,20 +79,23 @@ views = st.tuples(
     st.floats(0.05, 0.2),
 ).map(lambda values: View(*values))
 sizes = st.tuples(*[st.floats(0.2, 4.0)] * 3)
+aspects = st.sampled_from([ASPECT, 9 / 16, 1.0, 2.39])
 
 
 @settings(max_examples=30, deadline=None)
-@given(views, sizes)
-def test_pieces_stand_in_the_lower_corners_below_the_subject(view: View, size: tuple[float, ...]) -> None:
+@given(views, sizes, aspects)
+def test_pieces_stand_in_the_lower_corners_below_the_subject(
+    view: View, size: tuple[float, ...], aspect: float
+) -> None:
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
-    (framing,) = frame_all([view], lambda _: corners, ASPECT)
-    plain = framing.camera.project(corners, ASPECT)
-    framing = with_stage_in_view(framing, STAGES["turntable"])
+    (framing,) = frame_all([view], lambda _: corners, aspect)
+    plain = framing.camera.project(corners, aspect)
+    framing = with_stage_in_view(framing, STAGES["turntable"], aspect)
     camera = framing.camera
-    lowest = camera.project(corners, ASPECT)[:, 1].min()
-    grey, chrome, board = positions(camera, framing.placement, ASPECT)
+    lowest = camera.project(corners, aspect)[:, 1].min()
+    grey, chrome, board = positions(camera, framing.placement, aspect)
     seen = [
-        camera.project(shape.vertices, ASPECT) for shape in (ball(grey), ball(chrome), chart(board, camera))
+        camera.project(shape.vertices, aspect) for shape in (ball(grey), ball(chrome), chart(board, camera))
     ]
     for each in seen:
         assert np.abs(each[:, :2]).max() < 1.0
@@ -104,13 +107,15 @@ def test_pieces_stand_in_the_lower_corners_below_the_subject(view: View, size: t
 
 
 @settings(max_examples=30, deadline=None)
-@given(views, sizes)
-def test_a_plinth_leaves_the_subject_in_the_picture(view: View, size: tuple[float, ...]) -> None:
+@given(views, sizes, aspects)
+def test_a_plinth_leaves_the_subject_in_the_picture(
+    view: View, size: tuple[float, ...], aspect: float
+) -> None:
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
-    (framing,) = frame_all([view], lambda _: corners, ASPECT)
-    seen = with_stage_in_view(framing, STAGES["plinth"]).camera.project(corners, ASPECT)
+    (framing,) = frame_all([view], lambda _: corners, aspect)
+    seen = with_stage_in_view(framing, STAGES["plinth"], aspect).camera.project(corners, aspect)
     assert np.abs(seen[:, :2]).max() < 1.0
-    assert with_stage_in_view(framing, STAGES["cyclorama"]) == framing
+    assert with_stage_in_view(framing, STAGES["cyclorama"], aspect) == framing
 
 
 def test_the_chart_has_the_published_colours() -> None:

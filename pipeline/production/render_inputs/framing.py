@@ -46,6 +46,10 @@ STAGE_ASPECT = 16 / 9
 """Width to height of the picture whose frame gives the stage its size, so that one light falls on a sculpture
 whatever the shape of the picture."""
 
+FARTHEST = 1.4
+"""Distance of a camera over that for STAGE_ASPECT beyond which the stage grows with it, or the camera would
+stand behind its wall: in pictures longer than 2.5:1."""
+
 STAGE_HALF_WIDTH = 1.5
 """Half the width of what the lens sees at its target, in stage units: a sculpture of half-size 1, and air."""
 
@@ -136,6 +140,9 @@ class Framer:
             if view.target is not None or self._aspect != STAGE_ASPECT:
                 wide = self._landscapes[i]
                 self._around[i] = fitting_distance(points, centre, side, wide, STAGE_ASPECT)
+            if self._aspect != STAGE_ASPECT and view.wide is None:
+                away = fitting_distance(points, centre, side, view, self._aspect)
+                self._around[i] = max(self._around[i], away / FARTHEST)
 
     def _calm_part(self, track: Floats, first: int, last: int) -> Floats:
         moving = _part(track[: self._surveyed], first, last, STEADINESS, _calm)
@@ -164,9 +171,9 @@ class Framer:
         return Framing(camera_of(view, self._aims[i], self._sides[i], distance, size), placement)
 
 
-def with_stage_in_view(framing: Framing, stage: Stage) -> Framing:
+def with_stage_in_view(framing: Framing, stage: Stage, aspect: float) -> Framing:
     """Move the camera until the reference objects of the stage are in the picture too."""
-    return replace(framing, camera=stage.adjusted_camera(framing.camera, framing.placement))
+    return replace(framing, camera=stage.adjusted_camera(framing.camera, framing.placement, aspect))
 
 
 # Tracks

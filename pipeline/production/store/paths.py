@@ -119,7 +119,7 @@ def require_store(root: Path) -> None:
 
 def of_edit(shot: str, edit: str) -> Path:
     """The folder of a shot in an edit that has a picture of its own."""
-    return RENDERS / "film" / "shots" / shot / edit
+    return RENDERS / "edit" / shot / edit
 
 
 def published(name: str) -> Path:
@@ -177,7 +177,9 @@ OUTPUTS = (
     OutputFolder("renders/wedge/{shot}", "sheets of wedges", "wedge {shot} …"),
     OutputFolder("renders/wedge/{shot}/**", "cells of wedges, each as a shot's folder", "wedge {shot} …"),
     OutputFolder("renders/turntable/**", "turntables, each as a shot's folder", "turntable …"),
-    OutputFolder("renders/film/shots/**", "shots of edits that have a picture of their own", "film …"),
+    OutputFolder(
+        "renders/edit/{shot}/{name}/**", "a shot in an edit with a picture of its own", "film {name} …"
+    ),
     OutputFolder("renders/film/{quality}", "films", "film {name} {quality}"),
     OutputFolder("renders/film/{quality}/deliver", "deliverables of films", "deliver {quality} …"),
     OutputFolder("renders/{shot}", "figures", "figures {shot}", files="*.figures.*"),

@@ -23,7 +23,7 @@ NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
 MOST_LETTERS = 100
 """Letters in a name; file systems allow some 250 with the numbers and suffixes of files."""
 
-FOLDERS = ("film", "published", "repeated", "review", "turntable", "wedge")
+FOLDERS = ("edit", "film", "published", "repeated", "review", "turntable", "wedge")
 """Folders in renders/ beside those of shots, by whose names no shot may be called."""
 
 _TOO_LARGE = (
