@@ -132,16 +132,22 @@ class Stage:
         """The names of its objects."""
         return _OBJECTS.get(self.kind, ("stage",))
 
-    def camera_move(self, aspect: float) -> tuple[float, ...] | None:
+    def camera_move(self, aspect: float | None) -> tuple[float, ...] | None:
         """Return a factor on the camera's distance and stage units to lower it; None where it stays.
 
         In narrow pictures also the width that must be in the picture, stage units. `adjusted_camera` uses it.
+
+        aspect  width to height of the picture; None where it is all around
         """
         move = _CAMERA_MOVES.get(self.kind)
-        return (*move, self.width) if move and self.kind == "plinth" and aspect < _WIDE else move
+        is_narrow = aspect is not None and aspect < _WIDE
+        return (*move, self.width) if move and self.kind == "plinth" and is_narrow else move
 
-    def adjusted_camera(self, camera: Camera, placement: StagePlacement, aspect: float) -> Camera:
-        """Return the camera moved back and down where this stage needs space around the subject."""
+    def adjusted_camera(self, camera: Camera, placement: StagePlacement, aspect: float | None) -> Camera:
+        """Return the camera moved back and down where this stage needs space around the subject.
+
+        aspect  as of `camera_move`
+        """
         if (move := self.camera_move(aspect)) is None:
             return camera
         back, down, *widths = move

@@ -220,7 +220,7 @@ def framings_while(
     for count, _ in enumerate(played, start=1):
         if count % INTERVAL == 0 or count == len(numbers):
             for framing in framer.framings(count):
-                yield next(left), with_stage_in_view(framing, stage, request.aspect)
+                yield next(left), with_stage_in_view(framing, stage, request.flat_aspect)
 
 
 MOST_SAMPLED = 4000
@@ -246,7 +246,7 @@ def framing_of_still(
     extents = [_together(each) for each in (*known, *zip(*later, strict=False))]
     views = [request.view(n) for n in numbers[: len(extents)]]
     framing = frame_all(views, lambda i: extents[i], request.aspect, request.follow)[last - 1]
-    return with_stage_in_view(framing, request.shot.picture.stage, request.aspect)
+    return with_stage_in_view(framing, request.shot.picture.stage, request.flat_aspect)
 
 
 def _extent(arrays: dict[str, AnyArray]) -> Extent:

@@ -252,7 +252,7 @@ def _corrected(
     camera = after.camera
     if request.view(number).position is None:
         camera = _corrected_camera(camera, before.camera, true.camera)
-    return with_stage_in_view(Framing(camera, placement), request.shot.picture.stage, request.aspect)
+    return with_stage_in_view(Framing(camera, placement), request.shot.picture.stage, request.flat_aspect)
 
 
 def _corrected_camera(camera: Camera, rough: Camera, true: Camera) -> Camera:

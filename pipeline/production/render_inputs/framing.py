@@ -171,8 +171,8 @@ class Framer:
         return Framing(camera_of(view, self._aims[i], self._sides[i], distance, size), placement)
 
 
-def with_stage_in_view(framing: Framing, stage: Stage, aspect: float) -> Framing:
-    """Move the camera until the reference objects of the stage are in the picture too."""
+def with_stage_in_view(framing: Framing, stage: Stage, aspect: float | None) -> Framing:
+    """Move the camera until the reference objects of the stage are in the picture too; see `camera_move`."""
     return replace(framing, camera=stage.adjusted_camera(framing.camera, framing.placement, aspect))
 
 

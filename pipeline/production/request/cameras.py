@@ -36,7 +36,7 @@ def cameras_key(request: RenderRequest) -> Key:
         request.aspect,
         request.follow,
         _net_pieces(request),
-        request.shot.picture.stage.camera_move(request.aspect),
+        request.shot.picture.stage.camera_move(request.flat_aspect),
     )
 
 
@@ -197,7 +197,7 @@ def _inputs(request: RenderRequest) -> dict[int, Key]:
 
     numbers = sorted(request.angles)
     views = {number: request.view(number) for number in numbers}
-    move = request.shot.picture.stage.camera_move(request.aspect)
+    move = request.shot.picture.stage.camera_move(request.flat_aspect)
     shared = key_of(FRAME_CAMERA.recipe, request.aspect, request.follow, _net_pieces(request), move)
     parts = [
         key_of(request.mesh_key(request.angles[n].mesh), request.angles[n].spin, views[n]) for n in numbers

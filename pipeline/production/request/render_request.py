@@ -184,6 +184,11 @@ class RenderRequest:
         """Width to height of whole pictures in `final`, the same for all qualities; others round theirs."""
         return self._qualities(self.shot.picture)["final"].aspect
 
+    @property
+    def flat_aspect(self) -> float | None:
+        """The aspect of pictures with edges; None where the projection is wide."""
+        return None if self.projection.is_wide else self.aspect
+
     def _qualities(self, picture: Picture) -> Mapping[str, Quality]:
         """Return the qualities of a picture; a turntable, seen in perspective, has no sizes of wide ones."""
         if self.turntable is None or not picture.camera.projection.is_wide:
