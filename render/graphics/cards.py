@@ -113,7 +113,7 @@ def _stacked(card: TitleCard, size: tuple[int, int]) -> tuple[Floats, Floats]:
 def _block(text: str, font: str, height: float, spacing: float, width: int) -> Floats:
     """Set lines (H, W) in four fifths of a width, at that height in pixels or as the longest word needs."""
     room = 0.8 * width
-    sizes = [fit_size(word, font, round(height), room, spacing) for word in text.split()]
+    sizes = [fit_size(word, font, max(2, round(height)), room, spacing) for word in text.split()]
     if not sizes:
         return np.zeros((0, width), np.float32)
     size = max(2, min(sizes))

@@ -113,11 +113,14 @@ FFV1 = Encode("ffv1", MATROSKA, "ffv1", "gbrp16le", _FFV1)
 WEBP = Encode("webp", _WEBP, "libwebp_anim", "bgra", _LIBWEBP, display="srgb")
 """Animated WebP, for pages: no player needed."""
 
-ENCODES = {encode.name: encode for encode in (REVIEW, H264, H265, PRORES4444, AV1, FFV1, WEBP)}
-"""The deliverables, by name."""
-
 H264_8_BITS = replace(H264, pixel_format="yuv420p")
 """8 bits a sample play everywhere; 10 bits keep gradients smooth."""
+
+PHONE = replace(H264_8_BITS, name="phone")
+"""H.264 of 8 bits, for phones, social networks and browsers: not all of them play 10."""
+
+ENCODES = {encode.name: encode for encode in (REVIEW, PHONE, H264, H265, PRORES4444, AV1, FFV1, WEBP)}
+"""The deliverables, by name."""
 
 PLAYBLAST = replace(REVIEW, options={**_X264, "preset": "superfast", "g": "12", "bf": "0"})
 """For previews: encoded soon, and stepped through quickly."""
@@ -133,13 +136,17 @@ MEANT = {
     "gif": "webp",
     "hevc": "h265",
     "lossless": "ffv1",
-    "m4v": "h264",
+    "instagram": "phone",
+    "m4v": "phone",
     "mkv": "ffv1",
+    "mobile": "phone",
     "mov": "prores4444",
     "mp4": "h264",
     "preview": "review",
     "prores": "prores4444",
     "quicktime": "prores4444",
+    "social": "phone",
+    "tiktok": "phone",
     "webm": "av1",
     "x264": "h264",
     "x265": "h265",

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from render.base.errors import BadInputError
-from render.graphics.contact_sheet import GROUND, MAX_PIXELS, ContactSheet, columns_for, reduced, reduction
+from render.graphics.contact_sheet import (
+    GROUND,
+    MAX_PIXELS,
+    VACANT,
+    ContactSheet,
+    columns_for,
+    reduced,
+    reduction,
+)
 
 SIZE = (64, 36)
 CAPTIONS = tuple((("strength", f"{s}"), ("max_edge_length", f"{m}")) for s in (1, 2) for m in (0.1, 0.2, 0.3))
@@ -71,6 +79,15 @@ def test_pages_of_a_movie_have_sixteen_bits_and_one_size() -> None:
     pages = [sheet.picture([picture(value, np.uint16)] * 6, f"frame {value}") for value in (1, 60000)]
     assert pages[0].dtype == np.uint16 and pages[0].shape == pages[1].shape
     assert pages[0][0, 0].tolist() == [round(65535 * GROUND)] * 3
+
+
+def test_a_smaller_picture_stands_in_the_middle_of_its_place() -> None:
+    sheet = ContactSheet("A shot", CAPTIONS[:1], SIZE, 1)
+    place = found(sheet.picture([picture(7)]), 7)
+    small = sheet.picture([picture(7)[:20, :30]])[place].reshape(SIZE[1], SIZE[0], 3)
+    top, left = (SIZE[1] - 20) // 2, (SIZE[0] - 30) // 2
+    assert (small[top : top + 20, left : left + 30] == picture(7)[:20, :30]).all()
+    assert (small[:top] == round(255 * VACANT)).all(), "around it the place is empty"
 
 
 def test_what_cannot_be_on_a_sheet_is_refused() -> None:

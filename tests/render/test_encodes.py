@@ -229,7 +229,7 @@ def test_frames_are_let_go_while_others_come(encode: Encode, tmp_path: Path) -> 
 def test_an_unknown_encode_is_told() -> None:
     with pytest.raises(BadInputError, match=r"'prores' is no deliverable. Did you mean 'prores4444'\?"):
         encode_named("prores")
-    with pytest.raises(BadInputError, match="There are: review, h264"):
+    with pytest.raises(BadInputError, match="There are: review, phone"):
         encode_named("xyz")
     assert encode_named("av1") is ENCODES["av1"]
 

@@ -54,6 +54,28 @@ def test_a_long_name_is_set_smaller_and_a_long_reason_in_several_lines() -> None
     assert np.abs(card[:, 930:] - card[:, 929:930]).max() < 0.02
 
 
+@pytest.mark.parametrize("size", [(270, 480), (270, 270), (1, 1), (5, 9), (480, 270)])
+def test_titles_of_any_length_lie_within_cards_of_any_shape(size: tuple[int, int]) -> None:
+    width, height = size
+    words = TitleCard("A card with quite a few words on it", "and a subtitle that is longer still")
+    page = next(itertools.islice(title_frames(words, size, 9, 4), 4, None))
+    ground = next(itertools.islice(title_frames(TitleCard(""), size, 9, 4), 4, None))
+    rows, columns = np.nonzero(np.abs(page - ground).max(axis=2) > 0.2)
+    assert page.shape == (height, width, 3)
+    if width > 100:
+        assert columns.min() >= 0.09 * width and columns.max() <= 0.91 * width
+        assert rows.min() > 0 and rows.max() < height - 1
+        least = {270: 90, 480: 40}[width]
+        assert np.ptp(rows) > least, "narrow cards have several lines, not small ones"
+
+
+def test_an_upright_slate_shows_its_picture_below_its_facts() -> None:
+    with_picture = Slate("A010_cube", "", FACTS, PICTURE).draw((540, 960))
+    without = Slate("A010_cube", "", FACTS).draw((540, 960))
+    rows, columns = np.nonzero(np.abs(with_picture - without).max(axis=2) > 0.05)
+    assert rows.min() > 0.35 * 960 and columns.min() < 0.15 * 540 and np.ptp(columns) > 0.5 * 540
+
+
 def test_words_are_wrapped_within_their_room() -> None:
     lines = wrap("the flow at frame 16 tears the surface apart", "DroidSans", 12, 100.0, max_lines=3)
     assert len(lines) == 3

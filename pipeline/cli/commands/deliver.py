@@ -98,8 +98,9 @@ def deliver(
     Movies of spherical and VR180 shots have tags by which YouTube, VLC and players of headsets show them
     around the viewer, and names that end with _360 or _180_LR, which many players go by.
 
-    review: H.264 of intra frames, to step through · h264, h265: 10 bits · prores4444: with the subject's
-    alpha · av1: for the web · ffv1: lossless, for the archive · webp: for pages.
+    review: H.264 of intra frames, to step through · phone: H.264 of 8 bits, for phones and social networks ·
+    h264, h265: 10 bits · prores4444: with the subject's alpha · av1: for the web · ffv1: lossless, for the
+    archive · webp: for pages.
     """
     if slate is not None:
         require_one_of(slate, SLATES, f"--slate {slate}: a slate goes to the head or apart.")

@@ -123,11 +123,12 @@ class CameraDocument(Document):
     eye_distance: Positive | None = optional("between the eyes of vr180; 64 by default (mm)")
     field_of_view: FieldOfViewField | None = Field(
         default=FIELD_OF_VIEW,
-        description="horizontal; of wide projections, what the sculpture fills, by default 75 (degrees)",
+        description="across the longer side of the picture; of wide projections, what the sculpture fills, "
+        "by default 75 (degrees)",
     )
     focal_length: PositiveField | None = optional("of the lens, in place of the field of view (mm)")
     sensor_width: Positive = Field(
-        default=FULL_FRAME, description="of the sensor; full frame by default (mm)"
+        default=FULL_FRAME, description="of the longer side of the sensor; full frame by default (mm)"
     )
     margin: MarginField = Field(
         default=0.1, description="fraction of the picture left empty on each side; action; title"

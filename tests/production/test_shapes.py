@@ -1,0 +1,81 @@
+"""Films, crops and sheets of pictures of other shapes than 16:9."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.errors import ShotError, UsageError
+from pipeline.production.execution.project import Project
+from pipeline.production.request.lookup import find_edit, find_shot
+from pipeline.production.request.turntable import Turntable
+from pipeline.production.versions.grid import Grid
+from pipeline.production.versions.wedge import Wedge
+from render.movie.probe import probe_movie
+from render.post.image import read_png
+from tests.conftest import QUALITY, TINY, ProjectFolder, done
+
+NAME = "T010_tiny"
+UPRIGHT = 'title: Upright\ntitle_seconds: 0.2\npicture: {aspect: "9:16"}\n'
+
+
+@pytest.fixture
+def there(project: ProjectFolder, monkeypatch: pytest.MonkeyPatch) -> Project:
+    monkeypatch.chdir(project.path)
+    project.shot.write_text(TINY)
+    Path("shots/B.yaml").write_text(TINY)
+    Path(".flowsculpt").mkdir(exist_ok=True)
+    return Project(project.path, 1)
+
+
+def test_a_film_has_the_shape_of_its_edit_and_its_shot_keeps_its_own(there: Project) -> None:
+    Path("shots/up.yaml").write_text(f"{UPRIGHT}shots: [{{shot: {NAME}, frames: 1-2}}]\n")
+    done(there.root, there.film(QUALITY, find_edit("up")))
+    movie = probe_movie(there.root / "renders" / "film" / QUALITY / "up.mp4")
+    assert (movie.width, movie.height) == (54, 96)
+    home = there.root / "renders" / "edit" / NAME / "up"
+    assert len(list((home / QUALITY / "frames").iterdir())) == 2
+    assert not (there.root / "renders" / NAME).exists()
+    assert there.request(find_shot(NAME), QUALITY).quality.rendered_size == (96, 54)
+    assert not there.film(QUALITY, find_edit("up")).jobs, "nothing is left to do"
+
+
+@pytest.mark.quick
+def test_a_shot_that_changes_its_shape_is_noticed_though_the_edit_is_cached(there: Project) -> None:
+    Path("shots/film.yaml").write_text(f"title: R\nshots: [{NAME}, B]\n")
+    there.film("draft", find_edit("film"))
+    Path("shots/B.yaml").write_text(f"{TINY}picture: {{aspect: 1}}\n")
+    with pytest.raises(ShotError, match=r"B has pictures of \[1080, 1080\] pixels"):
+        Project(there.root, 1).film("draft", find_edit("film"))
+
+
+@pytest.mark.quick
+def test_a_turntable_of_a_wide_shot_has_flat_pictures(there: Project) -> None:
+    Path("shots/B.yaml").write_text(TINY.replace("camera: {", "camera: {projection: dome, "))
+    request = there.request(find_shot("B"), "draft")
+    assert request.quality.rendered_size == (384, 384)
+    assert replace(request, turntable=Turntable(1, 8)).quality.rendered_size == (480, 270)
+
+
+@pytest.mark.quick
+def test_crops_are_parts_of_the_pictures_of_the_shot(there: Project) -> None:
+    from pipeline.cli.options import PictureOptions
+
+    Path("shots/B.yaml").write_text(f'{TINY}picture: {{aspect: "9:16"}}\n')
+    crop = PictureOptions(crop="0,0.5,1,1")
+    assert crop.quality("draft", there, ["B"]) == "draft.crop0-240-270-480"
+    assert crop.quality("draft", there, [NAME]) == "draft.crop0-135-480-270"
+    with pytest.raises(UsageError, match="several sizes"):
+        crop.quality("draft", there, [NAME, "B"])
+
+
+def test_a_wedge_shows_pictures_of_several_shapes_side_by_side(there: Project) -> None:
+    wedge = Wedge(there, find_shot(NAME), Grid.parse(["picture.aspect=9:16,2.39"]), "draft.scale10", at=1)
+    assert [request.quality.rendered_size for _, request in wedge.requests] == [(27, 48), (65, 27)]
+    (path,) = wedge.draw()
+    sheet = read_png(there.root / path)
+    vacant = np.count_nonzero((sheet == 38).all(axis=2))
+    assert vacant == pytest.approx(2 * 65 * 48, rel=0.05), "places hold the largest of each side"
