@@ -135,8 +135,8 @@ def page() -> str:
     clips = SchemaPage(film)
     film_sections = [
         *clips.section("### Film", film),
-        *clips.named_sections(frozenset({"Sound"})),
-    ]  # a shot's
+        *clips.named_sections(frozenset({"Sound", "PictureShape"})),
+    ]  # those of a shot
     return "\n".join([*lines, FILM, *film_sections]) + "\n"
 
 

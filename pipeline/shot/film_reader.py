@@ -13,7 +13,7 @@ from pipeline.errors import FlowsculptError, MissingInputError, ShotError, Usage
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.documents.fields import is_number
 from pipeline.shot.documents.film import FilmDocument
-from pipeline.shot.documents.picture import PictureDocument
+from pipeline.shot.documents.picture_shape import PictureShapeDocument
 from pipeline.shot.documents.sound import SUFFIXES
 from pipeline.shot.shot import Card, Clip, Film, Shot
 from pipeline.shot.shot_reader import read_rate, read_shot
@@ -100,7 +100,7 @@ def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
 def _picture_setting(written: Any) -> str:
     """Return the setting that gives shots the picture of an edit; empty where it has none, or a wrong one."""
     try:
-        document = PictureDocument.model_validate(written)
+        document = PictureShapeDocument.model_validate(written)
     except ValidationError:  # the document of the film reports it
         return ""
     return "" if document.final is None else f"picture={{size: {list(document.final)}}}"

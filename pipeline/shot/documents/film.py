@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, model_validator
 
 from pipeline.shot.documents.fields import ByForm, Document, optional
-from pipeline.shot.documents.picture import PictureDocument
+from pipeline.shot.documents.picture_shape import PictureShapeDocument
 from pipeline.shot.documents.shot import Rate, require_range
 from pipeline.shot.documents.sound import SoundDocument
 from pipeline.shot.yaml.messages import number_in
@@ -84,7 +84,7 @@ class FilmDocument(Document):
     )
     sound: SoundDocument | None = optional("sound from a file beside this one")
     rate: Rate = Field(24, description="24, 23.976 or 24000/1001: the same for all shots (frames per second)")
-    picture: PictureDocument | None = optional(
+    picture: PictureShapeDocument | None = optional(
         "the shape of the pictures of all shots, in place of their own; by default they share one"
     )
     title_seconds: CardSeconds = Field(3.0, description="duration of the title; 0 leaves it out (s)")

@@ -29,7 +29,7 @@ from pipeline.shot.documents.flows import DASHES, FlowDocument
 from pipeline.shot.documents.lights import LightGroupsField
 from pipeline.shot.documents.look import LookField
 from pipeline.shot.documents.overrides import LightsField, OverrideDocument
-from pipeline.shot.documents.picture import PictureDocument
+from pipeline.shot.documents.picture_shape import PictureShapeDocument
 from pipeline.shot.documents.quality import QualitiesDocument
 from pipeline.shot.documents.resampling import ResampleField
 from pipeline.shot.documents.sound import SoundField
@@ -204,7 +204,7 @@ class ShotDocument(Document):
     speed: NumberField = Field(
         1.0, description="rate of the flow's time: 0 stands still, below 0 runs backwards"
     )
-    picture: PictureDocument | None = optional(
+    picture: PictureShapeDocument | None = optional(
         "the shape of the pictures: an aspect or a size; by default 16:9, 1920×1080 in `final`"
     )
     look: LookField = Field("clay", description="the material, by name or spelt out")

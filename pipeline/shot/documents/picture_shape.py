@@ -77,7 +77,7 @@ Side = Annotated[int, Field(ge=SMALLEST, le=LARGEST), SchemaKeywords(multipleOf=
 Size = Annotated[list[Side], BeforeValidator(_size), Field(min_length=2, max_length=2)]
 
 
-class PictureDocument(Document):
+class PictureShapeDocument(Document):
     """The shape of all pictures of a shot, or of an edit: an aspect, or the pixels of `final`."""
 
     example = '{aspect: "9:16"}'
