@@ -1,4 +1,4 @@
-"""The document of a glTF 2.0 file: its JSON, checked as it is read, and its buffers, wherever they are."""
+"""The document of a glTF file: its JSON, checked as it is read, and its buffers, wherever they are."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 from urllib.parse import unquote, unquote_to_bytes
 
 from pipeline.errors import MeshError, brief
 from pipeline.mesh.file_surface import early_end
+from pipeline.mesh.gltf_version_1 import as_version_2
 from render.base.input_files import opened_input, read_input, size_of
 
 MOST_BYTES = 1 << 30
@@ -96,7 +97,7 @@ class Document:
     """A glTF file, from whose buffers nothing is read yet.
 
     path      of the file
-    root      its JSON
+    root      its JSON, of version 2.0
     binary    offset and size of the binary chunk of a GLB
     embedded  addresses with data, which were cut from the JSON before it was parsed
     """
@@ -115,20 +116,9 @@ class Document:
                 promised = max(int.from_bytes(head[8:12], "little"), 12)
                 if size < promised:
                     raise early_end(promised, "byte", size)
-                if (version := int.from_bytes(head[4:8], "little")) != 2:
-                    raise _other_version(version)
-                chunks: dict[bytes, tuple[int, int]] = {}
-                at = 12
-                while at + 8 <= promised:
-                    file.seek(at)
-                    length, kind = int.from_bytes(file.read(4), "little"), file.read(4)
-                    chunks.setdefault(kind, (at + 8, min(length, promised - at - 8)))
-                    at += 8 + length
-                if b"JSON" not in chunks:
-                    raise ValueError("it is a GLB without JSON")
-                start, length = chunks[b"JSON"]
+                (start, length), binary = _places(file, int.from_bytes(head[4:8], "little"), promised)
                 file.seek(start)
-                return cls._parsed(path, file.read(length).rstrip(b"\0"), chunks.get(b"BIN\0"))
+                return cls._parsed(path, file.read(length).rstrip(b"\0"), binary)
         if path.suffix.lower() == ".glb":
             raise ValueError("it has no GLB header")
         return cls._parsed(path, read_input(path, MOST_BYTES), None)
@@ -145,12 +135,12 @@ class Document:
         if len(text) > MOST_JSON:
             raise ValueError(f"its JSON has {size_of(len(text))}; up to {size_of(MOST_JSON)} are read")
         root = Entry(json.loads(text), "the file")
-        version = str(root.entry("asset").values.get("version", "2.0"))
-        least = str(root.entry("asset").values.get("minVersion", version))
-        if not version.startswith("2") or isinstance(root.values.get("meshes"), dict):
-            raise _other_version(version)
-        if least not in ("2", "2.0") and not version.startswith(least):
-            raise _other_version(least)
+        asset = root.entry("asset").values
+        version, least = str(asset.get("version", "2.0")), str(asset.get("minVersion", "2.0"))
+        if version.startswith("1") or isinstance(root.values.get("meshes"), dict):
+            root = Entry(as_version_2(root.values), "the file")
+        elif not version.startswith("2") or least not in ("2", "2.0"):
+            raise _other_version(version if least in ("2", "2.0") else least)
         return cls(path, root, binary, tuple(embedded))
 
     def item(self, kind: str, index: object, named_by: str) -> Entry:
@@ -215,6 +205,26 @@ class Document:
         return base64.b64decode(data + b"=" * (-len(data) % 4), altchars=b"-_" if b"-" in data else None)
 
 
+def _places(file: BinaryIO, version: int, end: int) -> tuple[tuple[int, int], tuple[int, int] | None]:
+    """Return the offset and size of the JSON in a GLB, and those of its binary data if it has some."""
+    if version == 1:
+        file.seek(12)
+        length = int.from_bytes(file.read(4), "little")
+        return (20, min(length, max(end - 20, 0))), (20 + length, max(end - 20 - length, 0))
+    if version != 2:
+        raise _other_version(version)
+    chunks: dict[bytes, tuple[int, int]] = {}
+    at = 12
+    while at + 8 <= end:
+        file.seek(at)
+        length, kind = int.from_bytes(file.read(4), "little"), file.read(4)
+        chunks.setdefault(kind, (at + 8, min(length, end - at - 8)))
+        at += 8 + length
+    if b"JSON" not in chunks:
+        raise ValueError("it is a GLB without JSON")
+    return chunks[b"JSON"], chunks.get(b"BIN\0")
+
+
 def _is_there(path: Path) -> bool:
     try:
         return path.is_file()
@@ -223,4 +233,4 @@ def _is_there(path: Path) -> bool:
 
 
 def _other_version(version: object) -> MeshError:
-    return MeshError(f"it is glTF {brief(version)}; glTF 2.0 is read. Export it as that.")
+    return MeshError(f"it is glTF {brief(version)}; glTF 1.0 and 2.0 are read. Export it as 2.0.")

@@ -507,7 +507,7 @@ def test_files_that_were_misread_once_have_other_digests(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("content", "fact"),
     [
-        (b"glTF" + struct.pack("<II", 1, 12), "it is glTF 1; glTF 2.0 is read. Export it as that."),
+        (b"glTF" + struct.pack("<II", 3, 12), "it is glTF 3; glTF 1.0 and 2.0 are read. Export it as 2.0."),
         (b"glTF" + struct.pack("<II", 2, 12), "it is a GLB without JSON"),
         (b'{"asset": {"version": "1.0"}}', "it has no GLB header"),
     ],
@@ -522,6 +522,73 @@ def test_json_of_a_size_that_would_fill_the_memory_is_refused(tmp_path: Path) ->
     assert "its JSON has 66 MiB; up to 64 MiB are read" in refusal(tmp_path / "a.gltf")
 
 
-def test_version_1_with_its_json_alone_is_refused_by_its_name(tmp_path: Path) -> None:
-    (tmp_path / "a.gltf").write_text(json.dumps({"meshes": {"one": {}}, "asset": {"version": "1.0"}}))
-    assert refusal(tmp_path / "a.gltf") == "it is glTF 1.0; glTF 2.0 is read. Export it as that."
+VERSION_1 = {
+    "asset": {"version": "1.0"},
+    "scene": "main",
+    "scenes": {"other": {"nodes": []}, "main": {"nodes": ["top"]}},
+    "nodes": {
+        "top": {"children": ["low"], "matrix": [2, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]},
+        "low": {"meshes": ["cube", "cube"], "translation": [0, 5, 0]},
+    },
+    "meshes": {"cube": {"primitives": [{"attributes": {"POSITION": "places"}, "indices": "corners"}]}},
+    "accessors": {
+        "corners": {
+            "bufferView": "view",
+            "byteOffset": 192,
+            "componentType": 5121,
+            "count": 36,
+            "type": "SCALAR",
+        },
+        "places": {
+            "bufferView": "view",
+            "byteStride": 24,
+            "byteOffset": 12,
+            "componentType": 5126,
+            "count": 8,
+            "type": "VEC3",
+        },
+    },
+    "bufferViews": {"view": {"buffer": "binary_glTF", "byteOffset": 0, "byteLength": 228}},
+    "buffers": {"unused": {"uri": "gone.bin"}, "binary_glTF": {"uri": "data:,", "byteLength": 228}},
+}
+PACKED = np.hstack([box().vertices, box().vertices]).astype(np.float32).tobytes() + bytes(
+    box().faces.reshape(-1).astype(np.uint8)
+)
+
+
+def version_1(path: Path, **changes: Any) -> Path:
+    text = json.dumps(VERSION_1 | changes).encode()
+    head = struct.pack("<4sIIII", b"glTF", 1, 20 + len(text) + len(PACKED), len(text), 0)
+    path.write_bytes(head + text + PACKED)
+    return path
+
+
+def test_version_1_is_read_from_a_glb_and_beside_its_buffer(tmp_path: Path) -> None:
+    read = surface(version_1(tmp_path / "a.glb"))
+    assert (extents(read), len(read.faces)) == ([4, 2, 2], 24), "a node may have several meshes"
+    assert read.points.mean(axis=0).tolist() == [0, 5, 0]
+    (tmp_path / "data.bin").write_bytes(PACKED)
+    buffers = {"binary_glTF": {"uri": "data.bin", "byteLength": 228}}
+    views = {"view": {**VERSION_1["bufferViews"]["view"], "buffer": "mine"}}
+    named = VERSION_1 | {"buffers": {"mine": buffers["binary_glTF"]}, "bufferViews": views}
+    (tmp_path / "a.gltf").write_text(json.dumps(named))
+    assert np.array_equal(surface(tmp_path / "a.gltf").points, read.points)
+    assert [file.name for file, _ in model_files(tmp_path / "a.gltf").files] == ["a.gltf", "data.bin"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "fact"),
+    [
+        (
+            {"nodes": {"top": {"meshes": ["cube"], "skin": "a"}}},
+            "it is glTF 1.0 with a skin, which is not read",
+        ),
+        (
+            {"extensionsUsed": ["WEB3D_quantized_attributes"]},
+            "it uses the extension WEB3D_quantized_attributes",
+        ),
+        ({"meshes": {}}, "it names 'cube', which it does not define"),
+    ],
+)
+def test_what_is_not_read_of_version_1_is_named(tmp_path: Path, changes: dict[str, Any], fact: str) -> None:
+    assert fact in refusal(version_1(tmp_path / "a.glb", **changes))
