@@ -15,7 +15,7 @@ from pipeline.arrays import Floats
 from pipeline.errors import MeshError, shortened
 from pipeline.mesh.collada_meshes import numbers_in, read_geometry
 from pipeline.mesh.file_surface import FileSurface
-from pipeline.mesh.placed_meshes import PlacedMeshes, Polygons, joined
+from pipeline.mesh.placed_meshes import PlacedMeshes, Polygons, bound_note, joined
 from pipeline.mesh.xml_elements import Element, parse_elements
 from render.base.plural import plural
 
@@ -178,10 +178,7 @@ class _Scene:
         """Return lines about what was not read as other programs show it."""
         lines = []
         if self.bound:
-            lines.append(
-                f"{plural(self.bound, 'mesh', 'meshes')} would be moved by a skeleton or blend shapes, which "
-                "are not applied; apply them in the program that made the file"
-            )
+            lines.append(bound_note(self.bound))
         if self.left_out:
             lines.append(f"left out, as they are not meshes: {self.left_out_words}")
         return lines

@@ -20,7 +20,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats
 from pipeline.errors import MeshError, shortened
 from pipeline.mesh.file_surface import FileSurface
-from pipeline.mesh.placed_meshes import PlacedMeshes, Polygons, joined
+from pipeline.mesh.placed_meshes import PlacedMeshes, Polygons, bound_note, joined
 from render.base.input_files import read_input, require_input
 from render.base.limited_process import MEMORY, allow_memory, serve
 from render.base.plural import plural
@@ -118,7 +118,7 @@ def _turn(axes: Floats | None) -> Floats:
 def visible_surface(content: bytes) -> FileSurface:
     """Return the visible meshes of a file as one surface. Raises MeshError where there is none."""
     scene = _loaded(content)
-    meshes, left_out, cages = PlacedMeshes("export fewer"), Counter[str](), 0
+    meshes, left_out, cages, bound = PlacedMeshes("export fewer"), Counter[str](), 0, 0
     read: dict[int, Polygons] = {}
     turn = _turn(_axes(scene))
     for node, is_shown in _nodes(scene):
@@ -130,6 +130,7 @@ def visible_surface(content: bytes) -> FileSurface:
             continue
         if mesh.element_id not in read:
             read[mesh.element_id] = _polygons(mesh, shortened(node.name or mesh.name))
+        bound += len(mesh.skin_deformers) + len(mesh.blend_deformers) > 0
         cages += int(mesh.subdivision_display_mode) != 0
         meshes.add(read[mesh.element_id], _matrix(node) @ turn)
     others = ", ".join(plural(count, kind, _PLURALS.get(kind, "")) for kind, count in left_out.items())
@@ -139,6 +140,8 @@ def visible_surface(content: bytes) -> FileSurface:
             "Convert what it holds to meshes in the program that made it."
         )
     notes = [f"left out: {others}; convert or show it in the program that made it"] if others else []
+    if bound:
+        notes.append(bound_note(bound))
     if cages:
         notes.append(
             f"{plural(cages, 'mesh', 'meshes')} would be smoothed by subdivision, which is not done here; "

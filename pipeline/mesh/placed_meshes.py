@@ -10,6 +10,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError
 from pipeline.mesh.file_surface import FileSurface
+from render.base.plural import plural
 
 MOST_MESHES, MOST_CORNERS = 20_000, 20_000_000
 """Meshes that are placed, and corners of faces of all; instances count each time."""
@@ -100,4 +101,12 @@ def joined(parts: Sequence[Polygons], notes: Sequence[str] = ()) -> FileSurface:
         tagged=np.concatenate([part.creases + first for part, first in zip(parts, firsts, strict=True)]),
         base=0 if len(parts) == 1 else None,
         notes=tuple(notes),
+    )
+
+
+def bound_note(count: int) -> str:
+    """Return the line about meshes that other programs show as their skeletons and blend shapes move them."""
+    return (
+        f"{plural(count, 'mesh', 'meshes')} would be moved by a skeleton or blend shapes, which are not "
+        "applied; apply them in the program that made the file"
     )

@@ -110,6 +110,12 @@ def test_hidden_meshes_are_left_out_with_a_note_and_holes_too() -> None:
     assert len(mesh_of(scene([box_geometry(1, holes), shown], LINKED))) == 5
 
 
+def test_a_skinned_mesh_is_read_as_it_was_bound_with_a_note() -> None:
+    skin = N("Deformer", (9, "Deformer::", "Skin"), [N("Link_DeformAcuracy", (50.0,))])
+    read = visible_surface(binary(scene([box_geometry(1), model(2, "a"), skin], [*LINKED, (9, 1)])))
+    assert len(read.offsets) == 7 and "1 mesh would be moved by a skeleton" in read.notes[0]
+
+
 def test_of_levels_of_detail_the_first_is_read() -> None:
     group = N("NodeAttribute", (9, "NodeAttribute::", "LodGroup"), [N("TypeFlags", ("LodGroup",))])
     objects = [box_geometry(1), model(2, "chair", "LodGroup"), group, model(3, "near"), model(4, "far")]
