@@ -14,8 +14,8 @@ from pipeline.arrays import AnyArray, Points
 from pipeline.mesh import PolygonMesh, TriangleMesh
 from pipeline.mesh.read import ImportedSurface, read_surface
 from pipeline.mesh.usd_files import StagePart, is_usd
-from pipeline.shot.subject import OMIT_DEFAULT, Subject
-from render.base.serialise import NOT_PLAIN
+from pipeline.shot.subject import Subject
+from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
 
 _TO_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Turns by −90° about x: z becomes y."""

@@ -33,9 +33,6 @@ from pipeline.mesh.bars import BarLattice, lattice
 from pipeline.mesh.control_net import Lattice
 from pipeline.mesh.solids import one_sided_sheet, six_sided_box
 
-OMIT_DEFAULT = {"omit_default": True}
-"""`field(metadata=OMIT_DEFAULT)`: a field left out of keys at its default: older keys stay."""
-
 Measure = float | str | tuple[float, ...]
 
 

@@ -28,9 +28,9 @@ NOT_PLAIN = {"plain": False}
 """`field(metadata=NOT_PLAIN)`: a field to leave out, such as where a file of known content lies, or a cache.
 It needs a default."""
 
-PLAIN_IF_SET = {"plain": "if set"}
-"""`field(metadata=PLAIN_IF_SET)`: a field to leave out while it has its default, so that keys stay what they
-were before there was such a field."""
+OMIT_DEFAULT = {"omit_default": True}
+"""`field(metadata=OMIT_DEFAULT)`: a field to leave out at its default, so that keys stay what they were
+before there was such a field."""
 
 _LEAVES = frozenset({str, int, float, bool, type(None)})
 """Types that JSON holds as they are: most of what is turned into plain values."""
@@ -39,8 +39,8 @@ _LEAVES = frozenset({str, int, float, bool, type(None)})
 def to_plain(value: Any) -> Any:
     """Return a value that `json.dumps` takes and `from_plain` turns back.
 
-    A dataclass becomes a dict by field name, without its NOT_PLAIN fields and unset PLAIN_IF_SET
-    ones; a mapping, a dict whose keys are strings; a tuple, a list; a path, a string. Anything else is
+    A dataclass becomes a dict by field name, without its NOT_PLAIN fields, and OMIT_DEFAULT fields at their
+    default; a mapping, a dict whose keys are strings; a tuple, a list; a path, a string. Anything else is
     returned unchanged.
     """
     kind: Any = type(value)
@@ -83,9 +83,9 @@ def _is_record(kind: Any) -> bool:
 @cache
 def _plain_names(kind: type) -> tuple[list[str], list[tuple[str, Any]]]:
     """Return the fields that are always plain, and those that are if they differ from a default."""
-    plain = [(field, field.metadata.get("plain", True)) for field in dataclasses.fields(kind)]
-    always = [field.name for field, when in plain if when is True]
-    return always, [(field.name, field.default) for field, when in plain if when == "if set"]
+    plain = [field for field in dataclasses.fields(kind) if field.metadata.get("plain", True)]
+    always = [field.name for field in plain if not field.metadata.get("omit_default")]
+    return always, [(field.name, field.default) for field in plain if field.metadata.get("omit_default")]
 
 
 class _MisfitError(ValueError):

@@ -16,7 +16,7 @@ from render.scene.camera import Camera
 from render.scene.materials import Material
 from render.scene.reference_objects import CHROME, GREY
 from render.scene.scene import Scene
-from render.scene.stage import PLINTH, Stage, StagePlacement
+from render.scene.stage import Stage, StagePlacement
 from render.scene.surface import Surface
 from render.scene.vertex_colours import shaded_colours
 from render.scene.working_space import WorkingSpace, converted_pixels
@@ -81,8 +81,8 @@ def stage_shapes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
         return {}
     made = {"stage": _backdrop(stage, placement, scene.stage_fades)}
     if stage.kind == "plinth":
-        pale = diffuse(tuple(space.from_rec709(np.array(PLINTH))))
-        made["plinth"] = mesh("plinth", Surface(*placement.placed(stage.plinth())), pale, _UV)
+        matt = diffuse(stage.plinth_colour)
+        made["plinth"] = mesh("plinth", Surface(*placement.placed(stage.plinth())), matt, _UV)
     if stage.kind == "turntable":
         grey, chrome, chart = reference_objects.positions(camera, placement, size[0] / size[1])
         mirror = two_sided(rough_conductor({"type": "rgb", "value": CHROME}, 0.02))

@@ -15,7 +15,7 @@ from render.raster.projection import CLOCKWISE, project, sort_faces
 from render.scene.camera import Camera
 from render.scene.lights import LightRig
 from render.scene.materials import Diffuse, Material
-from render.scene.stage import PLINTH, Stage, StagePlacement
+from render.scene.stage import Stage, StagePlacement
 
 Floats = NDArray[np.float64]
 
@@ -87,14 +87,14 @@ def stage_shape(stage: Stage, placement: StagePlacement, fades: bool = False) ->
     backdrop = len(stage.backdrop()[0])
     if fades:
         colours[:backdrop] *= stage.fading()[:, None]
-    colours[backdrop:] = PLINTH
+    colours[backdrop:] = stage.plinth_colour
     return shape._replace(colours=colours)
 
 
 @lru_cache(maxsize=4)
 def plinth_shape(stage: Stage, placement: StagePlacement) -> Shape:
     """Return the plinth in scene units."""
-    return Shape(*placement.placed(stage.plinth()), Diffuse(PLINTH)).for_kernels()
+    return Shape(*placement.placed(stage.plinth()), Diffuse(stage.plinth_colour)).for_kernels()
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from render.base.errors import BadInputError
 from render.base.serialise import Colour, Triple
 from render.scene.light_groups import BACKGROUND, LightGroup
 from render.scene.sky import Daylight, Environment
@@ -86,6 +87,11 @@ class LightRig:
         return (*dict.fromkeys(box.name for box in self.softboxes if box.name), *distant)
 
     @property
+    def keeping_colours(self) -> tuple[str, ...]:
+        """Names of the lights whose strength is one number: daylight's, and an environment map's."""
+        return ("sun", "sky") if self.daylight else ("sky",) if self.environment else ()
+
+    @property
     def shows_sky(self) -> bool:
         """True if the lens sees the sky, the daylight or the environment map."""
         return (self.daylight or self.environment or self.sky).visible
@@ -124,9 +130,18 @@ class LightRig:
             environment=self.environment and replace(self.environment, turn=self.environment.turn + angle),
         )
 
-    def dimmed(self, strengths: Mapping[str, float]) -> LightRig:
-        """Return the rig with the strength of lights multiplied, by their names."""
+    def dimmed(self, strengths: Mapping[str, float | Triple]) -> LightRig:
+        """Return the rig with the strength of lights multiplied, by their names.
+
+        A strength is a factor, or one each on red, green and blue. Raises BadInputError for the latter on
+        lights that keep their colours.
+        """
         sun, sky = strengths.get("sun", 1.0), strengths.get("sky", 1.0)
+        for name in self.keeping_colours:
+            if isinstance(strengths.get(name), tuple):
+                raise BadInputError(
+                    f"intensity of {name} is a colour; daylight and an hdri keep theirs. Write a number."
+                )
         return replace(
             self,
             softboxes=tuple(
@@ -141,9 +156,9 @@ class LightRig:
                 nadir=_times(self.sky.nadir, sky),
             ),
             daylight=self.daylight
-            and replace(self.daylight, sun=self.daylight.sun * sun, sky=self.daylight.sky * sky),
+            and replace(self.daylight, sun=self.daylight.sun * _one(sun), sky=self.daylight.sky * _one(sky)),
             environment=self.environment
-            and replace(self.environment, intensity=self.environment.intensity * sky),
+            and replace(self.environment, intensity=self.environment.intensity * _one(sky)),
         )
 
     def without_maps(self) -> LightRig:
@@ -170,9 +185,15 @@ def _turned(position: Triple, angle: float) -> Triple:
     return c * x + s * z, y, c * z - s * x
 
 
-def _times(colour: Colour, factor: float) -> Colour:
+def _times(colour: Colour, factor: float | Triple) -> Colour:
     red, green, blue = colour
-    return factor * red, factor * green, factor * blue
+    on_red, on_green, on_blue = factor if isinstance(factor, tuple) else (factor, factor, factor)
+    return on_red * red, on_green * green, on_blue * blue
+
+
+def _one(factor: float | Triple) -> float:
+    """Return a factor that is a number: colours were refused."""
+    return factor[0] if isinstance(factor, tuple) else factor
 
 
 _FILL = (0.13, 0.155, 0.2)

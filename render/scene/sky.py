@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from render.base.errors import BadInputError
-from render.base.serialise import NOT_PLAIN, PLAIN_IF_SET, Triple
+from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT, Triple
 from render.scene.picture_check import require_decodable
 from render.scene.picture_file import Pixels, StatedSpace, opened_picture
 from render.scene.textures import is_linear, linear_pixels, require_finite
@@ -113,7 +113,7 @@ class Environment:
     visible: bool = True
     path: str = field(default="", metadata=NOT_PLAIN)
     working_space: str = field(default=REC709.name, metadata=NOT_PLAIN)
-    reading: str = field(default="", metadata=PLAIN_IF_SET)
+    reading: str = field(default="", metadata=OMIT_DEFAULT)
 
     def pixels(self) -> Pixels:
         """Return radiance (H, 2H, 3) in the working space, at least 0. Raises as `read_map`."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
-from render.base.serialise import Colour, Triple
+from render.base.serialise import OMIT_DEFAULT, Colour, Triple
 from render.scene.camera import Camera
 
 RINGS, SIDES = 33, 64
@@ -98,6 +98,7 @@ class Stage:
     sweep          width of the ring in which the floor rises, stage units
     steepness      slope at the outer rim, radians
     width, height  of the plinth, stage units
+    plinth_colour  linear Rec.709 reflectance of the plinth
     round          True for a round plinth, False for a square one
     shadow_catcher True if floor and wall are not seen, but the shadows on them
     """
@@ -112,6 +113,7 @@ class Stage:
     height: float = 1.6
     round: bool = False
     shadow_catcher: bool = False
+    plinth_colour: Colour = field(default=PLINTH, metadata=OMIT_DEFAULT)
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
-from render.base.serialise import NOT_PLAIN, PLAIN_IF_SET
+from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
 from render.scene.picture_check import require_decodable
 from render.scene.picture_file import DEFAULT_CONFIG, OpenedPicture, Pixels, StatedSpace, opened_picture
 from render.scene.rgb_encoding import linear_of_srgb
@@ -44,7 +44,7 @@ class Texture:
     space: str | None = None
     path: str = field(default="", metadata=NOT_PLAIN)
     working_space: str = field(default=REC709.name, metadata=NOT_PLAIN)
-    reading: str = field(default="", metadata=PLAIN_IF_SET)
+    reading: str = field(default="", metadata=OMIT_DEFAULT)
 
     def pixels(self) -> Pixels:
         """Return pixels (H, W, 3) of the working space from 0 to 1, or data as stored. Raises as

@@ -118,7 +118,7 @@ def test_the_shot_file_can_say_the_same(relit: ProjectFolder) -> None:
         ({"sky": HALF, "background": HALF}, "write lights: {rig: daylight, intensity: {sky: 0.5}}"),
         ({"sky": HALF}, "in shot.yaml. Only relit frames can show a sky brighter or darker than its light."),
         ({"background": (2.0, 1.0, 1.0)}, "Only relit frames can show"),
-        ({"sun": (2.0, 1.0, 1.0)}, "sun: intensity takes no colours; write softboxes or a sky with a"),
+        ({"sun": (2.0, 1.0, 1.0)}, "sun: daylight and an hdri keep their colours; write softboxes or a sky"),
     ],
 )
 def test_a_sky_is_seen_as_bright_as_it_shines(factors: dict, words: str, tmp_path: Path) -> None:

@@ -95,6 +95,27 @@ def test_the_sun_stands_by_the_hour_or_by_angles(tmp_path: Path) -> None:
     assert shot_of(tmp_path, "lights: {sun: {}}").picture.lights == LIGHTS["daylight"]
 
 
+def test_a_plinth_has_a_colour_of_its_own_which_other_stages_refuse(tmp_path: Path) -> None:
+    stage = shot_of(tmp_path, "stage: {kind: plinth, plinth_colour: [0.02, 0.02, 0.03]}").picture.stage
+    assert stage == Stage("plinth", plinth_colour=(0.02, 0.02, 0.03))
+    assert "plinth_colour" in to_plain(stage)
+    assert "plinth_colour" not in to_plain(Stage("plinth")), "keys of shots without it stay as they are"
+    with pytest.raises(ShotError, match="stage has plinth_colour, which ground does not use"):
+        shot_of(tmp_path, "stage: {kind: ground, plinth_colour: [1, 1, 1]}")
+
+
+def test_an_intensity_may_be_a_colour(tmp_path: Path) -> None:
+    said = "lights: {rig: studio, intensity: {key: [1, 0.5, 0.25], sky: '#ff0000', rim: 2}}"
+    lights = shot_of(tmp_path, said).picture.lights
+    before = {box.name: box.radiance for box in LIGHTS["studio"].softboxes}
+    after = {box.name: box.radiance for box in lights.softboxes}
+    assert after["key"] == pytest.approx([a * b for a, b in zip(before["key"], (1, 0.5, 0.25), strict=True)])
+    assert after["rim"] == pytest.approx([2 * part for part in before["rim"]])
+    assert lights.sky.horizon[0] > 0.0 and lights.sky.horizon[1:] == (0.0, 0.0)
+    with pytest.raises(ShotError, match="intensity of sun is a colour; daylight and an hdri keep theirs"):
+        shot_of(tmp_path, "lights: {rig: daylight, intensity: {sun: [1, 0, 0]}}")
+
+
 def test_a_stage_says_how_its_floor_and_its_plinth_are(tmp_path: Path) -> None:
     said = "stage: {kind: plinth, colour: [0.1, 0.2, 0.3], width: 2, height: 1, round: true, roughness: 0.1}"
     assert shot_of(tmp_path, said).picture.stage == Stage(

@@ -108,31 +108,47 @@ def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Map
     members = {
         group.name: [light for light in group.lights if light != BACKGROUND] for group in lights.groups
     }
-    grey = {name: factor[0] for name, factor in factors.items() if _is_grey(factor)}
-    coloured = [name for name in factors if name not in grey and members[name]]
+    refused = [
+        name
+        for name, factor in factors.items()
+        if not _is_grey(factor) and set(members[name]) & set(lights.keeping_colours)
+    ]
+    written_factors = {name: factor for name, factor in factors.items() if name not in refused}
     words = []
-    if any(members[name] for name in grey):
+    if any(members[name] for name in written_factors):
         data: Any = inherited(path, None, tuple(of_shot), None).data
         written = data.get("lights")
         before = written.get("intensity", 1.0) if isinstance(written, dict) else 1.0
         if not isinstance(before, dict):
             before = {} if before == 1.0 else dict.fromkeys(lights.names, float(before))
-        after = {light: before.get(light, 1.0) * grey[name] for name in grey for light in members[name]}
-        intensity = {**before, **{light: float(f"{value:.6g}") for light, value in after.items()}}
+        after = {
+            light: _multiplied(before.get(light, 1.0), factor)
+            for name, factor in written_factors.items()
+            for light in members[name]
+        }
+        intensity = {**before, **after}
         if isinstance(written, dict):
             words.append(f"write intensity: {in_yaml(intensity)} under lights in {shown(path)}")
         else:
             rig = {"rig": written or "studio", "intensity": intensity}
             words.append(f"write lights: {in_yaml(rig)} in {shown(path)}")
-    if coloured:
+    if refused:
         words.append(
-            f"{', '.join(coloured)}: intensity takes no colours; write softboxes or a sky with a radiance of "
-            "that colour"
+            f"{', '.join(refused)}: daylight and an hdri keep their colours; write softboxes or a sky with a "
+            "radiance of that colour"
         )
     sentences = ["To render with these lights, " + "; ".join(words) + "."] if words else []
     if len({_factor_on(light, lights, factors) for light in ("sky", BACKGROUND)} - {None}) > 1:
         sentences.append("Only relit frames can show a sky brighter or darker than its light.")
     return " ".join(sentences)
+
+
+def _multiplied(intensity: Any, factor: Triple) -> float | list[float]:
+    """Return the intensity of a shot file, a number or a colour, times a factor."""
+    before = linear_of(intensity) if isinstance(intensity, str) else intensity
+    parts = before if isinstance(before, Sequence) else [before] * 3
+    product = [float(f"{float(a) * b:.6g}") for a, b in zip(parts, factor, strict=True)]
+    return product[0] if len(set(product)) == 1 else product
 
 
 def _factor_on(light: str, lights: LightRig, factors: Mapping[str, Triple]) -> Triple | None:

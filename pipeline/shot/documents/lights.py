@@ -40,7 +40,7 @@ Radiance = Annotated[
     Intensity | RadianceColour,
     ByForm(lambda value: isinstance(value, list | str) and not is_written_number(value)),
 ]
-Intensities = Annotated[Intensity | dict[str, Intensity], MAPPING_IS_SECOND]
+Intensities = Annotated[Intensity | dict[str, Radiance], MAPPING_IS_SECOND]
 ENVIRONMENTS = ("sun", "sky", "hdri")
 """Lights from all directions; a shot has one of them."""
 
@@ -239,7 +239,9 @@ class LightsDocument(Document):
     turn: Degrees = Field(
         0.0, description="of all lights about the vertical, anticlockwise from above (degrees)"
     )
-    intensity: Intensities = Field(1.0, description="factor on all lights, or on each by its name")
+    intensity: Intensities = Field(
+        1.0, description="factor on all lights, or on each by its name: a number or a colour"
+    )
     exposure: Annotated[float, Field(ge=-20, le=20)] = Field(0.0, description="brightness (stops)")
 
     _environment: Environment | None = PrivateAttr(None)
@@ -261,13 +263,18 @@ class LightsDocument(Document):
             raise finding(
                 "lights has visible, which is for hdri; sun and sky have their own. Move or remove it."
             )
+        as_finding(self.build)
         return self
 
     def build(self) -> LightRig:
         rig = self._unscaled()
-        intensities = self.intensity
-        if not isinstance(intensities, dict):
-            intensities = dict.fromkeys(rig.names, float(intensities))
+        if isinstance(self.intensity, dict):
+            intensities = {
+                name: vector(value) if isinstance(value, list) else float(value)
+                for name, value in self.intensity.items()
+            }
+        else:
+            intensities = dict.fromkeys(rig.names, float(self.intensity))
         return dataclasses.replace(
             rig.dimmed(intensities).turned(self.turn * DEGREE), exposure=float(self.exposure)
         )

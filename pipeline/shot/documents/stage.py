@@ -30,13 +30,14 @@ class StageDocument(Document):
         "of the plinth, in half-sizes of the subject; by default 1.6"
     )
     round: bool | None = optional("a round plinth instead of a square one")
+    plinth_colour: Colour | None = optional("of the plinth; by default a light grey")
     shadow_catcher: bool | None = optional(
         "floor and wall are not seen, but the shadows on them, as alpha: for compositing"
     )
 
     @model_validator(mode="after")
     def _kind_has_all(self) -> Self:
-        all_settings = ("colour", "roughness", "shadow_catcher", "width", "height", "round")
+        all_settings = ("colour", "roughness", "shadow_catcher", "width", "height", "round", "plinth_colour")
         settings = dict.fromkeys(STAGES, all_settings[:3]) | {"plinth": all_settings, "none": ()}
         for name in all_settings:
             if getattr(self, name) is not None and name not in settings[self.kind]:
@@ -47,7 +48,9 @@ class StageDocument(Document):
         return self
 
     def build(self) -> Stage:
-        given: dict[str, Any] = self.model_dump(exclude_none=True, exclude={"kind", "colour"})
-        if self.colour:
-            given["colour"] = vector(self.colour)
+        given: dict[str, Any] = self.model_dump(
+            exclude_none=True, exclude={"kind", "colour", "plinth_colour"}
+        )
+        colours = {"colour": self.colour, "plinth_colour": self.plinth_colour}
+        given |= {name: vector(colour) for name, colour in colours.items() if colour}
         return dataclasses.replace(STAGES[self.kind], **given)
