@@ -39,7 +39,8 @@ def read_film(path: str | Path, settings: Iterable[str] = (), text: str | None =
 
 def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
     path = source.path
-    rate, problems = read_rate(source)
+    follows_shots = source.get("rate") is None
+    rate, problems = (None, []) if follows_shots else read_rate(source)
     failed: list[FlowsculptError] = []
     entries: list[Clip | Card | None] = []
     own = _picture_setting(source.get("picture"))
@@ -63,6 +64,8 @@ def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
             failed.append(error)
             continue
         placed.append((where, shot))
+        if rate is None and follows_shots:
+            rate = shot.rate
         if rate and shot.rate != rate:
             problems.append(
                 (
@@ -88,7 +91,7 @@ def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
         subtitle=document.subtitle,
         credits=tuple(document.credits),
         entries=tuple(entry for entry in entries if entry is not None),
-        rate=FrameRate.of(document.rate),
+        rate=rate or FrameRate.of(24),
         title_seconds=float(document.title_seconds),
         credits_seconds=float(document.credits_seconds),
         sound=None if document.sound is None else document.sound.build(path.parent),

@@ -29,7 +29,7 @@ FILM = """\
 title: {title}
 credits: [Made with flowsculpt]
 shots: [{shots}]
-rate: 24  # frames per second, that of all its shots
+# rate: 24  # frames per second; by default that of its shots
 # sound: {{file: music.wav}}
 """
 

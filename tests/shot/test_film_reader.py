@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import MissingInputError, ShotError
+from pipeline.frames import FrameRate
 from pipeline.shot import read_film
 
 GOOD = (Path(__file__).parent / "cube.yaml").read_text(encoding="utf-8")
@@ -67,3 +68,14 @@ def test_the_films_own_shots_are_good() -> None:
     film = read_film(Path(__file__).parents[2] / "shots" / "film.yaml")
     assert len(film.shots) == 3
     assert all(2 <= shot.rate.seconds(len(shot.frames)) <= 8 for shot in film.shots)
+
+
+def test_a_film_without_a_rate_takes_that_of_its_shots(tmp_path: Path) -> None:
+    without = FILM.replace("rate: 24\n", "")
+    for name, rate in (("A", "23.976"), ("B", "23.976")):
+        written(tmp_path, GOOD.replace("rate: 24", f"rate: {rate}"), f"{name}.yaml")
+    film = read_film(written(tmp_path, without, "film.yaml"))
+    assert film.rate == film.shots[0].rate != FrameRate.of(24)
+    written(tmp_path, GOOD.replace("rate: 24", "rate: 30").replace('"2s"', "49"), "B.yaml")
+    with pytest.raises(ShotError, match="B plays at 30 frames per second and the film at 24000/1001"):
+        read_film(tmp_path / "film.yaml")

@@ -83,7 +83,9 @@ class FilmDocument(Document):
         min_length=1, description="names of shot files beside this one, and cards, in the order of the edit"
     )
     sound: SoundDocument | None = optional("sound from a file beside this one")
-    rate: Rate = Field(24, description="24, 23.976 or 24000/1001: the same for all shots (frames per second)")
+    rate: Rate | None = optional(
+        "24, 23.976 or 24000/1001: the same for all shots; by default that of the first (frames per second)"
+    )
     picture: PictureShapeDocument | None = optional(
         "the shape of the pictures of all shots, in place of their own; by default they share one"
     )
