@@ -28,13 +28,13 @@ def known() -> FrameStates:
     def some(text: str) -> FrameRange:
         return FrameRange.parse(text)
 
-    return FrameStates("A", "draft", *map(some, ("1-4", "9", "5", "7", "8", "7")), NONE, None)
+    return FrameStates("A", "draft", *map(some, ("1-4", "9", "5", "7", "6", "8", "7")), NONE, None)
 
 
 def test_words_mean_what_status_tells() -> None:
     whole = FrameRange.parse("1-9")
-    assert str(selected("missing", whole, known)) == "8-9"
-    assert str(selected("failed, missing", whole, known)) == "7-9"
+    assert str(selected("missing", whole, known)) == "6,8-9", "rendered frames are not denoised yet"
+    assert str(selected("failed, missing", whole, known)) == "6-9"
     assert str(selected("stale", whole, known)) == "5,7", "unframed ones are made if their camera moves"
     assert selected("all", whole, known) == whole
     assert is_in_words("stale") and not is_in_words("1-48x2,60") and not is_in_words("1-100:10")

@@ -26,7 +26,8 @@ def status(
     """List which frames of shots are done, stale and missing, at each quality begun so far.
 
     `flowsculpt status A010_cube` lists one shot. Stale frames were made from an older shot file. Unframed
-    frames are stale only if their camera moves, which the next run frames first. Remote frames are in the
+    frames are stale only if their camera moves, which the next run frames first. Rendered frames are not
+    denoised yet. Remote frames are in the
     remote store (--store) and not here; the next run fetches them. Failed frames failed at the last attempt;
     running frames are being rendered. The time left assumes that frames take as long as the last ones did.
     """
@@ -47,7 +48,7 @@ def status(
 
 
 def _report(rows: list[FrameStates], as_json: bool) -> None:
-    rare = ("remote", "unframed", "failed", "running")
+    rare = ("rendered", "remote", "unframed", "failed", "running")
     columns = [
         "done",
         "stale",

@@ -118,7 +118,7 @@ class _Frame:
         file, state = self.request.place("frame", self.number), self._known.state(self.number)
         if state == "done":
             return Explanation(state, file, tuple(self._neighbours_to_come()))
-        if state == "missing":
+        if state in ("missing", "rendered"):
             return Explanation(state, file, (self._first_missing(),))
         try:
             header = read_header(self.store.root / file)

@@ -1,4 +1,4 @@
-"""States of frames: done, in the remote store, stale, unframed, missing, failed or running.
+"""States of frames: done, in the remote store, stale, unframed, rendered, missing, failed or running.
 
 They go by the keys of today's shot file.
 """
@@ -30,6 +30,7 @@ class FrameStates:
     remote        in the remote store with that key; the next run fetches them
     stale         present, with another key
     unframed      present and as asked for, if the camera stays, which is framed again
+    rendered      not present, but rendered as asked for, and not denoised yet
     missing       not present
     failed        frames that are not done and failed at the last try
     running       frames that are not done and are being made
@@ -42,13 +43,14 @@ class FrameStates:
     remote: FrameRange
     stale: FrameRange
     unframed: FrameRange
+    rendered: FrameRange
     missing: FrameRange
     failed: FrameRange
     running: FrameRange
     seconds_left: float | None
 
     def as_data(self) -> dict[str, Any]:
-        names = ("done", "remote", "stale", "unframed", "missing", "failed", "running")
+        names = ("done", "remote", "stale", "unframed", "rendered", "missing", "failed", "running")
         left = None if self.seconds_left is None else round(self.seconds_left, 1)
         lists = {n: list(getattr(self, n)) for n in names}
         return {"shot": self.shot, "what": self.what, **lists, "seconds_left": left}
@@ -124,7 +126,7 @@ class KnownPictures:
         self._names: dict[str, frozenset[str]] = {}
 
     def state(self, number: int) -> str:
-        """Return the state of a finished frame: done, remote, stale, unframed or missing."""
+        """Return the state of a finished frame: done, remote, stale, unframed, rendered or missing."""
         place = self._place("frame", number)
         if self.is_framed and self._store.shows("frame", self._key("frame", number), place):
             return "done"  # shown, so the store holds it: most frames need no further look
@@ -136,7 +138,8 @@ class KnownPictures:
             return "done" if is_held else "unframed"
         if is_held and self._store.is_remote("frame", self._key("frame", number)):
             return "remote"
-        return _undone(self._store, place)
+        state = _undone(self._store, place)
+        return "rendered" if state == "missing" and self.holds("raw", number) else state
 
     def holds(self, kind: str, number: int) -> bool | None:
         """Tell whether the store holds a `raw` picture, a `frame` or a still.
@@ -198,7 +201,8 @@ def _states(
     found  the state of each frame of the request
     about  the shot, the stages and the quality of its events in the history; those of several subjects
     """
-    by_state: dict[str, list[int]] = {"done": [], "remote": [], "stale": [], "unframed": [], "missing": []}
+    names = ("done", "remote", "stale", "unframed", "rendered", "missing")
+    by_state: dict[str, list[int]] = {name: [] for name in names}
     for number, state in zip(request.requested, found, strict=True):
         by_state[state].append(number)
     undone = set(request.requested) - set(by_state["done"]) - set(by_state["remote"])
@@ -225,7 +229,8 @@ def is_in_words(text: str) -> bool:
 def selected(text: str, whole: FrameRange, states: Callable[[], FrameStates]) -> FrameRange:
     """Return the frames that words select, in the order of the shot.
 
-    Stale frames include unframed ones, missing ones those that the remote store has.
+    Stale frames include unframed ones, missing ones those that the remote store has and those that are
+    rendered and not denoised.
 
     Raises UsageError for a word that is none, and for words beside numbers.
     """
@@ -240,6 +245,6 @@ def selected(text: str, whole: FrameRange, states: Callable[[], FrameStates]) ->
     if "all" in words:
         return whole
     known = states()
-    states_of = {"stale": ("stale", "unframed"), "missing": ("missing", "remote")}
+    states_of = {"stale": ("stale", "unframed"), "missing": ("missing", "remote", "rendered")}
     wanted = {n for word in words for state in states_of.get(word, (word,)) for n in getattr(known, state)}
     return FrameRange.of(n for n in whole if n in wanted)
