@@ -29,12 +29,15 @@ _ATTRIBUTE = "attribute:"
 class FrameReport:
     """Report of one frame.
 
-    resampling  report of the resampler; None where resampling is off
-    measure     computes `statistics`
+    resampling      report of the resampler; None where resampling is off
+    measure         computes `statistics`
+    start_vertices  number of vertices of the shot's first frame, which growth is measured by; None where
+                    nothing is resampled
     """
 
     resampling: Report | None
     measure: Callable[[], MeshStatistics | None] = field(repr=False, compare=False)
+    start_vertices: int | None = None
 
     @cached_property
     def statistics(self) -> MeshStatistics | None:
@@ -46,7 +49,8 @@ class FrameReport:
 
     def as_data(self) -> dict[str, Any]:
         """Return the report as JSON data."""
-        return {"resampling": to_plain(self.resampling), "statistics": to_plain(self.statistics)}
+        data = {"resampling": to_plain(self.resampling), "statistics": to_plain(self.statistics)}
+        return data if self.start_vertices is None else {**data, "start_vertices": self.start_vertices}
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> FrameReport:
@@ -56,6 +60,7 @@ class FrameReport:
         return cls(
             resampling=None if resampling is None else kind(**resampling),
             measure=lambda: None if statistics is None else MeshStatistics(**statistics),
+            start_vertices=data.get("start_vertices"),
         )
 
 

@@ -88,14 +88,21 @@ def at_rest(motion: Motion, flow: Flow) -> MovingSurface:
 
 
 def _triangle_surface(
-    motion: Motion, resampling: Resampling, flow: Flow, frame: int, resampler: Callable[..., Resampler]
+    motion: Motion,
+    resampling: Resampling,
+    flow: Flow,
+    frame: int,
+    resampler: Callable[..., Resampler],
+    start_vertices: int | None = None,
 ) -> TriangleSurface:
     """Return the surface of a resampler, made with the placement that the shot names."""
     options = resampling.min_roundness, resampling.splits
     if resampling.placement != "exact":
-        return TriangleSurface(motion, resampling, resampler(STATELESS[resampling.placement], *options))
+        placed = resampler(STATELESS[resampling.placement], *options)
+        return TriangleSurface(motion, resampling, placed, start_vertices)
     interval = RestInterval(motion, resampling, flow, frame)
-    return ExactSurface(motion, resampling, resampler(interval.placement, *options), interval)
+    placed = resampler(interval.placement, *options)
+    return ExactSurface(motion, resampling, placed, interval, start_vertices)
 
 
 def _creased(mesh: Mesh, resampling: Resampling, hard_angles: float | Floats) -> Mesh:
@@ -143,7 +150,7 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> MovingSurface:
         polyhedral = PolyhedralResampler.from_state(
             state, thresholds, resampling.cutting, resampling.collapse
         )
-        return PolygonSurface(motion, resampling, polyhedral)
+        return PolygonSurface(motion, resampling, polyhedral, frame.report.start_vertices)
     numbers = {"identities": np.array(frame.identities), "unsorted": np.array(frame.unsorted)}
     state = _state(frame.mesh, faces=frame.mesh.faces, **numbers)
     if resampling.placement == "exact" and REST not in frame.mesh.attributes:
@@ -152,7 +159,7 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> MovingSurface:
             "resume from a frame that was made with exact placement"
         )
     resume = partial(Resampler.from_state, state, thresholds)
-    return _triangle_surface(motion, resampling, flow, frame.number, resume)
+    return _triangle_surface(motion, resampling, flow, frame.number, resume, frame.report.start_vertices)
 
 
 def _state(mesh: TriangleMesh | PolygonMesh, **others: AnyArray) -> dict[str, AnyArray]:

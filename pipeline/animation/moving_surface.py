@@ -95,8 +95,10 @@ class MovingSurface:
 class _ResampledSurface(MovingSurface, Generic[R]):
     """A surface that is resampled when its frame is taken."""
 
-    def __init__(self, motion: Motion, resampling: Resampling, resampler: R) -> None:
-        self._motion, self._thresholds = motion, partial(thresholds_at, motion, resampling)
+    def __init__(
+        self, motion: Motion, resampling: Resampling, resampler: R, start_vertices: int | None = None
+    ) -> None:
+        self._motion, self._resampling, self._start_vertices = motion, resampling, start_vertices
         self._resampler: R = resampler
 
     def move(self, step: FrameStep) -> None:
@@ -107,9 +109,15 @@ class _ResampledSurface(MovingSurface, Generic[R]):
     def _resample(self, number: int) -> Report:
         """Resample once; errors name the frame."""
         try:
-            self._resampler.thresholds = self._thresholds(number)
+            thresholds = thresholds_at(self._motion, self._resampling, number)
+            most = self._most_vertices
+            if most is not None and most < thresholds.max_vertices:
+                thresholds = replace(thresholds, max_vertices=most)
+            self._resampler.thresholds = thresholds
             return self._resampler.resample()
         except VertexBudgetError as error:
+            if thresholds.max_vertices == most:
+                raise self._grown(error.fact, number) from error
             extent = float(np.ptp(self._resampler.vertices, axis=0).max())
             fit = fit_remedy(self._motion, extent)
             if not fit or is_usual_size(extent):
@@ -120,6 +128,26 @@ class _ResampledSurface(MovingSurface, Generic[R]):
         except FlowsculptError as error:
             raise FrameError(str(error), number) from error
 
+    @property
+    def _most_vertices(self) -> int | None:
+        """The vertices that `max_growth` allows; None where it limits nothing."""
+        growth, start = self._resampling.max_growth, self._start_vertices
+        return None if growth is None or start is None else max(4, int(growth * start))
+
+    def _grown(self, fact: str, number: int) -> FrameError:
+        """Return the error of a frame that needs more vertices than `max_growth` allows."""
+        return FrameError(
+            f"{fact}: max_growth {self._resampling.max_growth:g} times the {self._start_vertices} of frame "
+            f"{self._motion.frames.first}; slow the flows down, or raise max_growth or max_edge_length",
+            number,
+        )
+
+    def _report(self, number: int, mesh: TriangleMesh, resampling: Report) -> FrameReport:
+        """Return the report of a frame. The first one starts the count of growth."""
+        if number == self._motion.frames.first:
+            self._start_vertices = len(mesh.vertices)
+        return replace(_report(self._motion, number, mesh, resampling), start_vertices=self._start_vertices)
+
 
 class PolygonSurface(_ResampledSurface[PolyhedralResampler]):
     """A surface of polygons (P16); frames show it as triangles."""
@@ -129,7 +157,7 @@ class PolygonSurface(_ResampledSurface[PolyhedralResampler]):
         ready()
         polygons = self._resampler.mesh
         mesh = polygons.triangulated()
-        return MeshFrame(number, mesh, _report(self._motion, number, mesh, report), polygons)
+        return MeshFrame(number, mesh, self._report(number, mesh, report), polygons)
 
 
 class TriangleSurface(_ResampledSurface[Resampler]):
@@ -140,7 +168,7 @@ class TriangleSurface(_ResampledSurface[Resampler]):
         ready()
         self._renew_rest(number)
         mesh = resampler.mesh
-        frame_report = _report(self._motion, number, mesh, report)
+        frame_report = self._report(number, mesh, report)
         given, unsorted = resampler.identities, resampler.unsorted
         return MeshFrame(
             number, mesh, frame_report, births=resampler.births, identities=given, unsorted=unsorted
@@ -154,9 +182,14 @@ class ExactSurface(TriangleSurface):
     """A surface with rest positions, whose normals are carried by the flow."""
 
     def __init__(
-        self, motion: Motion, resampling: Resampling, resampler: Resampler, interval: RestInterval
+        self,
+        motion: Motion,
+        resampling: Resampling,
+        resampler: Resampler,
+        interval: RestInterval,
+        start_vertices: int | None = None,
     ) -> None:
-        super().__init__(motion, resampling, resampler)
+        super().__init__(motion, resampling, resampler, start_vertices)
         self._interval = interval
 
     def move(self, step: FrameStep) -> None:

@@ -37,13 +37,20 @@ class FrameProgress(NamedTuple):
     frame     its number
     share     0 to 1, about
     activity  what is computed: the name of a flow, or of a part of the resampling
+    vertices  number of vertices that the surface has by now
     slow      why the frame takes long, the first time that a flow makes one slow; else empty
     """
 
     frame: int
     share: float
     activity: str
+    vertices: int
     slow: str = ""
+
+    @property
+    def work(self) -> str:
+        """`curl_noise, 120,345 vertices`; without the vertices before the first are made."""
+        return f"{self.activity}, {self.vertices:,} vertices" if self.vertices else self.activity
 
 
 FrameProgressCallback = Callable[[FrameProgress], None]
@@ -99,6 +106,7 @@ class _FrameWatch:
         self._began = self._reported = time.monotonic()
         self._last = Progress("", 0, 0)
         self._moved = 0
+        self._vertices = 0 if before is None else before.vertices
         self._is_explained, self._told = False, told
 
     def receive(self, progress: Progress) -> None:
@@ -106,13 +114,15 @@ class _FrameWatch:
         is_same = progress[::2] == self._last[::2] and progress.done > self._last.done
         if progress.total:
             self._moved += progress.done - (self._last.done if is_same else 0)
+        else:
+            self._vertices = progress.done
         self._last, now = progress, time.monotonic()
         if now - self._reported < REPORT_SECONDS:
             return
         self._reported = now
         share = self._share()
         slow = self._slow(now - self._began, share)
-        self._callback(FrameProgress(self._frame, share, progress.activity, slow))
+        self._callback(FrameProgress(self._frame, share, progress.activity, self._vertices, slow))
 
     def _share(self) -> float:
         """Return the share of the frame that is done, from 0 to MOST_SHARE."""

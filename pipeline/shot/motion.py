@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, Literal
@@ -24,6 +24,7 @@ from pipeline.resample.thresholds import DEFAULT_ROUNDNESS
 from pipeline.shot.clock import Clock
 from pipeline.shot.copies import Copies, Mesh, bounding_sphere, repeated
 from pipeline.shot.subject import Solid, Subject
+from render.base.serialise import OMIT_DEFAULT
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,8 @@ class Resampling:
                    edges that the model's file names; a region, edges with both ends in it at rest; none
     cutting        of polyhedra: slice, by all parallel planes at once; recurse, in two and again (P18)
     collapse       of polyhedra: edges, short ones (P9); areas, small faces (P22)
+    max_growth     a frame that needs more than this times the vertices of the first frame stops with an
+                   error; None: `max_vertices` alone bounds frames
     """
 
     thresholds: Thresholds
@@ -54,6 +57,7 @@ class Resampling:
     creases: Literal["rest", "model", "none"] | Region = "rest"
     cutting: Literal["slice", "recurse"] = "slice"
     collapse: Literal["edges", "areas"] = "edges"
+    max_growth: float | None = field(default=None, metadata=OMIT_DEFAULT)
 
     def settings(self) -> dict[str, Any]:
         """Return the settings in effect by their names in the shot file, as JSON-able data."""
@@ -68,12 +72,13 @@ class Resampling:
         The rest interval stands in the data of the frames that begin one: see `Motion.step_data`.
         """
         settings = {**as_data(self), "thresholds": self.thresholds_data()}
-        return self._without(settings, (*self._idle, "rest_interval"))
+        return self._without(settings, (*self._idle, "rest_interval", "max_growth"))
 
     def thresholds_data(self) -> dict[str, Any]:
         """Return the thresholds that change meshes as JSON-able data.
 
-        The budget of vertices moves none of them: a raised one resumes at the last frame that fitted.
+        The budget of vertices and the limit of growth move none of them: raised ones resume at the last frame
+        that fitted.
         Gradation acts on lengths that are functions only.
         """
         thresholds = self.thresholds

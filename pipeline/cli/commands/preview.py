@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from pipeline.animation import FrameProgress
+from pipeline.animation.growth import growth_warning
 from pipeline.cli.options import Common, Frames, Shot, ShotOptions, at_option, output_option
 from pipeline.cli.output import (
     err,
@@ -29,7 +30,10 @@ from pipeline.dailies.preview.sketch import Sketch
 from pipeline.dailies.preview.staging import actions_of
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError, UsageError
+from pipeline.flow.flow import require_permission
+from pipeline.production.maintenance.first_frame import estimated_vertices, longest_edge
 from pipeline.production.request.lookup import find_shot
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Store
 from render.base.plural import plural
 from render.graphics.burn_in import BurnIn
@@ -92,6 +96,8 @@ def preview(
         """Return the shot as its file is now."""
         numbers = str(at) if at is not None else frames
         request = options.project(common).request(path, DEFAULT_QUALITY, numbers, variant="none")
+        for part in request.shot.parts:
+            require_permission(part.motion.flow)
         return Sketch(request, flow, edges, fields)
 
     sketch, store = read(), Store(common.root)
@@ -117,6 +123,8 @@ def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, pat
             make_folder_of(path)
             animatic = Animatic(sketch, stream)
             played = animatic.played(numbers) if at is None else animatic.played_for_still(at)
+            if not all(stream.knows(sketch.request, number) for number in played):
+                _warn_of_growth(sketch.request, max(played))
             with _bars(common, animatic, {"simulating": len(played), "drawing": len(numbers)}) as report:
                 if at is None:
                     animatic.movie(path, report)
@@ -126,6 +134,19 @@ def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, pat
         print_warning(f"{sketch.request.name}: {line}")
     words = f"{path}: {frames}{' would be drawn' if common.dry_run else ''}."
     print_result(words, {"path": str(path), "frames": len(numbers)}, common.json)
+
+
+def _warn_of_growth(request: RenderRequest, last: int) -> None:
+    """Warn of subjects whose vertices multiply up to the frame `last`, before they are simulated."""
+    for part in request.shot.parts:
+        motion = part.motion
+        longest = longest_edge(motion)
+        if motion.resampling is None or longest is None:
+            continue
+        mesh = motion.mesh_at_rest()
+        vertices = estimated_vertices(mesh, longest)
+        if warning := growth_warning(motion, mesh.vertices, mesh.faces, vertices, last):
+            print_warning(f"{request.name}: {warning}")
 
 
 def _redraw(
@@ -194,7 +215,7 @@ def _bars(common: Common, animatic: Animatic, totals: Mapping[str, int]) -> Iter
         def report(within: FrameProgress) -> None:
             if within.slow:
                 print_warning(within.slow)
-            now = f"frame {within.frame} ({within.share:.0%}, {within.activity})"
+            now = f"frame {within.frame} ({within.share:.0%}, {within.work})"
             progress.update(tasks["simulating"], completed=done["simulating"] + within.share, now=now)
 
         animatic.stream.callback = report

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,6 +25,7 @@ from pipeline.shot.documents.reference import (
     markdown,
     shot_schema,
 )
+from pipeline.shot.templates import usual_strength
 from pipeline.shot.yaml.lookup import DEFAULTS
 from pipeline.shot.yaml.source import YamlSource
 from render.base.atomic_write import atomic_write
@@ -102,10 +104,11 @@ def flows(
 ) -> None:
     """List the flows, or the parameters of one with units and defaults.
 
-    `flowsculpt flows vortex` lists the parameters of the flow `vortex`.
+    `flowsculpt flows vortex` lists the parameters of the flow `vortex`, and strengths that suit a ball of
+    radius 1.
     """
     if name is not None:
-        _report_one(facts(name), common.json)
+        _report_one({**facts(name), "strength": usual_strength(name)}, common.json)
         return
     flows = [facts(flow) for flow in DOCUMENTS]
     listing = table("flow", "is a", "what it does")
@@ -126,4 +129,16 @@ def _report_one(flow: dict[str, Any], as_json: bool) -> None:
             f"{parameter['description']}{choices}{keyed}",
         )
     title = Text(f"{flow['name']}, a {flow['kind']}. {flow['description']}")
-    print_result(Group(title, listing), flow, as_json)
+    strength = flow["strength"]
+    suits = [] if strength is None else [Text(_suitable(*strength))]
+    print_result(Group(title, listing, *suits), flow, as_json)
+
+
+def _suitable(parameter: str, values: Sequence[float]) -> str:
+    """Return what strengths do: `strength 4.1 gives a ball of radius 1 twice its vertices in 3 s, 15 …`"""
+    twice, *tenfold = values
+    more = f", {tenfold[0]:g} ten times" if tenfold else ""
+    return (
+        f"{parameter} {twice:g} gives a ball of radius 1 twice its vertices in 3 s{more}; other parameters "
+        "at their defaults."
+    )

@@ -72,8 +72,7 @@ class Animatic:
             framing = known[number]
         size = size_for(request.aspect, SIZES["still"])
         picture = next(self._pictures(iter([(number, framing)]), size, "srgb"))
-        header = {"shot": request.name, "frame": number}
-        stream.store.write(path, lambda draft: write_png(draft, picture, header))
+        stream.store.write(path, lambda draft: write_png(draft, picture))
         tell("drawing", number)
         return framing
 

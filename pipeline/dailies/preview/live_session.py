@@ -128,9 +128,7 @@ class LiveSession:
 
         def within_frame(progress: FrameProgress) -> None:
             check()
-            self.feed.say(
-                progress.slow or f"Frame {progress.frame}: {progress.share:.0%}, {progress.activity} …"
-            )
+            self.feed.say(progress.slow or f"Frame {progress.frame}: {progress.share:.0%}, {progress.work} …")
 
         self.stream.callback = within_frame
         known = request.framings(self.stream.store) or self._framings

@@ -13,9 +13,10 @@ import numpy as np
 
 from pipeline.animation.fit_remedy import fit_remedy, is_usual_size
 from pipeline.animation.flow_cost import FlowCost, along_velocities, costliest_flow, flow_costs
+from pipeline.animation.growth import flows_of, growth_warning
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
-from pipeline.flow import Flow, Placed, Sequence, VelocityField
+from pipeline.flow import Flow, Placed, VelocityField
 from pipeline.flow.catalogue.deformations import Deformation, Stretch
 from pipeline.flow.flow_map import checked_displacement
 from pipeline.flow.kernels.instructions import BLOCK
@@ -47,7 +48,7 @@ def acts_elsewhere(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     if not shot.motion.subject.is_surface:
         return
     time = shot.motion.clock.time(shot.frames.first)
-    for k, flow in enumerate(_top_flows(shot.motion.flow)):
+    for k, flow in enumerate(flows_of(shot.motion.flow)):
         far = [item for item in _offsets(flow, first.middle, time) if _norm(item[1]) > FAR_OFF * first.extent]
         if far:
             name, offset = far[0]
@@ -69,7 +70,7 @@ def _norm(vector: Points) -> float:
 def deforms_nothing(shot: Shot, _: FirstFrame | None = None) -> Iterator[Finding]:
     """Check that the amount of a deformation changes: each frame applies what it differs by."""
     last = shot.frames.last
-    for k, flow in enumerate(_top_flows(shot.motion.flow)):
+    for k, flow in enumerate(flows_of(shot.motion.flow)):
         for part in _deformations(flow):
             if isinstance(part.amount, int | float):
                 at_rest = 1 if isinstance(part, Stretch) else 0
@@ -132,7 +133,7 @@ def stretches(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         return  # far from the subject a flow may well stretch it, which the other finding mends
     corners = first.points[first.faces[:: max(1, len(first.faces) // SAMPLE)][:SAMPLE]].reshape(-1, 3)
     for number in _moved_frames(shot):
-        for k, flow in enumerate(_top_flows(motion.limit_steps(motion.flow, number))):
+        for k, flow in enumerate(flows_of(motion.limit_steps(motion.flow, number))):
             try:
                 if _substeps(motion, number, first, k) > MOST_MEASURED:
                     continue
@@ -150,6 +151,15 @@ def stretches(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
                     "spread its keys over more frames.",
                 )
                 return
+
+
+def grows(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
+    """Check that the surface does not multiply in the course of the shot."""
+    if first.exceeds:
+        return
+    warning = growth_warning(shot.motion, first.points, first.faces, first.vertices)
+    if warning is not None:
+        yield Finding(_where(warning.growth.place), str(warning))
 
 
 def _lengths(corners: Points) -> Points:
@@ -188,10 +198,6 @@ def _seconds(shot: Shot, number: int, first: FirstFrame, cost: FlowCost) -> floa
     with suppress(FrameError):  # frame by frame it may fail for other reasons
         checked_displacement(flow, sample, *shot.motion.step(number), number)
     return (perf_counter() - started) * moved / len(sample) / numba.get_num_threads()
-
-
-def _top_flows(flow: Flow) -> tuple[Flow, ...]:
-    return flow.flows if isinstance(flow, Sequence) else (flow,)
 
 
 def _offsets(flow: Any, point: Points, time: float) -> Iterator[tuple[str, Points]]:

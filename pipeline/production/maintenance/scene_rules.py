@@ -13,7 +13,13 @@ from pipeline.arrays import Points
 from pipeline.mesh.parts import find_small_parts
 from pipeline.production.maintenance.finding import Finding, sampled_frames
 from pipeline.production.maintenance.first_frame import FirstFrame
-from pipeline.production.maintenance.flow_rules import acts_elsewhere, deforms_nothing, stretches, takes_long
+from pipeline.production.maintenance.flow_rules import (
+    acts_elsewhere,
+    deforms_nothing,
+    grows,
+    stretches,
+    takes_long,
+)
 from pipeline.production.render_inputs.framing import frame_all
 from pipeline.shot import Shot
 from pipeline.shot.model_subject import Model
@@ -38,7 +44,10 @@ def findings(shot: Shot, first: FirstFrame) -> list[Finding]:
         takes_long,
         stretches,
     )
-    return [finding for rule in rules for finding in rule(shot, first)]
+    found = [finding for rule in rules for finding in rule(shot, first)]
+    if not any(finding.where[0] == "flows" for finding in found):  # their remedies change the growth
+        found += grows(shot, first)
+    return found
 
 
 def _budget(shot: Shot, first: FirstFrame) -> Iterator[Finding]:

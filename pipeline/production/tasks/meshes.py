@@ -147,7 +147,7 @@ def _tell_notes(context: Context) -> None:
 
 def _report_progress(context: Context, progress: FrameProgress) -> None:
     """Write how far a frame is, and why it takes long, to the event log."""
-    context.write("progress", progress.frame, share=round(progress.share, 3), activity=progress.activity)
+    context.write("progress", progress.frame, share=round(progress.share, 3), activity=progress.work)
     if progress.slow:
         context.write("slow", progress.frame, message=progress.slow)
 

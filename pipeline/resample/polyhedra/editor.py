@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.errors import FrameError
+from pipeline.errors import VertexBudgetError
 from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.resample.polyhedra.polyhedron import (
     OUTSIDE,
@@ -86,12 +86,12 @@ class PolyhedronEditor:
         return made
 
     def keep_to_budget(self, more: float) -> None:
-        """Raise FrameError if that many more vertices would exceed the budget."""
+        """Raise VertexBudgetError if that many more vertices would exceed the budget."""
         now, budget = len(self.surface.points), self.limits.max_vertices
         if now + more > budget:
-            raise FrameError(
+            raise VertexBudgetError(
                 f"{now} vertices and {more:.0f} more on one edge or face exceed the budget of {budget} "
-                "vertices; raise max_vertices or max_edge_length"
+                "vertices"
             )
 
     def cut(self, h: int, k: int) -> int:

@@ -196,6 +196,9 @@ class ResampleDocument(Document):
         40.0, description="edges that turn the surface by more are creases (degrees)"
     )
     max_vertices: Annotated[int, Field(ge=4)] | None = optional("a frame that needs more fails")
+    max_growth: Annotated[Positive, Field(gt=1)] | None = optional(
+        "a frame that needs more than this times the vertices of the first frame fails"
+    )
     gradation: Annotated[Positive, Field(le=100)] | None = optional(
         "difference of lengths between the ends of an edge, as a fraction of it, at most"
     )
