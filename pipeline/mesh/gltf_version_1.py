@@ -82,10 +82,12 @@ class _Rewriter:
     def _mesh(self, names: tuple[str, ...]) -> int:
         """Return the number of the mesh that joins those of these names."""
         if names not in self._joined:
-            shown = [part for name in names for part in self._root["meshes"][name].get("primitives", [])]
+            shown: list[dict[str, Any]] = []
+            for name in names:
+                shown += self._root["meshes"][name].get("primitives", [])
+                if self._count + len(shown) > _MOST_PRIMITIVES:
+                    raise ValueError(f"its nodes join over {_MOST_PRIMITIVES} primitives")
             self._count += len(shown)
-            if self._count > _MOST_PRIMITIVES:
-                raise ValueError(f"its nodes join over {_MOST_PRIMITIVES} primitives")
             self._joined[names] = len(self.meshes)
             self.meshes.append({"primitives": [self._primitive(part) for part in shown]})
         return self._joined[names]
