@@ -1,7 +1,9 @@
 """`python -m pipeline.cli` is `flowsculpt`."""
 
-from pipeline.cli.app import main
-from pipeline.cli.standard_streams import prepare_streams
+from render.base.python_process import distrust_working_folder
 
-prepare_streams()
+distrust_working_folder()  # which Python has put first, before anything else is imported
+
+from pipeline.cli.app import main  # noqa: E402
+
 main()

@@ -75,17 +75,36 @@ def test_brackets_in_names_are_no_markup(capfd: pytest.CaptureFixture[str]) -> N
     assert "making [red]" in captured.get()
 
 
-def test_an_installation_in_a_folder_of_any_name_simulates(project: ProjectFolder) -> None:
+FOLDERS = ['it\'s "{x}" of $HOME; ü & 50% (b) [c]']
+FOLDERS += [
+    pytest.param(name, marks=pytest.mark.soak)
+    for name in (
+        "My Films",
+        "-j",
+        "dot. ",
+        "M" * 200,
+        "日本" * 40,
+        "`id`",
+        "a\\b",
+        "{{y}}",
+        "%(x)s %d",
+        "~",
+        "#1,2=3",
+    )
+]
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+def test_an_installation_in_a_folder_of_any_name_simulates(name: str, project: ProjectFolder) -> None:
     """Snakemake's shell commands hold the path of Python, and fill in names in braces."""
-    home = project.path.with_name('it\'s "{x}" of $HOME; ü & 50% (b) [c]')
+    home = project.path / name
     home.mkdir()
     (home / "env").symlink_to(sys.prefix)
-    command = [home / "env/bin/python", home / "env/bin/flowsculpt", "--no-progress", "simulate", "T010_tiny"]
-    done = subprocess.run(
-        [*command, "-f", "1"], cwd=project.path, capture_output=True, text=True, timeout=300
-    )
+    words = ["--root", home / "root", "simulate", "T010_tiny", "-f", "1"]
+    command = [home / "env/bin/python", home / "env/bin/flowsculpt", "--no-progress", *words]
+    done = subprocess.run(command, cwd=project.path, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
-    assert [*Path(project.path).glob("renders/T010_tiny/meshes/*.npz")]
+    assert [*home.glob("root/renders/T010_tiny/meshes/*.npz")]
 
 
 def test_a_name_of_the_greatest_length_can_be_written(tmp_path: Path) -> None:
