@@ -6,13 +6,13 @@ ufbx is C that could crash on a damaged file; `fbx_reader` is the program of tha
 from __future__ import annotations
 
 import json
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 
 from pipeline.errors import MachineError, MeshError
 from pipeline.mesh.file_surface import FileSurface
 from render.base.limited_process import answer_about_content, answer_of
+from render.base.python_process import command_line
 
 PACKAGE, EXTRA = "ufbx", "models"
 
@@ -23,7 +23,7 @@ def require_ufbx() -> None:
         raise MachineError(
             f"FBX files need the package {PACKAGE} (4 MB), which is not installed; "
             f"pip install 'flowsculpt[{EXTRA}]', or it alone for the Python of flowsculpt: "
-            f"{sys.executable} -m pip install {PACKAGE}"
+            f"{command_line('pip', 'install', PACKAGE)}"
         )
 
 

@@ -52,6 +52,9 @@ def hostile(project: ProjectFolder) -> ProjectFolder:
     mitsuba = next(Path(entry, "mitsuba") for entry in sys.path if Path(entry, "mitsuba").is_dir())
     for plugin in (mitsuba / "plugins").glob("*.so"):
         (project.path / "plugins" / plugin.name).write_text("no library: loading it fails")
+    (project.path / ".snakemake/iocache").mkdir()
+    call = b"cbuiltins\nexec\n(V" + code.replace("\n", "\\u000a").encode() + b"\ntR."
+    (project.path / ".snakemake/iocache/latest.pkl").write_bytes(call)
     (project.path / ".numba_config.yaml").write_text("disable_jit: 1\ncache_dir: numba\n")
     (project.path / "matplotlibrc").write_text("backend: module://random\nfont.size: 90\n")
     for name in ("bash", "sh", "uname", "sed"):
