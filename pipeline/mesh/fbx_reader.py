@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats
+from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError, shortened
+from pipeline.mesh.face_soup import FaceSoup
 from pipeline.mesh.file_surface import FileSurface
 from pipeline.mesh.placed_meshes import PlacedMeshes, Polygons, bound_note, joined
 from render.base.input_files import read_input, require_input
@@ -203,7 +204,9 @@ def _polygons(mesh: ufbx.Mesh, name: str) -> Polygons:
     if len(wrong):
         face = int(np.searchsorted(np.cumsum(sides), wrong[0], side="right"))
         raise MeshError(f"{name}: face {face} names a vertex that is not there; it has {len(points)}")
-    polygons = Polygons(points, sides, corners, _creases(mesh, corners, sides), _groups(mesh, len(sides)))
+    polygons = Polygons(
+        points, sides, corners, _creases(mesh, points, corners, sides), _groups(mesh, len(sides))
+    )
     holes = _numbers(mesh.face_hole, np.bool_)
     return polygons.without(holes) if holes.any() else polygons
 
@@ -217,8 +220,11 @@ def _groups(mesh: ufbx.Mesh, faces: int) -> AnyArray:
     return np.unique(np.column_stack(known), axis=0, return_inverse=True)[1].reshape(-1)
 
 
-def _creases(mesh: ufbx.Mesh, corners: AnyArray, sides: AnyArray) -> AnyArray:
-    """Return the edges (K, 2) that have a crease weight, are hard, or part the normals of their faces."""
+def _creases(mesh: ufbx.Mesh, points: Points, corners: AnyArray, sides: AnyArray) -> AnyArray:
+    """Return the edges (K, 2) that have a crease weight, and the hard ones amid smooth ones.
+
+    Which are hard is said by smoothing of edges, or where a file has none, by its normals.
+    """
     edges = corners[_numbers(mesh.edges, np.uint32, 2).astype(np.int64)]
     weights = _numbers(mesh.edge_crease, np.float64)
     weighted = edges[weights > 0.0] if len(weights) == len(edges) else edges[:0]
@@ -226,8 +232,47 @@ def _creases(mesh: ufbx.Mesh, corners: AnyArray, sides: AnyArray) -> AnyArray:
     if len(smooth) == len(edges) and len(edges):
         hard = edges[~smooth] if smooth.any() else edges[:0]
     else:
-        hard = edges[:0]
+        hard = _parted_edges(mesh, points, corners, sides)
     return np.concatenate([weighted, hard])
+
+
+_SAME_NORMAL = 0.999
+"""Cosine between normals, from which they are the same: 2.6 degrees."""
+
+
+def _parted_edges(mesh: ufbx.Mesh, points: Points, corners: AnyArray, sides: AnyArray) -> AnyArray:
+    """Return the edges (K, 2) where the normals of two faces differ; none of a mesh that is shaded flat."""
+    given = mesh.vertex_normal
+    values, index = _numbers(given.values, np.float64, 3), _numbers(given.indices, np.uint32)
+    none = np.empty((0, 2), np.int64)
+    if len(index) != len(corners) or not len(values) or index.max() >= len(values) or sides.min() < 3:
+        return none
+    normals = _unit_vectors(values[index])
+    offsets = np.concatenate([[0], np.cumsum(sides)])
+    soup = FaceSoup(points, offsets, corners, np.arange(len(sides)), np.arange(len(points)))
+    ends = np.sort(np.column_stack([corners, soup.heads]))
+    order = np.lexsort(ends.T)
+    starts = np.flatnonzero(np.append(True, (np.diff(ends[order], axis=0) != 0).any(axis=1)))
+    twice = starts[np.diff(np.append(starts, len(order))) == 2]
+    a, b = order[twice], order[twice + 1]
+    flips = corners[a] != corners[b]  # sides of neighbours run in opposite directions
+    tails, heads = np.where(flips, soup.next_side[b], b), np.where(flips, b, soup.next_side[b])
+    planes = _unit_vectors(soup.area_vectors)[soup.owners]
+    is_bent = _dot(planes[a], planes[b]) < _SAME_NORMAL
+    is_parted = (_dot(normals[a], normals[tails]) < _SAME_NORMAL) | (
+        _dot(normals[soup.next_side[a]], normals[heads]) < _SAME_NORMAL
+    )
+    if is_parted[is_bent].all():
+        return none
+    return ends[a[is_bent & is_parted]]
+
+
+def _unit_vectors(vectors: Points) -> Points:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), np.finfo(float).tiny)
+
+
+def _dot(a: Points, b: Points) -> AnyArray:
+    return np.einsum("ij,ij->i", a, b)
 
 
 def _numbers(values: Any, kind: Any, columns: int = 1) -> AnyArray:

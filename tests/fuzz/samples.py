@@ -281,8 +281,12 @@ def _fbx() -> list[N]:
         model(4, "mirrored", Lcl__Scaling=(-1.0, 1.0, 1.0)),
         *(N("Material", (number, f"Material::{number}", "")) for number in (8, 9)),
     ]
-    links = [(3, 0), (2, 3), (4, 0), (1, 2), (1, 4), (8, 2), (9, 2)]
-    return scene([box_geometry(1, *layers), *nodes], links, UpAxis=2, UnitScaleFactor=2.54)
+    values = [float(k == 0) for k in range(3)] * 24
+    values[:3] = 0.0, 1.0, 0.0
+    normals = layer("LayerElementNormal", "ByPolygonVertex", "Normals", values)
+    boxes = [box_geometry(1, *layers), box_geometry(5, normals)]
+    links = [(3, 0), (2, 3), (4, 0), (1, 2), (5, 4), (8, 2), (9, 2)]
+    return scene([*boxes, *nodes], links, UpAxis=2, UnitScaleFactor=2.54)
 
 
 def exported() -> ExportedFrame:

@@ -15,7 +15,7 @@ from pipeline.mesh.fbx_reader import up_axis, visible_surface
 from pipeline.mesh.read import model_files, read_surface, usual_up
 from pipeline.mesh.repair import repair_surface
 from pipeline.shot.model_template import model_template
-from tests.mesh.fbx_writer import SIDES, N, binary, box_geometry, layer, model, scene, text
+from tests.mesh.fbx_writer import CORNERS, SIDES, N, binary, box_geometry, layer, model, scene, text
 
 LINKED = [(2, 0), (1, 2)]
 """A geometry 1 of a node 2, which is below the root."""
@@ -100,6 +100,20 @@ def test_materials_weights_and_hard_edges_amid_smooth_ones_are_creases() -> None
     assert creases(edges, hard) == 1 and creases(edges, weight) == 1 and creases(edges, hard, weight) == 2
     all_hard = layer("LayerElementSmoothing", "ByEdge", "Smoothing", [0, 0, 0, 0])
     assert creases(edges, all_hard) == 0, "a model shaded flat says nothing about its edges"
+
+
+def test_edges_that_part_normals_are_creases_where_others_do_not() -> None:
+    flat = [n for axis in (0, 0, 1, 1, 2, 2) for n in 4 * [[float(k == axis) for k in range(3)]]]
+    flat = [[-x for x in n] if (k // 4) % 2 == 0 else n for k, n in enumerate(flat)]
+    round_ = [[c / 3**0.5 for c in CORNERS[corner]] for side in SIDES for corner in side]
+
+    def creases(normals: list[list[float]]) -> int:
+        layers = layer("LayerElementNormal", "ByPolygonVertex", "Normals", [x for n in normals for x in n])
+        return len(mesh_of(scene([box_geometry(1, layers), model(2, "box")], LINKED)).creases)
+
+    assert creases(round_) == 0
+    assert creases([*flat[:4], *round_[4:]]) == 4, "the first side stands apart"
+    assert creases(flat) == 0, "a model shaded flat says nothing about its edges"
 
 
 def test_hidden_meshes_are_left_out_with_a_note_and_holes_too() -> None:
