@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from pipeline.cli.app import name_a_home
 from tests.conftest import QUALITY
 
 HEAVY = ("numba", "numpy", "OpenImageIO", "mitsuba", "drjit", "av", "imageio", "snakemake", "matplotlib")
@@ -41,3 +43,10 @@ def test_what_is_up_to_date_is_found_without_anything_heavy(finished: Any) -> No
     words = ("render", "T010_tiny", "-q", QUALITY)
     assert finished.run(*words).code == 0, "plans are remembered by the paths of shots, and this is a copy"
     assert not modules_of("--no-progress", *words, folder=finished.path).intersection(HEAVY)
+
+
+def test_an_account_without_a_home_gets_one_that_holds_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    for home, named in (("/home/somebody", "/home/somebody"), ("relative", os.devnull)):
+        monkeypatch.setenv("HOME", home)
+        name_a_home()
+        assert os.environ["HOME"] == named

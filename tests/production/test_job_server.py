@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import socket as sockets
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -16,6 +18,7 @@ import psutil
 import pytest
 
 from pipeline.production.execution.project import Project
+from pipeline.production.tasks import job_server
 from pipeline.production.tasks.job_process import SERVER
 from tests.numbered_process import process_numbered
 
@@ -60,6 +63,20 @@ def job(tmp_path: Path) -> list[str]:
     shot.write_text(LONG)
     plan = Project(tmp_path, 1).meshes([str(shot)])
     return [str(plan.freeze(tmp_path)), plan.jobs[0].name]
+
+
+def test_a_temporary_folder_whose_path_is_too_long_for_a_socket_is_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    long = tmp_path / ("a" * 90)
+    long.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(long))
+    opened = job_server._listener()
+    assert opened is not None
+    folder, listener = opened
+    listener.close()
+    shutil.rmtree(folder)
+    assert not folder.is_relative_to(long) and not [*long.iterdir()]
 
 
 def start(socket: Path, root: Path, *words: str) -> subprocess.Popen[str]:
