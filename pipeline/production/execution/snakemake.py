@@ -8,6 +8,7 @@ own command line, so that a profile means here what it means to Snakemake.
 from __future__ import annotations
 
 import contextlib
+import getpass
 import os
 import re
 import signal
@@ -174,6 +175,7 @@ def main(words: list[str]) -> None:
     plan do, and a plan holds only jobs that are needed.
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)  # even where who started us had it ignored
+    _require_user_name()
     is_local = "--cores" in words
     with job_server() if is_local else contextlib.nullcontext():
         watcher = threading.Thread(target=_leave_with, args=(os.getppid(), not is_local), daemon=True)
@@ -186,6 +188,14 @@ def main(words: list[str]) -> None:
             snakemake(words)
         finally:
             _cancel_timers()
+
+
+def _require_user_name() -> None:
+    """Give a user without a name one, as those of containers are: Snakemake ends where there is none."""
+    try:
+        getpass.getuser()
+    except (KeyError, OSError):
+        os.environ["LOGNAME"] = str(os.getuid())
 
 
 def _cancel_timers() -> None:
