@@ -234,7 +234,8 @@ def main() -> None:
         print_error(str(error))
         sys.exit(error.exit_code)
     except OSError as error:
-        if error.errno not in REMEDIES or error.filename is None:
+        if error.errno not in REMEDIES:
             raise
-        print_error(str(machine_error(Path(os.fsdecode(error.filename)), error, "used")))
+        file = Path(os.fsdecode(error.filename or "a file"))  # closing one has no name
+        print_error(str(machine_error(file, error, "used")))
         sys.exit(MachineError.exit_code)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import stat
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -61,38 +62,54 @@ def require_input(path: Path, most: int = MOST_BYTES) -> int:
 
 @contextmanager
 def opened_input(path: Path, most: int = MOST_BYTES) -> Iterator[tuple[BinaryIO, int]]:
-    """Open a regular file; yield it with the number of bytes to read of it. Raises as `require_input`."""
+    """Open a regular file; yield it with the number of bytes to read of it. Raises as `require_input`.
+
+    An OSError of the block is a MissingInputError too: it reads the file.
+    """
     require_input(path, most)
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except (OSError, ValueError) as error:
         raise _unreadable(path, error) from None
-    with os.fdopen(descriptor, "rb") as file:
-        facts = os.fstat(descriptor)
-        if not stat.S_ISREG(facts.st_mode) or facts.st_size > most:  # it was replaced in between
-            raise BadInputError(f"{path}: it was changed while it was opened; run again")
-        yield file, facts.st_size
+    try:
+        with os.fdopen(descriptor, "rb") as file:
+            facts = os.fstat(descriptor)
+            if not stat.S_ISREG(facts.st_mode) or facts.st_size > most:  # it was replaced in between
+                raise BadInputError(f"{path}: it was changed while it was opened; run again")
+            yield file, facts.st_size
+    except OSError as error:
+        raise _unreadable(path, error) from None
 
 
 def read_input(path: Path, most: int = MOST_BYTES) -> bytes:
     """Return the content of a regular file. Raises as `require_input`."""
     with opened_input(path, most) as (file, size):
-        try:
-            return file.read(size)
-        except OSError as error:
-            raise _unreadable(path, error) from None
+        return file.read(size)
+
+
+@contextmanager
+def copied_to_memory(path: Path) -> Iterator[Path]:
+    """Yield the path of a copy of a file in memory; its own path where the system has no files in memory.
+
+    For libraries that take a read that was interrupted, or gave less than was asked for, for the end of a
+    file: network file systems do both. Raises OSError.
+    """
+    if not hasattr(os, "memfd_create"):
+        yield path
+        return
+    with path.open("rb") as source, os.fdopen(os.memfd_create(path.suffix), "wb") as copy:
+        shutil.copyfileobj(source, copy, 1 << 20)
+        copy.flush()
+        yield Path(f"/proc/self/fd/{copy.fileno()}")
 
 
 def digest_of_file(path: Path) -> str:
     """Return the SHA-256 of the content of a regular file. Raises as `require_input`."""
     digest = hashlib.sha256()
     with opened_input(path, _MOST_HASHED) as (file, size):
-        try:
-            while size > 0 and (block := file.read(min(size, 1 << 20))):
-                digest.update(block)
-                size -= len(block)
-        except OSError as error:
-            raise _unreadable(path, error) from None
+        while size > 0 and (block := file.read(min(size, 1 << 20))):
+            digest.update(block)
+            size -= len(block)
     return digest.hexdigest()
 
 

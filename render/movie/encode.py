@@ -114,7 +114,11 @@ def _open_movie(
     and the container that it opened.
     """
     kind = encode.container
-    options: Any = {"container": kind.format, "options": dict(kind.options)}
+    options: Any = {
+        "container": kind.format,
+        "options": dict(kind.options),
+        "io_open": file.opened_again,
+    }
     movie: Any = iio.imopen(file, "w", plugin="pyav", extension=kind.suffix, **options)
     try:
         movie.init_video_stream(encode.codec, fps=float(rate), pixel_format=encode.format_of(shape[2]))
@@ -204,27 +208,41 @@ def _restrained_svt() -> Iterator[None]:
 
 
 class _MovieFile(io.FileIO):
-    """The file that FFmpeg writes. It keeps the disk's first error for `require_written`.
+    """The file that FFmpeg writes. It keeps the disk's errors for `require_written`.
 
-    FFmpeg calls `write` from C, where exceptions are printed and lost. It reads the file to move a movie's
-    index to the beginning.
+    FFmpeg calls `write` and `read` from C, where exceptions are printed and lost.
     """
 
-    error: OSError | None = None
+    def __init__(self, path: Path, mode: str = "w+") -> None:
+        super().__init__(str(path), mode)
+        self.errors: list[OSError] = []
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(str(path), "w+")
+    def opened_again(self, url: str, flags: int, options: object) -> _MovieFile:
+        """Open the file for FFmpeg to read, which moves a movie's index to the beginning.
+
+        FFmpeg itself takes a call that a signal or a network file system interrupts for an error.
+        """
+        file = _MovieFile(Path(url), "r")
+        file.errors = self.errors
+        return file
 
     def write(self, data: Any) -> int:
         rest = memoryview(data)
-        while len(rest) and self.error is None:
+        while len(rest) and not self.errors:
             try:
                 rest = rest[super().write(rest) :]
             except OSError as error:
-                self.error = error
+                self.errors.append(error)
         return len(data)
+
+    def read(self, size: int | None = -1) -> bytes:
+        try:
+            return super().read(size) or b""
+        except OSError as error:
+            self.errors.append(error)
+            return b""
 
     def require_written(self) -> None:
         """Raises the first OSError of the disk."""
-        if self.error is not None:
-            raise self.error
+        if self.errors:
+            raise self.errors[0]

@@ -6,23 +6,26 @@ Files are written atomically: a name holds a whole picture or nothing.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from render.base.atomic_write import atomic_write, cannot_write
+from render.base.atomic_write import atomic_write, cannot_write, machine_error
 from render.base.errors import BadInputError, CorruptImageError, MissingImageError
+from render.base.input_files import copied_to_memory
 from render.post.exr_attributes import ExrAttributes
 from render.post.layer_names import CRYPTO, channels_of
 from render.scene.aovs import AOVS, COMPUTED, COPIES, RenderedFrame
 from render.scene.picture_file import last_message
 from render.scene.projection import PERSPECTIVE, Projection
 from render.scene.working_space import REC709, WORKING_SPACES
+
+T = TypeVar("T")
 
 Header = Mapping[str, Any]
 Displayed = NDArray[np.uint8] | NDArray[np.uint16]
@@ -92,14 +95,8 @@ def read_exr(path: Path) -> tuple[RenderedFrame, dict[str, Any]]:
     Raises MissingImageError where there is no such file, CorruptImageError where it ends too early or
     is no EXR.
     """
-    with _opened(path) as file:
-        spec = file.spec()
-        pixels: Any = file.read_image(0, 0, 0, spec.nchannels, oiio.FLOAT)
-        if pixels is None:
-            raise CorruptImageError(
-                f"{path}: cannot be read to its end ({last_message(file)}); render it again"
-            )
-        header = _header(spec)
+    spec, pixels = _read(path, lambda file: (oiio.ImageSpec(file.spec()), _pixels(file, path, oiio.FLOAT)))
+    header = _header(spec)
     convention, named = header.pop(CONVENTION, None), header.pop(CHANNELS, None)
     columns = _columns(spec.channelnames, named)
     arrays = {
@@ -113,8 +110,7 @@ def read_exr(path: Path) -> tuple[RenderedFrame, dict[str, Any]]:
 
 def read_header(path: Path) -> dict[str, Any]:
     """Read only the `flowsculpt:` entries. Raises as `read_exr` does."""
-    with _opened(path) as file:
-        return _header(file.spec())
+    return _read(path, lambda file: _header(file.spec()))
 
 
 def write_png(path: Path, picture: Displayed, header: Header | None = None) -> None:
@@ -179,14 +175,10 @@ def jpeg_bytes(picture: NDArray[np.uint8]) -> bytes:
 
 def read_png(path: Path) -> NDArray[Any]:
     """Read display values (H, W, C), uint8 or uint16 as in the file. Raises as `read_exr` does."""
-    with _opened(path) as file:
-        spec = file.spec()
-        pixels: Any = file.read_image(0, 0, 0, spec.nchannels, spec.format)
-        if pixels is None:
-            raise CorruptImageError(
-                f"{path}: cannot be read to its end ({last_message(file)}); make it again"
-            )
-        return np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
+    spec, pixels = _read(
+        path, lambda file: (oiio.ImageSpec(file.spec()), _pixels(file, path, file.spec().format))
+    )
+    return np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
 
 
 def _precision(layer: str, wanted: Mapping[str, str]) -> str:
@@ -236,17 +228,39 @@ def _header(spec: Any) -> dict[str, Any]:
     }
 
 
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
+def _read(path: Path, read: Callable[[Any], T]) -> T:
+    """Return what `read` returns of an opened picture; where that fails, of a copy of it in memory."""
     if not path.is_file():
         raise MissingImageError(f"{path}: there is no such picture")
-    file = oiio.ImageInput.open(str(path))
+    try:
+        with _opened(path, path) as file:
+            return read(file)
+    except CorruptImageError:
+        try:
+            with copied_to_memory(path) as copy, _opened(copy, path) as file:
+                return read(file)
+        except OSError as error:
+            raise machine_error(path, error, "read") from error
+
+
+@contextmanager
+def _opened(content: Path, path: Path) -> Iterator[Any]:
+    """Open what holds the content of `path`."""
+    file = oiio.ImageInput.open(str(content))
     if file is None:
         raise CorruptImageError(f"{path}: cannot be opened ({last_message(oiio)}); make it again")
     try:
         yield file
     finally:
         file.close()
+
+
+def _pixels(file: Any, path: Path, kind: Any) -> Any:
+    """Return all channels of an opened picture."""
+    pixels = file.read_image(0, 0, 0, file.spec().nchannels, kind)
+    if pixels is None:
+        raise CorruptImageError(f"{path}: cannot be read to its end ({last_message(file)}); make it again")
+    return pixels
 
 
 def _write(path: Path, kind: str, spec: Any, pixels: NDArray[Any]) -> None:
@@ -262,9 +276,8 @@ def _write(path: Path, kind: str, spec: Any, pixels: NDArray[Any]) -> None:
 
 def _check_whole(temporary: Path, path: Path) -> None:
     """Read the file back: the PNG writer does not notice a full disk."""
-    file = oiio.ImageInput.open(str(temporary))
-    whole = file is not None and file.read_image(0, 0, 0, file.spec().nchannels, oiio.UNKNOWN) is not None
-    if file is not None:
-        file.close()
-    if not whole:
-        raise cannot_write(path, temporary, f"what was written cannot be read: {last_message(file or oiio)}")
+    try:
+        _read(temporary, lambda file: _pixels(file, path, oiio.UNKNOWN))
+    except (CorruptImageError, MissingImageError) as error:
+        reason = str(error).removeprefix(f"{path}: ").removesuffix("; make it again")
+        raise cannot_write(path, temporary, f"what was written {reason}") from error

@@ -25,7 +25,7 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.request.variants import ON_GPU, VariantError, require_variant
 from pipeline.production.stages import STAGES
 from pipeline.production.store.locks import of_key, writing
-from pipeline.production.tasks.job import Context
+from pipeline.production.tasks.job import ENVIRONMENT, Context
 from pipeline.production.tasks.supervisor import (
     RESTART_WORKER,
     SIGNALS,
@@ -34,7 +34,7 @@ from pipeline.production.tasks.supervisor import (
     fall_back_to_other_variant,
     renderer,
 )
-from render.base.atomic_write import REMEDIES, machine_error
+from render.base.atomic_write import machine_error
 from render.mitsuba.engine import available_cores
 
 
@@ -61,6 +61,25 @@ def main(
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _interrupt_once)
     context = Context.of(root, Plan.thaw(root / plan_path), job_name)
+    try:
+        return _do(context, plan_path, settled, insist, threads, key, process)
+    except (FlowsculptError, OSError) as error:
+        context.fail(_as_failure(error, context.root))
+        context.log.write("end", stage=context.job.stage)
+        return 1
+
+
+def _do(
+    context: Context,
+    plan_path: str,
+    settled: int | None,
+    insist: bool,
+    threads: int | None,
+    key: str | None,
+    process: int,
+) -> int:
+    """Do the job of a context; the other arguments are those of `main`."""
+    root = context.root
     context.tell_of_store()
     job = context.job
     context = whole = replace(context, job=replace(job, threads=threads or job.threads, key=key or job.key))
@@ -125,14 +144,18 @@ def work(context: Context) -> int:
         on_gpu = job.stage == "render" and context.request.variant == ON_GPU
         if on_gpu and fall_back_to_other_variant(context, f"failed ({str(error).partition(chr(10))[0]})"):
             return 1  # its memory may be too small, its driver too old: nothing that another frame would mend
-        if isinstance(error, OSError) and error.errno in REMEDIES:
-            context.fail(machine_error(Path(error.filename or context.root), error))
+        if isinstance(error, OSError):
+            context.fail(_as_failure(error, context.root))
         else:
             context.fail(
                 FrameError(f"{job.name}: {type(error).__name__}: {error}; this is a bug in flowsculpt")
             )
     context.log.write("end", stage=job.stage)
     return 0 if well else 1
+
+
+def _as_failure(error: FlowsculptError | OSError, root: Path) -> FlowsculptError:
+    return error if isinstance(error, FlowsculptError) else machine_error(Path(error.filename or root), error)
 
 
 def task_of(stage: str) -> Callable[[Context], bool]:
@@ -168,6 +191,10 @@ def run(words: Sequence[str], process: int | None = None) -> int:
         return main(**_arguments(words), process=process)
     except KeyboardInterrupt:
         return 130
+    except OSError as error:
+        with suppress(OSError):
+            print(machine_error(Path(error.filename or words[0]), error, "used"), file=sys.stderr)
+        return ENVIRONMENT
 
 
 def _arguments(words: Sequence[str]) -> dict[str, Any]:
