@@ -168,11 +168,11 @@ def _sound(path: Path) -> None:
 
 
 def _view(path: Path) -> None:
-    from pipeline.shot.documents.shot import _tables
+    from pipeline.shot.documents.config_tables import tables
     from render.post import view
 
     digest = _decodable(path, view._try_views, "render.post.view", "OpenImageIO")
-    _tables(path)
+    tables(path)
     view._read.__wrapped__(str(path), digest)
     view.view_of(str(path), None, None, "LINEAR", digest)
 

@@ -122,6 +122,10 @@ def test_a_skinned_mesh_is_read_as_it_was_bound_with_a_note() -> None:
     assert len(read.offsets) == 7 and "1 mesh would be moved by a skeleton" in read.notes[0]
 
 
+DOUBLED = "".join(f'<node id="n{k}">{2 * f"""<instance_node url="#n{k + 1}"/>"""}</node>' for k in range(30))
+"""Nodes that place the next one twice each: 2^30 of the last."""
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
@@ -136,6 +140,7 @@ def test_a_skinned_mesh_is_read_as_it_was_bound_with_a_note() -> None:
         (document(nodes='<node><instance_geometry url="b.dae#x"/></node>'), "'b.dae#x', in a file"),
         (document(nodes='<node id="n"><instance_node url="#n"/></node>'), "nodes that refer to each other"),
         (document(nodes="<node><skew>0 0 0 0 0 0 0</skew></node>"), "placed by skew, which is not read"),
+        (document(nodes=f'{DOUBLED}<node id="n30"/>'), "over 50000 nodes with instances"),
         (document(nodes=""), "it holds no mesh"),
         ("<svg/>", "its XML is 'svg', not COLLADA"),
         ('<!DOCTYPE x [<!ENTITY a "bbb">]><COLLADA>&a;</COLLADA>', "line 1: it declares the entity 'a'"),

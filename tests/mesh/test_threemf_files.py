@@ -96,6 +96,12 @@ def test_vertices_of_slices_and_lattices_are_no_vertices_of_the_mesh(tmp_path: P
     assert (read.vertices, read.faces) == (4, 4) and "1 beam lattice" in read.notes[0]
 
 
+DOUBLED = "".join(
+    f'<object id="{k}"><components>{2 * f"""<component objectid="{k + 1}"/>"""}</components></object>'
+    for k in range(1, 30)
+)
+"""Objects that place the next one twice each: 2^29 of the last, which has no triangles."""
+
 LOOP = '<object id="1"><components><component objectid="1"/></components></object>'
 
 
@@ -118,6 +124,8 @@ LOOP = '<object id="1"><components><component objectid="1"/></components></objec
             "it has no part '3D/c.model'",
         ),
         ({"a": model_part(LOOP)}, "32 within each other"),
+        ({"a": model_part(f'{DOUBLED}<object id="30"/>')}, "over 50000 objects with components"),
+        ({"a": model_part(corner(1), '<item objectid="1" p:path="\ufeff"/>')}, r"no part '\\ufeff'"),
         ({"a": model_part(corner(1), "")}, "its build places no triangles"),
         ({"a": model_part(corner(1), given='unit="mile"')}, "its unit 'mile' is not one of"),
         (
