@@ -28,14 +28,14 @@ _RUN = re.compile(rb"^(?:(?:v [^\n#]*+\n){8,4096}+|(?:f [^\n#]*+\n){8,4096}+)", 
 _UNSMOOTHED = (b"off", b"0")
 
 _LEFT_OUT = {
-    b"l": ("line", "lines", "l"),
-    b"p": ("set of points", "sets of points", "p"),
-    b"curv": ("free-form curve", "free-form curves", "curv"),
-    b"surf": ("free-form surface", "free-form surfaces", "surf"),
-    b"bzp": ("Bézier patch", "Bézier patches", "bzp"),
-    b"bsp": ("B-spline patch", "B-spline patches", "bsp"),
+    b"l": ("line", "lines"),
+    b"p": ("set of points", "sets of points"),
+    b"curv": ("free-form curve", "free-form curves"),
+    b"surf": ("free-form surface", "free-form surfaces"),
+    b"bzp": ("Bézier patch", "Bézier patches"),
+    b"bsp": ("B-spline patch", "B-spline patches"),
 }
-"""Statements that other programs show and that are no faces: what one and many are called, and its word."""
+"""Statements that other programs show and that are not faces: what one of them is called, and several."""
 
 
 def read_wavefront(content: bytes) -> FileSurface:
@@ -216,8 +216,10 @@ class _Wavefront:
         )
 
     def _notes(self) -> tuple[str, ...]:
-        counts = [(count, *_LEFT_OUT[name]) for name, count in self.left_out.items()]
-        found = " and ".join(f"{plural(count, one, many)} ({mark})" for count, one, many, mark in counts)
+        counts = [
+            f"{plural(count, *_LEFT_OUT[name])} ({name.decode()})" for name, count in self.left_out.items()
+        ]
+        found = " and ".join(counts)
         return (f"{found} left out: a surface is made of faces (f)",) if found else ()
 
 
