@@ -21,6 +21,7 @@ rate: 24  # frames per second
 lights: {lights}
 stage: {stage}
 # look: clay
+# picture: {{aspect: "9:16"}}  # upright; or {{size: [3840, 2160]}}, the pixels of final
 # quality: {{draft: {{samples: 8}}, final: {{samples: 128}}}}  # samples a pixel, in place of 4 and 64
 """
 

@@ -17,6 +17,7 @@ from pipeline.production.request.shot_source import ShotSource
 pytestmark = pytest.mark.quick
 
 PLACE = "renders/A/draft"
+SHOT = "title: A\nframes: 1-10\nsubject: {solid: box, size: [2, 2, 2]}\nresample: off\n"
 
 
 def log(root: Path, name: str, *events: dict[str, object]) -> None:
@@ -103,8 +104,8 @@ def test_a_run_that_left_no_log_is_told_with_those_that_did(tmp_path: Path) -> N
         named_run(tmp_path, "x")
 
 
-def plan_of(*jobs: Job, quality: str = "draft") -> Plan:
-    request = RenderRequest(ShotSource("", Path("/shots/A.yaml")), quality, "none", ())
+def plan_of(*jobs: Job, quality: str = "draft", settings: tuple[str, ...] = ()) -> Plan:
+    request = RenderRequest(ShotSource(SHOT, Path("/shots/A.yaml"), settings), quality, "none", ())
     return Plan((request,), None, jobs)
 
 
@@ -126,6 +127,15 @@ def test_another_quality_goes_by_samples_and_pixels(tmp_path: Path) -> None:
     statistics(tmp_path, 1, 2.0, 1.0)
     expected = estimate(plan_of(Job("r", "render", (0,), (1,)), quality="final"), tmp_path, cores=1)
     assert expected.seconds == pytest.approx((2.0 * 40 / 4 + 1.0) * (1920 * 1080) / (480 * 270))
+
+
+def test_larger_pictures_of_the_same_quality_take_longer(tmp_path: Path) -> None:
+    statistics(tmp_path, 1, 2.0, 1.0)
+    plan = plan_of(Job("r", "render", (0,), (1,)), settings=("picture.size=[3840, 2160]",))
+    assert estimate(plan, tmp_path, cores=1).seconds == pytest.approx(3.0 * 4)
+    file = tmp_path / PLACE / "statistics" / "A.0001.json"
+    file.write_text(json.dumps({**json.loads(file.read_text()), "pixels": 960 * 540}))
+    assert estimate(plan, tmp_path, cores=1).seconds == pytest.approx(3.0)
 
 
 def test_what_was_never_done_here_is_said_to_be_unknown(tmp_path: Path) -> None:

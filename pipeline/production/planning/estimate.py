@@ -49,13 +49,13 @@ class MeanTimings:
         self._root = root
         self._renders: dict[Path, list[tuple[float, float]]] = {}
 
-    def seconds(self, stage: str, shot: str, quality: str) -> Sample | None:
-        """Return the mean core-seconds of a frame; None where nothing of the stage was measured.
+    def seconds(self, stage: str, shot: str, quality: str, size: int) -> Sample | None:
+        """Return the mean core-seconds of a frame of `size` pixels; None where nothing was measured.
 
         Falls back to other shots and qualities, scaled by pixels, and rendering by samples too.
         """
         if stage == "render":
-            return self._render_seconds(shot, quality)
+            return self._render_seconds(shot, quality, size)
         history = self._history
         places = [(shot, quality)]
         if not history.stage(stage, shot, quality).made:
@@ -68,7 +68,7 @@ class MeanTimings:
                 return Sample(scale * taken / len(made), len(made), f"{name} at {at}")
         return None
 
-    def _render_seconds(self, shot: str, quality: str) -> Sample | None:
+    def _render_seconds(self, shot: str, quality: str, size: int) -> Sample | None:
         for name, at in ((shot, quality), (shot, "*"), ("*", quality), ("*", "*")):
             for folder in _statistics_folders(self._root, name, at):
                 if folder not in self._renders:
@@ -77,8 +77,7 @@ class MeanTimings:
                 if taken:
                     more = samples(quality) / samples(known)
                     mean = sum(more * light + rest for light, rest in taken) / len(taken)
-                    scale = pixels(quality) / pixels(known)
-                    return Sample(scale * mean, len(taken), f"{folder.parents[1].name} at {known}")
+                    return Sample(size * mean, len(taken), f"{folder.parents[1].name} at {known}")
         return None
 
     def bytes(self, stage: str, shot: str, quality: str) -> float | None:
@@ -130,11 +129,12 @@ def _statistics_folders(root: Path, name: str, quality: str) -> Iterator[Path]:
 
 
 def _core_seconds(folder: Path) -> Iterator[tuple[float, float]]:
-    """Yield core-seconds of tracing light, and of all else, of frames that one process rendered whole."""
+    """Yield core-seconds of a pixel, of light and of all else, of frames that one process rendered whole."""
     for statistics in islice(statistics_in(folder), _FRAMES):
         if not statistics.resumed_batches and "rendering" in statistics.seconds:
             light = statistics.seconds["rendering"] * statistics.threads
-            yield light, statistics.core_seconds - light
+            size = statistics.pixels or pixels(folder.parent.name)
+            yield light / size, (statistics.core_seconds - light) / size
 
 
 def _mean_size(folder: Path, pattern: str) -> float | None:
@@ -192,7 +192,8 @@ def estimate(plan: Plan, root: Path, cores: int) -> Estimate:
     size: float | None = 0.0
     for job in plan.jobs:
         shot, quality = _about(plan, job)
-        sample = timings.seconds(job.stage, shot, quality)
+        width, height = plan.requests[job.requests[0]].quality.rendered_size
+        sample = timings.seconds(job.stage, shot, quality, width * height)
         if sample is None:
             unmeasured[job.stage] = None
         else:

@@ -40,6 +40,7 @@ class RenderStatistics:
     threads          cores that it used
     peak_memory_mib  of its process
     resumed_batches  sample batches from an earlier process, whose seconds are not known
+    pixels           of the picture; 0 where it is not known
     """
 
     key: Key
@@ -47,6 +48,11 @@ class RenderStatistics:
     threads: int
     peak_memory_mib: float
     resumed_batches: int = 0
+    pixels: int = 0
+
+    def growth(self, pixels: int) -> float:
+        """Return the factor, at least 1, by which a picture of so many pixels is larger; 1 if not known."""
+        return max(1.0, pixels / self.pixels) if self.pixels else 1.0
 
     @property
     def core_seconds(self) -> float:
@@ -63,6 +69,7 @@ def read_statistics(path: Path) -> RenderStatistics | None:
             threads=int(data["threads"]),
             peak_memory_mib=float(data["peak_memory_mib"]),
             resumed_batches=int(data.get("resumed_batches", 0)),
+            pixels=int(data.get("pixels", 0)),
         )
     return None
 
@@ -139,7 +146,7 @@ UNMEASURED_MINUTES = 240
 
 @dataclass(frozen=True)
 class MeasuredResources:
-    """The most that earlier renders of a shot at a quality took.
+    """The most that earlier renders of a shot at a quality took, more for pictures that were smaller.
 
     mib      memory of a process, MiB
     seconds  core-seconds of one picture
@@ -149,12 +156,13 @@ class MeasuredResources:
     seconds: float
 
     @classmethod
-    def of(cls, folder: Path) -> MeasuredResources | None:
-        """Read the statistics of a folder; None while there are none."""
+    def of(cls, folder: Path, pixels: int) -> MeasuredResources | None:
+        """Read the statistics of a folder, for pictures of so many pixels; None while there are none."""
         renders = list(statistics_in(folder))
         if not renders:
             return None
-        return cls(max(r.peak_memory_mib for r in renders), max(r.core_seconds for r in renders))
+        mib = max(r.peak_memory_mib * r.growth(pixels) for r in renders)
+        return cls(mib, max(r.core_seconds * r.growth(pixels) for r in renders))
 
     @property
     def memory_mib(self) -> int:
@@ -176,7 +184,8 @@ def measured(
     known = {}
     for place in range(len(requests)) if places is None else sorted(places):
         folder = root / requests[place].place("statistics", 0).parent
-        if (resources := MeasuredResources.of(folder)) is not None:
+        width, height = requests[place].quality.rendered_size
+        if (resources := MeasuredResources.of(folder, width * height)) is not None:
             known[place] = resources
     return known
 

@@ -113,6 +113,7 @@ def _write_statistics(
     resumed  how many of its batches an earlier process had rendered, whose seconds are not known
     """
     stages = {name: round(value, 4) for name, value in layers.seconds.items()}
+    width, height = context.request.quality.rendered_size
     statistics = {
         "key": key,
         "seconds": {**stages, "reading and writing": round(seconds - sum(layers.seconds.values()), 4)},
@@ -125,6 +126,7 @@ def _write_statistics(
         "light_removed": layers.facts["light_removed"],
         **({"noise": layers.facts["noise"]} if "noise" in layers.facts else {}),
         **({"resumed_batches": resumed} if resumed else {}),
+        "pixels": width * height,
         "threads": context.job.threads,
         "peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
     }

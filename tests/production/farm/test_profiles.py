@@ -1,6 +1,7 @@
 """Profiles say where jobs run; plans are made by them."""
 
 import json
+import math
 import os
 import time
 from pathlib import Path
@@ -133,7 +134,7 @@ def test_batches_are_not_needlessly_short():
 
 
 def test_what_earlier_pictures_took_is_asked_for(tmp_path):
-    assert MeasuredResources.of(tmp_path) is None
+    assert MeasuredResources.of(tmp_path, 960 * 540) is None
     for number, mib in ((1, 700), (2, 3000)):
         told = {
             "key": "k",
@@ -143,7 +144,11 @@ def test_what_earlier_pictures_took_is_asked_for(tmp_path):
         }
         (tmp_path / f"a.{number:04d}.json").write_text(json.dumps(told))
     (tmp_path / "a.0003.json").write_text('{"seconds": ')
-    measured = MeasuredResources.of(tmp_path)
+    (tmp_path / "a.0004.json").write_text(json.dumps({**told, "peak_memory_mib": 800, "pixels": 480 * 270}))
+    measured = MeasuredResources.of(tmp_path, 960 * 540)
+    assert measured.memory_mib == math.ceil(1.5 * 3200) + LEAST_MIB // 2, "the small one, four times as large"
+    (tmp_path / "a.0004.json").unlink()
+    measured = MeasuredResources.of(tmp_path, 960 * 540)
     assert measured.memory_mib == 4500 + LEAST_MIB // 2
     assert (
         measured.minutes(frames=10, threads=2) == START_MINUTES + 40
