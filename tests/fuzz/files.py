@@ -245,6 +245,7 @@ def _work(connection: Any, folder: Path) -> None:
     kernels = str(cache_folder())
 
     os.environ["XDG_CACHE_HOME"] = str(folder / "cache")
+    tempfile.gettempdir()  # which tries the folder by writing to it, once
     for stream in (sys.stdout, sys.stderr):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
