@@ -1,0 +1,149 @@
+"""Every row of the tables of formats in docs/interchange.md has tests that show it, cell by cell."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "interchange.md").read_text(encoding="utf-8")
+SECTION = PAGE.partition("\n## In\n")[2].partition("\n## ")[0]
+
+SHOWN = {
+    "OBJ": {
+        "encodings": ["obj:encodings_and_line_ends_of_other_systems"],
+        "line ends": ["obj:encodings_and_line_ends_of_other_systems"],
+        "faces": ["obj:corners_of_every_form"],
+        "vertices": ["obj:forms_that_other_programs_write"],
+        "creases": ["polygon:edges_between_groups_are_creases", "polygon:crease_tags_of_a_file"],
+        "left out, with a note": ["obj:what_else_a_file_shows"],
+        "refused by name": ["obj:what_cannot_be_read"],
+    },
+    "PLY": {
+        "encodings": ["ply:text_of_other_encodings", "ply:lists_of_every_type"],
+        "line ends": ["ply:headers_of_every_line_end"],
+        "faces": ["ply:strips_are_triangles", "ply:strips_beside_faces", "ply:a_face_of_two_hundred_corners"],
+        "vertices": ["ply:forms_of_headers_and_text"],
+        "header": ["ply:forms_of_headers_and_text"],
+        "refused by name": ["ply:what_cannot_be_read"],
+    },
+    "OFF": {
+        "encodings": ["off:encodings_and_line_ends", "off:binary_files"],
+        "line ends": ["off:encodings_and_line_ends"],
+        "faces": ["off:forms_of_text"],
+        "vertices": ["off:forms_of_text"],
+        "header": ["off:forms_of_text"],
+        "refused by name": ["off:what_cannot_be_read"],
+    },
+    "STL": {
+        "encodings": ["stl:encodings_and_line_ends", "stl:binary_files"],
+        "line ends": ["stl:encodings_and_line_ends", "stl:forms_of_text"],
+        "faces": ["stl:forms_of_text"],
+        "refused by name": ["stl:what_cannot_be_read"],
+    },
+    "FBX": {
+        "needs": ["fbx:without_ufbx"],
+        "files": ["fbx:quads_stay_quads"],
+        "faces": ["fbx:quads_stay_quads", "fbx:hidden_meshes_are_left_out_with_a_note_and_holes"],
+        "placed by": ["fbx:nodes_pivots_and_geometric", "fbx:a_mirrored_instance"],
+        "axes": ["fbx:axes_other_than_y_and_z"],
+        "unit": ["fbx:quads_stay_quads"],
+        "creases": ["fbx:materials_weights_and_hard_edges", "fbx:edges_that_part"],
+        "left out, with a note": ["fbx:hidden_meshes"],
+        "left out": ["fbx:of_levels_of_detail"],
+        "not applied": ["fbx:a_skinned_mesh"],
+        "refused by name": ["fbx:a_file_that_contradicts_itself", "fbx:a_file_that_is_not_fbx"],
+    },
+    "DAE (COLLADA 1.4, 1.5)": {
+        "files": ["collada:polygons_unit_and_axis"],
+        "faces": ["collada:every_kind_of_face"],
+        "placed by": ["collada:nodes_instances_and_mirrors"],
+        "axes": ["collada:polygons_unit_and_axis"],
+        "unit": ["collada:polygons_unit_and_axis"],
+        "creases": ["collada:edges_between_materials"],
+        "left out, with a note": ["collada:every_kind_of_face"],
+        "not applied": ["collada:a_skinned_mesh"],
+        "refused by name": ["collada:what_contradicts_itself"],
+    },
+    "3MF": {
+        "files": ["threemf:items_and_components"],
+        "faces": ["threemf:triangles_unit_and_axis"],
+        "placed by": ["threemf:items_and_components"],
+        "axes": ["threemf:triangles_unit_and_axis"],
+        "unit": ["threemf:triangles_unit_and_axis"],
+        "creases": ["threemf:edges_between_materials"],
+        "left out, with a note": ["threemf:edges_between_materials_are_creases_and_supports"],
+        "left out": ["threemf:vertices_of_slices"],
+        "refused by name": ["threemf:what_is_not_read", "threemf:a_file_that_is_no_package"],
+    },
+    "USD": {
+        "which meshes": ["usd:only_active_visible_meshes"],
+        "where they stand": ["usd:a_mesh_stands_where_usd_computes_it"],
+        "instances": ["usd:points_of_an_instancer"],
+        "other prims": ["usd:only_active_visible_meshes"],
+        "axis and unit": ["usd:a_shot_heeds_the_axis"],
+        "when": ["usd:a_moving_stage_is_read"],
+        "faces": ["usd:a_mesh_stands_where_usd_computes_it", "usd:holes_are_left_out"],
+        "creases": ["usd:holes_are_left_out_and_sharp_edges"],
+        "subdivision": ["usd:every_form_of_stage"],
+        "layers": ["usd:a_shot_heeds_the_axis_and_follows_every_layer", "usd:layers_that_cannot_be_read"],
+    },
+    "glTF": {
+        "scene": ["gltf:the_default_scene", "gltf:nodes_that_are_hidden", "gltf:nodes_below_themselves"],
+        "primitives": ["gltf:lists_strips_and_fans", "gltf:strips_begin_again", "gltf:points_and_lines"],
+        "accessors": [
+            "gltf:normalized_positions",
+            "gltf:interleaved_positions",
+            "gltf:sparse_accessors",
+            "gltf:a_damaged_accessor",
+            "gltf:an_index_beyond_the_vertices",
+        ],
+        "copies": ["gltf:instances_stand_where_their_arrays_say", "gltf:meshes_that_nodes_multiply"],
+        "compression": [
+            "gltf:draco_data_is_read",
+            "gltf:views_that_meshoptimizer",
+            "gltf:other_modes_and_filters",
+        ],
+        "skins": ["gltf:a_skinned_mesh_stands", "gltf:morph_targets_are_not_applied"],
+        "buffers": [
+            "gltf:buffers_are_found_at_addresses",
+            "gltf:addresses_that_are_not_relative",
+            "gltf:a_missing_buffer",
+            "gltf:what_the_surface_does_not_rest_on",
+        ],
+        "other extensions": ["gltf:extensions_that_are_required_and_unknown"],
+        "glTF 1.0": ["gltf:version_1_is_read", "gltf:what_is_not_read_of_version_1"],
+    },
+}
+"""By format and row, the tests that show a cell: `module:beginning of the name`."""
+
+
+def cells() -> list[tuple[str, str]]:
+    """Return format and row of every cell of the tables that says something."""
+    found = []
+    for block in re.findall(r"(?:^\|.*\n)+", SECTION, re.MULTILINE):
+        head, _, *rows = (
+            [cell.strip() for cell in line.strip("|\n").split(" |")] for line in block.splitlines()
+        )
+        names = head[1:] if any(head) else ["USD" if "which meshes" in block else "glTF"]
+        for name, *row in rows:
+            found += [
+                (format, name) for format, cell in zip(names, row, strict=True) if cell not in ("", "–")
+            ]
+    return found
+
+
+def test_every_cell_of_the_tables_is_shown_by_tests_and_no_other_is_claimed() -> None:
+    claimed = {(format, row) for format, rows in SHOWN.items() for row in rows}
+    assert claimed == set(cells())
+
+
+@pytest.mark.parametrize("format", SHOWN)
+def test_the_tests_that_show_a_format_are_there(format: str) -> None:
+    for row, names in SHOWN[format].items():
+        for name in names:
+            module, _, beginning = name.partition(":")
+            text = (ROOT / f"tests/mesh/test_{module}_files.py").read_text(encoding="utf-8")
+            assert f"def test_{beginning}" in text, f"{row}: {name}"
