@@ -24,7 +24,7 @@ SIZE = ("-q", QUALITY)
 FAULTS = 200
 """Faults that the series meets."""
 
-RATES = (300, 1000, 3000)
+RATES = (100, 400, 1500)
 """One call in so many meets a fault, from run to run."""
 
 FORGOTTEN = (("movie",), ("movie", "frame"), ("movie", "frame", "raw"), ())
