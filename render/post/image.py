@@ -95,7 +95,9 @@ def read_exr(path: Path) -> tuple[RenderedFrame, dict[str, Any]]:
     Raises MissingImageError where there is no such file, CorruptImageError where it ends too early or
     is no EXR.
     """
-    spec, pixels = _read(path, lambda file: (oiio.ImageSpec(file.spec()), _pixels(file, path, oiio.FLOAT)))
+    spec, pixels = _read_copy(
+        path, lambda file: (oiio.ImageSpec(file.spec()), _pixels(file, path, oiio.FLOAT))
+    )
     header = _header(spec)
     convention, named = header.pop(CONVENTION, None), header.pop(CHANNELS, None)
     columns = _columns(spec.channelnames, named)
@@ -110,7 +112,8 @@ def read_exr(path: Path) -> tuple[RenderedFrame, dict[str, Any]]:
 
 def read_header(path: Path) -> dict[str, Any]:
     """Read only the `flowsculpt:` entries. Raises as `read_exr` does."""
-    return _read(path, lambda file: _header(file.spec()))
+    header = _read(path, lambda file: _header(file.spec()))
+    return header or _read_copy(path, lambda file: _header(file.spec()))
 
 
 def write_png(path: Path, picture: Displayed, header: Header | None = None) -> None:
@@ -236,11 +239,21 @@ def _read(path: Path, read: Callable[[Any], T]) -> T:
         with _opened(path, path) as file:
             return read(file)
     except CorruptImageError:
-        try:
-            with copied_to_memory(path) as copy, _opened(copy, path) as file:
-                return read(file)
-        except OSError as error:
-            raise machine_error(path, error, "read") from error
+        return _read_copy(path, read)
+
+
+def _read_copy(path: Path, read: Callable[[Any], T]) -> T:
+    """Return what `read` returns of a copy in memory.
+
+    OpenEXR leaves entries of a header out, without a word, where a read of it is interrupted.
+    """
+    if not path.is_file():
+        raise MissingImageError(f"{path}: there is no such picture")
+    try:
+        with copied_to_memory(path) as copy, _opened(copy, path) as file:
+            return read(file)
+    except OSError as error:
+        raise machine_error(path, error, "read") from error
 
 
 @contextmanager

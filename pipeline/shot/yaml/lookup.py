@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import re
 from pathlib import Path
 
 from pipeline.errors import MissingInputError, ShotError, shortened
 from pipeline.text_encoding import as_utf8
+from render.base.atomic_write import machine_error
 from render.base.errors import BadInputError
 from render.base.input_files import read_input
 from render.base.plural import indefinite
@@ -35,10 +37,17 @@ _EDIT, _SHOT = re.compile(r"^shots\s*:", re.MULTILINE), re.compile(r"^(subjects?
 
 
 def is_there(path: Path) -> bool:
-    """Tell whether a path names a file; a name too long for a file does not."""
+    """Tell whether a path names a file; a name too long for a file does not.
+
+    Raises MachineError where the disk does not say.
+    """
     try:
         return path.is_file()
-    except (OSError, ValueError):
+    except OSError as error:
+        if error.errno in (errno.EIO, errno.ESTALE):
+            raise machine_error(path, error, "read") from None
+        return False
+    except ValueError:
         return False
 
 

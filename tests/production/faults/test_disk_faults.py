@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from pipeline.production.store.digests import digest_of
+from pipeline.production.store.store import Store
 from tests.conftest import QUALITY, Run
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="LD_PRELOAD is Linux's")
@@ -89,7 +90,8 @@ def disk(library: Path, project: Any, tmp_path_factory: pytest.TempPathFactory) 
 def contents(project: Any) -> dict[str, str]:
     """Return the digest of every file of the store and in renders/, by its name."""
     folders = (project.path / ".flowsculpt/store", project.path / "renders")
-    paths = (path for folder in folders for path in folder.rglob("*") if path.is_file())
+    drafts = Store(project.path).scratch
+    paths = (path for folder in folders for path in folder.rglob("*") if path.parent != drafts)
     kinds = (".npz", ".exr", ".mp4")  # statistics tell of seconds
     return {str(path.relative_to(project.path)): digest_of(path) for path in paths if path.suffix in kinds}
 
