@@ -15,7 +15,6 @@ from typing import Any
 import pytest
 
 from pipeline.production.store.digests import digest_of
-from pipeline.production.store.store import Store
 from tests.conftest import QUALITY, Run
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="LD_PRELOAD is Linux's")
@@ -88,10 +87,9 @@ def disk(library: Path, project: Any, tmp_path_factory: pytest.TempPathFactory) 
 
 
 def contents(project: Any) -> dict[str, str]:
-    """Return the digest of every file of the store and in renders/, by its name."""
+    """Return the digest of every file of the store and in renders/ but drafts, by its name."""
     folders = (project.path / ".flowsculpt/store", project.path / "renders")
-    drafts = Store(project.path).scratch
-    paths = (path for folder in folders for path in folder.rglob("*") if path.parent != drafts)
+    paths = (path for folder in folders for path in folder.rglob("*") if path.parent.name != "tmp")
     kinds = (".npz", ".exr", ".mp4")  # statistics tell of seconds
     return {str(path.relative_to(project.path)): digest_of(path) for path in paths if path.suffix in kinds}
 
