@@ -5,5 +5,7 @@ from render.base.python_process import distrust_working_folder
 distrust_working_folder()  # which Python has put first, before anything else is imported
 
 from pipeline.cli.app import main  # noqa: E402
+from pipeline.cli.standard_streams import prepare_streams  # noqa: E402
 
+prepare_streams()
 main()
