@@ -8,13 +8,13 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import brief, reason_of
-from pipeline.mesh.gltf_document import MESHOPT, Entry
+from pipeline.mesh.gltf_document import MESHOPT, JsonObject
 from pipeline.mesh.gltf_scene import (
     FAN,
     INSTANCING,
     TRIANGLES,
-    Part,
-    Scene,
+    DefaultScene,
+    PlacedPrimitive,
     rotations,
     translations,
 )
@@ -40,7 +40,7 @@ class Triangles(NamedTuple):
 class SceneArrays:
     """Reads the arrays of a scene from the buffer views that the scene names, and from no others."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: DefaultScene) -> None:
         self.scene, self.document = scene, scene.document
         self._buffers: dict[int, bytes] = {}
         self._views: dict[int, AnyArray] = {}
@@ -60,7 +60,7 @@ class SceneArrays:
             first += len(placed.points)
         return Triangles(np.concatenate(points), np.concatenate(faces))
 
-    def _own(self, part: Part) -> Triangles:
+    def _own(self, part: PlacedPrimitive) -> Triangles:
         """Return the triangles of a part, read once where many nodes show its mesh."""
         if part.is_skinned:
             return self._triangles(part)
@@ -69,7 +69,7 @@ class SceneArrays:
             self._known[primitive] = self._triangles(part)
         return self._known[primitive]
 
-    def _triangles(self, part: Part) -> Triangles:
+    def _triangles(self, part: PlacedPrimitive) -> Triangles:
         """Return the triangles of a part in its node's coordinates, or in the scene's where it is skinned."""
         draco = self.scene.draco_of(part)
         if draco is not None:
@@ -86,10 +86,10 @@ class SceneArrays:
             )
         return Triangles(self._skinned(part, points, others) if part.is_skinned else points, faces)
 
-    def _positions(self, part: Part) -> Points:
+    def _positions(self, part: PlacedPrimitive) -> Points:
         return self._numbers(part.primitive.entry("attributes").values["POSITION"], part.place, "VEC3")
 
-    def _corners(self, part: Part, vertices: int) -> AnyArray:
+    def _corners(self, part: PlacedPrimitive, vertices: int) -> AnyArray:
         """Return the vertices (C,) that the mode of a part joins; -1 where a strip or fan begins again."""
         if "indices" not in part.primitive:
             return np.arange(vertices)
@@ -101,7 +101,9 @@ class SceneArrays:
             corners[corners == np.iinfo(values.dtype).max] = -1
         return corners
 
-    def _from_draco(self, part: Part, draco: Entry) -> tuple[Points, AnyArray, dict[str, AnyArray]]:
+    def _from_draco(
+        self, part: PlacedPrimitive, draco: JsonObject
+    ) -> tuple[Points, AnyArray, dict[str, AnyArray]]:
         """Return points, triangles, and other attributes by name. Raises ValueError."""
         import DracoPy
 
@@ -124,7 +126,7 @@ class SceneArrays:
             raise ValueError(f"the Draco data of {part.place} has no positions")
         return values["POSITION"], faces, values
 
-    def _skinned(self, part: Part, points: Points, decoded: dict[str, AnyArray]) -> Points:
+    def _skinned(self, part: PlacedPrimitive, points: Points, decoded: dict[str, AnyArray]) -> Points:
         """Return points (V, 3) where the joints of their skin take them, in the coordinates of the scene."""
         joints, skin = self.scene.joints_of(part)
         matrices = np.array([self.scene.matrix(joint) for joint in joints]).reshape(-1, 4, 4)
@@ -153,7 +155,7 @@ class SceneArrays:
         summed[~moves] = matrices[0, :3]
         return np.einsum("vij,vj->vi", summed[:, :, :3], points) + summed[:, :, 3]
 
-    def _matrices(self, part: Part) -> Floats:
+    def _matrices(self, part: PlacedPrimitive) -> Floats:
         """Return where a part is: matrices (N, 4, 4), one for each copy of it."""
         instances = part.node.extension(INSTANCING)
         if part.is_skinned and instances is not None:
@@ -188,7 +190,7 @@ class SceneArrays:
         """Return an accessor as float64 (N, k), divided where it is normalized. Raises ValueError."""
         return _as_floats(*self._elements(index, place, kind))
 
-    def _elements(self, index: object, place: str, kind: str) -> tuple[AnyArray, Entry]:
+    def _elements(self, index: object, place: str, kind: str) -> tuple[AnyArray, JsonObject]:
         """Return the elements (N, k) of an accessor as the file has them. Raises ValueError."""
         accessor = self.document.item("accessors", index, place)
         if accessor.text("type") != kind:
@@ -213,7 +215,7 @@ class SceneArrays:
             values[at] = self._strided(sparse.entry("values"), accessor, exceptions, _SIZES[kind])
         return values, accessor
 
-    def _strided(self, source: Entry, typed: Entry, count: int, size: int) -> AnyArray:
+    def _strided(self, source: JsonObject, typed: JsonObject, count: int, size: int) -> AnyArray:
         """Return `count` elements (N, size) of a buffer view; `typed` names the type of their numbers."""
         dtype = np.dtype(_component(typed))
         index = source.whole("bufferView")
@@ -253,7 +255,7 @@ class SceneArrays:
         return self._views[index]
 
 
-def _component(accessor: Entry) -> str:
+def _component(accessor: JsonObject) -> str:
     kind = accessor.values.get("componentType")
     if kind not in _COMPONENTS:
         raise ValueError(
@@ -262,14 +264,14 @@ def _component(accessor: Entry) -> str:
     return _COMPONENTS[kind]
 
 
-def _as_floats(values: AnyArray, accessor: Entry) -> Floats:
+def _as_floats(values: AnyArray, accessor: JsonObject) -> Floats:
     """Return values as float64; normalized whole numbers are then from -1 or 0 to 1."""
     if values.dtype.kind == "f" or not accessor.values.get("normalized"):
         return values.astype(np.float64)
     return np.maximum(values / np.iinfo(values.dtype).max, -1.0)
 
 
-def _unpacked(data: bytes, packed: Entry, place: str) -> AnyArray:
+def _unpacked(data: bytes, packed: JsonObject, place: str) -> AnyArray:
     """Return the bytes of a buffer view that meshoptimizer compressed. Raises ValueError."""
     mode, name = packed.text("mode"), packed.text("filter", "NONE")
     if mode not in MODES:
@@ -285,7 +287,7 @@ def _unpacked(data: bytes, packed: Entry, place: str) -> AnyArray:
         raise ValueError(f"{place}, compressed by meshoptimizer, is damaged: {error}") from None
 
 
-def _faces(corners: AnyArray, part: Part) -> AnyArray:
+def _faces(corners: AnyArray, part: PlacedPrimitive) -> AnyArray:
     """Return the triangles (F, 3) that the mode of a part makes of its corners (C,). Raises ValueError."""
     if part.mode == TRIANGLES:
         if len(corners) % 3:

@@ -30,7 +30,7 @@ _NOT_RELATIVE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:|[/\\]|[A-Za-z]:[/\\]")
 MESHOPT = ("KHR_meshopt_compression", "EXT_meshopt_compression")
 
 
-class Entry:
+class JsonObject:
     """An object of the JSON, and its place for messages: `accessor 3`. Every getter raises ValueError."""
 
     def __init__(self, values: object, place: str) -> None:
@@ -42,11 +42,11 @@ class Entry:
     def __contains__(self, name: str) -> bool:
         return name in self.values
 
-    def entry(self, name: str) -> Entry:
+    def entry(self, name: str) -> JsonObject:
         """Return an object; an empty one where it is not there."""
-        return Entry(self.values.get(name, {}), f"{name} of {self.place}")
+        return JsonObject(self.values.get(name, {}), f"{name} of {self.place}")
 
-    def extension(self, *names: str) -> Entry | None:
+    def extension(self, *names: str) -> JsonObject | None:
         """Return the first of the named extensions that is there."""
         there = self.entry("extensions")
         return next((there.entry(name) for name in names if name in there), None)
@@ -58,10 +58,10 @@ class Entry:
             raise self._wrong(name, "a list")
         return values
 
-    def entries(self, name: str) -> Iterator[Entry]:
+    def entries(self, name: str) -> Iterator[JsonObject]:
         """Yield the objects of a list."""
         for number, values in enumerate(self.items(name)):
-            yield Entry(values, f"{name}[{number}] of {self.place}")
+            yield JsonObject(values, f"{name}[{number}] of {self.place}")
 
     def whole(self, name: str, default: int | None = None) -> int:
         """Return a whole number from 0; without a default it must be there."""
@@ -93,7 +93,7 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Document:
+class GltfDocument:
     """A glTF file, from whose buffers nothing is read yet.
 
     path      of the file
@@ -103,12 +103,12 @@ class Document:
     """
 
     path: Path
-    root: Entry
+    root: JsonObject
     binary: tuple[int, int] | None
     embedded: tuple[bytes, ...]
 
     @classmethod
-    def read(cls, path: Path) -> Document:
+    def read(cls, path: Path) -> GltfDocument:
         """Read a .gltf or .glb, by its content. Raises ValueError where it is neither, or ends early."""
         with opened_input(path, MOST_BYTES) as (file, size):
             head = file.read(min(size, 12))
@@ -124,7 +124,7 @@ class Document:
         return cls._parsed(path, read_input(path, MOST_BYTES), None)
 
     @classmethod
-    def _parsed(cls, path: Path, text: bytes, binary: tuple[int, int] | None) -> Document:
+    def _parsed(cls, path: Path, text: bytes, binary: tuple[int, int] | None) -> GltfDocument:
         embedded: list[bytes] = []
 
         def cut(address: re.Match[bytes]) -> bytes:
@@ -134,16 +134,16 @@ class Document:
         text = _DATA.sub(cut, text)
         if len(text) > MOST_JSON:
             raise ValueError(f"its JSON has {size_of(len(text))}; up to {size_of(MOST_JSON)} are read")
-        root = Entry(json.loads(text), "the file")
+        root = JsonObject(json.loads(text), "the file")
         asset = root.entry("asset").values
         version, least = str(asset.get("version", "2.0")), str(asset.get("minVersion", "2.0"))
         if version.startswith("1") or isinstance(root.values.get("meshes"), dict):
-            root = Entry(as_version_2(root.values), "the file")
+            root = JsonObject(as_version_2(root.values), "the file")
         elif not version.startswith("2") or least not in ("2", "2.0"):
             raise _other_version(version if least in ("2", "2.0") else least)
         return cls(path, root, binary, tuple(embedded))
 
-    def item(self, kind: str, index: object, named_by: str) -> Entry:
+    def item(self, kind: str, index: object, named_by: str) -> JsonObject:
         """Return an object of one of the lists of the file: `item("nodes", 3, "scene 0")`."""
         there = self.root.items(kind)
         if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(there):
@@ -151,9 +151,9 @@ class Document:
             raise ValueError(
                 f"{named_by} names {singular} {brief(repr(index))}; the file has {len(there)}, from 0"
             )
-        return Entry(there[index], f"{kind.removesuffix('es' if kind == 'meshes' else 's')} {index}")
+        return JsonObject(there[index], f"{kind.removesuffix('es' if kind == 'meshes' else 's')} {index}")
 
-    def buffer_of_view(self, view: Entry) -> int:
+    def buffer_of_view(self, view: JsonObject) -> int:
         """Return the buffer that holds the bytes of a buffer view, which may be compressed."""
         return (view.extension(*MESHOPT) or view).whole("buffer")
 
@@ -190,7 +190,7 @@ class Document:
             opened.seek(offset)
             return opened.read(size)
 
-    def _embedded(self, buffer: Entry) -> bytes:
+    def _embedded(self, buffer: JsonObject) -> bytes:
         """Return the bytes of an address with data, as base64 or with percent signs."""
         address = buffer.text("uri").encode()
         cut = address.removeprefix(b"data:")

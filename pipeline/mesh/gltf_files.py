@@ -16,8 +16,8 @@ import numpy as np
 from pipeline.errors import MachineError, MissingInputError
 from pipeline.mesh.file_surface import FileSurface, file_surface
 from pipeline.mesh.gltf_arrays import SceneArrays
-from pipeline.mesh.gltf_document import MOST_BYTES, Document
-from pipeline.mesh.gltf_scene import Scene
+from pipeline.mesh.gltf_document import MOST_BYTES, GltfDocument
+from pipeline.mesh.gltf_scene import DefaultScene
 from render.base.input_files import require_input
 from render.base.limited_process import MEMORY, allow_memory, answer_of, serve
 from render.base.plural import plural
@@ -41,7 +41,7 @@ def is_gltf(path: Path) -> bool:
 
 
 class SceneFiles(NamedTuple):
-    """What decides the surface of a glTF file, besides the file itself.
+    """The inputs of a glTF file's surface besides the file itself.
 
     buffers  files that it is read from
     reader   version of the reader, where an earlier one read this file otherwise; else empty
@@ -53,11 +53,11 @@ class SceneFiles(NamedTuple):
 
 def scene_files(path: Path) -> SceneFiles:
     """Return the files besides a glTF file that its surface is read from. Raises as `read_gltf`."""
-    scene = Scene.of(Document.read(path))
+    scene = DefaultScene.of(GltfDocument.read(path))
     return SceneFiles(_buffer_files(scene), ("glTF reader 2",) if scene.was_misread else ())
 
 
-def _buffer_files(scene: Scene) -> tuple[Path, ...]:
+def _buffer_files(scene: DefaultScene) -> tuple[Path, ...]:
     """Return the files of a scene's buffers. Raises MissingInputError where one is not there."""
     files: dict[Path, None] = {}
     for index in sorted(scene.buffers):
@@ -77,7 +77,7 @@ def read_gltf(path: Path) -> FileSurface:
 
     Raises ValueError or ParserError where it cannot be read, MissingInputError for a missing buffer.
     """
-    scene = Scene.of(Document.read(path))
+    scene = DefaultScene.of(GltfDocument.read(path))
     if scene.needs_draco:
         require_draco()
     _buffer_files(scene)
@@ -88,7 +88,7 @@ def read_gltf(path: Path) -> FileSurface:
     return surface._replace(notes=tuple(_notes(scene)))
 
 
-def _notes(scene: Scene) -> Iterator[str]:
+def _notes(scene: DefaultScene) -> Iterator[str]:
     """Yield lines to tell the user about what is not read as other programs show it."""
     if scene.skipped:
         there = "is" if scene.skipped == 1 else "are"
@@ -102,7 +102,7 @@ def _notes(scene: Scene) -> Iterator[str]:
 
 def _arrays(path: str) -> bytes:
     """Return vertices (V, 3) and faces (F, 3) as two npy files, one after the other."""
-    scene = Scene.of(Document.read(Path(path)))
+    scene = DefaultScene.of(GltfDocument.read(Path(path)))
     files = (Path(path), *_buffer_files(scene))
     allow_memory(MEMORY + 40 * sum(require_input(file, MOST_BYTES) for file in files))
     surface = SceneArrays(scene).surface()

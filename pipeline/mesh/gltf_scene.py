@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import MeshError, brief
-from pipeline.mesh.gltf_document import MESHOPT, Document, Entry
+from pipeline.mesh.gltf_document import MESHOPT, GltfDocument, JsonObject
 
 DRACO, INSTANCING = "KHR_draco_mesh_compression", "EXT_mesh_gpu_instancing"
 _QUANTIZATION, _VISIBILITY = "KHR_mesh_quantization", "KHR_node_visibility"
@@ -37,7 +37,7 @@ TRIANGLES, STRIP, FAN = 4, 5, 6
 
 
 @dataclass(frozen=True)
-class Part:
+class PlacedPrimitive:
     """A primitive of triangles, in a mesh that a node of the scene has.
 
     number     of the node
@@ -48,9 +48,9 @@ class Part:
     """
 
     number: int
-    node: Entry
-    mesh: Entry
-    primitive: Entry
+    node: JsonObject
+    mesh: JsonObject
+    primitive: JsonObject
     place: str
 
     @property
@@ -70,7 +70,7 @@ class Part:
 
 
 @dataclass
-class Scene:
+class DefaultScene:
     """The default scene of a document, or its first; of a file without scenes all nodes.
 
     parts    in the order in which their surfaces are joined
@@ -78,15 +78,15 @@ class Scene:
     morphed  number of primitives with morph targets whose weights are not 0
     """
 
-    document: Document
-    parts: list[Part] = field(default_factory=list)
+    document: GltfDocument
+    parts: list[PlacedPrimitive] = field(default_factory=list)
     skipped: int = 0
     morphed: int = 0
     _parents: dict[int, int | None] = field(default_factory=dict)
     _locals: dict[int, AnyArray] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, document: Document) -> Scene:
+    def of(cls, document: GltfDocument) -> DefaultScene:
         """Find the parts of the scene.
 
         Raises ValueError for damaged nodes and meshes and for cycles, MeshError for a required extension that
@@ -125,12 +125,12 @@ class Scene:
         children = {str(child) for node in root.entries("nodes") for child in node.items("children")}
         return [number for number in range(len(root.items("nodes"))) if str(number) not in children]
 
-    def _add_mesh(self, number: int, node: Entry) -> None:
+    def _add_mesh(self, number: int, node: JsonObject) -> None:
         mesh = self.document.item("meshes", node.values["mesh"], node.place)
         for k, primitive in enumerate(mesh.entries("primitives")):
             if len(self.parts) + self.skipped >= _MOST_PARTS:
                 raise ValueError(f"its nodes have over {_MOST_PARTS} primitives in all")
-            part = Part(number, node, mesh, primitive, f"primitive {k} of {mesh.place}")
+            part = PlacedPrimitive(number, node, mesh, primitive, f"primitive {k} of {mesh.place}")
             if part.mode in POINTS_AND_LINES:
                 self.skipped += 1
             elif part.mode not in (TRIANGLES, STRIP, FAN):
@@ -140,7 +140,7 @@ class Scene:
                 weights = node.numbers("weights") or mesh.numbers("weights")
                 self.morphed += any(weights) and bool(primitive.items("targets"))
 
-    def joints_of(self, part: Part) -> tuple[list[int], Entry]:
+    def joints_of(self, part: PlacedPrimitive) -> tuple[list[int], JsonObject]:
         """Return the joints of a part's skin, by node, and the skin. Raises ValueError."""
         skin = self.document.item("skins", part.node.values["skin"], part.node.place)
         joints = skin.items("joints")
@@ -185,9 +185,9 @@ class Scene:
         return self._locals[number]
 
     @cached_property
-    def distinct(self) -> list[Part]:
+    def distinct(self) -> list[PlacedPrimitive]:
         """Parts that rest on other data than those before: many nodes may show one mesh."""
-        known: dict[tuple[Any, ...], Part] = {}
+        known: dict[tuple[Any, ...], PlacedPrimitive] = {}
         for part in self.parts:
             own = id(part.node.values) if {"skin", "extensions"} & part.node.values.keys() else 0
             known.setdefault((id(part.primitive.values), own), part)
@@ -212,11 +212,11 @@ class Scene:
                 found |= {holder.whole("bufferView") for holder in holders if "bufferView" in holder}
         return frozenset(found)
 
-    def _accessors_of(self, part: Part, draco: Entry | None) -> Iterator[object]:
+    def _accessors_of(self, part: PlacedPrimitive, draco: JsonObject | None) -> Iterator[object]:
         """Yield the accessors that a part is read from."""
         attributes, instances = part.primitive.entry("attributes"), part.node.extension(INSTANCING)
         names = ["POSITION", *(name for pair in part.influences() for name in pair)]
-        packed = draco.entry("attributes") if draco is not None else Entry({}, "")
+        packed = draco.entry("attributes") if draco is not None else JsonObject({}, "")
         yield from (attributes.values.get(name) for name in names if name not in packed)
         if draco is None and "indices" in part.primitive:
             yield part.primitive.values["indices"]
@@ -228,14 +228,14 @@ class Scene:
             given = instances.entry("attributes").values
             yield from (given[name] for name in ("TRANSLATION", "ROTATION", "SCALE") if name in given)
 
-    def draco_of(self, part: Part) -> Entry | None:
+    def draco_of(self, part: PlacedPrimitive) -> JsonObject | None:
         """Return the Draco data of a part, where it has no other: it may be there besides."""
         draco = part.primitive.extension(DRACO)
         if draco is None:
             return None
         return None if "bufferView" in self._position_of(part) else draco
 
-    def _position_of(self, part: Part) -> Entry:
+    def _position_of(self, part: PlacedPrimitive) -> JsonObject:
         position = part.primitive.entry("attributes").values["POSITION"]
         return self.document.item("accessors", position, part.place)
 
@@ -260,7 +260,7 @@ class Scene:
             or any(self._was_part_misread(part) for part in self.distinct)
         )
 
-    def _was_part_misread(self, part: Part) -> bool:
+    def _was_part_misread(self, part: PlacedPrimitive) -> bool:
         if part.mode == FAN or part.is_skinned or self._position_of(part).values.get("normalized"):
             return True
         used = (

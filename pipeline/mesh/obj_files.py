@@ -94,7 +94,7 @@ def _statements(content: bytes, first: int) -> Iterator[tuple[int, list[bytes]]]
 
 
 class _Wavefront:
-    """What the statements of a file have said so far.
+    """The state of a file's statements up to a line.
 
     corners  vertices of all faces, from 1
     sides    number of corners of each face

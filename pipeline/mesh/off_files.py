@@ -27,7 +27,7 @@ Row = list[bytes]
 
 
 class _Layout(NamedTuple):
-    """What the prefixes of the keyword say about a vertex.
+    """The columns of a vertex, by the prefixes of the keyword.
 
     weighted   it has a homogeneous coordinate, w (`4`)
     dimension  number of its other coordinates (`n`)
@@ -48,7 +48,7 @@ class _Layout(NamedTuple):
 
     @property
     def numbers(self) -> int:
-        """How many numbers its position has."""
+        """The number of coordinates of its position."""
         return self.dimension + self.weighted
 
     def points(self, positions: Floats) -> Points:

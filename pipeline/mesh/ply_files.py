@@ -46,7 +46,7 @@ class Lists(NamedTuple):
 
     @property
     def offsets(self) -> AnyArray:
-        """Where the values of each row begin, and the last end, int64 (rows + 1,)."""
+        """Offsets of the values of each row, and their end, int64 (rows + 1,)."""
         if self.values.ndim == 2:
             return self.values.shape[1] * np.arange(len(self.values) + 1)
         return offsets_of(self.lengths)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from render.base.errors import BadInputError, reason_of
 from render.base.input_files import parsing
-from render.scene.picture_layers import Layer, Part, choose_layer
+from render.scene.picture_layers import ExrPart, Layer, choose_layer
 from render.scene.rgb_encoding import RgbEncoding, encoding_of, encoding_of_icc, linear_of_srgb, power, same
 
 DEFAULT_CONFIG = "ocio://default"
@@ -158,11 +158,11 @@ class OpenedPicture:
         if self.kind != "openexr":
             return Layer("", 0, _first(spec.nchannels))
         views = spec.getattribute("multiView") or ()
-        parts: list[Part] = []
+        parts: list[ExrPart] = []
         while self._file.seek_subimage(len(parts), 0):
             spec = self._file.spec()
             name, view = (spec.get_string_attribute(key) for key in ("oiio:subimagename", "view"))
-            parts.append(Part(name, view, tuple(spec.channelnames) if not spec.deep else ()))
+            parts.append(ExrPart(name, view, tuple(spec.channelnames) if not spec.deep else ()))
         last_message(self._file)  # there is no further part, which is no error
         try:
             return choose_layer(parts, (views,) if isinstance(views, str) else tuple(views))

@@ -22,7 +22,7 @@ _MOST_NAMED = 8
 
 
 @dataclass(frozen=True)
-class Part:
+class ExrPart:
     """A part of a file: its name, the eye or camera that it shows, and the names of its channels."""
 
     name: str
@@ -39,7 +39,7 @@ class Layer:
     channels: tuple[int, ...]
 
 
-def choose_layer(parts: Sequence[Part], views: Sequence[str] = ()) -> Layer:
+def choose_layer(parts: Sequence[ExrPart], views: Sequence[str] = ()) -> Layer:
     """Return the layer that is the picture: the default one, else the beauty, else the only one.
 
     views  the file's views, the default one first; by default the left one, or that of the first part
@@ -68,7 +68,7 @@ def choose_layer(parts: Sequence[Part], views: Sequence[str] = ()) -> Layer:
     return chosen
 
 
-def _stereo(parts: Sequence[Part]) -> list[str]:
+def _stereo(parts: Sequence[ExrPart]) -> list[str]:
     """Return the views of a file that names none where its layers are called left and right."""
     words = {word for part in parts for name in (part.name, *part.channels) for word in name.split(".")}
     return ["left", "right"] if {"left", "right"} <= words else []
@@ -78,7 +78,7 @@ Groups = dict[tuple[str, int], dict[str, int]]
 """Indices of channels by suffix in small letters, by name of the layer and part."""
 
 
-def _groups(parts: Sequence[Part], view: str, hidden: set[str]) -> Groups:
+def _groups(parts: Sequence[ExrPart], view: str, hidden: set[str]) -> Groups:
     """Return the channels by layer, without those of hidden views."""
     groups: Groups = {}
     for index, part in enumerate(parts):

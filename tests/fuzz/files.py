@@ -55,13 +55,13 @@ def _scene(path: Path) -> None:
     from pipeline.errors import MeshError
     from pipeline.mesh.file_surface import file_surface
     from pipeline.mesh.gltf_arrays import SceneArrays
-    from pipeline.mesh.gltf_document import Document
-    from pipeline.mesh.gltf_scene import Scene
+    from pipeline.mesh.gltf_document import GltfDocument
+    from pipeline.mesh.gltf_scene import DefaultScene
     from pipeline.mesh.repair import repair_surface
     from render.base.input_files import parsing
 
     with parsing(path, "a scene", ""):
-        surface = file_surface(*SceneArrays(Scene.of(Document.read(path))).surface(), base=None)
+        surface = file_surface(*SceneArrays(DefaultScene.of(GltfDocument.read(path))).surface(), base=None)
         if not len(surface.corners):
             raise MeshError("it holds no faces")
         repair_surface(surface).mesh.triangulated()

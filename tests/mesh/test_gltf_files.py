@@ -18,8 +18,8 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import MachineError, MeshError, MissingInputError
 from pipeline.mesh import box, gltf_files, icosphere
 from pipeline.mesh.gltf_arrays import SceneArrays, Triangles
-from pipeline.mesh.gltf_document import Document
-from pipeline.mesh.gltf_scene import Scene
+from pipeline.mesh.gltf_document import GltfDocument
+from pipeline.mesh.gltf_scene import DefaultScene
 from pipeline.mesh.read import model_files, read_surface
 from tests.mesh.gltf_scenes import GltfScene, box_scene, with_instances
 from tests.mesh.test_meshopt import STREAMS
@@ -29,7 +29,7 @@ BALL = icosphere(2)
 
 def surface(path: Path) -> Triangles:
     """Read a file in this process."""
-    return SceneArrays(Scene.of(Document.read(path))).surface()
+    return SceneArrays(DefaultScene.of(GltfDocument.read(path))).surface()
 
 
 def extents(triangles: Triangles) -> list[float]:
@@ -220,7 +220,7 @@ def test_a_plain_scene_is_read_to_the_last_bit_as_trimesh_reads_it(
     assert np.array_equal(np.reshape(other.vertices, (-1, 3)), read.points), "keys of older frames stay right"
     assert np.array_equal(np.reshape(other.faces, (-1, 3)), read.faces)
     assert len(model_files(path).digest) == 64
-    assert not Scene.of(Document.read(path)).was_misread
+    assert not DefaultScene.of(GltfDocument.read(path)).was_misread
 
 
 @pytest.mark.parametrize(
