@@ -211,7 +211,7 @@ def _header(lines: list[bytes]) -> tuple[str, list[_Element]]:
         if len(set(names)) < len(names):
             raise ValueError(f"its header names a property of {element.name[:40]} twice")
         if any(np.dtype(p.length).kind == "f" for p in element.properties if p.length):
-            raise ValueError(f"its header gives lists of {element.name[:40]} lengths that are no integers")
+            raise ValueError(f"its header gives lists of {element.name[:40]} lengths that are not integers")
     return order, [element for element in elements if element.properties]
 
 

@@ -18,7 +18,7 @@ _HEADER = 84
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 _MOST_TRIANGLES = 500_000_000
-"""More triangles in a header are no number of triangles."""
+"""More triangles than any file holds: such a header is text or damaged."""
 
 _START = 1024
 """Bytes that tell text from a binary file."""
