@@ -29,6 +29,7 @@ shots:
   - {shot: T010_tiny, frames: "6,5"}
 title_seconds: 0.25
 credits_seconds: 0
+rate: 24
 """
 
 

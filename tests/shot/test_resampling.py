@@ -247,5 +247,5 @@ def test_every_setting_is_documented_with_its_default() -> None:
     for field in dataclasses.fields(Resampling):
         if field.name != "thresholds":
             default = getattr(found, field.name)
-            shown = f"`{default}`" if isinstance(default, str) else f"{default:g}"
+            shown = f"`{default}`" if isinstance(default, str) else "–" if default is None else f"{default:g}"
             assert f"| `{field.name}` | {shown} |" in page, field.name

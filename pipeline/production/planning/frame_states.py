@@ -139,7 +139,8 @@ class KnownPictures:
         if is_held and self._store.is_remote("frame", self._key("frame", number)):
             return "remote"
         state = _undone(self._store, place)
-        return "rendered" if state == "missing" and self.holds("raw", number) else state
+        is_rendered = state == "missing" and is_held is False and self.holds("raw", number)
+        return "rendered" if is_rendered else state
 
     def holds(self, kind: str, number: int) -> bool | None:
         """Tell whether the store holds a `raw` picture, a `frame` or a still.

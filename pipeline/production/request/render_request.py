@@ -187,7 +187,8 @@ class RenderRequest:
     @property
     def flat_aspect(self) -> float | None:
         """The aspect of pictures with edges; None where the projection is wide."""
-        return None if self.projection.is_wide else self.aspect
+        is_wide = self.turntable is None and self.shot.picture.camera.projection.is_wide
+        return None if is_wide else self.aspect
 
     def _qualities(self, picture: Picture) -> Mapping[str, Quality]:
         """Return the qualities of a picture; a turntable, seen in perspective, has no sizes of wide ones."""
