@@ -14,7 +14,7 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.errors import MeshError, shortened
 from pipeline.mesh.collada_meshes import numbers_in, read_geometry
-from pipeline.mesh.file_surface import FileSurface
+from pipeline.mesh.file_surface import FileSurface, known_unit
 from pipeline.mesh.placed_meshes import PlacedMeshes, Polygons, bound_note, joined
 from pipeline.mesh.xml_elements import Element, parse_elements
 from render.base.plural import plural
@@ -59,12 +59,12 @@ def _up_axis(root: Element) -> str:
     return "Y_UP" if axis is None else axis.text.strip().upper()
 
 
-def _unit(root: Element) -> float:
+def _unit(root: Element) -> float | None:
     unit = root.first("asset", "unit")
     try:
-        return 1.0 if unit is None else float(unit.attributes.get("meter", "1").replace(",", "."))
+        return 1.0 if unit is None else known_unit(float(unit.attributes.get("meter", "1").replace(",", ".")))
     except ValueError:
-        return 1.0
+        return None
 
 
 @dataclass

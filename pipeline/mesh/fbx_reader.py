@@ -20,8 +20,9 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError, shortened
 from pipeline.mesh.face_soup import FaceSoup
-from pipeline.mesh.file_surface import FileSurface
+from pipeline.mesh.file_surface import FileSurface, known_unit
 from pipeline.mesh.placed_meshes import PlacedMeshes, Polygons, bound_note, joined
+from pipeline.text_encoding import as_utf8
 from render.base.input_files import read_input, require_input
 from render.base.limited_process import MEMORY, allow_memory, serve
 from render.base.plural import plural
@@ -81,7 +82,7 @@ def _loaded(content: bytes, **options: bool) -> ufbx.Scene:
 
     try:
         scene = ufbx.load_memory(
-            content,
+            as_utf8(content),
             file_format=ufbx.FileFormat.FBX,  # it would read OBJ too
             ignore_animation=True,
             ignore_embedded=True,
@@ -148,7 +149,7 @@ def visible_surface(content: bytes) -> FileSurface:
             f"{plural(cages, 'mesh', 'meshes')} would be smoothed by subdivision, which is not done here; "
             "subdivide in the program that made the file to have it smooth"
         )
-    return joined(meshes.parts, notes)._replace(unit=scene.settings.unit_meters)
+    return joined(meshes.parts, notes)._replace(unit=known_unit(scene.settings.unit_meters))
 
 
 _PLURALS = {"hidden mesh": "hidden meshes"}

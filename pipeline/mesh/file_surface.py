@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from collections.abc import Sequence
 from itertools import chain
 from typing import NamedTuple
@@ -119,6 +120,11 @@ def polygon_surface(
     return FileSurface(
         points, offsets, corners, alike, np.array(tagged, np.int64).reshape(-1, 2), base, notes
     )
+
+
+def known_unit(length: float) -> float | None:
+    """Return the length of a unit, metres; None for one that is not above 0 and finite."""
+    return length if 0.0 < length < math.inf else None
 
 
 def early_end(promised: int, item: str, present: int) -> ValueError:

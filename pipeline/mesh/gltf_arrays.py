@@ -87,7 +87,14 @@ class SceneArrays:
         return Triangles(self._skinned(part, points, others) if part.is_skinned else points, faces)
 
     def _positions(self, part: PlacedPrimitive) -> Points:
-        return self._numbers(part.primitive.entry("attributes").values["POSITION"], part.place, "VEC3")
+        index = part.primitive.entry("attributes").values["POSITION"]
+        values, accessor = self._elements(index, part.place, "VEC3")
+        if values.dtype == np.uint32:  # floats under a wrong name, or no positions
+            raise ValueError(
+                f"{accessor.place} of {part.place} has positions of componentType 5125, which glTF has for "
+                "indices alone"
+            )
+        return _as_floats(values, accessor)
 
     def _corners(self, part: PlacedPrimitive, vertices: int) -> AnyArray:
         """Return the vertices (C,) that the mode of a part joins; -1 where a strip or fan begins again."""

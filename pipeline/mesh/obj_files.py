@@ -22,6 +22,9 @@ from render.base.plural import plural
 _PARTING = (b"o", b"g", b"s", b"usemtl")
 """Statements that begin another object, group, smoothing group or material."""
 
+_NAMING = (b"o", b"g", b"usemtl", b"mtllib")
+"""Statements whose names may end in a backslash, as paths of Windows do; it does not continue the line."""
+
 _RUN = re.compile(rb"^(?:(?:v [^\n#]*+\n){8,4096}+|(?:f [^\n#]*+\n){8,4096}+)", re.MULTILINE)
 """Lines of vertices, or of faces, which can be read at once; not more, since their words take memory."""
 
@@ -76,7 +79,7 @@ def _read_statements(reader: _Wavefront, text: bytes, first: int) -> int:
 
 
 def _statements(content: bytes, first: int) -> Iterator[tuple[int, list[bytes]]]:
-    """Yield statements as words, with the line where each ends; a backslash continues a line."""
+    """Yield statements as words, with the line where each ends; backslashes continue lines, but not names."""
     words: list[bytes] = []
     number = 0
     for number, text in enumerate(io.BytesIO(content), first):
@@ -84,8 +87,10 @@ def _statements(content: bytes, first: int) -> Iterator[tuple[int, list[bytes]]]
             text = text.partition(b"#")[0]
         if b"\\" in text and (begun := text.rstrip()).endswith(b"\\"):
             words += begun[:-1].split()
-            continue
-        words += text.split()
+            if words[:1] and words[0] not in _NAMING:
+                continue
+        else:
+            words += text.split()
         if words:
             yield number, words
             words = []

@@ -73,6 +73,9 @@ def read_object_file(content: bytes) -> FileSurface:
         return _read_binary(content[binary.end() :], binary[1])
     text = text_content(content)
     head = list(islice(_rows(text), _HEADER_ROWS + 1))
+    is_one_row = len(head) == 1
+    if is_one_row:
+        head = [[word] for word in head[0]]
     keyword = _keyword(head[0][0]) if head else None
     prefixes = keyword[1] if keyword else b""
     if keyword:
@@ -81,6 +84,8 @@ def read_object_file(content: bytes) -> FileSurface:
     if min(vertices, faces) < 0 or max(vertices, faces) > len(content):
         raise ValueError(f"its header promises {vertices} vertices and {faces} faces; they do not fit in it")
     layout = _Layout.of(prefixes, dimension)
+    if is_one_row:
+        return _read_words(head[start:], layout, vertices, faces)
     try:
         return _read_rows(islice(_rows(text), start, None), layout, vertices, faces)
     except ValueError as error:
@@ -154,8 +159,11 @@ def _require_faces(promised: int, present: int, more: int, item: str) -> None:
 
 def _read_words(rows: list[Row], layout: _Layout, vertices: int, faces: int) -> FileSurface:
     """Read numbers that any white space separates; only a colour of a face ends with its row."""
-    words, row_of = zip(*((word, k) for k, row in enumerate(rows) for word in row), strict=True)
+    words = [word for row in rows for word in row]
+    row_of = [k for k, row in enumerate(rows) for _ in row]
     width = layout.numbers + layout.beside
+    if len(words) < vertices * width:
+        raise early_end(vertices, "vertex", len(words) // width)
     table = np.array(words[: vertices * width], np.float64).reshape(vertices, width)
     at = vertices * width
     sides: list[int] = []

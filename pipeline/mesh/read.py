@@ -209,13 +209,16 @@ def model_files(path: Path) -> ModelFiles:
 
 
 _MISREAD = {
-    "obj": re.compile(rb"\A\xef\xbb\xbf"),
+    "obj": re.compile(
+        rb"\A\xef\xbb\xbf|^[ \t]*(?:o|g|usemtl|mtllib)[ \t][^\r\n]*\\[ \t]*[\r\n]", re.MULTILINE
+    ),
     "off": re.compile(rb"^[ \t]*(?:ST|C|N)*4n?OFF", re.MULTILINE),
     "ply": re.compile(rb"[\r\n]element[ \t]+tristrips[ \t]"),
 }
 """What files begin with that an earlier reader read otherwise: they are other models now.
 
-It lost the first vertex behind a byte order mark, divided by no w, and left out strips of triangles.
+It lost the first vertex behind a byte order mark, and statements behind names that end in a backslash; it
+divided by no w, and left out strips of triangles.
 """
 
 

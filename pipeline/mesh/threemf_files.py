@@ -96,7 +96,7 @@ def read_threemf(content: bytes) -> FileSurface:
         for item in part.items:
             package.add(item, root, np.eye(4), 0)
     if not package.placed.parts:
-        raise MeshError("its build places no triangles. Export the model again.")
+        raise MeshError("; ".join(["its build places no triangles", *package.notes()]) + ". Export it again.")
     return joined(package.placed.parts, package.notes())._replace(unit=_UNITS[part.unit])
 
 
@@ -129,7 +129,8 @@ class _Package:
 
     def _read(self, name: str) -> bytes:
         """Return the content of a part. Raises MeshError where it is missing or too large."""
-        info = next((i for i in self.archive.infolist() if i.filename.lower() == name.lower()), None)
+        parts = {i.filename.replace("\\", "/").lower(): i for i in reversed(self.archive.infolist())}
+        info = parts.get(name.lower())
         if info is None or not name.isprintable():
             raise MeshError(f"it has no part {shortened(name)}. Export the model again.")
         if info.file_size > min(MOST_BYTES, max(_SMALL, _MOST_PACKED * info.compress_size)):

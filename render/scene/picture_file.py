@@ -41,6 +41,9 @@ _EXIF_ADOBE_RGB = (b"\1\0\2\0\4\0\0\0R03\0", b"\0\1\0\2\0\0\0\4R03\0")
 _PNG_SRGB = (45000, 46000)
 """Range of the gAMA that PNG's specification pairs with sRGB, 45455: such files are sRGB pictures."""
 
+_LOST_PIXELS = ("premature end", "bad huffman code")
+"""Parts of libjpeg's warnings of pixels that it made up; after its other warnings none are missing."""
+
 _HEADER_BYTES = 1 << 20
 """Bytes at the start of a file that hold its header: of PNG and Radiance, and EXIF of a JPEG."""
 
@@ -105,10 +108,11 @@ class OpenedPicture:
         """Return the picture as stored, (H, W, 3) or (H, W, 1). Raises BadInputError for a truncated file."""
         first, last = self.channels.start, self.channels.stop
         stored = self._file.read_image(self._layer.part, 0, first, last)
-        if stored is None:
-            raise BadInputError(
-                f"{self.path}: it cannot be read to its end ({last_message(self._file)}); write it again"
-            )
+        messages = _messages(self._file)
+        lost = [line for line in messages if any(words in line.lower() for words in _LOST_PIXELS)]
+        if stored is None or (self.kind == "jpeg" and lost):
+            reason = _first_line([*lost, *messages])
+            raise BadInputError(f"{self.path}: it cannot be read to its end ({reason}); write it again")
         spec = self.spec
         pixels = np.asarray(stored, dtype=np.float32).reshape(spec.height, spec.width, -1)
         if len(self.channels) != self.count:
@@ -406,8 +410,16 @@ def opened_picture(path: str, kinds: str, *options: Any) -> Iterator[OpenedPictu
 
 def last_message(source: Any) -> str:
     """Return the first line of OpenImageIO's last message."""
+    return _first_line(_messages(source))
+
+
+def _messages(source: Any) -> list[str]:
+    """Return the lines of OpenImageIO's messages since they were last asked for."""
     try:
-        lines = str(source.geterror()).strip().splitlines()
+        return str(source.geterror()).strip().splitlines()
     except UnicodeDecodeError:  # it quotes the file
-        lines = []
+        return []
+
+
+def _first_line(lines: list[str]) -> str:
     return reason_of(ValueError(lines[0] if lines else "unknown format"))

@@ -66,6 +66,11 @@ def test_polygons_unit_and_axis_are_those_of_the_file(
     assert read.mesh.bounds.mean(axis=0).tolist() == list(turned) and volume(read.mesh) == pytest.approx(8.0)
 
 
+@pytest.mark.parametrize("length", ["0", "inf", "nan", "-1", "a foot"])
+def test_a_unit_that_is_no_length_is_not_known(length: str) -> None:
+    assert read_collada(document(asset=f'<unit meter="{length}"/>').encode()).unit is None
+
+
 def faces(kind: str, *lists: str, count: int | None = None, stride: int = 1) -> str:
     """Return a set of faces; with a stride of 2 the corners have normals."""
     inputs = '<input semantic="VERTEX" source="#v" offset="0"/>'

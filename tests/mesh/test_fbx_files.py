@@ -52,6 +52,16 @@ def test_quads_stay_quads_in_text_and_binary_files(tmp_path: Path, form: Any) ->
     assert "up:" not in template.subject, "the file states it"
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_text_of_other_encodings_is_read_and_an_impossible_unit_is_none(
+    tmp_path: Path, encoding: str
+) -> None:
+    nodes = scene([box_geometry(1), model(2, "box")], LINKED, UnitScaleFactor=0.0)
+    path = write(tmp_path / "box.fbx", nodes, lambda given: text(given).decode().encode(encoding))
+    read = read_surface(path)
+    assert read.faces == 6 and read.unit is None and usual_up(path) == "y"
+
+
 def test_nodes_pivots_and_geometric_transforms_place_a_mesh() -> None:
     node = model(2, "box", Lcl__Translation=(10.0, 0.0, 0.0), Lcl__Rotation=(0.0, 0.0, 90.0),
                  RotationPivot=(1.0, 0.0, 0.0), Lcl__Scaling=(1.0, 2.0, 1.0),

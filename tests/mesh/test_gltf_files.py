@@ -108,6 +108,7 @@ def test_sparse_accessors_have_their_exceptions(tmp_path: Path, from_zero: bool)
         ({"byteOffset": 50}, "accessor 0 ends at byte 146 of bufferView 0, which has 96"),
         ({"bufferView": 7}, "accessor 0 names bufferView 7; the file has 2, from 0"),
         ({"componentType": 5124}, "componentType of accessor 0 is 5124"),
+        ({"componentType": 5125}, "positions of componentType 5125"),
         ({"type": "VEC2"}, "accessor 0 of primitive 0 of mesh 0 is of type VEC2; it must be VEC3"),
         ({"sparse": {"count": 1}}, "indices of sparse of accessor 0"),
     ],
@@ -306,6 +307,15 @@ def test_the_default_scene_is_read_and_without_scenes_every_node(tmp_path: Path)
     assert surface(scene.glb(tmp_path / "a.glb")).points.mean(axis=0).tolist() == [9, 0, 0]
     del scene.json["scenes"], scene.json["scene"]
     assert extents(surface(scene.glb(tmp_path / "b.glb"))) == [11, 2, 2]
+
+
+def test_of_a_scene_that_shows_none_of_the_meshes_this_is_said(tmp_path: Path) -> None:
+    scene = box_scene(box())
+    scene.json["scenes"][0]["nodes"] = []
+    with pytest.raises(
+        MeshError, match=r"it holds no faces.*; no node that its default scene shows has a mesh"
+    ):
+        read_surface(scene.glb(tmp_path / "a.glb"))
 
 
 def test_meshes_that_nodes_multiply_beyond_reason_are_refused(

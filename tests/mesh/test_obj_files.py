@@ -33,6 +33,7 @@ def test_encodings_and_line_ends_of_other_systems_lose_nothing(
         pytest.param(lambda text: text.replace("v ", "v\N{NO-BREAK SPACE}"), id="no-break spaces"),
         pytest.param(lambda text: text.replace("\nv", "\f\nv"), id="form feeds"),
         pytest.param(lambda text: text.replace("v 2", "v \\\n2"), id="continued lines"),
+        pytest.param(lambda text: text.replace("f ", "usemtl C:\\maps\\\nf ", 1), id="paths of Windows"),
         pytest.param(lambda text: text.replace("v 2 3 1", "v +2.0 3.e0 1E+0"), id="forms of numbers"),
         pytest.param(lambda text: text.replace(" 1\n", " 1 0.5 0.5 1\n"), id="colours of vertices"),
         pytest.param(lambda text: text.replace("v 2 3 1\n", "v 2 3 1 1.0\n"), id="a weight of 1"),

@@ -22,6 +22,8 @@ def with_more(more: str, faces: str = FACES) -> str:
     [
         pytest.param(f"OFF8 6 0\n{BODY}", id="ModelNet"),
         pytest.param(f"OFF 8 6 0\n{BODY}", id="one line"),
+        pytest.param(" ".join(f"OFF\n8 6 12\n{BODY}".split()), id="all on one line"),
+        pytest.param(" ".join(f"COFF8 6 0\n{with_more('0.5 0 0 1')}".split()), id="COFF8 on one line"),
         pytest.param(f"OFF\n8 6\n{BODY}", id="no number of edges"),
         pytest.param(f"OFF\n8\n6\n12\n{BODY}", id="three lines"),
         pytest.param(f"8 6 12\n{BODY}", id="no keyword"),
@@ -106,6 +108,7 @@ def test_binary_files_are_read(tmp_path: Path, content: bytes) -> None:
         (OFF.replace("2 3 1", "2,0 3 1"), "vertex 7: 2,0 is not a number; decimals have a point, as in 2.0"),
         (OFF.replace("4 0 1 3 2", "4 0 1 3 2.5"), "face 0: 2.5 is not an integer"),
         ("OFF\n8 six 0\n", "it has no OFF header"),
+        ("OFF 8 6 0 0 0 0 1", "its header promises 8 vertices, and 1 is there"),
         ("{ appearance { } OFF\n", "it has no OFF header"),
         (OFF.replace("2 3 1", "2 3 \0"), "line 10: byte .* is NUL"),
     ],

@@ -81,6 +81,8 @@ def test_a_folder_that_is_a_file_is_the_environments_fault(tmp_path: Path) -> No
     [
         ("a.obj", b"v 0 0 0\n", False),
         ("a.obj", b"\xef\xbb\xbfv 0 0 0\n", True),
+        ("a.obj", b"mtllib C:\\a.mtl\nv 1 \\\n0 0\n", False),
+        ("a.obj", b"o chair\r\nusemtl C:\\maps\\\r\nf 1 2 3\r\n", True),
         ("a.off", b"OFF\n3 1 0\n", False),
         ("a.off", b"# by hand\nST4OFF 3 1 0\n", True),
         ("a.ply", b"ply\nformat ascii 1.0\nelement face 1\n", False),

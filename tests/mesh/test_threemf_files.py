@@ -127,6 +127,10 @@ LOOP = '<object id="1"><components><component objectid="1"/></components></objec
         ({"a": model_part(f'{DOUBLED}<object id="30"/>')}, "over 50000 objects with components"),
         ({"a": model_part(corner(1), '<item objectid="1" p:path="\ufeff"/>')}, r"no part '\\ufeff'"),
         ({"a": model_part(corner(1), "")}, "its build places no triangles"),
+        (
+            {"a": model_part(corner(1).replace("<object", '<object type="support"'))},
+            "its build places no triangles; left out, .*: 1 support",
+        ),
         ({"a": model_part(corner(1), given='unit="mile"')}, "its unit 'mile' is not one of"),
         (
             {"a": model_part(corner(1), given='requiredextensions="s" xmlns:s="http://x/slice/2015/07"')},
@@ -151,6 +155,12 @@ def test_what_is_not_read_is_told_with_its_part_and_line(
     with pytest.raises(MeshError, match=says) as told:
         read_surface(path)
     assert str(told.value).startswith(str(path)) and "\n" not in str(told.value)
+
+
+def test_parts_may_have_names_with_backslashes(tmp_path: Path) -> None:
+    path = package(tmp_path / "a.3mf", a=model_part(corner(1)))
+    path.write_bytes(path.read_bytes().replace(b"3D/a.model", rb"3D\a.model"))
+    assert volume(path) == pytest.approx(1 / 6)
 
 
 def test_a_file_that_is_no_package_is_refused(tmp_path: Path) -> None:

@@ -295,6 +295,20 @@ def test_the_first_page_or_frame_is_the_picture(tmp_path: Path) -> None:
         assert (found.pixels() == np.float32([1, 0, 0])).all() and not found.reading
 
 
+@pytest.mark.parametrize("progressive", [False, True])
+def test_a_jpeg_that_ends_early_is_refused_and_one_with_more_bytes_is_read(
+    progressive: bool, tmp_path: Path
+) -> None:
+    pixels = np.random.default_rng(1).integers(0, 255, (64, 64, 3), np.uint8)
+    Image.fromarray(pixels).save(tmp_path / "a.jpg", progressive=progressive)
+    whole = (tmp_path / "a.jpg").read_bytes()
+    (tmp_path / "cut.jpg").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(BadInputError, match=r"cut\.jpg: it cannot be read to its end \(.*[Pp]remature end"):
+        texture(tmp_path / "cut.jpg")
+    (tmp_path / "more.jpg").write_bytes(whole[:-2] + b"\0\0\0" + whole[-2:] + b"trailer")
+    assert np.array_equal(texture(tmp_path / "more.jpg").pixels(), texture(tmp_path / "a.jpg").pixels())
+
+
 def test_a_mipmapped_file_is_read_at_its_full_size(tmp_path: Path) -> None:
     source = oiio.ImageBuf(np.ascontiguousarray(PICTURE))
     for name in ("a.tx", "a.exr"):
