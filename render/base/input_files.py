@@ -6,6 +6,7 @@ size says: named pipes, devices and the files of /proc, which have no size, keep
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import shutil
@@ -15,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+from render.base.atomic_write import machine_error
 from render.base.errors import BadInputError, FlowsculptError, MissingInputError, reason_of
 
 MOST_BYTES = 8 << 30
@@ -44,7 +46,8 @@ def kind_of_path(path: Path) -> str:
 def require_input(path: Path, most: int = MOST_BYTES) -> int:
     """Return the size of a regular file.
 
-    Raises MissingInputError where there is none, BadInputError where it has more than `most` bytes.
+    Raises MissingInputError where there is none, BadInputError where it has more than `most` bytes, and
+    MachineError where the disk fails.
     """
     kind = kind_of_path(path)
     if kind:
@@ -137,6 +140,9 @@ def size_of(count: int) -> str:
     return f"{count} byte{'' if count == 1 else 's'}"
 
 
-def _unreadable(path: Path, error: Exception) -> MissingInputError:
+def _unreadable(path: Path, error: Exception) -> FlowsculptError:
+    """Return the error of a file that is there: of the machine where its disk fails, else of the input."""
+    if isinstance(error, OSError) and error.errno in (errno.EIO, errno.ESTALE):
+        return machine_error(path, error, "read")
     reason = error.strerror if isinstance(error, OSError) else str(error)
     return MissingInputError(f"{path}: it cannot be read ({reason}); look at its permissions")
