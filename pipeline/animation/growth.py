@@ -32,6 +32,9 @@ MOST_MOVES = 4e7
 SIDE = 0.02
 """Sides of the carried triangles over those of the faces."""
 
+FLATTEST = 1e-6
+"""Area over the square of the longest side below which a face is a line, whose stretch is only rounding."""
+
 RUNAWAY, MANY_VERTICES = 10.0, 200_000
 """Growth, and vertices, from which on a forecast warns: such shots take minutes where seconds were meant."""
 
@@ -122,6 +125,8 @@ def forecast_growth(
     if motion.resampling is None or not (len(faces) and others and flows_of(motion.flow)):
         return
     corners, areas = _small_triangles(points, faces, _sample_size(motion, others[0], points, len(others)))
+    if not len(areas):
+        return
     at_rest, names = _Rest.of(corners, areas), [flow.name for flow in flows_of(motion.flow)]
     by_flow, splits, start_edge = np.ones(len(names)), 1.0, motion.longest_edge(first)
     for number in others:
@@ -159,7 +164,9 @@ def _small_triangles(points: Points, faces: Faces, count: int) -> tuple[Points, 
     """Return corners (3 N, 3) of small triangles amid some faces, and the areas (N,) that they stand for."""
     chosen = points[faces[:: max(1, len(faces) // count)]]
     areas = 0.5 * np.linalg.norm(np.cross(chosen[:, 1] - chosen[:, 0], chosen[:, 2] - chosen[:, 0]), axis=1)
-    chosen, areas = chosen[areas > 0.0], areas[areas > 0.0]
+    longest = np.linalg.norm(chosen - np.roll(chosen, -1, axis=1), axis=2).max(axis=1, initial=0.0)
+    is_face = areas > FLATTEST * longest**2
+    chosen, areas = chosen[is_face], areas[is_face]
     middles = chosen.mean(axis=1, keepdims=True)
     return (middles + SIDE * (chosen - middles)).reshape(-1, 3), areas
 
@@ -176,7 +183,7 @@ class _Rest(NamedTuple):
 
     @classmethod
     def of(cls, corners: Points, weights: Floats) -> _Rest:
-        return cls(np.linalg.inv(np.linalg.qr(_sides(corners)).R), weights)
+        return cls(np.linalg.pinv(np.linalg.qr(_sides(corners)).R), weights)
 
     def splits(self, corners: Points) -> float:
         """Return how many faces one has become on average: the product of the factors that are over 1."""

@@ -150,7 +150,7 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> MovingSurface:
         polyhedral = PolyhedralResampler.from_state(
             state, thresholds, resampling.cutting, resampling.collapse
         )
-        return PolygonSurface(motion, resampling, polyhedral, frame.report.start_vertices)
+        return PolygonSurface(motion, resampling, polyhedral, _start_vertices(motion, flow, frame))
     numbers = {"identities": np.array(frame.identities), "unsorted": np.array(frame.unsorted)}
     state = _state(frame.mesh, faces=frame.mesh.faces, **numbers)
     if resampling.placement == "exact" and REST not in frame.mesh.attributes:
@@ -159,7 +159,20 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> MovingSurface:
             "resume from a frame that was made with exact placement"
         )
     resume = partial(Resampler.from_state, state, thresholds)
-    return _triangle_surface(motion, resampling, flow, frame.number, resume, frame.report.start_vertices)
+    start_vertices = _start_vertices(motion, flow, frame)
+    return _triangle_surface(motion, resampling, flow, frame.number, resume, start_vertices)
+
+
+def _start_vertices(motion: Motion, flow: Flow, frame: MeshFrame) -> int | None:
+    """Return the number of vertices of the first frame, by which `max_growth` is measured.
+
+    Frames of earlier versions do not state it; the first frame is then computed again where a limit is set.
+    """
+    known = frame.report.start_vertices
+    if known is not None or motion.resampling is None or motion.resampling.max_growth is None:
+        return known
+    start = at_rest(motion, flow).frame(motion.frames.first, lambda: None)
+    return len(start.mesh.vertices)
 
 
 def _state(mesh: TriangleMesh | PolygonMesh, **others: AnyArray) -> dict[str, AnyArray]:

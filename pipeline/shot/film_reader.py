@@ -78,6 +78,8 @@ def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
             entries[-1] = _clip(shot, entry)
         except UsageError as error:
             problems.append((("shots", index, "frames"), str(error)))
+    if entries and all(isinstance(entry, Card) for entry in entries):
+        problems.append((("shots",), "shots has cards only; a film shows at least one shot. Add one."))
     problems += [*_mixed_projections(placed), *_mixed_shapes(placed)]
     title = Card(str(source.get("title") or ""), seconds=_title_seconds(source.get("title_seconds")))
     if rate:

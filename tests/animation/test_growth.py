@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
@@ -50,6 +51,15 @@ def test_the_largest_frame_is_forecast_within_a_factor_of_two(flow: str, tmp_pat
     assert forecasts[-1].place == "flows.1" and flow.startswith(forecasts[-1].flow)
 
 
+def test_faces_that_are_lines_grow_nothing(motion: Motion) -> None:
+    along = np.array([0.9, 0.3, 0.17])
+    line = np.array([0.0 * along, 0.3 * along, along])
+    assert list(forecast_growth(motion, line, np.array([[0, 1, 2]]), 3)) == []
+    beside = np.vstack([line, [[0.0, 1.0, 0.0]]])
+    for faces in ([[0, 1, 2], [0, 2, 3]], [[0, 2, 3], [0, 1, 2]]):
+        assert all(growth.times < 100.0 for growth in forecast_growth(motion, beside, np.array(faces), 4))
+
+
 def test_edges_that_become_shorter_multiply_the_vertices(tmp_path: Path) -> None:
     motion = shot_of(tmp_path, "rotation: {speed: 5}", edge="{keys: {1: 0.2, 30: 0.1}}").motion
     rest = motion.mesh_at_rest()
@@ -81,6 +91,12 @@ def test_a_run_stops_at_the_growth_that_the_shot_allows(tmp_path: Path) -> None:
     with pytest.raises(FrameError, match=r"max_growth 1\.3") as again:
         list(animate(shot, resume=frames[-2]))
     assert str(again.value) == str(stopped.value), "a resumed run stops where the whole one does"
+    earlier = replace(frames[-2], report=replace(frames[-2].report, start_vertices=None))
+    with pytest.raises(FrameError, match=r"max_growth 1\.3") as resumed:
+        list(animate(shot, resume=earlier))
+    assert str(resumed.value) == str(stopped.value), (
+        "also from frames of versions that did not note the start"
+    )
 
 
 def test_a_limit_of_growth_changes_neither_keys_nor_bits(motion: Motion, tmp_path: Path) -> None:

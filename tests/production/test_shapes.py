@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import pytest
 
 from pipeline.errors import ShotError, UsageError
 from pipeline.production.execution.project import Project
+from pipeline.production.maintenance.known_requests import begun_requests
+from pipeline.production.planning.estimate import estimate
 from pipeline.production.request.lookup import find_edit, find_shot
 from pipeline.production.request.turntable import Turntable
 from pipeline.production.versions.grid import Grid
@@ -70,6 +73,22 @@ def test_crops_are_parts_of_the_pictures_of_the_shot(there: Project) -> None:
     assert crop.quality("draft", there, [NAME]) == "draft.crop0-135-480-270"
     with pytest.raises(UsageError, match="several sizes"):
         crop.quality("draft", there, [NAME, "B"])
+
+
+@pytest.mark.quick
+def test_a_crop_of_pictures_that_had_another_shape_hides_nothing_else_of_its_shot(there: Project) -> None:
+    upright = "draft.crop0-240-270-480"
+    for quality in ("draft", upright):
+        folder = Path("renders", NAME, quality, "statistics")
+        folder.mkdir(parents=True)
+        statistics = {"key": "", "seconds": {"rendering": 1.0}, "threads": 1, "peak_memory_mib": 1.0}
+        (folder / f"{NAME}.0001.json").write_text(json.dumps(statistics))
+    told: list[str] = []
+    begun = [each for each in begun_requests(there, told.append) if each.name == NAME]
+    assert [each.quality_name for each in begun] == ["draft"] and not told
+    assert estimate(there.pictures([NAME], "daily"), there.root, cores=1).seconds > 0.0
+    with pytest.raises(UsageError, match="0,240,270,480 goes beyond the picture, which has 480 × 270 pixels"):
+        there.pictures([NAME], upright)
 
 
 def test_a_wedge_shows_pictures_of_several_shapes_side_by_side(there: Project) -> None:

@@ -70,6 +70,12 @@ def test_the_films_own_shots_are_good() -> None:
     assert all(2 <= shot.rate.seconds(len(shot.frames)) <= 8 for shot in film.shots)
 
 
+def test_a_film_of_cards_alone_is_refused(tmp_path: Path) -> None:
+    cards = FILM.replace("[A, B]", "[{card: Act one, seconds: 2}, {card: Act two, seconds: 2}]")
+    with pytest.raises(ShotError, match=r"film\.yaml:2:\d+: shots has cards only; .* Add one\.$"):
+        read_film(written(tmp_path, cards, "film.yaml"))
+
+
 def test_a_film_without_a_rate_takes_that_of_its_shots(tmp_path: Path) -> None:
     without = FILM.replace("rate: 24\n", "")
     for name, rate in (("A", "23.976"), ("B", "23.976")):

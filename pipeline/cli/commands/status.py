@@ -27,9 +27,9 @@ def status(
 
     `flowsculpt status A010_cube` lists one shot. Stale frames were made from an older shot file. Unframed
     frames are stale only if their camera moves, which the next run frames first. Rendered frames are not
-    denoised yet. Remote frames are in the
-    remote store (--store) and not here; the next run fetches them. Failed frames failed at the last attempt;
-    running frames are being rendered. The time left assumes that frames take as long as the last ones did.
+    denoised yet. Remote frames are in the remote store (--store) and not here; the next run fetches them.
+    Failed frames failed at the last attempt; running frames are being rendered. The time left assumes that
+    frames take as long as the last ones did.
     """
     project = project_of(common, settings)
     history = History.of(common.root)

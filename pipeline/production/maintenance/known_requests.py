@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import FlowsculptError
+from pipeline.errors import FlowsculptError, UsageError
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import is_begun
 from pipeline.production.request.crop_and_scale import is_quality
@@ -30,12 +30,17 @@ def begun_requests(project: Project, warn: Callable[[str], object]) -> Iterator[
     warn  called with a line about each shot that cannot be read
     """
     for name in shot_names():
-        names = [*QUALITIES, *_crops_and_scales(project.root / RENDERS / name)]
         try:
-            requests = [project.as_finished(project.request(find_shot(name), each)) for each in names]
+            path = find_shot(name)
+            requests = [project.as_finished(project.request(path, each)) for each in QUALITIES]
         except FlowsculptError as error:
             warn(str(error))
             continue
+        for each in _crops_and_scales(project.root / RENDERS / name):
+            with suppress(UsageError):  # a crop of pictures that had another shape
+                request = project.request(path, each)
+                _ = request.quality  # raises it
+                requests.append(project.as_finished(request))
         begun = [request for request in requests if is_begun(request, project.store)]
         yield from begun or requests[:1]
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.planning.timings import SHARED_STAGES, statistics_in
-from pipeline.production.request.crop_and_scale import base_of, quality_named
+from pipeline.production.request.crop_and_scale import base_of, pixels
 from pipeline.production.store.history import History
 from pipeline.production.store.store import Store
 from render.base.plural import plural
@@ -102,16 +102,7 @@ class MeanTimings:
 
 def samples(quality: str) -> float:
     """Return the samples per pixel that a typical frame of a quality takes."""
-    return quality_named(quality, QUALITIES).typical_samples
-
-
-def pixels(quality: str) -> int:
-    """Return the pixels that a quality renders, of a crop only its own."""
-    named = quality_named(quality, QUALITIES)
-    if named.crop is None:
-        return named.width * named.height
-    x0, y0, x1, y1 = named.crop
-    return (x1 - x0) * (y1 - y0)
+    return QUALITIES[base_of(quality)].typical_samples
 
 
 def typical_seconds(quality: Quality) -> float:

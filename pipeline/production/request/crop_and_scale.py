@@ -79,19 +79,44 @@ def base_of(name: str) -> str:
 
 
 def quality_named(name: str, qualities: Mapping[str, Quality]) -> Quality:
-    """Return the quality of a name that `cropped_name` gave, by the qualities of a shot."""
+    """Return the quality of a name that `cropped_name` gave, by the qualities of a shot.
+
+    Raises UsageError for a crop of larger pictures than those of the shot.
+    """
     match = _NAME.fullmatch(name)
     assert match, "names are made by `cropped_name`, or looked up before"
-    base, scale, *crop = match.groups()
+    base, scale = match.groups()[:2]
     quality = qualities[base]
     if scale is not None:
         size = (max(1, round(side * float(scale) / 100.0)) for side in (quality.width, quality.height))
         width, height = size
         quality = replace(quality, width=width, height=height)
-    if crop[0] is not None:
-        x0, y0, x1, y1 = map(int, crop)
-        quality = replace(quality, crop=(x0, y0, x1, y1))
+    if crop := crop_of(name):
+        if crop[2] > quality.width or crop[3] > quality.height:
+            raise UsageError(
+                f"crop {','.join(map(str, crop))} goes beyond the picture, which has {quality.width} × "
+                f"{quality.height} pixels. Crop pictures of one size at a time."
+            )
+        quality = replace(quality, crop=crop)
     return quality
+
+
+def crop_of(name: str) -> Crop | None:
+    """Return the crop of a name that `cropped_name` gave; None for whole pictures."""
+    match = _NAME.fullmatch(name)
+    if match is None or match[3] is None:
+        return None
+    x0, y0, x1, y1 = map(int, match.groups()[2:])
+    return x0, y0, x1, y1
+
+
+def pixels(name: str) -> int:
+    """Return the pixels that the quality of a name renders of 16:9 pictures; of a crop, of any."""
+    if crop := crop_of(name):
+        x0, y0, x1, y1 = crop
+        return (x1 - x0) * (y1 - y0)
+    named = quality_named(name, QUALITIES)
+    return named.width * named.height
 
 
 def movie_bits(name: str) -> int:

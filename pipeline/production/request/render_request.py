@@ -15,7 +15,7 @@ from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.request.audio import AudioClip, sound_of_frames
 from pipeline.production.request.cameras import CameraFile
-from pipeline.production.request.crop_and_scale import movie_bits, quality_named
+from pipeline.production.request.crop_and_scale import crop_of, movie_bits, quality_named
 from pipeline.production.request.keys import PictureKeys, appearance
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.request_summary import RequestSummary
@@ -169,15 +169,14 @@ class RenderRequest:
     def quality_of_shot(self) -> Quality:
         """The quality as the shot says it; `quality` is the same and need not read the shot.
 
-        Raises UsageError for a crop of a picture with a wide projection.
+        Raises UsageError for a crop of a picture with a wide projection, or of a larger picture.
         """
-        quality = quality_named(self.quality_name, self._qualities(self.shot.picture))
-        if quality.crop is not None and self.projection.is_wide:
+        if self.projection.is_wide and crop_of(self.quality_name):
             raise UsageError(
                 f"{self.name}: a picture of projection {self.projection.kind} has no crop, since players and "
                 "denoising need all of it; ask for --scale in place of --crop"
             )
-        return quality
+        return quality_named(self.quality_name, self._qualities(self.shot.picture))
 
     @property
     def aspect(self) -> float:
