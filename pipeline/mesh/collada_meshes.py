@@ -10,6 +10,7 @@ from pipeline.arrays import AnyArray, Points
 from pipeline.errors import MeshError, brief, shortened
 from pipeline.mesh.placed_meshes import Polygons
 from pipeline.mesh.xml_elements import Element
+from pipeline.text_encoding import number_fault
 
 _LINES = ("lines", "linestrips")
 
@@ -192,4 +193,5 @@ def numbers_in(element: Element, text: str, kind: type[float] | type[int]) -> An
     try:
         return np.fromiter(map(kind, words), np.float64 if kind is float else np.int64, len(words))
     except (ValueError, OverflowError) as error:
-        raise MeshError(f"line {element.line}: {brief(error)}") from None
+        fault = number_fault([word.encode() for word in words], kind) or brief(error)
+        raise MeshError(f"line {element.line}: {fault}") from None

@@ -22,7 +22,7 @@ from pipeline.errors import MeshError, shortened
 from pipeline.mesh.face_soup import FaceSoup
 from pipeline.mesh.file_surface import FileSurface, known_unit
 from pipeline.mesh.placed_meshes import PlacedMeshes, Polygons, bound_note, joined
-from pipeline.text_encoding import as_utf8
+from pipeline.text_encoding import text_content
 from render.base.input_files import read_input, require_input
 from render.base.limited_process import MEMORY, allow_memory, serve
 from render.base.plural import plural
@@ -32,6 +32,8 @@ if TYPE_CHECKING:  # ufbx is an optional package
 
 MOST_BYTES = 1 << 30
 """Size of the largest file."""
+
+_BINARY = b"Kaydara FBX Binary"
 
 _DIRECTIONS = np.concatenate([np.eye(3), -np.eye(3)])[[0, 3, 1, 4, 2, 5]]
 """The vectors of ufbx's CoordinateAxis: ±x, ±y, ±z."""
@@ -82,7 +84,7 @@ def _loaded(content: bytes, **options: bool) -> ufbx.Scene:
 
     try:
         scene = ufbx.load_memory(
-            as_utf8(content),
+            content if content.startswith(_BINARY) else text_content(content),
             file_format=ufbx.FileFormat.FBX,  # it would read OBJ too
             ignore_animation=True,
             ignore_embedded=True,

@@ -28,6 +28,8 @@ _NAMING = (b"o", b"g", b"usemtl", b"mtllib")
 _RUN = re.compile(rb"^(?:(?:v [^\n#]*+\n){8,4096}+|(?:f [^\n#]*+\n){8,4096}+)", re.MULTILINE)
 """Lines of vertices, or of faces, which can be read at once; not more, since their words take memory."""
 
+_CONTINUED = re.compile(rb"\\[ \t\f\v]*\n")
+
 _UNSMOOTHED = (b"off", b"0")
 
 _LEFT_OUT = {
@@ -51,7 +53,7 @@ def read_wavefront(content: bytes) -> FileSurface:
     """
     reader, text = _Wavefront(), text_content(content)
     line, at = 1, 0
-    for run in () if b"\\" in text else _RUN.finditer(text):
+    for run in () if _CONTINUED.search(text) else _RUN.finditer(text):
         line = _read_statements(reader, text[at : run.start()], line)
         at = run.end()
         lines = reader.run(run[0])

@@ -52,12 +52,17 @@ def test_quads_stay_quads_in_text_and_binary_files(tmp_path: Path, form: Any) ->
     assert "up:" not in template.subject, "the file states it"
 
 
+@pytest.mark.parametrize("line_end", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
-def test_text_of_other_encodings_is_read_and_an_impossible_unit_is_none(
-    tmp_path: Path, encoding: str
+def test_text_of_other_systems_is_read_and_an_impossible_unit_is_none(
+    tmp_path: Path, encoding: str, line_end: str
 ) -> None:
     nodes = scene([box_geometry(1), model(2, "box")], LINKED, UnitScaleFactor=0.0)
-    path = write(tmp_path / "box.fbx", nodes, lambda given: text(given).decode().encode(encoding))
+    path = write(
+        tmp_path / "box.fbx",
+        nodes,
+        lambda given: text(given).decode().replace("\n", line_end).encode(encoding),
+    )
     read = read_surface(path)
     assert read.faces == 6 and read.unit is None and usual_up(path) == "y"
 
