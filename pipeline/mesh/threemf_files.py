@@ -48,6 +48,9 @@ _UNITS = {
 _HARMLESS = ("/core/", "/production/", "/material/", "/trianglesets/")
 """Parts of the namespaces of extensions that leave the shape as its triangles are."""
 
+_NO_MESH = "object without triangles"
+_PLURALS = {_NO_MESH: "objects without triangles"}
+
 _SUPPORTS = ("support", "solidsupport")
 
 
@@ -164,6 +167,8 @@ class _Package:
             self.left_out["support"] += 1
             return
         self.left_out["beam lattice"] += found.lattices
+        if found.polygons is None and not found.components and not found.lattices:
+            self.left_out[_NO_MESH] += 1
         matrix = reference.matrix @ parent
         if found.polygons is not None:
             self.placed.add(found.polygons, matrix)
@@ -173,8 +178,8 @@ class _Package:
     def notes(self) -> list[str]:
         """Return lines about what was not read as other programs show it."""
         counts = sorted((+self.left_out).items())
-        words = ", ".join(plural(count, kind) for kind, count in counts)
-        return [f"left out, as they are not part of its triangles: {words}"] if words else []
+        words = ", ".join(plural(count, kind, _PLURALS.get(kind, "")) for kind, count in counts)
+        return [f"left out, as only the triangles of models are read: {words}"] if words else []
 
 
 def _part_name(path: str) -> str:
@@ -230,7 +235,9 @@ def _with_lines(
             start(tag, given)
         except KeyError as error:
             raise MeshError(f"{name}, line {line()}: {brief(tag)} has no {error.args[0]}") from None
-        except (ValueError, MeshError) as error:
+        except MeshError as error:
+            raise MeshError(f"{name}, line {line()}: {error}") from None
+        except ValueError as error:
             raise MeshError(f"{name}, line {line()}: {brief(error)}") from None
 
     return called
@@ -243,7 +250,8 @@ def _require_known(unit: str, given: dict[str, str]) -> None:
     for prefix in given.get("requiredextensions", "").split():
         space = given.get(f"xmlns:{prefix}", prefix)
         if not any(known in space for known in _HARMLESS):
-            raise MeshError(f"it requires the extension {shortened(space)}, which is not read")
+            name = space.rpartition("/3dmanufacturing/")[2]
+            raise MeshError(f"it requires the extension {shortened(name)}, which is not read")
 
 
 def _reference(given: dict[str, str], line: int) -> _Reference:

@@ -58,14 +58,22 @@ def choose_layer(parts: Sequence[ExrPart], views: Sequence[str] = ()) -> Layer:
     for only in (colours, greys, list(_layers(groups, _VECTOR))):
         if chosen is None and len(only) == 1 and not (only is greys and colours):
             chosen = only[0]
-    if chosen is None and sum(len(part.channels) for part in parts) <= 2:
-        chosen = Layer("", 0, (0,))
+    chosen = chosen or _only_channel(parts)
     if chosen is None:
         names = list(dict.fromkeys(name or "/".join(suffixes) for (name, _), suffixes in groups.items()))
         listed = ", ".join(reason_of(ValueError(name)) for name in names[:_MOST_NAMED])
         listed += " and more" if len(names) > _MOST_NAMED else ""
         raise ValueError(f"it holds the layers {listed}, and none is the default or called beauty")
     return chosen
+
+
+def _only_channel(parts: Sequence[ExrPart]) -> Layer | None:
+    """Return the only channel of a file, or the one that it has beside its alpha."""
+    places = [(index, k) for index, part in enumerate(parts) for k in range(len(part.channels))]
+    shown = [(index, k) for index, k in places if parts[index].channels[k].lower() not in ("a", "alpha")]
+    if len(places) > 2 or (len(places) == 2 and len(shown) != 1):
+        return None
+    return next((Layer("", index, (k,)) for index, k in (*shown, *places)), None)
 
 
 def _stereo(parts: Sequence[ExrPart]) -> list[str]:

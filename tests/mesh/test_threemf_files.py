@@ -136,6 +136,18 @@ LOOP = '<object id="1"><components><component objectid="1"/></components></objec
             {"a": model_part(corner(1), given='requiredextensions="s" xmlns:s="http://x/slice/2015/07"')},
             "it requires the extension 'http://x/slice/2015/07', which is not read",
         ),
+        (
+            {
+                "a": model_part(
+                    corner(1), given=f'requiredextensions="s" xmlns:s="http://{30 * "x"}/booleans"'
+                )
+            },
+            "it requires the extension .*/booleans', which is not read",
+        ),
+        (
+            {"a": model_part('<object id="1"><booleanshape objectid="2"/></object>')},
+            "its build places no triangles; left out, .*: 1 object without triangles",
+        ),
         ({"a": '<!DOCTYPE x [<!ENTITY a "b">]><model/>'}, "it declares the entity 'a'"),
         ({"a": model_part(corner(1) + " " * (1 << 25))}, "unpacks from .* to 32 MiB, which no model does"),
         ({"b": model_part(corner(1))}, "it has no part '3D/a.model'"),

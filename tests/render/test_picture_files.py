@@ -257,6 +257,8 @@ def test_the_part_of_the_beauty_is_the_picture(
         (["Y", "RY", "BY"], "luminance and chroma"),
         (["mask.A", "depth.Z", "id.Y", "id2.Y"], "mask, depth, id, id2"),
         (["A", "Z", "ZBack"], "a/z/zback"),
+        (["U", "V"], "u/v"),
+        (["R", "G"], "r/g"),
     ],
 )
 def test_layers_among_which_none_is_meant_are_listed(channels: list[str], names: str, tmp_path: Path) -> None:
@@ -267,13 +269,16 @@ def test_layers_among_which_none_is_meant_are_listed(channels: list[str], names:
 
 
 @pytest.mark.parametrize(
-    "channels", [["Y"], ["Y", "A"], ["Z"], ["mask.A"], ["Y", "A", "Z", "N.X", "N.Y", "N.Z"]]
+    "channels",
+    [["Y"], ["Y", "A"], ["Z"], ["Z", "A"], ["A"], ["mask.A"], ["Y", "A", "Z", "N.X", "N.Y", "N.Z"]],
 )
 def test_one_channel_of_an_exr_is_grey(channels: list[str], tmp_path: Path) -> None:
     pixels = np.full((H, W, len(channels)), 0.05, np.float32)
     pixels[..., 0] = 0.75
     found = texture(write(tmp_path / "a.exr", (spec_of(channels), pixels)))
-    assert (found.pixels() == 0.75).all() and bool(found.reading) == (len(channels) > 2)
+    assert (found.pixels() == 0.75).all() and bool(found.reading) == (
+        len(channels) > 2 or channels == ["Z", "A"]
+    )
 
 
 def test_deep_pixels_are_refused(tmp_path: Path) -> None:
