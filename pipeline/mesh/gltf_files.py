@@ -90,7 +90,7 @@ def read_gltf(path: Path) -> FileSurface:
 
 def _notes(scene: DefaultScene) -> Iterator[str]:
     """Yield lines to tell the user about what is not read as other programs show it."""
-    if not scene.parts and scene.document.root.items("meshes"):
+    if not (scene.parts or scene.skipped) and scene.document.root.items("meshes"):
         yield "no node that its default scene shows has a mesh with triangles"
     if scene.skipped:
         there = "is" if scene.skipped == 1 else "are"
