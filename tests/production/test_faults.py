@@ -151,10 +151,10 @@ def test_a_plan_that_is_deleted_during_its_run_is_made_anew(project: Any, finish
 
 
 @pytest.mark.soak
-def test_a_show_in_a_folder_whose_name_has_a_line_break_is_rendered(
+def test_a_show_in_a_folder_of_any_name_in_one_line_is_rendered(
     tmp_path: Path, finished_project: Any
 ) -> None:
-    project = finished_project.copy(tmp_path / "two\nlines\tand a tab")
+    project = finished_project.copy(tmp_path / 'it\'s "my" {show} [red] $HOME %d ü')
     forget_pictures(project)
     deliver = ["deliver", NAME, *SIZE, "--as", "review"]
     for words in (["film", *SIZE], ["review", NAME], deliver, ["verify"], ["status"]):
