@@ -1,6 +1,6 @@
 """Text from other systems: byte order marks, UTF-16 and UTF-32, line ends, and why a word is not a number.
 
-Encodings are told by the first four bytes, as RFC 4627 (§3) tells them, so large files cost nothing more.
+The first four bytes show the encoding (RFC 4627, §3), so large files cost nothing more.
 """
 
 from __future__ import annotations

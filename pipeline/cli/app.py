@@ -197,7 +197,7 @@ def keep_freed_memory() -> None:
 def name_a_home() -> None:
     """Let accounts without a home, as containers and farms have, have one where nothing can be written.
 
-    Libraries ask for it when they look for settings and caches, and some fail where there is no answer.
+    Libraries ask for it when they look for settings and caches, and some fail without an answer.
     """
     if not os.path.isabs(os.path.expanduser("~")):  # noqa: PTH111, PTH117  # Path.home() raises
         os.environ["HOME"] = os.devnull

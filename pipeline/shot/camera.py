@@ -93,7 +93,7 @@ class CameraPath:
     """The camera over the course of a shot; framing finds what is None.
 
     azimuth, elevation  radians, constant or keyed: 0 looks along −z, positive azimuth from the right
-    field_of_view       radians, across the longer side of the picture; acts where there is no focal length.
+    field_of_view       radians, across the longer side of the picture; used without a focal length.
                         Of a wide projection, the angle into which framing fits the sculpture
     margin              fraction of the picture, or of that angle, left empty on each side
     focal_length        millimetres, before a sensor whose longer side is `sensor_width` millimetres

@@ -87,7 +87,7 @@ that a file may not be read, or not now."""
 
 
 def _refusal(path: Path, error: Exception) -> str | None:
-    """Return in words why the operating system refuses a file; None for errors that tell of damage."""
+    """Return in words why the operating system refuses a file; None for errors that mean damage."""
     if not isinstance(error, OSError) or error.errno in _DAMAGE:
         return None
     return str(machine_error(Path(error.filename or path), error, "read"))

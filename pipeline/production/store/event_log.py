@@ -55,7 +55,7 @@ class EventLog:
     job: str = ""
 
     def write(self, event: str, **facts: Any) -> None:
-        """Append an event. A disk that refuses it several times hides it, and not what it tells of."""
+        """Append an event. Where the disk refuses it several times, the event is lost and work goes on."""
         facts = {"time": round(time.time(), 3), "event": event, "job": self.job, **facts}
         line = json.dumps(facts).encode() + b"\n"
         for _ in range(TRIES):
