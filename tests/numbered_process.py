@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ LAST_NUMBER = Path("/proc/sys/kernel/ns_last_pid")
 @contextmanager
 def process_numbered(number: int) -> Iterator[subprocess.Popen[bytes]]:
     """Start a process that sleeps under a number that is free; skip the test where the system lets nobody."""
+    time.sleep(0.05)  # the system tells starts of processes apart by hundredths of a second
     for _ in range(200):  # others take numbers too
         try:
             LAST_NUMBER.write_text(str(number - 1))
