@@ -7,10 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
 from pipeline.arrays import AnyArray
+
+T = TypeVar("T")
 
 _GROUP = 16
 """Elements whose deltas take the same number of bits."""
@@ -178,11 +181,8 @@ def decode_triangles(data: bytes, count: int, stride: int) -> AnyArray:
         raise _ended()
     decoder = _TriangleDecoder(data, 1 + triangles, end, data[0] & 15)
     indices: list[int] = []
-    try:
-        for code in data[1 : 1 + triangles]:
-            indices += decoder.triangle(code)
-    except TypeError:  # the entries of the queues are None at first
-        raise ValueError("it names an edge or a vertex before there is one") from None
+    for code in data[1 : 1 + triangles]:
+        indices += decoder.triangle(code)
     return _of_stride(np.array(indices, np.int64), stride)
 
 
@@ -209,6 +209,13 @@ def _numbers(data: bytes, at: int, end: int) -> Iterator[int]:
     raise _ended()
 
 
+def _present(entry: T | None) -> T:
+    """Return an entry of a queue, all of which are None at first. Raises ValueError for such a one."""
+    if entry is None:
+        raise ValueError("it names an edge or a vertex before there is one")
+    return entry
+
+
 class _TriangleDecoder:
     """The state while triangles are decoded: recent edges and vertices, the next new vertex, and the last."""
 
@@ -223,13 +230,13 @@ class _TriangleDecoder:
         """The first low half of a code that does not name a recent vertex."""
 
     def triangle(self, code: int) -> tuple[int, int, int]:
-        """Decode the triangle of a code byte. Raises TypeError where it names an entry that is empty."""
+        """Decode the triangle of a code byte. Raises ValueError where it names an entry that is empty."""
         high, low = code >> 4, code & 15
         if high == 15:
             return self._without_edge(low)
-        a, b = self._edges[self._edge - 1 - high & 15]  # type: ignore[misc]
+        a, b = _present(self._edges[self._edge - 1 - high & 15])
         if 0 < low < self._recent:
-            c = int(self._vertices[self._vertex - 1 - low & 15])  # type: ignore[arg-type]
+            c = _present(self._vertices[self._vertex - 1 - low & 15])
         else:
             if low == 0:
                 c = self._new()
@@ -266,7 +273,7 @@ class _TriangleDecoder:
             return self._named(), True
         if entry == 0:
             return self._new(), True
-        return int(self._vertices[self._vertex - entry & 15]), False  # type: ignore[arg-type]
+        return _present(self._vertices[self._vertex - entry & 15]), False
 
     def _new(self) -> int:
         self._next += 1

@@ -167,7 +167,7 @@ class OpenedPicture:
             spec = self._file.spec()
             name, view = (spec.get_string_attribute(key) for key in ("oiio:subimagename", "view"))
             parts.append(ExrPart(name, view, tuple(spec.channelnames) if not spec.deep else ()))
-        last_message(self._file)  # there is no further part, which is no error
+        last_message(self._file)  # of a part beyond the last, which is not an error
         try:
             return choose_layer(parts, (views,) if isinstance(views, str) else tuple(views))
         except ValueError as error:
@@ -391,7 +391,7 @@ def opened_picture(path: str, kinds: str, *options: Any) -> Iterator[OpenedPictu
     kinds    file formats that the message recommends
     options  an ImageSpec for the reader
 
-    Raises BadInputError where it is no picture, and for any error of OpenImageIO while it is open.
+    Raises BadInputError for other files, and for any error of OpenImageIO while it is open.
     """
     import OpenImageIO as oiio
 
