@@ -6,7 +6,17 @@ Those that need a package which only `make test` installs are left out without i
 from importlib import import_module
 from importlib.util import find_spec
 
-from benchmarks import flows, found_models, orchestration, pictures, polyhedra, preview, renewal, resampling
+from benchmarks import (
+    bare,
+    flows,
+    found_models,
+    orchestration,
+    pictures,
+    polyhedra,
+    preview,
+    renewal,
+    resampling,
+)
 
 NEEDS = {"interchange": "pxr", "remote_store": "moto"}
 """Benchmarks, and the module that each needs beside the project's own packages."""
@@ -17,6 +27,7 @@ if __name__ == "__main__":
     polyhedra.main()
     flows.main()
     pictures.main()
+    bare.main()
     orchestration.main()
     preview.main()
     found_models.main()
