@@ -87,7 +87,7 @@ RENDER = PipelineStage(
 )
 FINISH = PipelineStage(
     "finish",
-    version=3,
+    version=4,
     packages=("pyoidn", "OpenImageIO"),
     doing="denoising",
     makes="frame",

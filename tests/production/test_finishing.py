@@ -1,0 +1,65 @@
+"""Finishing reads raw pictures from files and removes their noise as their headers say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from render.post.denoise import Features, denoise_light, denoiser_features
+from render.post.image import read_exr
+from render.scene.aovs import RenderedFrame
+from tests.conftest import ProjectFolder
+
+
+def finished_light(project: ProjectFolder) -> np.ndarray:
+    (frame,) = project.frames()
+    return read_exr(frame)[0]["beauty"]
+
+
+def raw_picture(project: ProjectFolder) -> RenderedFrame:
+    (raw,) = project.frames(kind="raw")
+    return read_exr(raw)[0]
+
+
+def unfiltered(raw: RenderedFrame, albedo: str = "albedo", normal: str = "normal") -> Features:
+    return Features(raw[albedo], raw[normal])
+
+
+def same(light: np.ndarray, expected: np.ndarray) -> bool:
+    """Tell whether a finished file, in half floats, holds the expected light."""
+    return np.array_equal(light, expected.astype(np.float16).astype(np.float32))
+
+
+@pytest.mark.parametrize("shutter", ["0", "180"])
+def test_features_without_noise_guide_the_denoiser_as_they_are(project: ProjectFolder, shutter: str) -> None:
+    """A subject that stands still has none with an open shutter either."""
+    project.render("4", settings=(f"shutter.angle={shutter}", "flows.0.twist.amount=0"))
+    raw = raw_picture(project)
+    assert "shutter" in raw.facts
+    assert same(finished_light(project), denoise_light(raw["beauty"], unfiltered(raw), "balanced"))
+
+
+@pytest.mark.parametrize(
+    ("settings", "noisy"),
+    [
+        (("shutter.angle=360", "flows.0.twist.amount={keys: {1: 0, 6: 300}}"), {"motion_samples": 4}),
+        (("camera.focal_length=85", "camera.aperture=1.4"), {"lens_radius": 0.1}),
+    ],
+)
+def test_features_with_noise_are_filtered_first(
+    project: ProjectFolder, settings: tuple[str, ...], noisy: dict[str, float]
+) -> None:
+    project.render("4", settings=settings)
+    raw, light = raw_picture(project), finished_light(project)
+    filtered = denoiser_features(RenderedFrame(raw.arrays, noisy), "balanced")
+    assert same(light, denoise_light(raw["beauty"], filtered, "balanced"))
+    assert not same(light, denoise_light(raw["beauty"], unfiltered(raw), "balanced"))
+
+
+def test_what_a_mirror_shows_is_filtered_first(project: ProjectFolder) -> None:
+    project.render("1", settings=("look=chrome",))
+    raw, light = raw_picture(project), finished_light(project)
+    filtered = denoiser_features(RenderedFrame(raw.arrays, {"is_clear": False}), "balanced")
+    shown = unfiltered(raw, "denoise_albedo", "denoise_normal")
+    assert same(light, denoise_light(raw["beauty"], filtered, "balanced"))
+    assert not same(light, denoise_light(raw["beauty"], shown, "balanced"))
