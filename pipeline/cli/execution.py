@@ -43,7 +43,7 @@ def execute_and_report(
         words += f"\nDrawn from it: {', '.join(sheets)}"
     if outcome.runs:
         spending = RunReport.of(common.root, outcome.runs[-1], common.cores).in_brief()
-        words += f"\nWhere the time went: {spending}. flowsculpt report says more." if spending else ""
+        words += f"\nWhere the CPU time went: {spending}. flowsculpt report says more." if spending else ""
     facts = {**_outcome_facts(outcome, seconds), **({"sheets": sheets} if draw else {})}
     print_result(words, facts, common.json)
     exit_with(outcome.exit_code)

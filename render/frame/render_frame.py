@@ -6,7 +6,6 @@ frame the same to the last bit however often, and with however many threads, it 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import groupby
 from operator import attrgetter
@@ -14,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from render.base.work_clock import Timing, WorkClock
 from render.frame.batch_schedule import (
     Round,
     affordable_motion_samples,
@@ -112,21 +112,20 @@ def render_frame(
         **({} if shutter is None else _shutter_facts(shutter, motion, rounds)),
         **engine.facts(),
     }
-    return RenderedFrame(arrays, facts, stopwatch.seconds)
+    return RenderedFrame(arrays, facts, stopwatch.timings)
 
 
 class Stopwatch:
-    """Seconds since it was made, by what they were spent on."""
+    """The time since it was made, by what it was spent on."""
 
     def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self._last = time.perf_counter()
+        self.timings: dict[str, Timing] = {}
+        self._clock = WorkClock()
 
     def lap(self, name: str) -> None:
         """Add the time since the last call to `name`."""
-        now = time.perf_counter()
-        self.seconds[name] = self.seconds.get(name, 0.0) + now - self._last
-        self._last = now
+        taken, known = self._clock.lap(), self.timings.get(name, Timing(0.0, 0.0))
+        self.timings[name] = Timing(known.seconds + taken.seconds, known.cpu + taken.cpu)
 
 
 def _motion_sample_count(rounds: Sequence[Round]) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
+from render.base.work_clock import Timing
 
 if TYPE_CHECKING:  # names of AOVs are known without it
     from render.scene.scene import MotionSample
@@ -95,7 +96,7 @@ VERTEX_AOVS = tuple(NEEDED_BY_AOV)
 class RenderedFrame:
     """The AOVs of a frame as float32 arrays, (H, W, 3) or (H, W), by name.
 
-    `facts` are the same whenever the frame is rendered; `seconds` are where the time of this rendering went.
+    `facts` are the same whenever the frame is rendered; `timings` say where the time of this rendering went.
 
     beauty    linear Rec.709 radiance
     albedo    reflectance, within 0 … 1
@@ -111,7 +112,7 @@ class RenderedFrame:
 
     arrays: Mapping[str, Pixels]
     facts: Mapping[str, Any] = field(default_factory=dict)
-    seconds: Mapping[str, float] = field(default_factory=dict)
+    timings: Mapping[str, Timing] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Pixels:
         return self.arrays[name]

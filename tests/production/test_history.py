@@ -21,6 +21,9 @@ pytestmark = pytest.mark.quick
 
 STAGES = ("simulate", "render", "finish")
 
+OLD = "20260101-000000-1"
+"""A run that was logged before CPU seconds were counted."""
+
 events = st.tuples(
     st.sampled_from(["start", "frame", "fail", "found"]),
     st.sampled_from(STAGES),
@@ -39,7 +42,8 @@ def write_log(root: Path, name: str, happened: list[tuple[str, str, str, int]], 
         elif what == "start":
             log.write("start", **facts)
         else:
-            log.write("frame", **facts, found=what == "found", seconds=1.5)
+            cpu = {} if name == OLD else {"cpu": 2.0}
+            log.write("frame", **facts, found=what == "found", seconds=1.5, **cpu)
     log.write("end")
     if end:
         log.write(end)
@@ -74,7 +78,15 @@ def test_the_last_run_that_made_a_frame_is_known_with_its_time(tmp_path: Path) -
         write_log(tmp_path, name, [("frame", "render", "A", 1), ("found", "render", "A", 2)])
         summarise(tmp_path)
     made = History.of(tmp_path).stage("render", "A", "draft").made
-    assert made == {1: Made("20260102-000000-1", 1.5, 2)}
+    assert made == {1: Made("20260102-000000-1", 1.5, 2, 2.0)}
+
+
+def test_summaries_and_logs_of_earlier_versions_hold_no_cpu_seconds(tmp_path: Path) -> None:
+    write_log(tmp_path, OLD, [("frame", "render", "A", 1)])
+    made = History.of(tmp_path).stage("render", "A", "draft").made[1]
+    assert made.cpu is None and made.cost == 3.0
+    old = {"pace": None, "failed": {}, "made": {OLD: {"1": [1.5, 2]}}}
+    assert history.StageHistory.from_data(old).made == {1: made}
 
 
 def test_a_run_at_work_is_read_as_it_is_and_a_killed_one_is_summarised_later(tmp_path: Path) -> None:

@@ -73,16 +73,31 @@ def report(
         ),
     ] = None,
 ) -> None:
-    """Show where the time of a run went, stage by stage, and how much no frame accounts for.
+    """Show where the CPU seconds of a run went, stage by stage, and how much no frame accounts for.
 
     `flowsculpt report` shows the last run of this root; `flowsculpt report --json` the same as numbers.
+    Waiting is wall time minus CPU seconds divided by threads: other programs had the cores, the disk was
+    slow, or not all threads had work. Logs of earlier versions hold no CPU seconds; what they show instead,
+    wall time on all threads, is marked with ≤.
     """
     spending = RunReport.of(common.root, named_run(common.root, run), common.cores)
-    title = f"{spending.run}: {duration(spending.seconds)} on {plural(spending.cores, 'core')}"
-    listing = table("", "of the cores", "core-seconds", "frames")
+    listing = table("", "CPU seconds", "of all", "waiting", "frames")
     for column in listing.columns[1:]:
         column.justify = "right"
+    mark = "" if spending.is_counted else "≤ "
     for what, share in spending.shares.items():
-        frames = str(spending.frames.get(what, ""))
-        listing.add_row(LABELS[what], f"{share:.1%}", f"{spending.core_seconds[what]:.1f}", frames)
-    print_result(Group(title, listing), spending.as_data(), common.json)
+        cpu, waiting = f"{mark}{spending.cpu_seconds[what]:.1f}", spending.waiting.get(what)
+        waited = "" if waiting is None else f"{waiting:.1f} s"
+        listing.add_row(LABELS[what], cpu, f"{share:.1%}", waited, str(spending.frames.get(what, "")))
+    print_result(Group(_title(spending), listing), spending.as_data(), common.json)
+
+
+def _title(spending: RunReport) -> str:
+    """Return how long a run took, and how much of the cores it had."""
+    length, share = f"{spending.run}: {duration(spending.seconds)}", spending.share_of_cores
+    if spending.on_farm:
+        return f"{length} on a farm"
+    title = f"{length} on {plural(spending.cores, 'core')}"
+    if not spending.is_counted:
+        return f"{title}, logged by a version that counted no CPU seconds"
+    return title if share is None else f"{title}, {share:.0%} of which it used"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
@@ -23,6 +24,7 @@ from pipeline.production.store.store import Store
 from pipeline.production.store.unfinished import remove_checkpoints, sweep
 from pipeline.production.store.uploads import upload_missed
 from render.base.atomic_write import disk_errors
+from render.base.work_clock import cpu_seconds
 
 Watcher = AbstractContextManager[object]
 
@@ -97,14 +99,18 @@ def run(
 
     Raises MachineError where another run holds a lock or the disk refuses.
     """
+    clock = _RunClock()
     store, plan = Store(root), make_plan()
     with writing(root, wait), making(root, plan.lock_names if plan.jobs else {}, wait) as waited:
         sweep(store)
         upload_missed(store)
         PlanningCache(root).prune()
-        outcome, policy = Outcome(make_plan() if waited else plan), RetryPolicy(cores)
+        if waited:
+            clock, plan = _RunClock(), make_plan()
+        outcome, policy = Outcome(plan), RetryPolicy(cores)
+        rounds = _Rounds(make_plan, root, watch, profile or Profile.local(), patience, clock)
         try:
-            _run_rounds(outcome, policy, make_plan, root, watch, profile or Profile.local(), patience)
+            rounds.run(outcome, policy)
         finally:
             summarise(root)
         upload_missed(store)
@@ -115,29 +121,65 @@ def run(
         return outcome
 
 
-def _run_rounds(
-    outcome: Outcome,
-    policy: RetryPolicy,
-    make_plan: Callable[[], Plan],
-    root: Path,
-    watch: Callable[[Plan, EventReader], Watcher],
-    profile: Profile,
-    patience: float,
-) -> None:
-    """Execute the plan of an outcome, and plan again while that may help."""
-    hopeful, store = True, Store(root)
-    while True:
-        outcome.plan, fetched = with_inputs_here(outcome.plan, make_plan, store)
-        outcome.fetched += fetched
-        outcome.restored += outcome.plan.restore_links(store)
-        if not (outcome.plan.jobs and hopeful):
-            return
-        outcome.plan = outcome.plan.named_last(root)
-        events = _execute(outcome.plan, root, policy.cores, watch, profile, patience)
-        outcome.runs.append(outcome.plan.name)
-        outcome.events += events
-        outcome.plan = make_plan()
-        hopeful = policy.allows(events)
+class _RunClock:
+    """Times a round of a run, from the planning before it."""
+
+    def __init__(self) -> None:
+        self.restart()
+
+    def restart(self) -> None:
+        self.began, self.cpu_before = time.time(), cpu_seconds()
+
+
+@dataclass(frozen=True)
+class _Rounds:
+    """The rounds of a run; its values are the arguments of `run`."""
+
+    make_plan: Callable[[], Plan]
+    root: Path
+    watch: Callable[[Plan, EventReader], Watcher]
+    profile: Profile
+    patience: float
+    clock: _RunClock
+
+    def run(self, outcome: Outcome, policy: RetryPolicy) -> None:
+        """Execute the plan of an outcome, and plan again while that may help."""
+        hopeful, store = True, Store(self.root)
+        while True:
+            outcome.plan, fetched = with_inputs_here(outcome.plan, self.make_plan, store)
+            outcome.fetched += fetched
+            outcome.restored += outcome.plan.restore_links(store)
+            if not (outcome.plan.jobs and hopeful):
+                return
+            outcome.plan = outcome.plan.named_last(self.root)
+            events = self._execute(outcome.plan, policy.cores)
+            outcome.runs.append(outcome.plan.name)
+            outcome.events += events
+            self.clock.restart()
+            outcome.plan = self.make_plan()
+            hopeful = policy.allows(events)
+
+    def _execute(self, plan: Plan, cores: int) -> list[Event]:
+        """Have Snakemake run a plan; return the events of its log."""
+        log, clock = self.root / EVENTS / f"{plan.name}.jsonl", self.clock
+        plan.freeze(self.root)
+        with disk_errors(log):  # events that cannot be written are lost, and failures with them
+            log.parent.mkdir(parents=True, exist_ok=True)
+            log.touch()
+        where = {"host": plan.host, "farm": not self.profile.is_local, "started": start_of(os.getpid())}
+        EventLog(log).write("run", time=round(clock.began, 3), cores=cores, **where)
+        try:
+            with self.watch(plan, EventReader(log)), watched(log, self.patience):
+                well = snakemake.execute(plan, self.root, cores, self.profile)
+        finally:
+            EventLog(log).write("ran", cpu=round(cpu_seconds() - clock.cpu_before, 3))
+        events = list(EventReader(log).new())
+        if well or {"fail", "healed", "hung", "killed"} & {event["event"] for event in events}:
+            return events
+        if not (self.root / plan.file).exists():
+            message = f"{plan.file}, by which the jobs work, was deleted; what is left is planned anew"
+            return [*events, {"event": "healed", "message": message}]
+        return events + _unexplained(events, self.root, snakemake.log_of(plan))
 
 
 def with_inputs_here(plan: Plan, make_plan: Callable[[], Plan], store: Store) -> tuple[Plan, int]:
@@ -153,35 +195,6 @@ def with_inputs_here(plan: Plan, make_plan: Callable[[], Plan], store: Store) ->
         if came < len(names):
             plan = make_plan()
     return plan, fetched
-
-
-def _execute(
-    plan: Plan,
-    root: Path,
-    cores: int,
-    watch: Callable[[Plan, EventReader], Watcher],
-    profile: Profile,
-    patience: float,
-) -> list[Event]:
-    """Have Snakemake run a plan; return the events of its log."""
-    log = root / EVENTS / f"{plan.name}.jsonl"
-    plan.freeze(root)
-    with disk_errors(log):  # events that cannot be written are lost without a word, and failures with them
-        log.parent.mkdir(parents=True, exist_ok=True)
-        log.touch()
-    EventLog(log).write("run", cores=cores, host=plan.host, started=start_of(os.getpid()))
-    try:
-        with watch(plan, EventReader(log)), watched(log, patience):
-            well = snakemake.execute(plan, root, cores, profile)
-    finally:
-        EventLog(log).write("ran")
-    events = list(EventReader(log).new())
-    if well or {"fail", "healed", "hung", "killed"} & {event["event"] for event in events}:
-        return events
-    if not (root / plan.file).exists():
-        message = f"{plan.file}, by which the jobs work, was deleted; what is left is planned anew"
-        return [*events, {"event": "healed", "message": message}]
-    return events + _unexplained(events, root, snakemake.log_of(plan))
 
 
 def _unexplained(events: list[Event], root: Path, log: Path) -> list[Event]:

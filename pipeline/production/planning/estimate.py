@@ -32,7 +32,7 @@ _FOLDERS = {"simulate": "meshes", "smooth_normals": "normals", "render": "raw", 
 class Sample:
     """The mean core-seconds of measured frames.
 
-    seconds  core-seconds of one frame
+    seconds  core-seconds of one frame: CPU seconds or, of earlier versions, wall time on all threads
     frames   how many were measured
     source   the shot and quality they are from, such as `A010_cube at draft`
     """
@@ -64,7 +64,7 @@ class MeanTimings:
             if made := history.stage(stage, name, at).made.values():
                 known = at if base_of(at) in QUALITIES else DEFAULT_QUALITY
                 scale = 1.0 if stage in SHARED_STAGES else pixels(quality) / pixels(known)
-                taken = sum(each.seconds * each.threads for each in made)
+                taken = sum(each.cost for each in made)
                 return Sample(scale * taken / len(made), len(made), f"{name} at {at}")
         return None
 
@@ -123,9 +123,9 @@ def _core_seconds(folder: Path) -> Iterator[tuple[float, float]]:
     """Yield core-seconds of a pixel, of light and of all else, of frames that one process rendered whole."""
     for statistics in islice(statistics_in(folder), _FRAMES):
         if not statistics.resumed_batches and "rendering" in statistics.seconds:
-            light = statistics.seconds["rendering"] * statistics.threads
+            light = statistics.cost["rendering"]
             size = statistics.pixels or pixels(folder.parent.name)
-            yield light / size, (statistics.core_seconds - light) / size
+            yield light / size, (sum(statistics.cost.values()) - light) / size
 
 
 def _mean_size(folder: Path, pattern: str) -> float | None:

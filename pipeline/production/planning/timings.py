@@ -13,7 +13,7 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,11 +36,12 @@ class RenderStatistics:
     """Time and memory that the render of one picture took.
 
     key              key of the raw picture
-    seconds          by part of the work, such as `rendering`
+    seconds          wall time by part of the work, such as `rendering`
     threads          cores that it used
     peak_memory_mib  of its process
     resumed_batches  sample batches from an earlier process, whose seconds are not known
     pixels           of the picture; 0 where it is not known
+    cpu_seconds      by part; empty in statistics of earlier versions
     """
 
     key: Key
@@ -49,13 +50,20 @@ class RenderStatistics:
     peak_memory_mib: float
     resumed_batches: int = 0
     pixels: int = 0
+    cpu_seconds: Mapping[str, float] = field(default_factory=dict)
 
     def growth(self, pixels: int) -> float:
         """Return the factor, at least 1, by which a picture of so many pixels is larger; 1 if not known."""
         return max(1.0, pixels / self.pixels) if self.pixels else 1.0
 
     @property
-    def core_seconds(self) -> float:
+    def cost(self) -> Mapping[str, float]:
+        """Core-seconds by part: CPU seconds or, where they were not counted, wall time on all threads."""
+        return self.cpu_seconds or {part: taken * self.threads for part, taken in self.seconds.items()}
+
+    @property
+    def held_core_seconds(self) -> float:
+        """The core-seconds for which the render held its threads, with those in which they waited."""
         return sum(self.seconds.values()) * self.threads
 
 
@@ -70,6 +78,7 @@ def read_statistics(path: Path) -> RenderStatistics | None:
             peak_memory_mib=float(data["peak_memory_mib"]),
             resumed_batches=int(data.get("resumed_batches", 0)),
             pixels=int(data.get("pixels", 0)),
+            cpu_seconds={str(part): float(cpu) for part, cpu in data.get("cpu_seconds", {}).items()},
         )
     return None
 
@@ -149,7 +158,7 @@ class MeasuredResources:
     """The most that earlier renders of a shot at a quality took, more for pictures that were smaller.
 
     mib      memory of a process, MiB
-    seconds  core-seconds of one picture
+    seconds  core-seconds of one picture, by wall time: a limit must not end a job that waits
     """
 
     mib: float
@@ -162,7 +171,7 @@ class MeasuredResources:
         if not renders:
             return None
         mib = max(r.peak_memory_mib * r.growth(pixels) for r in renders)
-        return cls(mib, max(r.core_seconds * r.growth(pixels) for r in renders))
+        return cls(mib, max(r.held_core_seconds * r.growth(pixels) for r in renders))
 
     @property
     def memory_mib(self) -> int:

@@ -4,17 +4,20 @@ A line is written with one `write` on a descriptor opened for appending, so line
 never mix. Network file systems promise that for one host only, so every other host of a farm has its own log,
 `<plan>.<host>.jsonl`.
 
-run, ran       a run begins, with its cores, and ends
-begin, end     of a job, with its threads, process and host
+run, ran       a run begins, with its cores and whether it is a farm's, and ends, with the CPU seconds of its
+               process and of its children
+begin, end     of a job, with its threads, process and host, and with the CPU seconds of its process
 fail           of a job or a frame
-start, frame   of a frame; once it is there, the seconds it took and `found`: the store had it already
+start, frame   of a frame; once it is there, the wall time (`seconds`) and CPU seconds (`cpu`) that it took,
+               and `found`: the store had it already
+work           of a job: CPU seconds of its stage that belong to none of its frames
 pass           a sample batch of a picture is done
 progress       of a mesh frame that takes long: the share that is done, and the activity
 slow           a mesh frame takes very long, and why
 healed         a damaged file is made again
 warn           a frame was made in spite of something
 resumed        a frame goes on from its checkpoint
-renewed        a renderer was replaced by a fresh one
+renewed        a renderer was replaced by a fresh one, with the CPU seconds of the first
 waits          a job waits for another that makes the same files
 hung, killed   a job was ended since it went silent; something else ended it
 """

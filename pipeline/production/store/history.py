@@ -40,11 +40,21 @@ _ENDINGS = ("frame", "fail", "hung")
 
 
 class Made(NamedTuple):
-    """The run that made a frame last, and the seconds and threads that it took."""
+    """The run that made a frame last, and what it took.
+
+    seconds  wall time
+    cpu      CPU seconds; None in logs of earlier versions
+    """
 
     run: str
     seconds: float
     threads: int
+    cpu: float | None = None
+
+    @property
+    def cost(self) -> float:
+        """Core-seconds: CPU seconds or, where they were not counted, wall time on all threads."""
+        return self.seconds * self.threads if self.cpu is None else self.cpu
 
 
 class Worker(NamedTuple):
@@ -68,18 +78,18 @@ class StageHistory:
     made: dict[int, Made] = field(default_factory=dict)
 
     def as_data(self) -> dict[str, Any]:
-        by_run: defaultdict[str, dict[int, list[float]]] = defaultdict(dict)
-        for frame, (run, seconds, threads) in self.made.items():
-            by_run[run][frame] = [seconds, threads]
+        by_run: defaultdict[str, dict[int, list[float | None]]] = defaultdict(dict)
+        for frame, (run, *taken) in self.made.items():
+            by_run[run][frame] = taken
         return {"pace": self.pace, "failed": self.failed, "made": by_run}
 
     @classmethod
     def from_data(cls, data: Any) -> StageHistory:
         failed = {int(frame): str(message) for frame, message in data["failed"].items()}
         made = {
-            int(frame): Made(run, seconds, int(threads))
+            int(frame): Made(run, seconds, int(threads), *cpu)
             for run, frames in data["made"].items()
-            for frame, (seconds, threads) in frames.items()
+            for frame, (seconds, threads, *cpu) in frames.items()
         }
         return cls(data["pace"], failed, made)
 
@@ -226,8 +236,9 @@ class _Run:
         if what == "frame":
             known.failed.pop(frame, None)
             if not event["found"]:
-                seconds = float(event.get("seconds", 0.0))
-                known.made[frame] = Made(self._name, seconds, self._threads.get(job, 1))
+                seconds, threads = float(event.get("seconds", 0.0)), self._threads.get(job, 1)
+                cpu = None if event.get("cpu") is None else float(event["cpu"])
+                known.made[frame] = Made(self._name, seconds, threads, cpu)
                 last, count = max(last, event["time"]), count + 1
         elif what != "start":
             known.failed[frame] = str(event["message"])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -18,6 +17,7 @@ from pipeline.production.request.picture_header import projection_of
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Key
 from pipeline.production.tasks.job import Context
+from render.base.work_clock import WorkClock
 from render.graphics.cards import TitleCard, title_frames
 from render.graphics.screen import Screen
 from render.movie.codecs import movie_encode
@@ -66,7 +66,8 @@ def _movie(
     sounds: tuple[Sequence[AudioClip], int],
 ) -> bool:
     """Write a movie with its sounds, which come with the number of its frames."""
-    reported = _reported(context, prefetch(frames))
+    clock = WorkClock()
+    reported = _reported(context, prefetch(frames), clock)
     encode = movie_encode(movie_bits(context.request.quality_name))
     projection = context.request.projection
 
@@ -79,16 +80,15 @@ def _movie(
     except FlowsculptError as error:
         context.fail(error)
         return False
+    context.report_work(clock.lap().cpu)  # an encoder holds frames back, and encodes them at the end
     return True
 
 
-def _reported(context: Context, frames: Iterator[Frame]) -> Iterator[Frame]:
+def _reported(context: Context, frames: Iterator[Frame], clock: WorkClock) -> Iterator[Frame]:
     """Yield the frames as they are, and report each."""
-    started = time.perf_counter()
     for number, frame in enumerate(frames, 1):
         yield frame
-        context.report(number, False, time.perf_counter() - started)
-        started = time.perf_counter()
+        context.report(number, False, clock.lap())
 
 
 def cut_together(

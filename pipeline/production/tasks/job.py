@@ -25,6 +25,7 @@ from pipeline.production.store.processes import start_of
 from pipeline.production.store.remote_requests import LOG
 from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write
+from render.base.work_clock import Timing, WorkClock, cpu_seconds
 
 if TYPE_CHECKING:
     from pipeline.production.request.keys import PictureKeys
@@ -204,7 +205,7 @@ class Context:
         well = True
         for number in frames:
             self.write("start", number)
-            started = time.perf_counter()
+            clock = WorkClock()
             try:
                 found = work(number)
             except FlowsculptError as error:
@@ -213,7 +214,7 @@ class Context:
                 if error.exit_code == ENVIRONMENT:
                     break
             else:
-                self.report(number, found, time.perf_counter() - started)
+                self.report(number, found, clock.lap())
         return well
 
     # Events
@@ -238,9 +239,17 @@ class Context:
     def _last_sign(self) -> list[float]:
         return [0.0]
 
-    def report(self, number: int, found: bool, seconds: float) -> None:
+    def report(self, number: int, found: bool, taken: Timing) -> None:
         """Report a frame that is made, or was there already."""
-        self.write("frame", number, found=found, seconds=round(seconds, 4))
+        self.write("frame", number, found=found, seconds=round(taken.seconds, 4), cpu=round(taken.cpu, 4))
+
+    def report_work(self, cpu: float) -> None:
+        """Report CPU seconds of the stage that belong to none of the job's frames."""
+        self.log.write("work", stage=self.job.stage, cpu=round(cpu, 4))
+
+    def end(self) -> None:
+        """Report that the job has ended, well or not."""
+        self.log.write("end", stage=self.job.stage, cpu=cpu_of_job())
 
     def warn(self, number: int, message: str) -> None:
         """Warn of something in spite of which a frame is made."""
@@ -262,7 +271,17 @@ class Context:
         """Report that this node cannot do the job, and that the job ends with that; another node may."""
         self.fail(error)
         self.log.write("unfit", host=platform.node())
-        self.log.write("end", stage=self.job.stage)
+        self.end()
+
+
+_PROCESS_CLOCK = [0.0]
+"""CPU seconds of this process that `cpu_of_job` has returned; a process may do several jobs in turn."""
+
+
+def cpu_of_job() -> float:
+    """Return the CPU seconds of this process since the last call, at first since it was started."""
+    before, _PROCESS_CLOCK[0] = _PROCESS_CLOCK[0], cpu_seconds()
+    return round(_PROCESS_CLOCK[0] - before, 4)
 
 
 class _StoreWarnings(logging.Handler):

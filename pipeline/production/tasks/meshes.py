@@ -28,6 +28,7 @@ from pipeline.production.store import readers
 from pipeline.production.store.readers import write_npz
 from pipeline.production.tasks.job import Context
 from render.base.serialise import to_plain
+from render.base.work_clock import Timing, WorkClock
 
 LARGE = 100_000
 """Vertices from which on a mesh frame that nobody asks for is stored at times only."""
@@ -82,6 +83,7 @@ class _FrameWriter:
         self._pool = ThreadPoolExecutor(1)
         self._writing: Future[None] | None = None
         self._began = self._stored = time.perf_counter()
+        self._clock = WorkClock()
 
     def __enter__(self) -> _FrameWriter:
         return self
@@ -117,8 +119,11 @@ class _FrameWriter:
         if number in self._missing:
             place = context.request.place("mesh", number)
             context.store.link("mesh", key, place, replace=context.is_forced)
-            context.report(number, arrays is None, seconds + time.perf_counter() - started)
+            taken = Timing(seconds + time.perf_counter() - started, self._clock.lap().cpu)
+            context.report(number, arrays is None, taken)
             self._missing.discard(number)
+        else:
+            context.report_work(self._clock.lap().cpu)
 
     def wait(self) -> None:
         """Wait until no frame is being stored, so that it takes no memory. Raises MachineError."""
@@ -158,7 +163,7 @@ def _shown_again(context: Context, number: int) -> bool:
     if not context.has("mesh", key):
         return False
     context.store.link("mesh", key, context.request.place("mesh", number))
-    context.report(number, True, 0.0)
+    context.report(number, True, Timing(0.0, 0.0))
     return True
 
 
@@ -221,7 +226,7 @@ def frame_camera(context: Context) -> bool:
         data = {str(number): plain[firsts[angle.mesh, angle.spin]] for number, angle in angles.items()}
         path.write_text(json.dumps(data), encoding="utf-8")
 
-    started = time.perf_counter()
+    clock = WorkClock()
     try:
         found = context.make("cameras", request.cameras_key, request.folders.cameras(), write)
     except FlowsculptError as error:
@@ -230,9 +235,10 @@ def frame_camera(context: Context) -> bool:
         context.fail(error)
         return False
     _remember_keys(context)
-    seconds = (time.perf_counter() - started) / len(angles)
+    taken = clock.lap()
+    each = Timing(taken.seconds / len(angles), taken.cpu / len(angles))
     for number in angles:
-        context.report(number, found, seconds)
+        context.report(number, found, each)
     return True
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import resource
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,6 +19,7 @@ from pipeline.production.tasks.finished_frames import raw_attributes
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.shown_frame import ShownFrame, subject_looks
 from pipeline.production.tasks.supervisor import MemoryGuard, StopRequest, deferred_signals
+from render.base.work_clock import Timing, WorkClock
 from render.frame.checkpoint import Checkpoint
 from render.frame.render_frame import render_frame
 from render.mitsuba.engine import Engine, choose
@@ -73,7 +73,7 @@ class _Renderer:
         return found
 
     def _write(self, number: int, checkpoint: Checkpoint, path: Path) -> None:
-        context, request, begun = self.context, self.context.request, time.perf_counter()
+        context, request, clock = self.context, self.context.request, WorkClock()
         picture = request.picture(number)
         sample, shutter, following = ShownFrame(context, number, self.framings).moments()
         lights = picture.lights.turned(request.angles[number].lights)
@@ -96,8 +96,7 @@ class _Renderer:
         header = raw_header(request, number, self.framings[number], self.keys[number])
         attributes = raw_attributes(request, self.framings[number])
         write_exr(path, layers, header, dict(request.aovs.precision), attributes=attributes)
-        seconds = time.perf_counter() - begun
-        _write_statistics(context, number, self.keys[number].raw, layers, seconds, checkpoint.resumed)
+        _write_statistics(context, number, self.keys[number].raw, layers, clock.lap(), checkpoint.resumed)
 
     def _passed(self, number: int, done: int, most: int) -> None:
         """Report a sample batch of a picture, unless the process is to end."""
@@ -106,17 +105,21 @@ class _Renderer:
 
 
 def _write_statistics(
-    context: Context, number: int, key: Key, layers: RenderedFrame, seconds: float, resumed: int
+    context: Context, number: int, key: Key, layers: RenderedFrame, taken: Timing, resumed: int
 ) -> None:
     """Write the statistics of a picture beside it: they differ from run to run, and pictures do not.
 
+    taken    the time of the whole picture
     resumed  how many of its batches an earlier process had rendered, whose seconds are not known
     """
-    stages = {name: round(value, 4) for name, value in layers.seconds.items()}
+    inside = layers.timings.values()
+    rest = Timing(taken.seconds - sum(t.seconds for t in inside), taken.cpu - sum(t.cpu for t in inside))
+    timings = {**layers.timings, "reading and writing": rest}
     width, height = context.request.quality.rendered_size
     statistics = {
         "key": key,
-        "seconds": {**stages, "reading and writing": round(seconds - sum(layers.seconds.values()), 4)},
+        "seconds": {part: round(timing.seconds, 4) for part, timing in timings.items()},
+        "cpu_seconds": {part: round(timing.cpu, 4) for part, timing in timings.items()},
         "vertices": layers.facts["surface_vertices"],
         "faces": layers.facts["surface_faces"],
         "motion_samples": layers.facts.get("motion_samples", 1),

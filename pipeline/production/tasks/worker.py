@@ -25,7 +25,7 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.request.variants import ON_GPU, VariantError, require_variant
 from pipeline.production.stages import STAGES
 from pipeline.production.store.locks import of_key, writing
-from pipeline.production.tasks.job import ENVIRONMENT, Context
+from pipeline.production.tasks.job import ENVIRONMENT, Context, cpu_of_job
 from pipeline.production.tasks.supervisor import (
     RESTART_WORKER,
     SIGNALS,
@@ -65,7 +65,7 @@ def main(
         return _do(context, plan_path, settled, insist, threads, key, process)
     except (FlowsculptError, OSError) as error:
         context.fail(_as_failure(error, context.root))
-        context.log.write("end", stage=context.job.stage)
+        context.end()
         return 1
 
 
@@ -134,7 +134,8 @@ def work(context: Context) -> int:
         well = task_of(job.stage)(context)
     except MemoryLimitError as restart:
         message = f"the renderer grew to {restart.held:.0f} MiB; a fresh one goes on"
-        context.write("renewed", message=message, held_mib=restart.held, most_mib=restart.limit)
+        sizes = {"held_mib": restart.held, "most_mib": restart.limit}
+        context.write("renewed", number=None, message=message, cpu=cpu_of_job(), **sizes)
         return RESTART_WORKER
     except FlowsculptError as error:
         context.fail(error)
@@ -150,7 +151,7 @@ def work(context: Context) -> int:
             context.fail(
                 FrameError(f"{job.name}: {type(error).__name__}: {error}; this is a bug in flowsculpt")
             )
-    context.log.write("end", stage=job.stage)
+    context.end()
     return 0 if well else 1
 
 
