@@ -18,7 +18,13 @@ from pipeline.errors import MachineError
 from pipeline.kernels import compile_module
 from render.base.kernel_cache import SOURCES, imported_modules, kernel_modules
 
-PREPARED = ("render.post.colour", "render.movie.planes", "render.raster")
+PREPARED = (
+    "render.frame.fireflies",
+    "render.frame.sample_sums",
+    "render.movie.planes",
+    "render.post.colour",
+    "render.raster",
+)
 """Modules whose function `prepare` compiles the kernels of pictures, and bakes the tables of displays."""
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from render.base.errors import BadInputError
 from render.frame.copy_counts import CopyCounts
 from render.frame.fireflies import FireflyFilter, find_fireflies, kept_fractions
+from render.frame.sample_sums import SampleSums
 from render.frame.tiles import Picture, PixelNumbers, TileMask, Tiles, noise_of_tiles, with_neighbours
 from render.scene.aovs import COVERAGE, DENOISER, Pixels
 from render.scene.light_groups import with_beauty
@@ -46,29 +47,6 @@ QUIET_FRACTION = 0.95
 decide."""
 
 
-@dataclass(eq=False)
-class Plane:
-    """Sums over the samples of each pixel.
-
-    sums    (pixels, channels)
-    counts  (pixels,): samples of each pixel in its sums
-    """
-
-    sums: Picture
-    counts: NDArray[np.int32]
-
-    def add(self, sums: Picture, samples: int, pixels: PixelNumbers | None) -> None:
-        """Add sums (rows, channels) over `samples` samples to `pixels`, one row each; None is all pixels."""
-        where = slice(None) if pixels is None else pixels
-        self.sums[where] += sums
-        self.counts[where] += samples
-
-    def means(self, pixels: PixelNumbers | None = None) -> Picture:
-        """Return the means (pixels, channels) of `pixels`, which have had samples; None is all pixels."""
-        where = slice(None) if pixels is None else pixels
-        return np.asarray(self.sums[where] / self.counts[where, None])
-
-
 @dataclass
 class Accumulator:
     """The sums of the sample batches of one frame, in the order in which they are added.
@@ -85,7 +63,7 @@ class Accumulator:
     aovs: Collection[str]
     groups: Sequence[str] = ()
     copies: CopyCounts | None = None
-    _planes: dict[str, Plane] = field(default_factory=dict)
+    _planes: dict[str, SampleSums] = field(default_factory=dict)
     _active: TileMask | None = None
     _tiles: Tiles = field(init=False)
 
@@ -104,10 +82,12 @@ class Accumulator:
 
         Values that are not finite, as of a degenerate triangle, count as 0.
         """
-        rows = np.nan_to_num(means.reshape(-1, means.shape[-1]), posinf=0.0, neginf=0.0)
-        self._plane(name, rows.shape[1]).add(rows * samples, samples, pixels)
+        rows = means.reshape(-1, means.shape[-1])
+        self._plane(name, rows.shape[1]).add(rows, samples, pixels)
         if name == "beauty" and self.quality.noise_threshold is not None:
-            self._plane("round", 1).add(rows[:, LUMINANCE, None] * samples, samples, pixels)
+            self._plane("round", 1).add(rows[:, LUMINANCE, None], samples, pixels)
+        if name in ("matte", "normal"):
+            vars(self).pop("_outlines", None)
 
     def add_copies(self, seen: NDArray[np.int32], pixels: PixelNumbers | None = None) -> None:
         """Add the copies (pixels, samples) that the samples of a beauty batch see, as of `CopyTracer`."""
@@ -133,8 +113,8 @@ class Accumulator:
             return
         if by_tile:
             active = np.ones(self._tiles.shape, dtype=bool) if self._active is None else self._active
-            edges, outline = self._has_edges(), self._on_outline()
-            is_noisy = self._noise(smooth=True) * self._weights(edges) > threshold
+            outline, edges, weights = self._outlines
+            is_noisy = self._noise(smooth=True) * weights > threshold
             counts = self._planes["beauty"].counts.astype(np.float64)
             may_go_on = self._tiles.means(counts) < self.quality.samples
             if edges.mean() <= MAX_EDGE_FRACTION:
@@ -164,7 +144,10 @@ class Accumulator:
 
         objects  names of the objects whose coverage our path tracer measures
         """
-        means = {name: self._pictures(name) for name in self._planes}
+        exact = ("beauty", "coverage")  # what is computed with, and not only written
+        means = {
+            name: self._pictures(name, np.float64 if name in exact else np.float32) for name in self._planes
+        }
         beauty = means["beauty"]
         samples = self._planes["beauty"].counts.reshape(beauty.shape[:2])
         arrays: dict[str, NDArray[Any]] = {
@@ -205,7 +188,7 @@ class Accumulator:
 
     def facts(self) -> dict[str, float]:
         """Return the samples per pixel, the light of fireflies and, with adaptive sampling, the noise."""
-        light = self._fireflies.facts(self._pictures("beauty")[..., LUMINANCE])
+        light = self._fireflies.facts(self._moments()[0])
         if self.quality.noise_threshold is None:
             return {"samples": self.quality.samples, **light}
         noise = {"noise": float(f"{_of_frame(self._noise()):.4g}")} if self._is_comparable else {}
@@ -215,41 +198,38 @@ class Accumulator:
     @cached_property
     def _fireflies(self) -> FireflyFilter:
         """The filter that takes fireflies from the beauty, and from light groups alike, once all is added."""
-        matte = self._pictures("matte")[..., 0]
+        matte = self._pictures("matte", np.float32)[..., 0]
         return find_fireflies(*self._moments(), matte, self.quality.fireflies)
 
     def _moments(self) -> tuple[Picture, Picture, Picture]:
         """Return the beauty's mean luminance, mean squared luminance and number of samples, (H, W) each."""
-        beauty = self._pictures("beauty")
-        samples = self._planes["beauty"].counts.reshape(beauty.shape[:2])
-        return beauty[..., LUMINANCE], beauty[..., SQUARE], samples.astype(np.float64)
+        beauty, (width, height) = self._planes["beauty"], self.quality.rendered_size
+        luminance, square = (beauty.means(slice(each, each + 1)) for each in (LUMINANCE, SQUARE))
+        parts = (luminance, square, beauty.counts.astype(np.float64))
+        first, second, third = (part.reshape(height, width) for part in parts)
+        return first, second, third
 
     @property
     def _is_comparable(self) -> bool:
         rounds = self._planes.get("rounds")
         return rounds is not None and int(rounds.counts.min()) >= MIN_ROUNDS
 
-    def _on_outline(self) -> TileMask:
-        """Return the tiles that the subject's outline crosses."""
-        if "matte" not in self._planes:
-            return np.zeros(self._tiles.shape, dtype=bool)
-        matte = self._planes["matte"].means()[:, 0]
-        return self._tiles.means(matte * (1.0 - matte)) > MIN_OUTLINE
+    @cached_property
+    def _outlines(self) -> tuple[TileMask, TileMask, Picture]:
+        """Tiles that the subject's outline crosses, those with edges, and factors on the noise of all tiles.
 
-    def _has_edges(self) -> TileMask:
-        """Return the tiles with creases, folds and outlines."""
-        if "normal" not in self._planes:
-            return self._on_outline()
-        squares = np.sum(self._planes["normal"].means() ** 2, axis=1)
-        edges = self._tiles.means(squares * np.maximum(1.0 - squares, 0.0))
-        return np.asarray((edges > MIN_EDGE) | self._on_outline())
-
-    def _weights(self, edges: TileMask) -> Picture:
-        """Return the factors (rows, columns) on the noise of the tiles; edges: those with edges."""
-        if "matte" not in self._planes:
-            return np.where(edges, EDGE_WEIGHT, 1.0)
-        is_stage = self._tiles.means(self._planes["matte"].means()[:, 0]) == 0.0
-        return np.select([edges, is_stage], [EDGE_WEIGHT, STAGE_WEIGHT], 1.0)
+        Edges are creases, folds and outlines. All is found again once features are added.
+        """
+        outline = is_stage = np.zeros(self._tiles.shape, dtype=bool)
+        if "matte" in self._planes:
+            matte = self._planes["matte"].means()[:, 0]
+            outline = self._tiles.means(matte * (1.0 - matte)) > MIN_OUTLINE
+            is_stage = self._tiles.means(matte) == 0.0
+        edges = outline
+        if "normal" in self._planes:
+            squares = np.sum(self._planes["normal"].means() ** 2, axis=1)
+            edges = outline | (self._tiles.means(squares * np.maximum(1.0 - squares, 0.0)) > MIN_EDGE)
+        return outline, edges, np.select([edges, is_stage], [EDGE_WEIGHT, STAGE_WEIGHT], 1.0)
 
     def _noise(self, smooth: bool = False) -> Picture:
         """Return the noise (rows, columns) of the tiles.
@@ -266,17 +246,16 @@ class Accumulator:
         kept = kept_fractions(*moments, self.quality.fireflies).ravel()
         return noise_of_tiles(self._tiles, mean * kept, variance * (kept == 1.0), smooth)
 
-    def _pictures(self, name: str) -> Picture:
-        """Return the means (H, W, channels) of a plane."""
+    def _pictures(self, name: str, kind: type) -> NDArray[Any]:
+        """Return the means (H, W, channels) of a plane, in a type."""
         width, height = self.quality.rendered_size
-        return self._planes[name].means().reshape(height, width, -1)
+        return self._planes[name].means(kind=kind).reshape(height, width, -1)
 
-    def _plane(self, name: str, channels: int) -> Plane:
+    def _plane(self, name: str, channels: int) -> SampleSums:
         """Return a plane, which is added where it is missing."""
         if name not in self._planes:
             width, height = self.quality.rendered_size
-            count = width * height
-            self._planes[name] = Plane(np.zeros((count, channels)), np.zeros(count, dtype=np.int32))
+            self._planes[name] = SampleSums.zeros(width * height, channels)
         return self._planes[name]
 
     def state(self) -> dict[str, NDArray[Any]]:
@@ -289,7 +268,7 @@ class Accumulator:
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Continue from what `state` returned."""
         names = [key.removeprefix("sums:") for key in state if key.startswith("sums:")]
-        self._planes = {name: Plane(state[f"sums:{name}"], state[f"counts:{name}"]) for name in names}
+        self._planes = {name: SampleSums(state[f"sums:{name}"], state[f"counts:{name}"]) for name in names}
         self._active = state.get("active")
         self.copies = CopyCounts.restored(state)
 

@@ -22,6 +22,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from render.base.kernel_cache import compiled
+
 Picture = NDArray[np.float64]
 
 BRIGHT_FACTOR = 3.0
@@ -47,6 +49,9 @@ EVERYWHERE = 1 << 30
 
 _DARK = 1e-3
 """Luminance that counts as black."""
+
+_STRIP = 32
+"""Columns that are blurred together: few enough that their sums stay in a core's cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +81,11 @@ class FireflyFilter:
         filtered = light * self.kept[..., None]
         for part in (self.on_subject, ~self.on_subject):
             radii = np.where(part, self.radius, 0)
+            share = np.where(part, self.brightness, 0.0)
             for radius in np.unique(radii[radii > 0]):
                 weight = np.where(radii == radius, self.spread / self.reached, 0.0)
                 for channel in range(light.shape[2]):
-                    gain = _blurred(light[..., channel] * weight, int(radius))
-                    filtered[..., channel] += part * self.brightness * gain
+                    filtered[..., channel] += share * _blurred(light[..., channel] * weight, int(radius))
         return filtered
 
     def facts(self, luminance: Picture) -> dict[str, float]:
@@ -113,51 +118,67 @@ def find_fireflies(
     return _with_spread(removed, luminance) if treatment == "soft" else removed
 
 
+def prepare() -> None:
+    """Compile the kernels, so that the first frame need not wait for them."""
+    picture = np.ones((1, 1))
+    kept_fractions(picture, picture, picture, "soft")
+    _blurred(picture, 1)
+
+
 def kept_fractions(luminance: Picture, square: Picture, samples: Picture, treatment: str) -> Picture:
     """Return the fraction (H, W) of its light that each pixel keeps; arguments as for `find_fireflies`."""
     kept = np.ones_like(luminance)
     if treatment != "keep":
-        rows, columns, bound = _brighter_than_neighbours(luminance, square, samples)
-        count = _supporting_samples(luminance, square, samples, rows, columns)
-        reliability = np.clip((count - 1.0) / (RELIABLE_COUNT - 1.0), 0.0, 1.0)
-        own = luminance[rows, columns]
-        kept[rows, columns] = (bound + reliability * (own - bound)) / own
+        _reduce_kept(luminance, square, samples, kept)
     return kept
 
 
-def _brighter_than_neighbours(
-    luminance: Picture, square: Picture, samples: Picture
-) -> tuple[NDArray[np.intp], NDArray[np.intp], Picture]:
-    """Return rows, columns and the bounds of pixels that are above them, of few samples by themselves."""
-    rows, columns = np.nonzero(samples * luminance * luminance < RELIABLE_COUNT * square)
-    padded = np.pad(luminance, 1, mode="edge")
-    offsets = [(y, x) for y in range(3) for x in range(3) if (y, x) != (1, 1)]
-    neighbours = np.stack([padded[rows + y, columns + x] for y, x in offsets])
-    bound = BRIGHT_FACTOR * np.partition(neighbours, 5, axis=0)[5] + _DARK
-    above = luminance[rows, columns] > bound
-    return rows[above], columns[above], bound[above]
+@compiled()
+def _reduce_kept(luminance: Picture, square: Picture, samples: Picture, kept: Picture) -> None:
+    """Write the fraction of its light that each pixel keeps where it is less than 1; (H, W) each."""
+    height, width = luminance.shape
+    for y in range(height):
+        for x in range(width):
+            own = luminance[y, x]
+            if samples[y, x] * own * own >= RELIABLE_COUNT * square[y, x]:
+                continue  # of many samples by itself
+            bound = BRIGHT_FACTOR * _third_brightest(luminance, y, x) + _DARK
+            if own > bound:
+                count = _supporting_samples(luminance, square, samples, y, x)
+                reliability = min(max((count - 1.0) / (RELIABLE_COUNT - 1.0), 0.0), 1.0)
+                kept[y, x] = (bound + reliability * (own - bound)) / own
 
 
-def _supporting_samples(
-    luminance: Picture,
-    square: Picture,
-    samples: Picture,
-    rows: NDArray[np.intp],
-    columns: NDArray[np.intp],
-) -> Picture:
-    """Return the number of samples around some pixels that are as bright as the brightest of the pixel.
+@compiled()
+def _third_brightest(luminance: Picture, y: int, x: int) -> float:
+    """Return the third brightest of the eight neighbours of a pixel; pixels repeat beyond the edges."""
+    height, width = luminance.shape
+    first = second = third = -np.inf
+    for row in range(y - 1, y + 2):
+        for column in range(x - 1, x + 2):
+            if row == y and column == x:
+                continue
+            value = luminance[min(max(row, 0), height - 1), min(max(column, 0), width - 1)]
+            third = max(third, min(second, value))
+            second = max(second, min(first, value))
+            first = max(first, value)
+    return third
+
+
+@compiled()
+def _supporting_samples(luminance: Picture, square: Picture, samples: Picture, y: int, x: int) -> float:
+    """Return the number of samples around a pixel that are as bright as the brightest of the pixel.
 
     A sample that is darker counts as the square of the ratio; one that is brighter counts as one.
     """
-    brightest = square / np.maximum(luminance, 1e-12)
-    count = np.zeros(len(rows))
     height, width = luminance.shape
-    for y in range(-REACH, REACH + 1):
-        for x in range(-REACH, REACH + 1):
-            inside = (rows + y >= 0) & (rows + y < height) & (columns + x >= 0) & (columns + x < width)
-            near = np.clip(rows + y, 0, height - 1), np.clip(columns + x, 0, width - 1)
-            bright = np.maximum(brightest[rows, columns], brightest[near])
-            count += inside * samples[near] * square[near] / (bright * bright)
+    brightest = square[y, x] / max(luminance[y, x], 1e-12)
+    count = 0.0
+    for row in range(max(y - REACH, 0), min(y + REACH + 1, height)):
+        for column in range(max(x - REACH, 0), min(x + REACH + 1, width)):
+            near = square[row, column] / max(luminance[row, column], 1e-12)
+            bright = max(brightest, near)
+            count += samples[row, column] * square[row, column] / (bright * bright)
     return count
 
 
@@ -193,20 +214,40 @@ def _blurred(picture: Picture, radius: int) -> Picture:
     """
     if radius == EVERYWHERE:
         return np.full_like(picture, picture.sum())
-    for axis in (0, 1, 0, 1):
-        picture = _box_means(picture, radius, axis)
-    return picture
+    blurred = np.empty_like(picture)
+    for source in (picture, blurred):
+        _blur_columns(source, radius, blurred)
+        _blur_rows(blurred, radius)
+    return blurred
 
 
-def _box_means(picture: Picture, radius: int, axis: int) -> Picture:
-    """Return means over `radius` pixels to each side along an axis."""
-    width, length = 2 * radius + 1, picture.shape[axis]
-    padding = [(0, 0), (0, 0)]
-    padding[axis] = (radius + 1, radius)
-    sums = np.cumsum(np.pad(picture, padding), axis=axis)
-    if axis == 0:
-        return np.asarray((sums[width:] - sums[:length]) / width)
-    return np.asarray((sums[:, width:] - sums[:, :length]) / width)
+@compiled()
+def _blur_columns(picture: Picture, radius: int, means: Picture) -> None:
+    """Write means over `radius` pixels above and below, which may take the place of the picture."""
+    height, width = picture.shape
+    sums = np.zeros((height + 1, _STRIP))
+    for left in range(0, width, _STRIP):
+        columns = min(_STRIP, width - left)
+        for y in range(height):
+            for x in range(columns):
+                sums[y + 1, x] = sums[y, x] + picture[y, left + x]
+        for y in range(height):
+            above, below = max(y - radius, 0), min(y + radius + 1, height)
+            for x in range(columns):
+                means[y, left + x] = (sums[below, x] - sums[above, x]) / (2 * radius + 1)
+
+
+@compiled()
+def _blur_rows(picture: Picture, radius: int) -> None:
+    """Replace a picture by means over `radius` pixels to the left and right."""
+    height, width = picture.shape
+    sums = np.zeros(width + 1)
+    for y in range(height):
+        for x in range(width):
+            sums[x + 1] = sums[x] + picture[y, x]
+        for x in range(width):
+            left, right = max(x - radius, 0), min(x + radius + 1, width)
+            picture[y, x] = (sums[right] - sums[left]) / (2 * radius + 1)
 
 
 def _peak(radius: int) -> float:

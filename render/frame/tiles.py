@@ -50,6 +50,11 @@ class Tiles:
         """All pixels, tile by tile."""
         return np.argsort(self.numbers, kind="stable")
 
+    @cached_property
+    def _sizes(self) -> NDArray[np.int64]:
+        """The pixels of each tile."""
+        return np.bincount(self.numbers)
+
     @classmethod
     def of(cls, quality: Quality) -> Tiles:
         """Return the tiles of the part that a quality renders."""
@@ -63,7 +68,7 @@ class Tiles:
     def means(self, values: Picture) -> Picture:
         """Return the means (rows, columns) of pixel values (pixels,)."""
         sums = np.bincount(self.numbers, weights=values)
-        return np.asarray(sums / np.bincount(self.numbers)).reshape(self.shape)
+        return np.asarray(sums / self._sizes).reshape(self.shape)
 
     def pixels(self, chosen: TileMask | None) -> PixelNumbers:
         """Return the pixels of chosen tiles, tile by tile; None is all tiles.

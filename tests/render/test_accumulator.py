@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from render.frame.accumulator import Accumulator
@@ -13,6 +13,7 @@ WIDTH, HEIGHT = 6, 4
 PIXELS = st.lists(st.integers(0, WIDTH * HEIGHT - 1), min_size=1, unique=True).map(sorted)
 
 
+@settings(deadline=None)  # the first example loads a kernel
 @given(batches=st.lists(st.tuples(PIXELS, st.sampled_from([1, 4, 8])), max_size=4), cut=st.integers(0, 3))
 def test_each_pixel_is_the_mean_of_its_own_samples(batches: list[tuple[list[int], int]], cut: int) -> None:
     def accumulator() -> Accumulator:

@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
 from render.frame.accumulator import Accumulator
-from render.frame.fireflies import FireflyFilter, find_fireflies
+from render.frame.fireflies import (
+    BRIGHT_FACTOR,
+    REACH,
+    RELIABLE_COUNT,
+    FireflyFilter,
+    _blurred,
+    find_fireflies,
+    kept_fractions,
+)
 from render.scene.quality import Quality
 
 SIZE = (18, 32)
@@ -132,6 +140,43 @@ def test_light_groups_sum_to_the_beauty_and_light_is_neither_made_nor_lost(
     else:
         assert whole.sum() == pytest.approx(mean.sum(), rel=1e-9)
     assert (whole >= -1e-9 * mean.max()).all()
+
+
+@settings(max_examples=25, deadline=None)
+@given(arrays(np.float64, (4, 6, 9), elements=st.floats(0.0, 100.0)))
+def test_a_pixel_keeps_what_its_neighbours_and_like_samples_around_it_support(
+    samples: NDArray[np.float64],
+) -> None:
+    mean, square = samples.mean(axis=0), (samples * samples).mean(axis=0)
+    kept = kept_fractions(mean, square, np.full(mean.shape, 4.0), "soft")
+    padded = np.pad(mean, 1, mode="edge")
+    bright = square / np.maximum(mean, 1e-12)
+    for y, x in np.ndindex(mean.shape):
+        neighbours = np.delete(padded[y : y + 3, x : x + 3].ravel(), 4)
+        bound = BRIGHT_FACTOR * np.sort(neighbours)[-3] + 1e-3
+        around = np.s_[max(y - REACH, 0) : y + REACH + 1, max(x - REACH, 0) : x + REACH + 1]
+        expected = 1.0
+        if mean[y, x] > bound and 4.0 * mean[y, x] ** 2 < RELIABLE_COUNT * square[y, x]:
+            count = np.sum(4.0 * square[around] / np.maximum(bright[y, x], bright[around]) ** 2)
+            reliability = np.clip((count - 1.0) / (RELIABLE_COUNT - 1.0), 0.0, 1.0)
+            expected = (bound + reliability * (mean[y, x] - bound)) / mean[y, x]
+        assert kept[y, x] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("shape", [(5, 7), (40, 70)])
+@pytest.mark.parametrize("radius", [1, 6, 20])
+def test_a_blur_is_two_box_means_along_both_axes_with_black_beyond(
+    shape: tuple[int, int], radius: int
+) -> None:
+    picture = np.random.default_rng(3).random(shape)
+    box = np.full(2 * radius + 1, 1.0 / (2 * radius + 1))
+
+    def twin(line: NDArray[np.float64]) -> NDArray[np.float64]:
+        once = np.convolve(line, box)[radius:-radius]
+        return np.convolve(once, box)[radius:-radius]
+
+    expected = np.apply_along_axis(twin, 1, np.apply_along_axis(twin, 0, picture))
+    assert np.allclose(_blurred(picture, radius), expected, rtol=1e-12)
 
 
 def test_a_sample_that_is_not_finite_spoils_nothing() -> None:
