@@ -44,12 +44,17 @@ def flow_error(error: Exception, flow: Flow, frame: int) -> FrameError:
     return FrameError(f"flow {flow.name}: {message}", frame)
 
 
-def checked_cache_data(flow: Flow, time: float, dt: float) -> Any:
+def cache_data_or_failure(flow: Flow, time: float, dt: float) -> Any:
     """Return `flow.cache_data`, or why it fails: every frame then has a key, and fails when it is made."""
     try:
-        data = flow.cache_data(time, dt)
+        return flow.cache_data(time, dt)
     except (FlowsculptError, ArithmeticError) as error:
         return {"fails": f"{type(error).__name__}: {error}"}
+
+
+def checked_cache_data(flow: Flow, time: float, dt: float) -> Any:
+    """Return the same, and the text of data that JSON cannot hold: with NaN or infinity."""
+    data = cache_data_or_failure(flow, time, dt)
     try:
         json.dumps(data, allow_nan=False)
     except ValueError:  # NaN or infinity

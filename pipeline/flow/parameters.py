@@ -75,10 +75,14 @@ VectorParameter = Vector | Curve
 
 
 def number_at(parameter: Number, time: float) -> float:
+    if isinstance(parameter, float):  # planning asks millions of times, and a look for an ABC is slow
+        return parameter
     return parameter.at(time)[0] if isinstance(parameter, Curve) else parameter
 
 
 def vector_at(parameter: VectorParameter, time: float) -> Vector:
+    if isinstance(parameter, tuple):
+        return parameter
     if isinstance(parameter, Curve):
         x, y, z = parameter.at(time)
         return x, y, z

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import groupby, pairwise
 from typing import Any, ClassVar, NamedTuple
 
@@ -64,6 +65,33 @@ class Halving(NamedTuple):
 
 
 @dataclass(frozen=True)
+class _Moment:
+    """A velocity field at one time, each value found when it is first asked for.
+
+    places  the fields it is composed of, each with the origin's place from its centre, in its coordinates
+    """
+
+    field: VelocityField
+    time: float
+
+    @cached_property
+    def gradient_bound(self) -> float:
+        return self.field.gradient_bound(self.time)
+
+    @cached_property
+    def length_scale(self) -> float:
+        return self.field.length_scale(self.time)
+
+    @cached_property
+    def places(self) -> list[tuple[VelocityField, list[float]]]:
+        places = []
+        for leaf, point in self.field.leaves(np.zeros(3), self.time):
+            place = point - vector_at(leaf.centre, self.time) if hasattr(leaf, "centre") else point
+            places.append((leaf, place.tolist()))
+        return places
+
+
+@dataclass(frozen=True)
 class Streamlines(Flow):
     """Points carried along a velocity field by the classical Runge-Kutta method of order 4.
 
@@ -108,8 +136,7 @@ class Streamlines(Flow):
             return self.max_step
         if self.substeps:
             return math.inf
-        shortest = min(self.field.length_scale(t) for t in (time, time + dt / 2, time + dt))
-        return LENGTH_SHARE * shortest
+        return LENGTH_SHARE * min(moment.length_scale for moment in self._moments(time, dt))
 
     def step_plan(self, time: float, dt: float, finest: bool = False) -> StepPlan:
         """Return the sub-steps of a step; `finest`: as fine as a point may need them.
@@ -140,7 +167,8 @@ class Streamlines(Flow):
         wanted = self.gradient_substeps(time, dt)
         feasible = wanted <= MAX_SUBSTEPS
         count = int(wanted) if feasible else 1
-        is_halved = self.is_halved(time, dt)
+        longest = self.longest_step(time, dt)
+        is_halved = self.tolerance is not None or longest < math.inf
         halving = self._halving(count, finest=is_halved)
         programs = [
             [row.as_data() for row in program] for program in self._programs(time, dt, count * halving.tables)
@@ -148,7 +176,6 @@ class Streamlines(Flow):
         step = dt / count if feasible else None
         if not is_halved:
             return {"streamlines": programs, "step": step}
-        longest = self.longest_step(time, dt)
         limits = {"tolerance": self.tolerance, "max_step": longest if longest < math.inf else None}
         runs = [[len(list(group)), program] for program, group in groupby(programs)]
         return {"streamlines": runs, "step": step, **limits}
@@ -165,7 +192,7 @@ class Streamlines(Flow):
         """
         if self.substeps:
             return self.substeps
-        bound = max(self.field.gradient_bound(t) for t in (time, time + dt / 2, time + dt))
+        bound = max(moment.gradient_bound for moment in self._moments(time, dt))
         wanted = bound * abs(dt) / (STEP_LIMIT if self.tolerance is None else ADAPTIVE_LIMIT)
         if self.max_step is None:
             wanted = max(wanted, self._drift(time, dt) / LENGTH_SHARE)
@@ -173,17 +200,12 @@ class Streamlines(Flow):
 
     def _drift(self, time: float, dt: float) -> float:
         """Return how far the fields move themselves in a step, at most, in their length scales."""
-        times = (time, time + dt / 2, time + dt)
-        drift = 0.0
-        for seen in zip(*(self.field.leaves(np.zeros(3), t) for t in times), strict=True):
+        drift, middle = 0.0, time + dt / 2
+        for seen in zip(*(moment.places for moment in self._moments(time, dt)), strict=True):
+            moved = sum(math.dist(one, other) for (_, one), (_, other) in pairwise(seen))
             leaf = seen[1][0]
-            places = [
-                point - vector_at(leaf.centre, t) if hasattr(leaf, "centre") else point
-                for (leaf, point), t in zip(seen, times, strict=True)
-            ]
-            moved = sum(math.dist(one, other) for one, other in pairwise(places))
-            if moved and leaf.gradient_bound(times[1]) > 0:
-                drift = max(drift, moved / leaf.length_scale(times[1]))
+            if moved and leaf.gradient_bound(middle) > 0:
+                drift = max(drift, moved / leaf.length_scale(middle))
         return drift
 
     def _remedy(self, time: float) -> str:
@@ -209,6 +231,18 @@ class Streamlines(Flow):
     def _programs(self, time: float, dt: float, count: int) -> list[Program]:
         """Return the programs at the ends of `count` equal parts of the step."""
         return [self.field.program(float(t)) for t in time + dt * np.arange(count + 1) / count]
+
+    def _moments(self, time: float, dt: float) -> list[_Moment]:
+        """Return the field at the start, the middle and the end of a step, which is the start of the next."""
+        times = (time, time + dt / 2, time + dt)
+        moments = [self._latest.get(t) or _Moment(self.field, t) for t in times]
+        vars(self)["_latest"] = dict(zip(times, moments, strict=True))
+        return moments
+
+    @cached_property
+    def _latest(self) -> dict[float, _Moment]:
+        """The field at the times of the latest step."""
+        return {}
 
     def _displace_finely(self, points: Points, time: float, dt: float) -> Points:
         """Advect points (N, 3) by sub-steps as fine as they need."""

@@ -12,7 +12,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Flow
-from pipeline.flow.flow_map import checked_cache_data
+from pipeline.flow.flow_map import cache_data_or_failure, checked_cache_data
 from pipeline.flow.parameters import ORIGIN, Number, Vector
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.analytic_surfaces import AnalyticSurface, RepeatedSurface, nearest_middles
@@ -268,13 +268,16 @@ class Motion:
             data["place"] = list(self.place)
         return data if self.copies is None else {**data, "copies": self.copies.data()}
 
-    def step_data(self, frame: int) -> Any:
+    def step_data(self, frame: int, is_checked: bool = True) -> Any:
         """Return what acts on the way into `frame` as JSON-able data.
 
         A changed key of a curve changes the data from the key before it on.
+
+        is_checked  False spares a look at every number, and the data may then hold NaN and infinities
         """
+        find = checked_cache_data if is_checked else cache_data_or_failure
         try:
-            data = checked_cache_data(self.limit_steps(self.flow, frame), *self.step(frame))
+            data = find(self.limit_steps(self.flow, frame), *self.step(frame))
         except FrameError as error:  # of the speed
             data = {"fails": str(error)}
         now = self.resampling_at(frame)

@@ -16,7 +16,7 @@ from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Streamlines, Sum, VelocityField, checked_displacement, keyed
 from pipeline.flow.catalogue.attraction import Attraction, Target, Wind, catmull_rom
 from pipeline.flow.catalogue.basic import Rotation
-from pipeline.flow.catalogue.user_fields import FormulaField
+from pipeline.flow.catalogue.user_fields import FormulaField, largest_norm
 from pipeline.flow.catalogue.vortices import RMS, CurlNoise
 from pipeline.flow.composed_fields import ScaledField, TransformedField
 from pipeline.flow.composed_maps import Mirror, Transform
@@ -46,6 +46,24 @@ def gradients(field: ExternalField, points: Points, h: float = 1e-5, time: float
     """(N, 3, 3): the derivative of velocity i in direction j, by central differences."""
     pairs = [field.velocity(points + h * e, time) - field.velocity(points - h * e, time) for e in np.eye(3)]
     return np.stack(pairs, axis=2) / (2 * h)
+
+
+@settings(max_examples=60)
+@given(
+    count=st.integers(0, 40),
+    rank=st.integers(0, 3),
+    exponent=st.integers(-140, 140),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_the_largest_norm_is_that_of_all_singular_values_to_the_bit(
+    count: int, rank: int, exponent: int, seed: int
+) -> None:
+    random = np.random.default_rng(seed)
+    matrices = random.normal(size=(count, 3, 3)) * random.random((count, 1, 1)) * 10.0**exponent
+    matrices[:, rank:] = 0.0
+    matrices = np.concatenate([matrices, matrices[:2]])
+    expected = np.linalg.norm(matrices, ord=2, axis=(1, 2)).max(initial=0.0)
+    assert largest_norm(matrices) == expected
 
 
 @each_field

@@ -95,6 +95,15 @@ def test_a_flow_that_stands_still_has_no_narrow_detail() -> None:
     assert Streamlines(swept).longest_step(0.2, DT) == np.inf
 
 
+def test_data_of_a_step_do_not_depend_on_the_steps_asked_for_before() -> None:
+    swept = keyed((0.0, 1.0), ((0.0, 0.0, 0.0), (3.0, 0.0, 0.0)))
+    field = Sum((Vortex(centre=swept, strength=keyed((0.0, 1.0), (0.0, 9.0))), CurlNoise()))
+    asked, times = Streamlines(field), [DT * n for n in range(20)]
+    found = {time: asked.cache_data(time, DT) for time in [*times, *reversed(times[::3])]}
+    assert found == {time: Streamlines(field).cache_data(time, DT) for time in times}
+    assert asked.cache_data(times[1], -DT) == Streamlines(field).cache_data(times[1], -DT)
+
+
 def test_fine_and_coarse_meshes_take_the_same_sub_steps(tmp_path: Path) -> None:
     plans = []
     for edge in (0.2, 0.002):

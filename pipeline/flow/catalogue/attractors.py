@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Annotated, ClassVar
 
 from pipeline.flow.kernels import fields as kernels
@@ -51,8 +52,12 @@ class Attractor(BasicField):
 
     def _parameters(self, time: float) -> tuple[float, ...]:
         """Return the parameters of the equations, in the kernel's order."""
-        own = [field.name for field in fields(self) if field.name not in Attractor.__dataclass_fields__]
-        return tuple(number_at(getattr(self, name), time) for name in own)
+        return tuple(number_at(getattr(self, name), time) for name in self._own)
+
+    @cached_property
+    def _own(self) -> list[str]:
+        """The names of the parameters that a subclass adds."""
+        return [field.name for field in fields(self) if field.name not in Attractor.__dataclass_fields__]
 
     def row(self, time: float) -> tuple[float, ...]:
         parameters = self._parameters(time)
