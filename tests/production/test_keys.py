@@ -1,12 +1,16 @@
 """Keys: the same content, the same key; anything else, another."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.flow import Flow
+from pipeline.production.request.keys import mesh_keys
 from pipeline.production.store.store import key_of
+from pipeline.shot import read_shot
 
 pytestmark = pytest.mark.quick
 
@@ -29,6 +33,24 @@ def test_parts_do_not_run_into_one_another(a, b):
 
 def test_the_last_bit_of_a_number_is_content():
     assert key_of(0.05) != key_of(math.nextafter(0.05, 1))
+
+
+class Lost(Flow):
+    """A flow whose data are not numbers from the third frame on."""
+
+    def displace(self, points, time, dt):
+        return points
+
+    def cache_data(self, time, dt):
+        return [time if time < 0.05 else math.nan, dt]
+
+
+def test_frames_whose_flow_is_not_finite_have_keys_all_the_same(tmp_path):
+    shot = tmp_path / "a.yaml"
+    shot.write_text("title: A\nframes: 1-5\nsubject: {solid: box}\nresample: off\nflows: []\n")
+    motion = replace(read_shot(shot).motion, flow=Lost())
+    keys = mesh_keys(motion)
+    assert [key_of(keys[n - 1], motion.step_data(n)) for n in range(2, 6)] == [keys[n] for n in range(2, 6)]
 
 
 def test_what_json_cannot_say_is_refused():

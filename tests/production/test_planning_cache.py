@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import subprocess
+import sys
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +18,7 @@ from pipeline.production.request.planning_cache import NO_CACHE, PlanningCache
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource, ShotSummary, input_digests
 from pipeline.production.request.turntable import Turntable
+from render.base import user_cache
 from render.base.input_files import digest_of_file
 from render.base.serialise import from_plain, to_plain
 
@@ -36,6 +41,15 @@ def root(tmp_path: Path) -> Path:
     """A root that a run has begun in: others stay as they are."""
     (tmp_path / ".flowsculpt").mkdir()
     return tmp_path
+
+
+@pytest.fixture(autouse=True)
+def cache_folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The user's cache folder, with nothing in it."""
+    folder = tmp_path_factory.mktemp("cache")
+    monkeypatch.setattr(planning_cache, "writable_cache", lambda: folder)
+    planning_cache._pruned_user_folder.cache_clear()
+    return folder
 
 
 @pytest.fixture
@@ -105,27 +119,102 @@ def test_a_file_that_comes_to_lie_beside_those_that_were_read_has_the_shot_read_
 def test_other_code_knows_nothing_of_it(shot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     book = PlanningCache(shot.parent)
     book.put({"a": 1}, "of this")
-    assert book.get("of this") == {"a": 1}
-    assert book.get("of that") is None
+    assert book.get(dict, "of this") == {"a": 1}
+    assert book.get(dict, "of that") is None
     monkeypatch.setattr(planning_cache, "_code", lambda: ["other"])
-    assert book.get("of this") is None
+    assert book.get(dict, "of this") is None
 
 
-@pytest.mark.parametrize("damage", [b"", b"\xff", b"{}", b"0\n{}"])
-def test_a_damaged_entry_counts_as_none(shot: Path, damage: bytes) -> None:
+def entry_of(text: str) -> bytes:
+    """Return an entry with a valid digest, as another program may write it."""
+    return f"{hashlib.sha256(text.encode()).hexdigest()}\n{text}".encode()
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        b"",
+        b"\xff",
+        b"{}",
+        b"0\n{}",
+        entry_of("{"),
+        entry_of("[]"),
+        entry_of("{}"),
+        entry_of('{"of": "others"}'),
+    ],
+)
+@pytest.mark.parametrize("has_begun", [True, False])
+def test_an_entry_that_is_damaged_or_of_another_form_counts_as_none_and_is_written_again(
+    shot: Path, cache_folder: Path, damage: bytes, has_begun: bool
+) -> None:
+    if not has_begun:
+        (shot.parent / ".flowsculpt").rmdir()
     keys = keys_of(take_of(shot))
-    entries = list((shot.parent / ".flowsculpt/planning").glob("*.json"))
-    assert entries
+    folder = shot.parent / ".flowsculpt/planning" if has_begun else cache_folder / "planning"
+    entries = {entry: entry.read_bytes() for entry in folder.glob("*.json")}
+    assert len(entries) == 3  # of the shot, of its surfaces and of the request
     for entry in entries:
         entry.write_bytes(damage)
     assert keys_of(take_of(shot)) == keys
+    assert {entry: entry.read_bytes() for entry in folder.glob("*.json")} == entries
 
 
-def test_a_disk_that_refuses_hinders_nothing(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    book = PlanningCache(tmp_path / "file")
+def test_before_a_run_has_begun_planning_is_remembered_and_the_root_stays_as_it_is(
+    shot: Path, cache_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (shot.parent / ".flowsculpt").rmdir()
+    files = set(shot.parent.iterdir())
+    keys = keys_of(take_of(shot))
+    assert set(shot.parent.iterdir()) == files
+    monkeypatch.setattr("pipeline.shot.shot_reader.read_shot", never)
+    assert keys_of(take_of(shot)) == keys
+    (shot.parent / ".flowsculpt").mkdir()
+    assert keys_of(take_of(shot)) == keys, "a run that begins goes on from there"
+
+
+def test_a_home_that_cannot_be_written_hinders_nothing(
+    shot: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (shot.parent / ".flowsculpt").rmdir()
+    home = tmp_path_factory.mktemp("home")
+    (home / "file").write_text("")
+    monkeypatch.setattr(planning_cache, "writable_cache", user_cache.writable_cache)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(home / "file"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path_factory.mktemp("temporary")))
+    keys = keys_of(take_of(shot))
+    monkeypatch.setattr("pipeline.shot.shot_reader.read_shot", never)
+    assert keys_of(take_of(shot)) == keys, "it is remembered among temporary files"
+
+
+WRITE_MANY = """
+import sys
+from pathlib import Path
+from pipeline.production.request import planning_cache
+planning_cache.writable_cache = lambda: Path(sys.argv[1])
+cache = planning_cache.PlanningCache(Path(sys.argv[1], "root"))
+for number in range(200):
+    cache.put({"number": number}, number % 20, sys.argv[2] if number % 2 else "of both")
+"""
+
+
+def test_two_processes_at_once_lose_nothing(tmp_path: Path, cache_folder: Path) -> None:
+    command = [sys.executable, "-c", WRITE_MANY, str(cache_folder)]
+    processes = [subprocess.Popen([*command, name]) for name in ("one", "other")]
+    assert [process.wait() for process in processes] == [0, 0]
+    cache = PlanningCache(cache_folder / "root")
+    for number in range(180, 200):
+        names = ("one", "other") if number % 2 else ("of both",)
+        assert [cache.get(dict, number % 20, name) for name in names] == [{"number": number}] * len(names)
+    assert all(
+        path.suffix == ".json" and path.name[0] != "." for path in (cache_folder / "planning").iterdir()
+    )
+
+
+def test_a_disk_that_refuses_hinders_nothing(root: Path) -> None:
+    (root / ".flowsculpt/planning").write_text("")
+    book = PlanningCache(root)
     book.put({"a": 1}, "of this")
-    assert book.get("of this") is None
+    assert book.get(dict, "of this") is None
 
 
 def test_entries_that_nobody_asks_for_go(root: Path) -> None:
@@ -136,7 +225,20 @@ def test_entries_that_nobody_asks_for_go(root: Path) -> None:
     book.put({}, "new")
     book.prune()
     assert not entry.exists()
-    assert book.get("new") == {}
+    assert book.get(dict, "new") == {}
+
+
+def test_entries_of_no_root_that_nobody_asks_for_go_when_a_process_writes_one(
+    tmp_path: Path, cache_folder: Path
+) -> None:
+    old = cache_folder / "planning/old.json"
+    old.parent.mkdir()
+    old.write_text("")
+    os.utime(old, (0.0, 0.0))
+    planning_cache._pruned_user_folder.cache_clear()
+    PlanningCache(tmp_path).put({}, "new")
+    assert not old.exists()
+    assert PlanningCache(tmp_path).get(dict, "new") == {}
 
 
 def test_work_that_was_planned_for_another_file_is_told_as_before(shot: Path) -> None:

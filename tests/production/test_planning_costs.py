@@ -19,7 +19,6 @@ from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import states
 from pipeline.production.planning.plan import Plan
 from pipeline.production.store.history import History
-from render.scene.quality import QUALITIES
 
 SHOTS, FRAMES = 10, 100
 A_SHOT = 25
@@ -72,7 +71,7 @@ def test_a_plan_that_finds_everything_looks_once_at_each_file(film: list[str], c
     assert not planned().jobs
     assert calls["looks"] <= 3 * SHOTS * FRAMES + A_SHOT * SHOTS  # mesh, normals and finished frame
     assert calls["digests"] <= A_SHOT * SHOTS, "keys of frames are in the planning cache"
-    assert calls["parsed"] <= 4 * SHOTS + 1, "cameras are not parsed where all keys are known"
+    assert calls["parsed"] <= 5 * SHOTS + 1, "cameras are not parsed where all keys are known"
 
 
 def test_a_plan_of_an_edited_shot_reads_that_shot_alone(film: list[str], calls: Counter[str]) -> None:
@@ -89,11 +88,23 @@ def test_a_plan_of_an_edited_shot_reads_that_shot_alone(film: list[str], calls: 
 def test_status_looks_at_each_file_and_at_what_shows_it(film: list[str], calls: Counter[str]) -> None:
     project, history = Project(Path.cwd(), CORES), History.of(Path.cwd())
     for name in film:
-        requests = [project.request(Path(f"shots/{name}.yaml"), quality) for quality in QUALITIES]
+        requests = project.at_qualities(Path(f"shots/{name}.yaml"))
         rows = states(requests, project.store, history, project.as_finished)
         assert [(row.what, len(row.done)) for row in rows] == [("meshes", FRAMES), ("draft", FRAMES)]
     assert calls["looks"] <= 5 * SHOTS * FRAMES + A_SHOT * SHOTS
     assert calls["digests"] <= A_SHOT * SHOTS
+
+
+def test_status_of_a_shot_of_which_nothing_was_made_finds_no_keys(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (name,) = write_shots(1, FRAMES)
+    monkeypatch.setattr("pipeline.production.request.keys.mesh_keys", lambda motion: pytest.fail())
+    project = Project(tmp_path, CORES)
+    requests = project.at_qualities(Path(f"shots/{name}.yaml"))
+    (row,) = states(requests, project.store, History.of(tmp_path), project.as_finished)
+    assert (row.what, len(row.missing)) == ("meshes", FRAMES)
 
 
 def test_a_run_with_nothing_to_do_looks_twice_at_each_link(film: list[str], calls: Counter[str]) -> None:

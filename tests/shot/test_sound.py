@@ -74,11 +74,11 @@ def test_everything_that_may_be_keyed_may_follow_a_sound_and_is_drawn(tones: Pat
 
 
 def test_the_key_belongs_to_the_content_of_the_sound(tones: Path, tmp_path: Path) -> None:
-    before = mesh_keys(shot_of(tones))
+    before = mesh_keys(shot_of(tones).motion)
     shutil.copy(tones / "a.wav", tmp_path / "another name.wav")
-    assert mesh_keys(shot_of(tmp_path, audio="another name.wav")) == before
+    assert mesh_keys(shot_of(tmp_path, audio="another name.wav").motion) == before
     write_sound(tmp_path / "a.wav", np.where(times(1) < 0.7, 0.0, sine(100, 1)))
-    other = mesh_keys(shot_of(tmp_path))
+    other = mesh_keys(shot_of(tmp_path).motion)
     same = [number for number in before if before[number] == other[number]]
     assert same == list(range(1, same[-1] + 1)) and 11 <= same[-1] <= 13  # up to the change, at 0.5 s
 

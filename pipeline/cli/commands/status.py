@@ -15,7 +15,6 @@ from pipeline.production.planning.frame_states import FrameStates, states
 from pipeline.production.request.lookup import find_shot, shot_names
 from pipeline.production.store.history import History
 from render.base.plural import plural
-from render.scene.quality import QUALITIES
 
 
 def status(
@@ -37,7 +36,7 @@ def status(
     errors: list[FlowsculptError] = []
     for shot in shots or shot_names():
         try:
-            requests = [project.request(find_shot(shot), each) for each in QUALITIES]
+            requests = project.at_qualities(find_shot(shot))
             rows += states(requests, project.store, history, project.as_finished)
         except FlowsculptError as error:
             errors.append(error)

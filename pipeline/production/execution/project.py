@@ -33,7 +33,7 @@ from pipeline.production.store import paths
 from pipeline.production.store.history import History
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store
-from render.scene.quality import CONVENTIONS, DEFAULT_QUALITY
+from render.scene.quality import CONVENTIONS, DEFAULT_QUALITY, QUALITIES
 
 States = Callable[[RenderRequest, Store, History], FrameStates]
 
@@ -209,7 +209,8 @@ class Project:
             )
         edit, clips = self._edits[path].edit, self._edits[path].clips
         project = self._of_edit(edit)
-        requests = [replace(project.request(shot, quality), requested=frames) for shot, frames in clips]
+        whole = {shot: project.request(shot, quality) for shot in dict.fromkeys(shot for shot, _ in clips)}
+        requests = [replace(whole[shot], requested=frames) for shot, frames in clips]
         if edit.setting:
             requests = [replace(r, home=paths.of_edit(r.name, edit.name).as_posix()) for r in requests]
         return edit, requests
@@ -262,6 +263,11 @@ class Project:
             )
         chosen = variant or self.variant_of(source.name)
         return RenderRequest(source, quality, chosen, tuple(dict.fromkeys(requested)))
+
+    def at_qualities(self, path: Path) -> list[RenderRequest]:
+        """Return the requests of a whole shot file at each quality; it is read once."""
+        request = self.request(path, DEFAULT_QUALITY)
+        return [replace(request, quality_name=name) for name in QUALITIES]
 
     def variant_of(self, shot: str) -> str:
         """Return the variant that renders a shot: one asked for, that of the profile, or one that works.

@@ -6,6 +6,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,14 +32,14 @@ def begun_requests(project: Project, warn: Callable[[str], object]) -> Iterator[
     """
     for name in shot_names():
         try:
-            path = find_shot(name)
-            requests = [project.as_finished(project.request(path, each)) for each in QUALITIES]
+            read = project.at_qualities(find_shot(name))
+            requests = [project.as_finished(request) for request in read]
         except FlowsculptError as error:
             warn(str(error))
             continue
         for each in _crops_and_scales(project.root / RENDERS / name):
             with suppress(UsageError):  # a crop of pictures that had another shape
-                request = project.request(path, each)
+                request = replace(read[0], quality_name=each)
                 _ = request.quality  # raises it
                 requests.append(project.as_finished(request))
         begun = [request for request in requests if is_begun(request, project.store)]

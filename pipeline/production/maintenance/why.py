@@ -219,7 +219,7 @@ class _Frame:
 
     def _first_changed(self) -> int | None:
         """Return the first frame whose mesh is there and is not today's."""
-        for number in sorted(self.request.source.summary.meshes):
+        for number in sorted(self.request.source.surface_keys.meshes):
             for part in self.request.parts:
                 key = _key_in(self.store.root / part.place("mesh", number))
                 if key is not None and key != part.mesh_key(number):
@@ -227,7 +227,7 @@ class _Frame:
         return None
 
     def _first_unmade(self) -> str:
-        meshes = [part.source.summary.meshes for part in self.request.parts]
+        meshes = [part.source.surface_keys.meshes for part in self.request.parts]
         unmade = (
             n for n in sorted(meshes[0]) if not all(self.store.holds("mesh", each[n]) for each in meshes)
         )

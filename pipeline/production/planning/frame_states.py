@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -87,7 +88,12 @@ def mesh_states(request: RenderRequest, store: Store, history: History) -> Frame
     numbers = request.requested
 
     def states_of(part: RenderRequest) -> Iterator[str]:
-        for number, place in zip(numbers, part.places("mesh", numbers), strict=True):
+        places = part.places("mesh", numbers)
+        shown = _names_in(f"{store.root}/{places[0].rpartition('/')[0]}")
+        for number, place in zip(numbers, places, strict=True):
+            if store.url is None and place.rpartition("/")[2] not in shown:
+                yield "missing"  # whatever its key is, which takes the flow of all frames before
+                continue
             key = part.mesh_key(number)
             if store.shows("mesh", key, place):
                 yield "done"
@@ -163,10 +169,7 @@ class KnownPictures:
         """Tell whether any file of a kind is shown; its folder is listed once."""
         folder, _, name = self._place(kind, number).rpartition("/")
         if kind not in self._names:
-            shown = self._store.root / folder
-            self._names[kind] = (
-                frozenset(path.name for path in shown.iterdir()) if shown.is_dir() else frozenset()
-            )
+            self._names[kind] = _names_in(f"{self._store.root}/{folder}")
         return name in self._names[kind]
 
     def _place(self, kind: str, number: int) -> str:
@@ -184,6 +187,13 @@ class KnownPictures:
         assert self.keys is not None, "the caller checks"
         was_rendered = self.keys.is_available
         return self._request.summary.window(number, lambda n: n in self._rendered or was_rendered(n))
+
+
+def _names_in(folder: str) -> frozenset[str]:
+    """Return the names of the files in a folder; none where there is no such folder."""
+    with suppress(FileNotFoundError, NotADirectoryError):
+        return frozenset(os.listdir(folder))  # noqa: PTH208  # Paths are slow
+    return frozenset()
 
 
 def _undone(store: Store, place: str) -> str:

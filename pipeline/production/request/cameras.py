@@ -19,7 +19,7 @@ from pipeline.production.stages import FRAME_CAMERA
 from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.errors import BadInputError
-from render.base.serialise import from_plain, to_plain
+from render.base.serialise import from_plain
 
 if TYPE_CHECKING:
     from pipeline.production.render_inputs.framing import Framing
@@ -135,6 +135,14 @@ class FramingInputs:
 
 
 @dataclass(frozen=True)
+class _FramedFrom:
+    """The key of the cameras that a request shows, and the digests of what they were framed from."""
+
+    key: Key
+    digests: FramingInputs
+
+
+@dataclass(frozen=True)
 class ShownCameras:
     """The cameras that a shot shows while new ones are not framed yet.
 
@@ -150,19 +158,19 @@ class ShownCameras:
     @classmethod
     def of(cls, request: RenderRequest, store: Store) -> ShownCameras | None:
         """Return the cameras shown for a request; None where none are known."""
-        noted = request.source.cache.get(*_place(request))
+        noted = request.source.cache.get(_FramedFrom, *_place(request))
         path = request.folders.cameras()
-        if noted is None or not store.shows("cameras", noted["key"], path):
+        if noted is None or not store.shows("cameras", noted.key, path):
             return None
         try:
             data: dict[str, Any] = json.loads((store.root / path).read_text(encoding="utf-8"))
             known = dict.fromkeys(number for number in request.angles if str(number) in data)
         except (OSError, ValueError, TypeError):
             return None
-        before, now = from_plain(FramingInputs, noted["digests"]), FramingInputs.of(request)
+        before, now = noted.digests, FramingInputs.of(request)
         same = {n for n in known if before.inputs.get(n) == now.inputs[n]}
         return cls(
-            cameras=CameraFile(store, noted["key"], known, lambda: data),
+            cameras=CameraFile(store, noted.key, known, lambda: data),
             settled=frozenset(n for n in same if {n - 1, n + 1} & set(request.angles) <= same),
             moved=frozenset(n for n in known if before.views.get(n) != now.views[n]),
         )
@@ -170,8 +178,8 @@ class ShownCameras:
 
 def note_framing(request: RenderRequest) -> None:
     """Note what the cameras of a request were framed from."""
-    data = {"key": request.cameras_key, "digests": to_plain(FramingInputs.of(request))}
-    request.source.cache.put(data, *_place(request))
+    framed = _FramedFrom(request.cameras_key, FramingInputs.of(request))
+    request.source.cache.put(framed, *_place(request))
 
 
 def _place(request: RenderRequest) -> tuple[Any, ...]:

@@ -19,7 +19,7 @@ from pipeline.production.stages import FILM
 from pipeline.production.store import paths
 from pipeline.production.store.store import Key, key_of
 from pipeline.shot.yaml.lookup import text_of
-from render.base.serialise import from_plain, to_plain
+from render.base.serialise import to_plain
 
 if TYPE_CHECKING:
     from pipeline.production.request.keys import FrameKeys
@@ -176,14 +176,13 @@ def resolved_edit(
     with suppress(FlowsculptError):  # `read_film` tells why it cannot be read
         text = text_of(path)
     found_from = "film", text, str(path.absolute()), settings
-    known = cache.get(*found_from)
+    known = cache.get(ResolvedEdit, *found_from)
     if known is not None:
-        resolved = from_plain(ResolvedEdit, known)
         with suppress(FlowsculptError):  # reading the film tells all that is wrong
-            if resolved.is_current(summary_of):
-                return resolved
+            if known.is_current(summary_of):
+                return known
     from pipeline.shot import read_film
 
     resolved = ResolvedEdit.of(read_film(path, settings, text), path.stem)
-    cache.put(to_plain(resolved), *found_from)
+    cache.put(resolved, *found_from)
     return resolved

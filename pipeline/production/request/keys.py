@@ -6,7 +6,7 @@ normals, camera and appearance; their keys are found by need, since most runs ne
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -22,29 +22,24 @@ if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the 
     from pipeline.shot import Motion, Shot
 
 
-def mesh_keys(shot: Shot) -> dict[int, Key]:
-    """Return keys by frame: each is made of the one before and of what acts between the two frames.
-
-    Those of a shot of several subjects are digests of the keys of each.
-    """
-    if shot.subjects:
-        return _joined(shot, [mesh_keys(part) for part in shot.subjects])
-    motion = shot.motion
+def mesh_keys(motion: Motion) -> dict[int, Key]:
+    """Return keys by frame: each is made of the one before and of what acts between the two frames."""
     key = key_of(SIMULATE.recipe, motion.start_data())
     first, *others = sorted(motion.frames)
     keys = {first: key}
     for number in others:
-        key = key_of(key, motion.step_data(number))
+        try:
+            key = key_of(key, motion.step_data(number, is_checked=False))
+        except ValueError:  # NaN or infinity
+            key = key_of(key, motion.step_data(number))
         keys[number] = key
     return keys
 
 
-def normals_keys(shot: Shot, meshes: dict[int, Key]) -> dict[int, Key]:
-    """Return keys by frame; `meshes` are the keys of its meshes. Of several subjects, as of `mesh_keys`."""
+def normals_keys(shot: Shot, meshes: Mapping[int, Key]) -> dict[int, Key]:
+    """Return keys by frame of a shot of one subject; `meshes` are the keys of its meshes."""
     from pipeline.shot.motion import as_data
 
-    if shot.subjects:
-        return _joined(shot, [normals_keys(part, mesh_keys(part)) for part in shot.subjects])
     motion, pieces = shot.motion, shot.picture.tessellate
     first = thresholds_at(motion, motion.frames.first).hard_angle
     is_constant = motion.resampling is None or isinstance(motion.resampling.thresholds.hard_angle, float)
@@ -55,13 +50,9 @@ def normals_keys(shot: Shot, meshes: dict[int, Key]) -> dict[int, Key]:
     return keys
 
 
-def _joined(shot: Shot, keys: Sequence[Mapping[int, Key]]) -> dict[int, Key]:
-    """Return digests by frame of the keys of each subject, with the subjects' names, which pictures show."""
-    names = [part.subject for part in shot.subjects]
-    return {
-        number: key_of([[name, each[number]] for name, each in zip(names, keys, strict=True)])
-        for number in shot.frames
-    }
+def joined_keys(frames: Iterable[int], keys: Mapping[str, Mapping[int, Key]]) -> dict[int, Key]:
+    """Return digests by frame of the keys of several subjects, with their names, which pictures show."""
+    return {number: key_of([[name, each[number]] for name, each in keys.items()]) for number in frames}
 
 
 def thresholds_at(motion: Motion, number: int) -> Thresholds:
@@ -153,6 +144,14 @@ class FrameKeys:
     window: tuple[int, ...]
 
 
+@dataclass(frozen=True)
+class _KnownKeys:
+    """Keys that were found before: `raw` by frame, `frame` by the frame and the ends of its window."""
+
+    raw: dict[int, Key]
+    frame: dict[str, Key]
+
+
 class PictureKeys(Mapping[int, FrameKeys]):
     """The keys of a request's frames by number, each found when it is asked for: most runs need few.
 
@@ -169,9 +168,8 @@ class PictureKeys(Mapping[int, FrameKeys]):
         self._request, self._store, self._cameras = request, store, cameras
         self._cache = request.source.cache
         self._numbers = set(request.requested if rendered is None else rendered)
-        known = self._cache.get(*self._found_from) or {"raw": {}, "frame": {}}
-        self._raws: dict[int, Key] = {int(number): key for number, key in known["raw"].items()}
-        self._frames: dict[str, Key] = known["frame"]
+        known = self._cache.get(_KnownKeys, *self._found_from) or _KnownKeys({}, {})
+        self._raws, self._frames = known.raw, known.frame
         self._cached = self._found
         self._keys: dict[int, FrameKeys] = {}
 
@@ -212,7 +210,7 @@ class PictureKeys(Mapping[int, FrameKeys]):
     def remember(self) -> None:
         """Put the keys in the planning cache, where it lacks some."""
         if self._found > self._cached:
-            self._cache.put({"raw": self._raws, "frame": self._frames}, *self._found_from)
+            self._cache.put(_KnownKeys(self._raws, self._frames), *self._found_from)
             self._cached = self._found
 
     @property

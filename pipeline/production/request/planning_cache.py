@@ -2,7 +2,10 @@
 
 It only makes planning faster and may be deleted at any time. An entry is filed under everything it was found
 from: the shot's text and settings, the sources of the whole project, the versions of the packages they use.
-A damaged entry counts as none.
+A damaged entry, or one of another form, counts as none.
+
+    .flowsculpt/planning/<key>.json          in a root where a run has begun: all who work in it share them
+    ~/.cache/flowsculpt/planning/<key>.json  before, for commands that only look leave a root as it is
 """
 
 from __future__ import annotations
@@ -24,13 +27,15 @@ from pipeline.errors import MachineError
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store, key_of
 from render.base.atomic_write import atomic_write
+from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
+from render.base.user_cache import writable_cache
 
 Data = TypeVar("Data")
 
 PACKAGES = ("numpy", "numba", "trimesh", "pydantic", "ruamel.yaml", "fileseq", "mitsuba", "OpenImageIO")
 KEPT_SECONDS = 60 * 24 * 3600.0
-"""Seconds without use after which a run removes an entry."""
+"""Seconds without use after which an entry is removed."""
 
 _PROJECT = Path(__file__).parents[3]
 
@@ -41,57 +46,48 @@ class PlanningCache:
 
     root: Path | None
 
-    def get(self, *found_from: Any) -> Any:
-        """Return the plain data that was put under `found_from`; None where there is none."""
+    def get(self, kind: type[Data], *found_from: Any) -> Data | None:
+        """Return the data of a dataclass that were put under `found_from`; None where there are none."""
         if self.root is None:
             return None
-        path = self._path(found_from)
-        try:
-            digest, text = path.read_text(encoding="utf-8").split("\n", 1)
-        except (OSError, ValueError):
-            return None
-        if digest != _digest(text):
-            return None
-        with contextlib.suppress(OSError):
-            if time.time() - path.stat().st_mtime > KEPT_SECONDS / 2.0:
-                os.utime(path)
-        return json.loads(text)
+        name = f"{key_of(_code(), *found_from)}.json"
+        for folder in (self._folder, _user_folder()):
+            with contextlib.suppress(BadInputError):
+                if (plain := _entry(f"{folder}/{name}")) is not None:
+                    return from_plain(kind, plain)
+        return None
 
     def put(self, data: Any, *found_from: Any) -> None:
-        """File plain data under `found_from`, if a run has begun in the root. Ignore errors of the disk."""
-        if self.root is None or not (self.root / STATE).is_dir():
+        """File the data of a dataclass under `found_from`. Ignore errors of the disk."""
+        if self.root is None:
             return
-        path, text = self._path(found_from), json.dumps(data, separators=(",", ":"))
-        with (
-            contextlib.suppress(OSError, MachineError),
-            atomic_write(path, Store(self.root).draft(".json"), flush=False) as draft,
-        ):
-            draft.write_text(f"{_digest(text)}\n{text}", encoding="utf-8")
+        name, text = f"{key_of(_code(), *found_from)}.json", json.dumps(to_plain(data), separators=(",", ":"))
+        draft = Store(self.root).draft(".json") if self._has_begun else None
+        path = Path(self._folder if self._has_begun else _pruned_user_folder(), name)
+        with contextlib.suppress(OSError, MachineError), atomic_write(path, draft, flush=False) as written:
+            written.write_text(f"{_digest(text)}\n{text}", encoding="utf-8")
 
     def found_or_made(self, kind: type[Data], make: Callable[[], Data], *found_from: Any) -> Data:
-        """Return the data of a dataclass that was put under `found_from`, or make it and put it there."""
-        known = self.get(*found_from)
+        """Return the data of a dataclass that were put under `found_from`, or make and put them there."""
+        known = self.get(kind, *found_from)
         if known is not None:
-            return from_plain(kind, known)
+            return known
         data = make()
-        self.put(to_plain(data), *found_from)
+        self.put(data, *found_from)
         return data
 
     def prune(self) -> None:
         """Remove entries that nobody used for long. Runs do this once: listing a large folder takes time."""
-        oldest = time.time() - KEPT_SECONDS
-        with contextlib.suppress(OSError), os.scandir(self._folder) as entries:
-            for entry in entries:
-                with contextlib.suppress(OSError):
-                    if entry.stat().st_mtime < oldest:
-                        Path(entry.path).unlink()
+        _prune(self._folder)
 
     @property
     def _folder(self) -> str:
         return f"{self.root}/{STATE}/planning"
 
-    def _path(self, found_from: tuple[Any, ...]) -> Path:
-        return Path(f"{self._folder}/{key_of(_code(), *found_from)}.json")
+    @property
+    def _has_begun(self) -> bool:
+        """True if a run has begun in the root."""
+        return self.root is not None and (self.root / STATE).is_dir()
 
 
 NO_CACHE = PlanningCache(None)
@@ -106,6 +102,43 @@ def _code() -> list[str]:
             digest.update(file.relative_to(_PROJECT).as_posix().encode())
             digest.update(file.read_bytes())
     return [digest.hexdigest(), sys.version, *(f"{name}={version(name)}" for name in PACKAGES)]
+
+
+def _entry(path: str) -> Any:
+    """Return the plain data of an entry; None where it is not there, or damaged."""
+    try:
+        with open(path, encoding="utf-8") as file:  # noqa: PTH123  # Paths are slow
+            digest, text = file.read().split("\n", 1)
+        if digest != _digest(text):
+            return None
+        plain = json.loads(text)
+        if time.time() - os.stat(path).st_mtime > KEPT_SECONDS / 2.0:  # noqa: PTH116
+            with contextlib.suppress(OSError):  # of a folder that is only read
+                os.utime(path)
+    except (OSError, ValueError):
+        return None
+    return plain
+
+
+def _user_folder() -> str:
+    """Return the folder of entries of roots where no run has begun."""
+    return f"{writable_cache()}/planning"
+
+
+@cache
+def _pruned_user_folder() -> str:
+    """Return the same folder without entries that nobody used for long: no run looks after it."""
+    _prune(_user_folder())
+    return _user_folder()
+
+
+def _prune(folder: str) -> None:
+    oldest = time.time() - KEPT_SECONDS
+    with contextlib.suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            with contextlib.suppress(OSError):
+                if entry.stat().st_mtime < oldest:
+                    Path(entry.path).unlink()
 
 
 def _digest(text: str) -> str:

@@ -303,16 +303,15 @@ class RenderRequest:
     @cached_property
     def identity(self) -> Key:
         """The digest of all that decides its keys, but for versions of stages."""
-        summary = self.source.summary
         data = {**to_plain(self), "requested": None}
-        data["source"] = {**data["source"], "inputs": summary.inputs}
-        return key_of(data, summary.meshes, summary.normals)
+        data["source"] = {**data["source"], "inputs": self.source.summary.inputs}
+        return key_of(data, self.source.surface_keys.meshes, self.source.surface_keys.normals)
 
     def mesh_key(self, number: int) -> Key:
-        return self.source.summary.meshes[number]
+        return self.source.surface_keys.meshes[number]
 
     def normals_key(self, number: int) -> Key:
-        return self.source.summary.normals[number]
+        return self.source.surface_keys.normals[number]
 
     @property
     def cameras_key(self) -> Key:

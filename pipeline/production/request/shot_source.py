@@ -18,7 +18,7 @@ from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Key, key_of
 from pipeline.shot.yaml.lookup import DEFAULTS, is_there, text_of
 from render.base.input_files import digest_of_file, require_input
-from render.base.serialise import NOT_PLAIN, from_plain, to_plain
+from render.base.serialise import NOT_PLAIN
 from render.scene.quality import QUALITIES
 
 if TYPE_CHECKING:
@@ -38,7 +38,6 @@ class ShotSummary:
     runs_python      True if its flows are Python files of the user's
     rate, shown_as   frames per second; the display transform, plain data
     sounds           what is heard while it plays
-    meshes, normals  keys by frame; of several subjects, digests of the keys of each
     subjects         the names of its subjects, if it has several
     projection       of its camera: kind and angle, as `Projection` has them
     size             width and height of its pictures in `final`, pixels
@@ -51,8 +50,6 @@ class ShotSummary:
     rate: str
     shown_as: Mapping[str, Any]
     sounds: tuple[AudioTrack, ...]
-    meshes: Mapping[int, Key]
-    normals: Mapping[int, Key]
     subjects: tuple[str, ...] = ()
     projection: tuple[str, float] = ("perspective", math.pi)
     size: tuple[int, int] = QUALITIES["final"].rendered_size
@@ -60,9 +57,8 @@ class ShotSummary:
     @classmethod
     def of(cls, shot: Shot) -> ShotSummary:
         from pipeline.flow.flow import python_flows
-        from pipeline.production.request.keys import mesh_keys, normals_keys
 
-        inputs, meshes = input_digests(shot.files), mesh_keys(shot)
+        inputs = input_digests(shot.files)
         return cls(
             inputs=inputs,
             listings=_listings(inputs),
@@ -71,8 +67,6 @@ class ShotSummary:
             rate=str(shot.rate),
             shown_as=shot.picture.display_data(),
             sounds=tuple(map(AudioTrack.of, shot.sounds)),
-            meshes=meshes,
-            normals=normals_keys(shot, meshes),
             subjects=tuple(part.subject for part in shot.subjects),
             projection=astuple(shot.picture.camera.projection),
             size=shot.picture.qualities["final"].rendered_size,
@@ -82,6 +76,31 @@ class ShotSummary:
     def is_current(self) -> bool:
         """True if all files that the shot reads, shot files aside, are as they were."""
         return next(_changed(self.inputs), None) is None and _listings(self.inputs) == self.listings
+
+
+@dataclass(frozen=True)
+class SurfaceKeys:
+    """Keys of mesh frames, and of the normals made of them, by frame; of several subjects, digests of both.
+
+    Planning finds them last: it takes the flows of all frames, and what was never made needs no key.
+    """
+
+    meshes: Mapping[int, Key]
+    normals: Mapping[int, Key]
+
+    @classmethod
+    def of(cls, source: ShotSource) -> SurfaceKeys:
+        from pipeline.production.request.keys import joined_keys, mesh_keys, normals_keys
+
+        if not source.summary.subjects:
+            meshes = mesh_keys(source.shot.motion)
+            return cls(meshes, normals_keys(source.shot, meshes))
+        parts = {name: source.of_subject(name).surface_keys for name in source.summary.subjects}
+        frames = source.summary.frames
+        return cls(
+            meshes=joined_keys(frames, {name: keys.meshes for name, keys in parts.items()}),
+            normals=joined_keys(frames, {name: keys.normals for name, keys in parts.items()}),
+        )
 
 
 @dataclass(frozen=True)
@@ -148,21 +167,28 @@ class ShotSource:
 
         Raises what `shot` raises.
         """
-        known = self.cache.get(*self._read_from)
-        if known is not None:
-            summary = from_plain(ShotSummary, known)
-            if self.inputs in (None, summary.inputs) and summary.is_current:
-                return summary
+        known = self.cache.get(ShotSummary, *self._read_from)
+        if known is not None and self.inputs in (None, known.inputs) and known.is_current:
+            return known
         summary = ShotSummary.of(self.shot)
         if not self.shot.picture.view.digest:  # a colour config may read tables that no digest covers
-            self.cache.put(to_plain(summary), *self._read_from)
+            self.cache.put(summary, *self._read_from)
         return summary
+
+    @cached_property
+    def surface_keys(self) -> SurfaceKeys:
+        """The keys of its surfaces. The shot is read only where the cache lacks those of these files.
+
+        Raises what `shot` raises.
+        """
+        found_from = "surfaces", *self._read_from[1:], self.summary.inputs
+        return self.cache.found_or_made(SurfaceKeys, lambda: SurfaceKeys.of(self), *found_from)
 
     def new_notes(self) -> tuple[str, ...]:
         """Return notes on the shot's model and sounds, unless the same contents had the same notes before."""
         notes = (*(note for part in self.shot.parts for note in part.motion.subject.notes), *self.shot.notes)
         told_of = "notes on files", self.summary.inputs, notes
-        if not notes or self.cache.get(*told_of):
+        if not notes or self.cache.get(bool, *told_of):
             return ()
         if self.cache.root is not None:
             with contextlib.suppress(OSError):
