@@ -90,7 +90,9 @@ def angles_between(mine: Vectors, theirs: Vectors, twin: AnyArray) -> Floats:
     return angles
 
 
-def split_at_creases(mesh: TriangleMesh, hard_angle: float | Floats = HARD_ANGLE) -> ShadedMesh:
+def split_at_creases(
+    mesh: TriangleMesh, hard_angle: float | Floats = HARD_ANGLE, twin: Indices | None = None
+) -> ShadedMesh:
     """Give every vertex the normal of the smooth surface around it, and one for each side of a crease.
 
     Creases are edges where the surface turns by more than `hard_angle` (radians; if (V,), the mean of both
@@ -102,9 +104,12 @@ def split_at_creases(mesh: TriangleMesh, hard_angle: float | Floats = HARD_ANGLE
     A vertex with a trusted normal (`trusted_normals`) keeps it and is not divided, however its faces turn.
     Other known normals replace those of the smooth sides that they agree with.
 
+    twin  (3F,) of the mesh, by `twins_of`, if it is known
+
     Raises MeshError where the mesh is not an oriented manifold, or the attribute is not (V, 3).
     """
-    face, twin, known = face_normals(mesh), twins_of(mesh), _known(mesh)
+    twin = twins_of(mesh) if twin is None else twin
+    face, known = face_normals(mesh), _known(mesh)
     trusted, hard = _trusted(mesh, known, face), tagged_halfedges(mesh)
     if not isinstance(hard_angle, float):
         hard |= np.nan_to_num(_turns(face, twin)) > hard_angle[mesh.halfedge_ends].mean(axis=1)

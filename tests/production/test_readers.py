@@ -91,7 +91,7 @@ def test_a_mesh_that_is_another_or_broken_is_found_out(tmp_path: Path) -> None:
 def test_large_arrays_that_compress_well_take_less_room_and_come_back_bit_for_bit(tmp_path: Path) -> None:
     rng = np.random.default_rng(2)
     named = {
-        "faces": np.arange(600_000, dtype=np.int32).reshape(-1, 3),
+        "faces": np.arange(1_200_000, dtype=np.int32).reshape(-1, 3),
         "points": rng.random((100_000, 3)),
         "few": np.zeros(8, np.int64),
         "none": np.empty((0, 3)),

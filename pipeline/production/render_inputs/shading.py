@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from pipeline.animation import MeshFrame, material_of, mesh_at_subframe
-from pipeline.arrays import AnyArray, Floats, Points, Vectors
+from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.flow.flow_map import checked_cache_data
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.control_net import bspline_surface, bspline_values
-from pipeline.mesh.normals import ShadedMesh, split_at_creases, vertex_normals
+from pipeline.mesh.normals import ShadedMesh, split_at_creases, twins_of, vertex_normals
 from pipeline.mesh.pn_triangles import MOST_PIECES, spread, tessellate
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.render_inputs.view_geometry import rotate_y
@@ -36,18 +36,22 @@ class Shading:
 
     split   a mesh split at its creases, before dicing
     pieces  into which every edge is diced
+    twin    (3F,) half-edges of a mesh, by `twins_of`
     """
 
     frame: MeshFrame
     split: ShadedMesh | None
     pieces: int
+    twin: Indices | None = None
 
     @classmethod
     def of(cls, frame: MeshFrame, thresholds: Thresholds, pieces: int) -> Shading:
         """Split a mesh at its creases, which the hard angle of the frame's thresholds decides."""
         if is_cloud(frame) or frame.lattice is not None:
             return cls(frame, None, pieces)
-        return cls(frame, split_at_creases(frame.mesh, thresholds.hard_angles(frame.mesh)), pieces)
+        twin = twins_of(frame.mesh)
+        split = split_at_creases(frame.mesh, thresholds.hard_angles(frame.mesh), twin)
+        return cls(frame, split, pieces, twin)
 
     def cut_for(
         self, camera: Camera, quality: Quality, pixels: float, spin: float, around: AnyArray | None = None
@@ -99,7 +103,7 @@ class Shading:
 
     def _cut(self, points: Points, split: ShadedMesh | None) -> ShadedMesh:
         if split is not None:
-            return tessellate(split, self.pieces)
+            return tessellate(split, self.pieces, self.twin)
         assert self.frame.lattice is not None, "what has no faces of its own is a net"
         return bspline_surface(points, self.frame.lattice, self.pieces)
 
