@@ -2,8 +2,8 @@
 
 Set-up, the kernels alone, `make film`, and the first draft frame of four kinds of new shots. Packages come
 from pip's cache as it is; nothing else is cached. Seconds by the clock, and CPU seconds of all processes,
-which other work lengthens less. `python -m benchmarks.first_film frames` measures the frames alone, in this
-checkout.
+which other work lengthens less. `python -m benchmarks.first_film frames` measures the frames alone, and
+`look` what a terminal shows of the film before it is done, in this checkout.
 
 What stands beside them:
     set-up           a copy of the files that it writes, and the kernels
@@ -15,6 +15,7 @@ What stands beside them:
 from __future__ import annotations
 
 import os
+import pty
 import resource
 import shutil
 import subprocess
@@ -22,6 +23,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -86,6 +88,11 @@ def main(words: Sequence[str] = ()) -> list[Target]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         rows: list[Row] = []
+        if "look" in words:
+            looks = measure_look(folder, CHECKOUT / ".venv/bin/flowsculpt")
+            show("What a terminal shows of the film", looks)
+            keep("first_look", looks)
+            return [Target("animatic", "seconds", float(looks[0]["seconds"]), most=30.0)]
         if "frames" in words:
             flowsculpt, environment = CHECKOUT / ".venv/bin/flowsculpt", dict(os.environ)
         else:
@@ -140,6 +147,27 @@ def measure_frames(root: Path, flowsculpt: Path, environment: dict[str, str]) ->
         script = run([python, "-c", SCRIPT, f"shots/{name}.yaml"], root, environment)
         plain: Row = {"script, CPU s": script.processor, "script, s": script.clock}
         rows.append({"shot": kind, "CPU s": frame.processor, "s": frame.clock, **plain})
+    return rows
+
+
+def measure_look(root: Path, flowsculpt: Path) -> list[Row]:
+    """Measure when a terminal names the animatic of the film and its first finished frame; stop it there."""
+    shutil.copytree(CHECKOUT / "shots", root / "shots")
+    began = time.perf_counter()
+    process, terminal = pty.fork()
+    if process == 0:
+        os.chdir(root)
+        os.execve(flowsculpt, [flowsculpt, "film"], {**os.environ, "CI": "", "COLUMNS": "200"})
+    said, rows = "", list[Row]()
+    for what in ("Animatic: ", "First finished frame: "):
+        while what not in said:
+            said += os.read(terminal, 65536).decode(errors="replace")
+        rows.append({"what": what.removesuffix(": "), "seconds": time.perf_counter() - began})
+    os.write(terminal, b"\x03")
+    with suppress(OSError):  # raised once the command has ended
+        while os.read(terminal, 65536):
+            pass
+    os.waitpid(process, 0)
     return rows
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
+from pipeline.cli.first_look import FirstLook
 from pipeline.cli.options import Common
 from pipeline.cli.output import duration, exit_with, print_error, print_result, print_warning, size
 from pipeline.cli.stage_bars import StageBars, slow_frames_told
@@ -25,17 +26,21 @@ from render.base.plural import plural
 
 
 def execute_and_report(
-    common: Common, make_plan: Callable[[], Plan], draw: Callable[[], Sequence[Path]] | None = None
+    common: Common,
+    make_plan: Callable[[], Plan],
+    draw: Callable[[], Sequence[Path]] | None = None,
+    first_look: FirstLook | None = None,
 ) -> None:
     """Execute a plan and report the outcome; with --dry-run report the plan.
 
-    draw  draws sheets and movies from the results, and returns their paths
+    draw        draws sheets and movies from the results, and returns their paths
+    first_look  shows the first pictures of what was never rendered
     """
     if common.dry_run:
         report_plan(common, make_plan())
         return
     started = time.monotonic()
-    outcome = execute(common, make_plan)
+    outcome = execute(common, make_plan, first_look)
     sheets = [path.as_posix() for path in (draw() if draw else ())]
     seconds = time.monotonic() - started
     words = _achieved(outcome, seconds)
@@ -72,11 +77,18 @@ def report_plan(common: Common, plan: Plan) -> None:
     print_result(words, facts, common.json)
 
 
-def execute(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
+def execute(common: Common, make_plan: Callable[[], Plan], first_look: FirstLook | None = None) -> Outcome:
     """Execute a plan with progress bars, and report warnings and failures."""
 
-    def watch(plan: Plan, reader: EventReader) -> AbstractContextManager[None]:
-        return StageBars(plan, reader).drawn() if common.progress else slow_frames_told(reader)
+    @contextmanager
+    def watch(plan: Plan, reader: EventReader) -> Iterator[None]:
+        if not common.progress:
+            with slow_frames_told(reader):
+                yield
+            return
+        look = first_look.during(common, plan) if first_look else nullcontext()
+        with StageBars(plan, common.root, reader).drawn(), look:
+            yield
 
     reported: set[str] = set()
 

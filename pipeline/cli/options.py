@@ -92,6 +92,14 @@ Force = Annotated[
         "`snakemake --forcerun simulate` makes these again too.",
     ),
 ]
+NoPreview = Annotated[
+    bool,
+    typer.Option(
+        "--no-preview",
+        help="Draw no animatic. Default: in a terminal, one is drawn of what was not rendered yet at this "
+        "quality; see docs/production.md.",
+    ),
+]
 Plot = Annotated[Path | None, output_option("Write this SVG, PNG or PDF. Default: an SVG in renders/SHOT.")]
 Crossings = Annotated[
     bool,

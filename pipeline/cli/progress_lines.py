@@ -39,5 +39,12 @@ class ProgressLines(Progress):
 def _line(task: Task, seconds: float) -> str:
     """`simulating: 12 of 72 after 0:00:40, frame 13 (45%, curl_noise)`"""
     now, elapsed = task.fields.get("now"), timedelta(seconds=round(seconds))
-    line = f"{task.description}: {int(task.completed)} of {task.total or 0:.0f} after {elapsed}"
+    line = f"{task.description}: {done_words(task, ' of ')} after {elapsed}"
     return f"{line}, {now}" if now else line
+
+
+def done_words(task: Task, of: str) -> str:
+    """Return how many frames are done of all, or the share in percent where a task counts that."""
+    if task.fields.get("is_share"):
+        return f"{task.completed:.0%}"
+    return f"{int(task.completed)}{of}{task.total or 0:.0f}"

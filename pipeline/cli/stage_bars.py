@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import NamedTuple
 
-from rich.progress import TaskID, TextColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeElapsedColumn
+from rich.text import Text
 
-from pipeline.cli.output import frame_progress, print_warning
+from pipeline.cli.output import duration, err, print_warning
+from pipeline.cli.progress_lines import ProgressLines, done_words
 from pipeline.production.planning.plan import Plan
+from pipeline.production.planning.time_left import TimeLeft
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import Event, EventReader, poll
 
@@ -18,20 +22,23 @@ POLL_SECONDS = 0.2
 
 
 class StageBars:
-    """A bar for each stage of a plan while it is executed.
+    """A bar for each stage of a plan while it is executed, and one for all of it, with the time left.
 
+    root    where earlier runs left their timings
     reader  of the run's event log
     """
 
-    def __init__(self, plan: Plan, reader: EventReader) -> None:
+    def __init__(self, plan: Plan, root: Path, reader: EventReader) -> None:
         self._reader = reader
         totals = plan.frame_counts()
-        self._progress = frame_progress(TextColumn("{task.fields[now]}", style="dim", markup=False))
+        self._progress = _bars() if err.is_terminal else ProgressLines(err)
         self._tasks: dict[str, TaskID] = {
             name: self._progress.add_task(stage.doing, total=totals[name], start=False, now="")
             for name, stage in STAGES.items()
             if totals[name]
         }
+        self._whole = self._progress.add_task("in all", total=1.0, start=False, now="", is_share=True)
+        self._time_left = TimeLeft(plan, root)
         self._settled: Counter[str] = Counter()
         self._under_way: dict[tuple[str, object], dict[object, _FrameInWork]] = {}
 
@@ -47,7 +54,9 @@ class StageBars:
 
     def _read(self) -> None:
         for event in self._reader.new():
+            self._time_left.note(event)
             self._show(event)
+        self._draw_whole()
 
     def _show(self, event: Event) -> None:
         stage, what = event.get("stage", ""), event["event"]
@@ -58,6 +67,7 @@ class StageBars:
         under_way = self._under_way.setdefault((stage, event["job"]), {})
         frame = event.get("frame")
         if what == "begin":
+            self._progress.start_task(self._whole)
             self._progress.start_task(self._tasks[stage])
             under_way.clear()
         elif what == "start":
@@ -81,6 +91,41 @@ class StageBars:
         }
         completed = self._settled[stage] + sum(work.share for work in now.values())
         self._progress.update(self._tasks[stage], completed=completed, now=_named(now))
+
+    def _draw_whole(self) -> None:
+        """Draw the bar of the whole run, from its first frame on."""
+        parts: defaultdict[str, float] = defaultdict(float)
+        for (_, job), frames in self._under_way.items():
+            parts[str(job)] += sum(work.share for work in frames.values())
+        share = self._time_left.share(parts)
+        if share is not None:
+            left = self._time_left.seconds(share)
+            words = f"about {duration(_rounded(left))} left" if share < 1.0 else ""
+            self._progress.update(self._whole, completed=share, now=words)
+
+
+def _rounded(seconds: float) -> float:
+    """Return seconds as finely as an estimate is worth telling: by 5, and from two minutes on by a minute."""
+    step = 5.0 if seconds < 120.0 else 60.0
+    return max(step, step * round(seconds / step))
+
+
+def _bars() -> Progress:
+    return Progress(
+        TextColumn("{task.description:>16}", markup=False),
+        BarColumn(),
+        _DoneColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[now]}", style="dim", markup=False),
+        console=err,
+    )
+
+
+class _DoneColumn(ProgressColumn):
+    """Shows how many frames are done of all; of the whole run, the share in percent."""
+
+    def render(self, task: Task) -> Text:
+        return Text(done_words(task, "/"), style="progress.download")
 
 
 class _FrameInWork(NamedTuple):

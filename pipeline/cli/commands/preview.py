@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import webbrowser
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -22,6 +22,7 @@ from pipeline.cli.output import (
     print_warning,
 )
 from pipeline.dailies.preview.animatic import Animatic, FrameCallback, FramedSurfaces
+from pipeline.dailies.preview.film_animatic import film_path, write_film_animatic
 from pipeline.dailies.preview.live_feed import LiveFeed
 from pipeline.dailies.preview.live_server import serving
 from pipeline.dailies.preview.live_session import LiveSession, files_of, stamp, wait_for_edit
@@ -32,7 +33,8 @@ from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.flow.flow import require_permission
 from pipeline.production.maintenance.first_frame import estimated_vertices, longest_edge
-from pipeline.production.request.lookup import find_shot
+from pipeline.production.request.edit import Edit
+from pipeline.production.request.lookup import find_edit, find_shot, names_edit
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Store
 from render.base.plural import plural
@@ -79,6 +81,9 @@ def preview(
     --at 22 --edges` a still with its faces. Frames that are not simulated yet are simulated for the picture
     only; `flowsculpt simulate` stores meshes.
 
+    `flowsculpt preview film` draws the film of shots/film.yaml, with cards, dissolves and sound, to
+    renders/film/preview.
+
     `flowsculpt preview A010_cube --live` opens a page on this machine that shows frames while they are
     simulated. Values, keys, camera and flows are edited there, which writes the shot file. After each edit,
     also one of a text editor, simulation goes on from the first frame that changed. Ctrl-C ends it.
@@ -90,18 +95,26 @@ def preview(
         raise UsageError(f"{output} is no {suffix[1:].upper()}, as this preview is; end its name in {suffix}")
     if at is not None and (live or watch):
         raise UsageError("--live and --watch show movies; leave --at out")
-    path, fields = find_shot(shot), None if burn_in is None else BurnIn.parse(burn_in)
+    fields = None if burn_in is None else BurnIn.parse(burn_in)
+    if names_edit(shot):
+        if at is not None or frames is not None or live or watch:
+            raise UsageError(
+                f"{shot} is an edit, which is drawn whole; --at, -f, --live and --watch are for shots"
+            )
+        edit, requests = options.project(common).edit(DEFAULT_QUALITY, find_edit(shot), variant="none")
+        _draw_film(common, edit, [Sketch(each, flow, edges, fields) for each in requests], output)
+        return
+    path = find_shot(shot)
 
     def read() -> Sketch:
         """Return the shot as its file is now."""
         numbers = str(at) if at is not None else frames
         request = options.project(common).request(path, DEFAULT_QUALITY, numbers, variant="none")
-        for part in request.shot.parts:
-            require_permission(part.motion.flow)
+        _require_permissions(request)
         return Sketch(request, flow, edges, fields)
 
     sketch, store = read(), Store(common.root)
-    target = output or common.root / _default_path(sketch, at)
+    target = output or common.root / sketch.path(at)
     if common.dry_run or not (live or watch):
         _draw_once(common, sketch, store, at, target)
         return
@@ -125,15 +138,43 @@ def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, pat
             played = animatic.played(numbers) if at is None else animatic.played_for_still(at)
             if not all(stream.knows(sketch.request, number) for number in played):
                 _warn_of_growth(sketch.request, max(played))
-            with _bars(common, animatic, {"simulating": len(played), "drawing": len(numbers)}) as report:
+            with _bars(common, [animatic], {"simulating": len(played), "drawing": len(numbers)}) as report:
                 if at is None:
                     animatic.movie(path, report)
                 else:
                     animatic.still(at, path, report)
-    for line in sketch.request.source.new_notes():
-        print_warning(f"{sketch.request.name}: {line}")
+    for line in _notes(sketch.request):
+        print_warning(line)
     words = f"{path}: {frames}{' would be drawn' if common.dry_run else ''}."
     print_result(words, {"path": str(path), "frames": len(numbers)}, common.json)
+
+
+def _draw_film(common: Common, edit: Edit, sketches: Sequence[Sketch], output: Path | None) -> None:
+    """Draw the movie of an edit; `sketches` are those of its clips."""
+    path, store = output or common.root / film_path(edit), Store(common.root)
+    for sketch in sketches:
+        _require_permissions(sketch.request)
+    if not common.dry_run:
+        make_folder_of(path)
+        with ExitStack() as stack:
+            streams = [stack.enter_context(SurfaceStream(store, once=True)) for _ in sketches]
+            clips = [Animatic(*each) for each in zip(sketches, streams, strict=True)]
+            played = sum(len(clip.played(set(clip.sketch.request.requested))) for clip in clips)
+            with _bars(common, clips, {"simulating": played, "drawing": edit.length}) as report:
+                write_film_animatic(edit, clips, path, report)
+    for line in dict.fromkeys(line for each in sketches for line in _notes(each.request)):
+        print_warning(line)
+    words = f"{path}: {plural(edit.length, 'frame')}{' would be drawn' if common.dry_run else ''}."
+    print_result(words, {"path": str(path), "frames": edit.length}, common.json)
+
+
+def _require_permissions(request: RenderRequest) -> None:
+    for part in request.shot.parts:
+        require_permission(part.motion.flow)
+
+
+def _notes(request: RenderRequest) -> list[str]:
+    return [f"{request.name}: {line}" for line in request.source.new_notes()]
 
 
 def _warn_of_growth(request: RenderRequest, last: int) -> None:
@@ -162,7 +203,7 @@ def _redraw(
             animatic = Animatic(sketch, stream)
             requested = set(sketch.request.requested)
             totals = {"simulating": len(animatic.played(requested)), "drawing": len(requested)}
-            with _bars(common, animatic, totals) as report:
+            with _bars(common, [animatic], totals) as report:
                 _report_movie(common, movie, animatic.movie(movie, report))
         except FlowsculptError as error:
             print_error(str(error))
@@ -197,7 +238,9 @@ def _report_movie(common: Common, movie: Path, frames: int) -> None:
 
 
 @contextmanager
-def _bars(common: Common, animatic: Animatic, totals: Mapping[str, int]) -> Iterator[FrameCallback]:
+def _bars(
+    common: Common, animatics: Sequence[Animatic], totals: Mapping[str, int]
+) -> Iterator[FrameCallback]:
     """Yield what reports a frame as simulated or drawn, with a bar for each of `totals`.
 
     The first bar moves within frames that take long, and what makes a frame slow is printed.
@@ -218,14 +261,6 @@ def _bars(common: Common, animatic: Animatic, totals: Mapping[str, int]) -> Iter
             now = f"frame {within.frame} ({within.share:.0%}, {within.work})"
             progress.update(tasks["simulating"], completed=done["simulating"] + within.share, now=now)
 
-        animatic.stream.callback = report
+        for animatic in animatics:
+            animatic.stream.callback = report
         yield frame_done
-
-
-def _default_path(sketch: Sketch, at: int | None) -> Path:
-    """Return the path of a still of frame `at`, or of the movie, relative to the root."""
-    request, name = sketch.request, sketch.request.name
-    mark = ".flow" * sketch.flow + ".edges" * sketch.edges
-    part = "" if request.is_whole else f".{min(request.requested)}-{max(request.requested)}"
-    file = f"{name}{part}{mark}.mp4" if at is None else f"{name}.{at:04d}{mark}.png"
-    return request.folders.home / "preview" / file

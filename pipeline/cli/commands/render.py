@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipeline.cli.execution import execute, execute_and_report, report_plan
+from pipeline.cli.first_look import FirstLook
 from pipeline.cli.options import (
     Common,
     Force,
     Frames,
     Layers,
+    NoPreview,
     PictureOptions,
     Quality,
     ShotOptions,
@@ -61,6 +63,7 @@ def render(
         ),
     ] = None,
     force: Force = False,
+    no_preview: NoPreview = False,
 ) -> None:
     """Render shots, or some of their frames, and assemble their movies.
 
@@ -93,7 +96,8 @@ def render(
             "render needs the name of a shot, or --from and a provenance; flowsculpt status lists shots"
         )
     named = options.quality(quality or DEFAULT_QUALITY, project, shots)
-    execute_and_report(common, lambda: project.pictures(shots, named, frames))
+    first_look = FirstLook(animatic=not no_preview)
+    execute_and_report(common, lambda: project.pictures(shots, named, frames), first_look=first_look)
 
 
 def _reproduce(common: Common, source: Path, frames: str | None, project: Project) -> None:
@@ -151,6 +155,7 @@ def film(
         Path | None,
         typer.Option("--edit", metavar="FILE", help="A timeline (.otio) to cut the film by; see below."),
     ] = None,
+    no_preview: NoPreview = False,
 ) -> None:
     """Render every shot of an edit and cut them into a film.
 
@@ -165,7 +170,8 @@ def film(
     if timeline is not None:
         edit = _written_edit(common, timeline)
     project = project.forcing("render") if force else project
-    execute_and_report(common, lambda: project.film(quality, find_edit(edit)))
+    first_look = FirstLook(animatic=not no_preview)
+    execute_and_report(common, lambda: project.film(quality, find_edit(edit)), first_look=first_look)
 
 
 def _written_edit(common: Common, timeline: Path) -> str:

@@ -78,10 +78,16 @@ class Animatic:
 
     def movie(self, path: Path, tell: FrameCallback) -> int:
         """Write an MP4 of the requested frames and return their number. Raises the errors of `still`."""
-        request = self.sketch.request
-        framed = self._framed(set(request.requested), tell)
-        pictures = self._pictures(framed, size_for(request.aspect, SIZES["movie"]), "rec709")
-        return write_playblast(self.stream.store, path, request, pictures, tell)
+        return write_playblast(self.stream.store, path, self.sketch.request, self.pictures(tell), tell)
+
+    def pictures(self, tell: FrameCallback) -> Iterator[Picture]:
+        """Draw the requested frames in ascending order, in the size and colours of a movie."""
+        framed = self._framed(set(self.sketch.request.requested), tell)
+        return self._pictures(framed, self.movie_size, "rec709")
+
+    @property
+    def movie_size(self) -> tuple[int, int]:
+        return size_for(self.sketch.request.aspect, SIZES["movie"])
 
     def played_for_still(self, number: int) -> list[int]:
         """Return the frames that must be simulated to draw one: none after it."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -100,6 +101,14 @@ class Sketch:
         values = wide_picture(camera, size, draw) if isinstance(camera, WideCamera) else draw(camera, size)
         pixels: NDArray[Any] = quantise(values)
         return pixels if self.burn_in is None else self.burn_in.over(pixels, self._facts(number))
+
+    def path(self, at: int | None = None) -> Path:
+        """Return the path of the movie, or of a still of frame `at`, relative to the root."""
+        request, name = self.request, self.request.name
+        mark = ".flow" * self.flow + ".edges" * self.edges
+        part = "" if request.is_whole else f".{min(request.requested)}-{max(request.requested)}"
+        file = f"{name}{part}{mark}.mp4" if at is None else f"{name}.{at:04d}{mark}.png"
+        return request.folders.home / "preview" / file
 
     def _streamlines(self, number: int, surfaces: Sequence[Mapping[str, AnyArray]]) -> StreamlineSet:
         """Return the streamlines around the surfaces of all subjects."""

@@ -196,7 +196,9 @@ class Project:
 
     # Requests
 
-    def edit(self, quality: str, path: Path = FILM) -> tuple[Edit, list[RenderRequest]]:
+    def edit(
+        self, quality: str, path: Path = FILM, variant: str | None = None
+    ) -> tuple[Edit, list[RenderRequest]]:
         """Return an edit and the render requests of its clips.
 
         Its shots are read only where the planning cache does not hold it. If it has a picture of its own,
@@ -209,7 +211,8 @@ class Project:
             )
         edit, clips = self._edits[path].edit, self._edits[path].clips
         project = self._of_edit(edit)
-        whole = {shot: project.request(shot, quality) for shot in dict.fromkeys(shot for shot, _ in clips)}
+        names = dict.fromkeys(shot for shot, _ in clips)
+        whole = {shot: project.request(shot, quality, variant=variant) for shot in names}
         requests = [replace(whole[shot], requested=frames) for shot, frames in clips]
         if edit.setting:
             requests = [replace(r, home=paths.of_edit(r.name, edit.name).as_posix()) for r in requests]

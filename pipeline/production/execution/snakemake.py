@@ -33,6 +33,11 @@ from render.base.atomic_write import PROBE, REMEDIES, disk_errors, machine_error
 RULES = {stage.name: "stills" for stage in STILLS}
 """The rules of stages that are not called as their rule is."""
 
+MOTION = ("simulate", "smooth_normals", "frame_camera")
+
+MOST_MOTION = 500
+"""Mesh frames, of all shots of a plan, that are simulated before the first frame is rendered."""
+
 PATIENCE = 5.0
 """Seconds that processes have to end before they are killed."""
 
@@ -134,7 +139,21 @@ def _words(plan: Plan, cores: int, profile: Profile) -> list[str]:
         here = ["--cores", str(cores), "--resources", f"mem_mb={psutil.virtual_memory().available >> 20}"]
     force = [RULES.get(stage, stage) for stage in sorted(plan.force)]
     forced = ["--forcerun", *dict.fromkeys(force)] if force else []
-    return [*ours, *profile.arguments, *here, *forced, "--config", f"plan={plan.file}"]
+    soonest = _soonest(plan) if profile.is_local else []
+    first = ["--prioritize", *soonest] if soonest else []
+    return [*ours, *profile.arguments, *here, *forced, *first, "--config", f"plan={plan.file}"]
+
+
+def _soonest(plan: Plan) -> list[str]:
+    """Return the outputs that people see first: some finished frames, and what an animatic is drawn from.
+
+    These are all meshes and cameras, unless the first frame had to wait long for them. No core is idle.
+    """
+    finished = [job for job in plan.jobs if job.stage == "finish"]
+    motion = [job for job in plan.jobs if job.stage in MOTION]
+    frames = sum(len(job.frames) for job in motion if job.stage == "simulate")
+    jobs = [*finished[:1], *(motion if frames <= MOST_MOTION else ())]
+    return [job.output for job in jobs if job.output]
 
 
 def _take_back(process: subprocess.Popen[bytes]) -> None:

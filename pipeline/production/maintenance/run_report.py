@@ -27,6 +27,9 @@ STARTING, PLANNING, UNENDED = "starting", "planning", "unended"
 """CPU seconds that no frame accounts for. UNENDED takes the place of PLANNING where jobs were killed or
 interrupted, whose own are not known."""
 
+ANIMATIC = "animatic"
+"""Stands for the stage, and the job, of the process that shows the first pictures of a run."""
+
 _PARTS = {
     "preparing": "preparing",
     "building": "building scenes",
@@ -40,6 +43,7 @@ _FARM_STAGES = {name for name, stage in STAGES.items() if stage.on_farm}
 LABELS = {
     **{name: stage.doing for name, stage in STAGES.items()},
     **{name: f"rendering: {part}" for name, part in _PARTS.items()},
+    ANIMATIC: "drawing the animatic",
     STARTING: "starting and ending jobs",
     PLANNING: "planning, Snakemake",
     UNENDED: "planning, Snakemake, jobs that did not end",
@@ -88,7 +92,7 @@ class RunReport:
         whole = _cpu_of_run(events) if is_counted else seconds * cores
         if whole is not None:
             ours = [job for job in jobs.values() if not (on_farm and job.stage in _FARM_STAGES)]
-            name = PLANNING if all(job.has_ended for job in ours) else UNENDED
+            name = PLANNING if all(job.began is None for job in ours) else UNENDED
             spent[name] = max(0.0, whole - sum(job.cpu for job in ours))
         waiting = {what: waited for what, waited in waiting.items() if is_counted and waited > 0.0}
         made = Counter(str(e["stage"]) for e in events if e["event"] == "frame" and not e["found"])
@@ -160,7 +164,6 @@ class _Job:
     used       CPU seconds of its processes that have ended
     frames     its frames with the time that each took
     work       CPU seconds of its stage that belong to none of them
-    has_ended  True unless it was killed or interrupted
     """
 
     stage: str
@@ -170,7 +173,6 @@ class _Job:
     used: float = 0.0
     frames: list[tuple[Event, Timing]] = field(default_factory=list)
     work: float = 0.0
-    has_ended: bool = False
 
     @property
     def accounted(self) -> Timing:
@@ -205,7 +207,6 @@ def _jobs(events: Iterable[Event], last: float, is_counted: bool) -> dict[str, _
         if what == "begin":
             job.threads = int(event.get("threads", 1))
             job.began = float(event["time"]) if job.began is None else job.began
-            job.has_ended = False
         elif what == "frame":
             seconds = float(event["seconds"])
             job.frames.append((event, Timing(seconds, float(event.get("cpu", seconds * job.threads)))))
@@ -214,7 +215,7 @@ def _jobs(events: Iterable[Event], last: float, is_counted: bool) -> dict[str, _
         else:
             job.used += float(event.get("cpu", 0.0))
             if what == "end" and job.began is not None:
-                job.held, job.began, job.has_ended = job.held + float(event["time"]) - job.began, None, True
+                job.held, job.began = job.held + float(event["time"]) - job.began, None
     for job in jobs.values():
         job.held += 0.0 if job.began is None else last - job.began
         job.used = job.used if is_counted else job.held * job.threads

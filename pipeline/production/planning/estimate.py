@@ -182,7 +182,7 @@ def estimate(plan: Plan, root: Path, cores: int) -> Estimate:
     render: Sample | None = None
     size: float | None = 0.0
     for job in plan.jobs:
-        shot, quality = _about(plan, job)
+        shot, quality = shot_and_quality(plan, job)
         width, height = plan.requests[job.requests[0]].quality.rendered_size
         sample = timings.seconds(job.stage, shot, quality, width * height)
         if sample is None:
@@ -213,7 +213,7 @@ def _wall_clock(by_stage: Mapping[str, float], chains: Mapping[int, float], core
     return max(max(chains.values(), default=0.0), motion / cores) + rest / cores + film
 
 
-def _about(plan: Plan, job: Job) -> tuple[str, str]:
+def shot_and_quality(plan: Plan, job: Job) -> tuple[str, str]:
     """Return the name of the folder of a job's shot, and its quality."""
     request = plan.requests[job.requests[0]]
     name = request.name

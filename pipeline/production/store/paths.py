@@ -180,6 +180,7 @@ OUTPUTS = (
     OutputFolder(
         "renders/edit/{shot}/{name}/**", "a shot in an edit with a picture of its own", "film {name} …"
     ),
+    OutputFolder("renders/film/preview", "animatics of films", "preview {name} …"),
     OutputFolder("renders/film/{quality}", "films", "film {name} {quality}"),
     OutputFolder("renders/film/{quality}/deliver", "deliverables of films", "deliver {quality} …"),
     OutputFolder("renders/{shot}", "figures", "figures {shot}", files="*.figures.*"),

@@ -129,26 +129,31 @@ def _shown(
         raise
 
 
-def _stills(form: str, bits: int, write_still: Callable[..., None], context: Context) -> bool:
+def _stills(form: str, context: Context) -> bool:
     """Write finished frames as files that any program shows."""
     request = context.request
-    keys, picture = context.picture_keys(request), request.shot.picture
+    keys = context.picture_keys(request)
 
     def work(number: int) -> bool:
-        key = request.still_key(form, keys[number].frame)
-
-        def write(path: Path) -> None:
-            layers, finished = context.read_picture(request, "frame", number, keys[number].frame)
-            shown = to_display(layers["beauty"], picture.lights.exposure, "srgb", picture.view)
-            header = {"shot": request.name, "frame": number, "key": key}
-            tag = {"projection": projection_of(finished)} if form == "jpeg" else {}
-            write_still(path, quantise(shown, bits), header, **tag)
-
-        return context.make(form, key, request.place(form, number), write)
+        return make_still(context, request, form, number, keys[number].frame)
 
     return context.for_each(context.job.frames, work)
 
 
-png = partial(_stills, "png", 8, write_png)
-png16 = partial(_stills, "png16", 16, write_png)
-jpeg = partial(_stills, "jpeg", 8, write_jpeg)
+def make_still(context: Context, request: RenderRequest, form: str, number: int, frame: Key) -> bool:
+    """Make a still of the finished frame of a key, and show it; return whether the store held it."""
+    key, picture = request.still_key(form, frame), request.shot.picture
+
+    def write(path: Path) -> None:
+        layers, finished = context.read_picture(request, "frame", number, frame)
+        shown = to_display(layers["beauty"], picture.lights.exposure, "srgb", picture.view)
+        header = {"shot": request.name, "frame": number, "key": key}
+        if form == "jpeg":
+            write_jpeg(path, quantise(shown, 8), header, projection=projection_of(finished))
+        else:
+            write_png(path, quantise(shown, 16 if form == "png16" else 8), header)
+
+    return context.make(form, key, request.place(form, number), write)
+
+
+png, png16, jpeg = (partial(_stills, form) for form in ("png", "png16", "jpeg"))
