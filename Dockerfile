@@ -8,7 +8,8 @@ RUN apt-get update && apt-get install -y --no-install-recommends ca-certificates
     && useradd --uid 1000 --create-home flowsculpt && install --directory --owner=flowsculpt /show
 
 # Packages, renderer and kernels are made at build time, by root. All users read the compiled kernels and none may change
-# them, for what lies there runs as code; what is compiled later goes to a folder of the user's in /tmp.
+# them, for what lies there runs as code; what is compiled later goes to a folder of the user's in /tmp. They are for x86-64-v3
+# (docs/farm.md), so that nodes with other processors than the machine that builds the image compile none.
 ENV XDG_CACHE_HOME=/opt/flowsculpt/.cache
 ENV PIP_NO_CACHE_DIR=1
 COPY . /opt/flowsculpt

@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 
-.PHONY: film showreel test quick soak bench blender check docs reference figures pictures setup lock clean
+.PHONY: film showreel test quick soak bench blender check docs reference figures pictures wheel setup lock clean
 .DELETE_ON_ERROR:
 
 film: .venv/ready
@@ -61,6 +61,18 @@ pictures: figures film
 	$(BIN)/python docs/pictures/looks.py
 	$(BIN)/python docs/pictures/sheets.py
 	PYTHONPATH=. $(BIN)/python docs/pictures/review.py
+
+# A wheel with kernels compiled for these levels of x86-64, which this machine must be able to run: dist/*.whl.
+LEVELS := x86-64-v3
+wheel: .venv/ready
+	rm -rf dist/cache render/compiled
+	for level in $(LEVELS); do \
+		XDG_CACHE_HOME=$(CURDIR)/dist/cache FLOWSCULPT_CPU=$$level $(BIN)/flowsculpt -j $(CORES) doctor --prepare && \
+		ls -d dist/cache/flowsculpt/kernels/*-$$level >/dev/null || exit 4; \
+	done
+	mv dist/cache/flowsculpt/kernels render/compiled
+	$(BIN)/python -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir dist .
+	rm -rf dist/cache render/compiled
 
 setup: .venv/ready
 

@@ -29,6 +29,9 @@ def main() -> None:
         if fault:
             print(f"error: {fault}", file=sys.stderr)
             sys.exit(EXIT_CODE)
+    from render.base.python_process import postpone_collection
+
+    postpone_collection()
     from pipeline.cli.app import main as start
     from pipeline.cli.standard_streams import prepare_streams
 

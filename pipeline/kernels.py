@@ -12,15 +12,17 @@ from __future__ import annotations
 import ctypes
 import importlib
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from typing import Any, TypeVar
 
 import numba
 import numpy as np
 from numba.core import sigutils
+from numba.core.ccallback import CFunc
 from numpy.typing import NDArray
 
-from render.base.kernel_cache import use_kernel_cache
+from render.base.kernel_cache import KernelCache, cached_kernel, use_kernel_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -31,10 +33,9 @@ def kernel(signature: Any, **options: Any) -> Callable[[F], F]:
     Nothing is compiled or loaded on import: the first call loads what set-up has compiled, so that a
     process pays for the kernels it uses and no others.
     """
-    use_kernel_cache()
 
     def decorate(function: F) -> F:
-        dispatcher: Any = numba.njit(cache=True, nogil=True, **options)(function)
+        dispatcher: Any = cached_kernel(function, **options)
         arguments, _ = sigutils.normalize_signature(signature)
         resolve = dispatcher.get_call_template
         # Left to itself numba compiles a kernel anew for each literal, unsigned or writable argument.
@@ -60,8 +61,25 @@ def readable(array: NDArray[Any], kind: type = np.float64) -> NDArray[Any]:
     return view
 
 
+def in_threads(function: Callable[..., None], block: int, points: NDArray[Any], *others: Any) -> None:
+    """Call a kernel of points (N, 3) in as many threads as numba may use, each for a run of whole blocks.
+
+    others  its further arguments; the last is an array that it fills, a row for each point
+
+    A kernel of `numba.prange` would be compiled beside the one for a single thread, in twice its time.
+    """
+    threads = min(numba.get_num_threads(), -(-len(points) // block))
+    run = block * -(-len(points) // (block * max(threads, 1)))
+    *given, out = others
+    with ThreadPoolExecutor(max(threads, 1)) as pool:
+        parts = [slice(first, first + run) for first in range(0, len(points), run)]
+        for _ in pool.map(lambda part: function(points[part], *given, out[part]), parts):
+            pass  # raises what a thread has raised
+
+
 def higher_kernel(function: F) -> F:
     """A kernel that takes kernels: written out in each that calls it, and filed with that one."""
+    use_kernel_cache()
     return numba.njit(inline="always")(function)
 
 
@@ -88,7 +106,11 @@ class BlockKernel:
     @cached_property
     def _compiled(self) -> Any:
         use_kernel_cache()
-        return numba.cfunc(BLOCK_SIGNATURE, cache=True, error_model="numpy")(self._function)
+        signature = sigutils.normalize_signature(BLOCK_SIGNATURE)
+        callback: Any = CFunc(self._function, signature, {}, {"error_model": "numpy"})
+        callback._cache = KernelCache(self._function)
+        callback.compile()
+        return callback
 
     @property
     def address(self) -> int:

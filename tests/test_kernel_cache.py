@@ -12,6 +12,7 @@ import pytest
 
 from pipeline.cli.kernel_build import build_kernels, kernel_calls
 from render.base import kernel_cache, user_cache
+from render.base.errors import MachineError
 
 SCENE = """
 from pathlib import Path
@@ -71,7 +72,7 @@ def test_a_kernel_is_compiled_after_all_that_it_calls_and_once_for_all_its_calle
     code = BUILD.format(calls={called: set(), caller: {called}})
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
     subprocess.run([sys.executable, "-c", code], env=environment, check=True)
-    compiled = [path.name.split(".py")[0] for path in tmp_path.rglob("*.nbc")]
+    compiled = [path.name.rpartition("-")[0] for path in tmp_path.rglob("*.kernel")]
     assert len(compiled) == len(set(compiled)) > 8
 
 
@@ -146,7 +147,7 @@ CALLS = [
 def test_every_kernel_is_filed_by_its_module_and_its_sources(tmp_path, digest):
     for module in KERNELS:
         file = tmp_path.joinpath(*module.split(".")).with_suffix(".py")
-        folder = kernel_cache.KernelCacheLocator.get_suitable_cache_subpath(str(file))
+        folder = kernel_cache._folder_of.__wrapped__(str(file))
         assert folder == f"{module}-{digest(module)[:16]}"
 
 
@@ -276,15 +277,89 @@ def test_a_cache_that_may_only_be_read_is_read_and_what_it_lacks_is_kept_elsewhe
     subprocess.run(["chmod", "-R", "a-w", place], check=True)
     before = sorted(place.rglob("*"))
     assert before and run_code(call, place, other, only_reads=True) == "{} 1"
-    assert not [*other.rglob("*.nbi")]
+    assert not [*other.rglob("*.kernel")]
 
 
-def run_code(code, cache, temporary, only_reads=False):
+DEFORM = CALL.format(module="pipeline.flow.kernels.deformations")
+
+
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory):
+    """A user's cache with the kernels that DEFORM calls, filled by two processes at once."""
+    cache = tmp_path_factory.mktemp("filled")
+    environment = {**os.environ, "XDG_CACHE_HOME": str(cache)}
+    command = [sys.executable, "-c", DEFORM]
+    both = [subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL) for _ in range(2)]
+    assert [process.wait() for process in both] == [0, 0]
+    return cache
+
+
+def test_what_two_processes_have_compiled_at_once_is_whole(filled, tmp_path):
+    assert run_code(DEFORM, filled, tmp_path) == "{} 1"
+    assert not [*filled.rglob(".*")], "no drafts are left"
+
+
+def test_shipped_kernels_are_used_without_compiling_or_copying_them(filled, tmp_path):
+    shipped = (
+        f"import render.base.user_cache as c; c.SHIPPED = c.Path({str(filled / 'flowsculpt/kernels')!r})"
+    )
+    assert run_code(f"{shipped}\n{DEFORM}", tmp_path / "cache", tmp_path) == "{} 1"
+    assert not [*tmp_path.rglob("*.kernel")]
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda data: data[:-1], lambda data: data[:99] + b"?" + data[100:], lambda data: b""]
+)
+def test_a_damaged_kernel_is_compiled_again(damage, filled, tmp_path):
+    shutil.copytree(filled, tmp_path / "cache")
+    (file,) = tmp_path.rglob("deform-*.kernel")
+    whole = file.read_bytes()
+    file.write_bytes(damage(whole))
+    assert run_code(DEFORM, tmp_path / "cache", tmp_path).endswith(": 1} 0")
+    assert run_code(DEFORM, tmp_path / "cache", tmp_path) == "{} 1"
+
+
+def test_kernels_of_another_level_are_left_alone(filled, tmp_path):
+    shutil.copytree(filled, tmp_path / "cache")
+    assert run_code(DEFORM, tmp_path / "cache", tmp_path, level="host").endswith(": 1} 0")
+
+
+@pytest.mark.parametrize(
+    ("named", "lacks", "level"),
+    [
+        ("", "", "x86-64-v3"),
+        ("", "fma", "host"),
+        ("x86-64-v4", "", "x86-64-v4"),
+        ("x86-64-v4", "avx512bw", "host"),
+        ("host", "", "host"),
+    ],
+)
+def test_a_processor_takes_the_level_that_is_named_or_is_compiled_for_itself(
+    named, lacks, level, monkeypatch
+):
+    features = dict.fromkeys(kernel_cache.LEVELS["x86-64-v4"], True) | {lacks: False}
+    monkeypatch.setattr("llvmlite.binding.get_host_cpu_features", lambda: features)
+    monkeypatch.setenv(kernel_cache.LEVEL, named)
+    assert kernel_cache.cpu_level.__wrapped__() == level
+
+
+def test_an_unknown_level_is_refused(monkeypatch):
+    monkeypatch.setenv(kernel_cache.LEVEL, "zen5")
+    with pytest.raises(MachineError, match=r"FLOWSCULPT_CPU=zen5: .* x86-64-v3, x86-64-v4 or host"):
+        kernel_cache.cpu_level.__wrapped__()
+
+
+def run_code(code, cache, temporary, only_reads=False, level=""):
     """Run code with an empty home; as root, without the right to write what root may not."""
     is_root = only_reads and os.getuid() == 0
     humbly = ["setpriv", "--bounding-set=-all", "--inh-caps=-all"] if is_root else []
     command = [*humbly, sys.executable, "-c", code]
-    environment = {**os.environ, "XDG_CACHE_HOME": str(cache), "TMPDIR": str(temporary)}
+    environment = {
+        **os.environ,
+        "XDG_CACHE_HOME": str(cache),
+        "TMPDIR": str(temporary),
+        kernel_cache.LEVEL: level,
+    }
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()

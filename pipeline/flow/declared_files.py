@@ -14,7 +14,7 @@ from typing import Any
 
 from pipeline.errors import FrameError
 
-_CODE = (".py", ".pyc", ".so", ".nbi", ".nbc", ".pth")
+_CODE = (".py", ".pyc", ".so", ".nbi", ".nbc", ".kernel", ".pth")
 """Modules, and what caches compile from them; keys do not hold imports."""
 
 _current = threading.local()

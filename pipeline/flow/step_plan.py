@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import partial
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -12,13 +13,11 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices, Points
 from pipeline.flow.kernels import streamlines as kernels
-from pipeline.flow.kernels.instructions import BLOCK, COLUMNS, EXTERNAL
+from pipeline.flow.kernels.instructions import BLOCK, COLUMNS, EXTERNAL, PARALLEL_FROM
 from pipeline.flow.parameters import kernel_points
+from pipeline.kernels import in_threads
 from pipeline.long_computations import report_progress
 from pipeline.mesh.point_order import morton_order
-
-PARALLEL_FROM = 8000
-"""Points × sub-steps from which on several threads are faster than one."""
 
 CALL_SECONDS = 0.25
 """The time of one compiled call, about: between two of them progress is reported and Ctrl-C is obeyed."""
@@ -95,7 +94,7 @@ class StepPlan(NamedTuple):
             points = points[order]
         out = np.empty_like(points)
         parallel = len(points) * len(self.spans) > PARALLEL_FROM
-        advect = kernels.advect_parallel if parallel else kernels.advect
+        advect = partial(in_threads, kernels.advect, BLOCK) if parallel else kernels.advect
         for part in self._calls(len(points), activity):
             advect(points[part], *self[:4], self.halved, out[part])
         if order is not None:

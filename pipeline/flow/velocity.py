@@ -13,7 +13,7 @@ from pipeline.arrays import Floats, Indices, Points, Vectors
 from pipeline.flow.kernels import instructions as op
 from pipeline.flow.kernels.program import velocities
 from pipeline.flow.parameters import kernel_points, number_at, parameters_of, shot_name
-from pipeline.kernels import BlockKernel
+from pipeline.kernels import BlockKernel, in_threads
 
 
 class Instruction(NamedTuple):
@@ -105,7 +105,11 @@ class VelocityField(ABC):
         """Return velocities (N, 3) at points (N, 3)."""
         points, program = kernel_points(points), self.program(time)
         out = np.empty_like(points)
-        velocities(points, opcodes_of(program), table_of(program).ravel(), out)
+        given = points, opcodes_of(program), table_of(program).ravel(), out
+        if len(points) > op.PARALLEL_FROM:
+            in_threads(velocities, op.BLOCK, *given)
+        else:
+            velocities(*given)
         return out
 
 

@@ -1,33 +1,60 @@
 """The cache of compiled kernels, and the decorator that compiles the kernels of pictures.
 
-numba files a compiled function under the path of its source, and does not notice an edit in a function that
-it calls from another file. `KernelCacheLocator` files it under the name of its module and a digest of every
-source that the module imports: an edit compiles the kernels that depend on it and no others, and two
-checkouts of the same sources share one cache.
+numba files a compiled function under the path and time of its source, and does not notice an edit in a
+function that it calls from another file. `KernelCache` files it under the name of its module and a digest of
+every source that the module imports: an edit compiles the kernels that depend on it and no others, and all
+checkouts and machines with the same sources may share what one of them has compiled.
+
+So that machines can share, kernels are compiled for a named level of x86-64, not for the very processor. No
+kernel whose results are kept lets the compiler contract or reorder operations, so levels differ in speed
+alone.
 """
 
 from __future__ import annotations
 
 import hashlib
+import inspect
 import os
+import pickle
 import re
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+import llvmlite
+import llvmlite.binding
 import numba
-from numba.core.caching import Cache, UserProvidedCacheLocator
+from numba.core.caching import Cache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
 
 import render
+from render.base.atomic_write import atomic_write
 from render.base.errors import MachineError
-from render.base.user_cache import readable_cache, writable_cache
+from render.base.user_cache import kernel_homes, readable_cache, writable_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 SOURCES = Path(render.__file__).absolute().parents[1]
 """The folder of the packages `pipeline` and `render`; where they are installed, it holds others too."""
+
+LEVEL = "FLOWSCULPT_CPU"
+"""The environment variable that names what kernels are compiled for: one of LEVELS, or HOST."""
+
+HOST = "host"
+"""Compile for the processor of this machine, as where it lacks what a level asks for."""
+
+_V3 = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
+
+LEVELS = {
+    "x86-64-v3": _V3,
+    "x86-64-v4": (*_V3, "avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"),
+}
+"""Levels of x86-64, by default the first, and the features that a processor needs for them, in LLVM's words.
+Source: https://gitlab.com/x86-psABIs/x86-64-ABI"""
 
 _IMPORT = re.compile(
     r"^(?:from (?P<of>(?:pipeline|render)\b[\w.]*) import (?P<names>\([^)]*\)|.+)"
@@ -35,57 +62,139 @@ _IMPORT = re.compile(
     re.M,
 )
 
-_FOLDER = Path("kernels", f"numba-{numba.__version__}" + ("-svml" if numba.config.USING_SVML else ""))
-"""The folder of compiled kernels in a cache."""
-
 _KERNEL = re.compile(r"^@(kernel|block_kernel|higher_kernel|compiled|exact|fast)\b", re.M)
+
+_DIGEST_BYTES = 32
 
 
 def compiled(**options: Any) -> Callable[[F], F]:
     """Return `numba.njit` with our cache, without the interpreter's lock and its errors of division."""
 
     def decorate(function: F) -> F:
-        use_kernel_cache()
-        return numba.njit(cache=True, nogil=True, error_model="numpy", **options)(function)
+        return cached_kernel(function, error_model="numpy", **options)
 
     return decorate
 
 
-def use_kernel_cache() -> None:
-    """Have numba file what it compiles from now on in `cache_folder`, as `KernelCacheLocator` says.
+def cached_kernel(function: F, **options: Any) -> F:
+    """Return the dispatcher of `numba.njit` of a function, with our cache and without the interpreter's lock.
 
     Raises MachineError where numba is kept from compiling.
+    """
+    use_kernel_cache()
+    # Nobody takes the address of a kernel: the wrapper for that is a tenth of the time of compiling.
+    dispatcher: Any = numba.njit(nogil=True, no_cfunc_wrapper=True, **options)(function)
+    dispatcher._cache = KernelCache(function)
+    return dispatcher
+
+
+def use_kernel_cache() -> None:
+    """Have numba compile for `cpu_level`, and keep caches of a user's own functions in our folder too.
+
+    Called before numba makes its compiler. Raises MachineError where numba is kept from compiling.
     """
     numba.config._config_fname = ""  # see `import_numba_elsewhere`; numba looks again when it compiles
     if numba.config.DISABLE_JIT:
         raise MachineError("NUMBA_DISABLE_JIT is set, and flowsculpt runs compiled kernels; unset it")
-    numba.config.CACHE_DIR = str(cache_folder())
-    numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{KernelCacheLocator.__name__}"
+    if cpu_level() != HOST:
+        numba.config.CPU_NAME, numba.config.CPU_FEATURES = cpu_level(), ""
+    numba.config.CACHE_DIR = str(_written_folder())
     Cache._guard_against_spurious_io_errors = lambda self: suppress(OSError)  # a full disk stores none
 
 
-class KernelCacheLocator(UserProvidedCacheLocator):  # type: ignore[misc]  # numba has no types
-    """Names the folder of a kernel's compiled code: its module, and a digest of all sources it depends on."""
+@cache
+def cpu_level() -> str:
+    """Return the level of x86-64 that kernels are compiled for, or HOST where this processor lacks it.
 
-    @classmethod
-    def get_suitable_cache_subpath(cls, py_file: str) -> str:
-        file = Path(py_file).absolute()
-        if not file.is_relative_to(SOURCES):  # a formula's, which lies in the cache already
-            return str(file.parents[1] / UserProvidedCacheLocator.get_suitable_cache_subpath(py_file))
-        name = f"{_module_of(file)}-{source_digest(file)[:16]}"
-        is_there = os.access(cache_folder(), os.W_OK) or (cache_folder() / name).is_dir()
-        return name if is_there else str(_written_folder() / name)
+    Raises MachineError where FLOWSCULPT_CPU names none.
+    """
+    named = os.environ.get(LEVEL) or next(iter(LEVELS))
+    if named not in (*LEVELS, HOST):
+        raise MachineError(f"{LEVEL}={named}: unknown level; set it to {', '.join(LEVELS)} or {HOST}")
+    if named == HOST or "NUMBA_CPU_NAME" in os.environ or not numba.config.ENABLE_AVX:
+        return HOST
+    features: dict[str, bool] = {}
+    with suppress(RuntimeError):  # of processors that LLVM cannot ask
+        features = llvmlite.binding.get_host_cpu_features()
+    return named if all(features.get(feature) for feature in LEVELS[named]) else HOST
 
-    def ensure_cache_path(self) -> None:
-        """Create the folder where that can be done; numba reads one that it cannot write."""
-        with suppress(OSError):
-            super().ensure_cache_path()
+
+class KernelCache(Cache):  # type: ignore[misc]  # numba has no types
+    """What is compiled of one kernel: a file for each of its types, with the digest of its content.
+
+    Files are pickles, which run as code: they are read from folders that nobody else may write to. A damaged
+    file counts as none. Processes may write one at once.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._py_func = function
+
+    @property
+    def cache_path(self) -> str:
+        """The folder that new files of the kernel go to."""
+        return str(_written_folder() / _folder_of(inspect.getfile(self._py_func)))
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        """Return the compiled function for a signature, or None where no folder holds a whole one."""
+        target.refresh()
+        with suppress(OSError):  # of a source that was removed
+            place = self._place(signature, target.codegen())
+            for folder in kernel_folders():
+                if content := _whole_content(folder / place):
+                    return CompileResult._rebuild(target, *pickle.loads(content))
+        return None
+
+    def save_overload(self, signature: Any, result: Any) -> None:
+        """File a compiled function; a disk that refuses it costs only time."""
+        if result.library.has_dynamic_globals:
+            return
+        content = dumps(result._reduce())
+        with suppress(OSError, MachineError):
+            path = _written_folder() / self._place(signature, result.codegen)
+            with atomic_write(path, flush=False) as draft:
+                draft.write_bytes(hashlib.sha256(content).digest() + content)
+
+    def flush(self) -> None:
+        """Forget nothing: the names of files hold all that they depend on."""
+
+    def _place(self, signature: Any, codegen: Any) -> Path:
+        """Return the file of a signature, relative to a folder of kernels. Raises OSError."""
+        key = repr(self._index_key(signature, codegen))  # with the processor, and a digest of the function
+        name = re.sub(r"\W", "", self._py_func.__name__)
+        file = f"{name}-{hashlib.sha256(key.encode()).hexdigest()[:24]}.kernel"
+        return Path(_folder_of(inspect.getfile(self._py_func)), file)
+
+
+def _whole_content(file: Path) -> bytes | None:
+    """Return what `save_overload` wrote to a file, or None where there is none or it is damaged."""
+    try:
+        data = file.read_bytes()
+    except OSError:
+        return None
+    digest, content = data[:_DIGEST_BYTES], data[_DIGEST_BYTES:]
+    return content if hashlib.sha256(content).digest() == digest else None
+
+
+@cache
+def _folder_of(source: str) -> str:
+    """Return the name of the folder of a source's kernels. Raises OSError where it cannot be read."""
+    file = Path(source).absolute()
+    if file.is_relative_to(SOURCES):
+        return f"{_module_of(file)}-{source_digest(file)[:16]}"
+    return f"{file.stem}-{hashlib.sha256(file.read_bytes()).hexdigest()[:16]}"  # of a formula
 
 
 def kernel_modules(package: str) -> list[str]:
     """Return the dotted names of all modules of a package that hold kernels, told by their decorators."""
     sources = sorted((SOURCES / package).rglob("*.py"))
     return [_module_of(file) for file in sources if _KERNEL.search(file.read_text(encoding="utf-8"))]
+
+
+@cache
+def all_kernels() -> tuple[str, ...]:
+    """Return the names of the folders of all kernels, which hold a digest of their sources."""
+    modules = [*kernel_modules("pipeline"), *kernel_modules("render")]
+    return tuple(_folder_of(str(SOURCES.joinpath(*m.split(".")).with_suffix(".py"))) for m in modules)
 
 
 def imported_modules(module: str) -> set[str]:
@@ -122,10 +231,23 @@ def _imported_files(text: str) -> Iterator[Path]:
                 yield file
 
 
+def kernel_folders() -> tuple[Path, ...]:
+    """Return the folders that hold compiled kernels for this machine: of the user, and shipped ones."""
+    return tuple(dict.fromkeys(home / folder_name() for home in kernel_homes()))
+
+
+@cache
+def folder_name() -> str:
+    """Return the name of a folder of kernels: all that decides whether they run here, but their sources."""
+    vectors = "-svml" if numba.config.USING_SVML else ""
+    versions = f"numba-{numba.__version__}-llvmlite-{llvmlite.__version__}{vectors}"
+    return f"{versions}-{sys.implementation.cache_tag}-{cpu_level()}"
+
+
 @cache
 def cache_folder() -> Path:
     """Return the folder of compiled kernels, which may be one that is only read."""
-    shared = readable_cache() / _FOLDER
+    shared = readable_cache() / "kernels" / folder_name()
     return shared if shared.is_dir() else _written_folder()
 
 
@@ -137,6 +259,6 @@ def formula_folder() -> Path:
 
 
 def _written_folder() -> Path:
-    folder = writable_cache() / _FOLDER
+    folder = writable_cache() / "kernels" / folder_name()
     folder.mkdir(parents=True, exist_ok=True)
     return folder

@@ -22,6 +22,9 @@ import platformdirs
 WARNED = "FLOWSCULPT_CACHE_WARNED"
 """The environment variable by which a process lets those it starts know that the user was warned."""
 
+SHIPPED = Path(__file__).absolute().parents[1] / "compiled"
+"""Compiled kernels that came with the packages, and are trusted as these are; others have no such folder."""
+
 _UNMAPPED = 65534
 """The owner that files of others have in a container with user namespaces, those of root too."""
 
@@ -39,6 +42,11 @@ def writable_cache() -> Path:
     """
     temporary = Path(tempfile.gettempdir()) / f"flowsculpt-cache-{os.getuid()}"
     return _first_writable(platformdirs.user_cache_path("flowsculpt"), temporary)
+
+
+def kernel_homes() -> tuple[Path, ...]:
+    """Return the folders with compiled kernels of all kinds; new ones are written to the second."""
+    return readable_cache() / "kernels", writable_cache() / "kernels", SHIPPED
 
 
 @cache

@@ -11,6 +11,7 @@ import typer
 from pipeline.cli.kernel_build import build_kernels, kernel_calls
 from pipeline.cli.options import Common
 from pipeline.cli.output import exit_with, print_result, progress_bars
+from pipeline.production.store.shared_kernels import fetch_kernels, note_all_compiled, send_kernels
 from pipeline.production.store.store import Store
 from render.base.kernel_cache import cache_folder
 from render.base.plural import plural
@@ -29,15 +30,22 @@ def doctor(
     """Show the renderer and packages in use, and what would make rendering faster.
 
     `flowsculpt doctor --prepare` also compiles all kernels, on as many cores as -j says, so that no later
-    command waits for them. The exit code is 4 if no renderer works.
+    command waits for them. Where --store names a remote store, kernels that it holds are fetched and others
+    uploaded: compiled kernels are code, so name one that only people you trust may write to. The exit code
+    is 4 if no renderer works.
     """
-    if prepare and not common.dry_run:
-        with progress_bars(common.progress) as bar:
-            calls = kernel_calls()
-            build_kernels(calls, common.cores, bar("compiling kernels", len(calls)))
-    renderer = engine.facts()
     store = Store(common.root)
     remote = store.remote
+    if prepare and not common.dry_run:
+        with progress_bars(common.progress) as bar:
+            if remote is not None:
+                fetch_kernels(remote)
+            calls = kernel_calls()
+            build_kernels(calls, common.cores, bar("compiling kernels", len(calls)))
+            note_all_compiled()
+            if remote is not None:
+                send_kernels(remote)
+    renderer = engine.facts()
     facts: dict[str, Any] = {
         "flowsculpt": version("flowsculpt"),
         "python": platform.python_version(),

@@ -68,6 +68,9 @@ BLOCK = 256
 X, Y, Z, U, V, W = (BLOCK * run for run in range(6))
 LEVEL = 6 * BLOCK
 
+PARALLEL_FROM = 8000
+"""Points × sub-steps from which on several threads are faster than one."""
+
 Velocity = tuple[float, float, float]
 
 EQUATION = "UniTuple(f8, 3)(f8[::1], i8, f8, f8, f8)"

@@ -22,7 +22,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import prange
 
 from pipeline.arrays import Floats, Indices, Points, Vectors
 from pipeline.flow.kernels import instructions as op
@@ -160,8 +159,8 @@ def _velocity_block(points: Points, block: int, opcodes: Indices, table: Floats,
     store(s, U, first, n, out)
 
 
-@kernel("void(f8[:, ::1], i4[::1], f8[::1], f8[:, ::1])", parallel=True)
+@kernel("void(f8[:, ::1], i4[::1], f8[::1], f8[:, ::1])")
 def velocities(points: Points, opcodes: Indices, table: Floats, out: Vectors) -> None:
     """Compute velocities (N, 3) at points (N, 3) into `out`; the table is flat, K rows of COLUMNS."""
-    for block in prange((len(points) + BLOCK - 1) // BLOCK):
+    for block in range((len(points) + BLOCK - 1) // BLOCK):
         _velocity_block(points, block, opcodes, table, out)

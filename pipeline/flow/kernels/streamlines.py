@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import prange
 
 from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.flow.kernels import adaptive
@@ -177,25 +176,6 @@ def advect(
     """
     shifts = _uniform_shifts(opcodes, tables, steps, spans, halved)
     for block in range((len(points) + BLOCK - 1) // BLOCK):
-        if len(shifts):
-            _shift_block(points, block, shifts, out)
-        else:
-            _advect_block(points, block, opcodes, tables, steps, spans, halved, out)
-
-
-@kernel(STEP_PLAN, parallel=True)
-def advect_parallel(
-    points: Points,
-    opcodes: Indices,
-    tables: Floats,
-    steps: AnyArray,
-    spans: Floats,
-    halved: bool,
-    out: Points,
-) -> None:
-    """Do what `advect` does by several threads."""
-    shifts = _uniform_shifts(opcodes, tables, steps, spans, halved)
-    for block in prange((len(points) + BLOCK - 1) // BLOCK):
         if len(shifts):
             _shift_block(points, block, shifts, out)
         else:

@@ -27,6 +27,9 @@ from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import logs_of
 from pipeline.production.store.locks import lock_name
 from pipeline.production.store.paths import PLANS
+from pipeline.production.store.remote import RemoteStore
+from pipeline.production.store.remote_url import store_url
+from pipeline.production.store.shared_kernels import send_kernels
 from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write
 from render.base.serialise import NOT_PLAIN, from_plain, to_plain
@@ -96,6 +99,7 @@ class Plan:
     farm      whether jobs run on a farm's nodes
     host      the machine that made the plan
     versions  those that keys hold, of stages and packages, where the plan was made
+    kernels   names the compiled kernels that workers may take from the remote store: see `shared_kernels`
     """
 
     requests: tuple[RenderRequest, ...]
@@ -113,6 +117,7 @@ class Plan:
     name: str = field(default_factory=lambda: f"{time.strftime(TIME_FORMAT)}-{os.getpid()}")
     host: str = field(default_factory=platform.node)
     versions: Mapping[str, str] = field(default_factory=lambda: versions_here())
+    kernels: str = ""
 
     def named_last(self, root: Path) -> Plan:
         """Return the plan under a name after those of all runs under `root`, whatever the clock was set to.
@@ -220,9 +225,11 @@ class Plan:
         return self.file
 
     def write(self, path: Path) -> None:
-        """Write the plan to a file, which appears whole or not at all."""
+        """Write the plan to a file, whole or not at all; upload the compiled kernels that workers need."""
+        url = store_url()
+        plan = self if url is None else replace(self, kernels=send_kernels(RemoteStore.of(url)))
         with atomic_write(path) as draft:
-            draft.write_text(json.dumps(to_plain(self)), encoding="utf-8")
+            draft.write_text(json.dumps(to_plain(plan)), encoding="utf-8")
 
     @classmethod
     def thaw(cls, path: Path) -> Plan:

@@ -19,12 +19,13 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from pipeline.errors import FlowsculptError, FrameError
+from pipeline.errors import FlowsculptError, FrameError, MachineError
 from pipeline.production.planning.done_files import write_manifest
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.variants import ON_GPU, VariantError, require_variant
 from pipeline.production.stages import STAGES
 from pipeline.production.store.locks import of_key, writing
+from pipeline.production.store.shared_kernels import fetch_kernels, has_kernels
 from pipeline.production.tasks.job import ENVIRONMENT, Context, cpu_of_job
 from pipeline.production.tasks.supervisor import (
     RESTART_WORKER,
@@ -35,6 +36,7 @@ from pipeline.production.tasks.supervisor import (
     renderer,
 )
 from render.base.atomic_write import machine_error
+from render.base.python_process import postpone_collection
 from render.mitsuba.engine import available_cores
 
 
@@ -131,6 +133,7 @@ def work(context: Context) -> int:
     _limit_kernels(job.threads)
     well = False
     try:
+        _bring_kernels(context)
         well = task_of(job.stage)(context)
     except MemoryLimitError as restart:
         message = f"the renderer grew to {restart.held:.0f} MiB; a fresh one goes on"
@@ -153,6 +156,14 @@ def work(context: Context) -> int:
             )
     context.end()
     return 0 if well else 1
+
+
+def _bring_kernels(context: Context) -> None:
+    """Fetch the compiled kernels that the plan names, where this machine lacks them and there is a store."""
+    planned, remote = context.plan.kernels, context.store.remote
+    if planned and remote is not None and not has_kernels(planned.partition(".")[0]):
+        with suppress(MachineError):  # compiling them needs no disk
+            fetch_kernels(remote, planned)
 
 
 def _as_failure(error: FlowsculptError | OSError, root: Path) -> FlowsculptError:
@@ -209,4 +220,5 @@ def _arguments(words: Sequence[str]) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
+    postpone_collection()
     sys.exit(run(sys.argv[1:]))
