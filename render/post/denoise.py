@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -13,6 +13,10 @@ from render.base.errors import MachineError
 from render.scene.aovs import RenderedFrame
 
 Pixels = NDArray[np.float32]
+
+MOST_MB = 900
+"""Most working memory of the denoiser. Larger pictures are denoised in parts that overlap: 1920 × 1080 pixels
+in two, with 600 MB less and 8% more time."""
 
 
 @dataclass(frozen=True)
@@ -72,16 +76,25 @@ def _finite(picture: Pixels) -> Pixels:
 
 def _filtered(kind: str, effort: str, **images: Pixels) -> Pixels:
     """Return the image `kind` of `images` (H, W, 3) without noise; the others guide the filter."""
-    try:
-        return _filter(kind).run(effort, images)
-    except RuntimeError as error:
-        raise MachineError(f"the denoiser cannot run: {error}; render with denoise: off") from None
+    import pyoidn  # slow to import, and many processes denoise nothing
+
+    given = {name: np.ascontiguousarray(image, dtype=np.float32) for name, image in images.items()}
+    given[pyoidn.OIDN_IMAGE_OUTPUT] = clean = np.empty_like(given[kind])
+    filter_ = _filter(kind)
+    for name, image in given.items():
+        filter_.set_image(name, image, pyoidn.OIDN_FORMAT_FLOAT3)
+    filter_.set_quality(getattr(pyoidn, f"OIDN_QUALITY_{effort.upper()}"))
+    filter_.commit()
+    filter_.execute()
+    if (reason := _device().get_error()) is not None:
+        raise MachineError(f"the denoiser cannot run: {reason}; render with denoise: off")
+    return clean
 
 
 @cache
 def _device() -> Any:
-    """Return the denoiser's device, of which a process has one: its filters share their working memory."""
-    import pyoidn  # slow to import, and many processes denoise nothing
+    """Return the denoiser's device, one for the process: its filters share their working memory."""
+    import pyoidn
 
     device = pyoidn.Device()
     device.commit()
@@ -89,38 +102,12 @@ def _device() -> Any:
 
 
 @cache
-def _filter(kind: str) -> _Filter:
-    """Return the filter of one kind of image."""
+def _filter(kind: str) -> Any:
+    """Return the filter of one kind of image. Kept from frame to frame, it saves a tenth of its time."""
     import pyoidn
 
-    return _Filter(pyoidn.Filter(_device()), is_guided=kind == "color")
-
-
-@dataclass(eq=False)
-class _Filter:
-    """A filter that is kept from picture to picture, which spares it a tenth of its time.
-
-    images  what it refers to: it keeps no images alive
-    """
-
-    filter: Any
-    is_guided: bool
-    images: dict[str, Pixels] = field(default_factory=dict)
-
-    def run(self, effort: str, images: dict[str, Pixels]) -> Pixels:
-        """Return the first of the images, filtered. Raises RuntimeError where the denoiser cannot run."""
-        import pyoidn
-
-        given = {name: np.ascontiguousarray(image, dtype=np.float32) for name, image in images.items()}
-        clean = np.empty_like(next(iter(given.values())))
-        self.images = {**given, pyoidn.OIDN_IMAGE_OUTPUT: clean}
-        for name, image in self.images.items():
-            self.filter.set_image(name, image, pyoidn.OIDN_FORMAT_FLOAT3)
-        self.filter.set_bool("hdr", self.is_guided)
-        self.filter.set_bool("cleanAux", self.is_guided)
-        self.filter.set_quality(getattr(pyoidn, f"OIDN_QUALITY_{effort.upper()}"))
-        self.filter.commit()
-        self.filter.execute()
-        if (reason := _device().get_error()) is not None:
-            raise RuntimeError(reason)
-        return clean
+    filter_ = pyoidn.Filter(_device())
+    filter_.set_bool("hdr", kind == "color")
+    filter_.set_bool("cleanAux", kind == "color")
+    filter_.set_int("maxMemoryMB", MOST_MB)
+    return filter_

@@ -66,16 +66,23 @@ class FilmDenoiser:
         numbers = [*window]
         if len(numbers) == 1:
             return self._single_light(self.read(number))
-        self._denoised = {n: self._denoised.get(n) or self._single(n) for n in numbers}
+        self._denoised = {n: frame for n, frame in self._denoised.items() if n in numbers}
+        for n in numbers:
+            if n not in self._denoised:
+                self._denoised[n] = self._single(n)
         return temporal_denoise(self._denoised, number, self.size, self.corner)
 
     def _single(self, number: int) -> DenoisedFrame:
-        """Return a frame denoised by itself, with what reprojection needs of it."""
+        """Return a frame denoised by itself, with what reprojection needs of it, halves as in files."""
         raw = self.read(number)
         light = self._single_light(raw)
         noise = removed_noise(raw.layers["beauty"], light[..., :3])
-        known = {name: raw.layers[name] for name in ("position", "normal", "matte", "before", "after")}
-        return DenoisedFrame(light, noise, **known, camera=raw.camera, placement=raw.placement)
+        halves = {
+            name: raw.layers[name].astype(np.float16) for name in ("normal", "matte", "before", "after")
+        }
+        return DenoisedFrame(
+            light, noise, raw.layers["position"], **halves, camera=raw.camera, placement=raw.placement
+        )
 
     def _single_light(self, raw: RawFrame) -> Floats:
         """Return the light of a frame, denoised by itself, without a seam where its picture wraps."""

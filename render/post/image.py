@@ -20,7 +20,7 @@ from render.base.errors import BadInputError, CorruptImageError, MissingImageErr
 from render.base.input_files import copied_to_memory
 from render.post.exr_attributes import ExrAttributes
 from render.post.layer_names import CRYPTO, channels_of
-from render.scene.aovs import AOVS, COMPUTED, COPIES, RenderedFrame
+from render.scene.aovs import AOVS, COMPUTED, COPIES, Pixels, RenderedFrame
 from render.scene.picture_file import last_message
 from render.scene.projection import PERSPECTIVE, Projection
 from render.scene.working_space import REC709, WORKING_SPACES
@@ -32,6 +32,9 @@ Displayed = NDArray[np.uint8] | NDArray[np.uint16]
 
 PREFIX = "flowsculpt:"
 _PRECISION = {"half": oiio.HALF, "float": oiio.FLOAT}
+BAND = 64
+"""Rows that are read at a time, a multiple of the 16 that are compressed together."""
+
 _MAX_HALF = np.float32(np.finfo(np.float16).max)
 
 
@@ -95,19 +98,17 @@ def read_exr(path: Path) -> tuple[RenderedFrame, dict[str, Any]]:
     Raises MissingImageError where there is no such file, CorruptImageError where it ends too early or
     is no EXR.
     """
-    spec, pixels = _read_copy(
-        path, lambda file: (oiio.ImageSpec(file.spec()), _pixels(file, path, oiio.FLOAT))
-    )
-    header = _header(spec)
-    convention, named = header.pop(CONVENTION, None), header.pop(CHANNELS, None)
-    columns = _columns(spec.channelnames, named)
-    arrays = {
-        layer: np.ascontiguousarray(pixels[..., indices[0]] if len(indices) == 1 else pixels[..., indices])
-        for layer, indices in columns.items()
-    }
-    for layer, indices in columns.items() if convention else ():
-        arrays[layer] *= np.float32(channels_of(layer, len(indices), convention).factor)
-    return RenderedFrame(arrays, header), header
+
+    def read(file: Any) -> tuple[RenderedFrame, dict[str, Any]]:
+        header = _header(file.spec())
+        convention, named = header.pop(CONVENTION, None), header.pop(CHANNELS, None)
+        columns = _columns(file.spec().channelnames, named)
+        arrays = _layers(file, path, columns)
+        for layer, indices in columns.items() if convention else ():
+            arrays[layer] *= np.float32(channels_of(layer, len(indices), convention).factor)
+        return RenderedFrame(arrays, header), header
+
+    return _read_copy(path, read)
 
 
 def read_header(path: Path) -> dict[str, Any]:
@@ -270,10 +271,33 @@ def _opened(content: Path, path: Path) -> Iterator[Any]:
 
 def _pixels(file: Any, path: Path, kind: Any) -> Any:
     """Return all channels of an opened picture."""
-    pixels = file.read_image(0, 0, 0, file.spec().nchannels, kind)
+    return _whole(file.read_image(0, 0, 0, file.spec().nchannels, kind), file, path)
+
+
+def _whole(pixels: Any, file: Any, path: Path) -> Any:
+    """Return what was read of an opened picture. Raises CorruptImageError where that failed."""
     if pixels is None:
         raise CorruptImageError(f"{path}: cannot be read to its end ({last_message(file)}); make it again")
     return pixels
+
+
+def _layers(file: Any, path: Path, columns: Mapping[str, list[int]]) -> dict[str, Pixels]:
+    """Return the layers of an opened picture. They are taken apart in bands, so that no pixel is held twice.
+
+    columns  the places of each layer's channels in the file
+    """
+    spec = file.spec()
+    shapes = {layer: (len(places),) if len(places) > 1 else () for layer, places in columns.items()}
+    arrays = {
+        layer: np.empty((spec.height, spec.width, *shape), np.float32) for layer, shape in shapes.items()
+    }
+    for first in range(0, spec.height, BAND):
+        last = min(first + BAND, spec.height)
+        band = file.read_scanlines(spec.y + first, spec.y + last, 0, 0, spec.nchannels, oiio.FLOAT)
+        for layer, places in columns.items():
+            part = arrays[layer][first:last]
+            part[...] = _whole(band, file, path)[..., places].reshape(part.shape)
+    return arrays
 
 
 def _write(path: Path, kind: str, spec: Any, pixels: NDArray[Any]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -51,21 +51,26 @@ def finish(context: Context) -> bool:
 
 @dataclass(eq=False)
 class _Denoiser:
-    """Denoises the raw pictures of a batch."""
+    """Denoises the raw pictures of a batch, each read once.
+
+    kept  of pictures read as neighbours, by number: the layers that finished ones need, and the header
+    """
 
     context: Context
     keys: PictureKeys
     framings: Mapping[int, Framing]
+    kept: dict[int, tuple[RenderedFrame, dict[str, Any]]] = field(default_factory=dict)
 
     def finished(self, number: int) -> tuple[RenderedFrame, dict[str, Any]]:
         """Return a picture with its beauty free of noise, and its header: the raw one's, and the stage's."""
         window = self.keys[number].window
-        layers, raw = self._read(number)
+        light = self._denoiser.light(number, window)
+        layers, raw = self.kept.get(number) or self._read(number)
+        self.kept = {n: kept for n, kept in self.kept.items() if n in window and n > number}
         stages = {**raw.get("stages", {}), FINISH.name: FINISH.recipe}
         header = {**raw, "raw_key": self.keys[number].raw, "stages": stages}
         if len(window) > 1:
             header = {**header, "temporal_neighbours": [n for n in window if n != number]}
-        light = self._denoiser.light(number, window)
         light = np.where(layers["alpha"][..., None] > 0.0, light, np.float32(0.0))
         denoised = _layers_of(light, groups_in(layers.arrays))
         return RenderedFrame({**layers.arrays, **denoised}, layers.facts), header
@@ -86,8 +91,16 @@ class _Denoiser:
         return FilmDenoiser(self._raw, quality.denoise, (quality.width, quality.height), corner)
 
     def _raw(self, number: int) -> RawFrame:
-        framing = self.framings[number]
-        return RawFrame(self._read(number)[0], framing.camera, framing.placement)
+        framing, (layers, header) = self.framings[number], self._read(number)
+        self.kept[number] = self._kept_of(layers), header
+        return RawFrame(layers, framing.camera, framing.placement)
+
+    def _kept_of(self, layers: RenderedFrame) -> RenderedFrame:
+        """Return the layers of a raw picture that its finished frame needs."""
+        if self.context.request.summary.layers is not None:
+            return layers
+        names = {"alpha", "shadow", *groups_in(layers.arrays)} & layers.arrays.keys()
+        return RenderedFrame({name: layers[name] for name in names}, layers.facts)
 
 
 def _layers_of(light: Pixels, groups: Iterable[str]) -> dict[str, Pixels]:
