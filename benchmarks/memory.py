@@ -1,7 +1,10 @@
-"""`python -m benchmarks.memory`: peak memory of resampling five million vertices in one frame.
+"""`python -m benchmarks.memory`: peak memory of resampling five million vertices; of all stages.
 
 A process of its own records its size, loads the mesh from a file, resamples it and records its peak size. The
 difference over the vertices is what mesh and resampler need together.
+
+`python -m benchmarks.memory stages` renders six frames of A020_lorenz at daily and, with four samples, at
+final, both denoised over time, and shows the largest resident size of a process of each stage.
 """
 
 from __future__ import annotations
@@ -13,7 +16,9 @@ import sys
 import tempfile
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
+from shutil import copytree
 
 import numpy as np
 import psutil
@@ -28,6 +33,11 @@ FREQUENCY = 708
 """Frequency of the geodesic sphere: 10 n² + 2 vertices, 5,012,642."""
 
 MOST_BYTES = 250.0
+
+MOST_MB = {"daily": 800.0, "final": 1500.0}
+"""Targets: the largest process."""
+
+SHOTS = Path(__file__).parents[1] / "shots"
 
 
 def main(frequency: int = FREQUENCY) -> list[Target]:
@@ -82,6 +92,50 @@ def measure(file: Path) -> Row:
     }
 
 
+def stages() -> list[Target]:
+    """Measure the processes of all stages; return the targets."""
+    rows = [_stages(*each) for each in (("daily", "16"), ("final", "4"))]
+    keep("memory_stages", rows)
+    show("Largest process of each stage, MB", rows)
+    largest = {str(row["quality"]): max(told(row, name) for name in [*row][1:]) for row in rows}
+    return [Target(name, "MB, largest process", size, most=MOST_MB[name]) for name, size in largest.items()]
+
+
+def _stages(quality: str, samples: str) -> Row:
+    """Return the peak resident sizes by stage. The event log says which process works for which stage."""
+    words = [
+        "render",
+        "A020_lorenz",
+        "-f",
+        "30-35",
+        "-q",
+        quality,
+        "--set",
+        f"quality.{quality}.samples={samples}",
+    ]
+    peaks: dict[int, int] = {}
+    parents: dict[int, int] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        copytree(SHOTS, Path(folder) / "shots")
+        command = [sys.executable, "-m", "pipeline.cli", "--no-progress", *words]
+        with psutil.Popen(command, cwd=folder, stdout=subprocess.DEVNULL) as running:
+            while running.poll() is None:
+                for child in running.children(recursive=True):
+                    with suppress(psutil.Error):
+                        peaks[child.pid] = max(peaks.get(child.pid, 0), child.memory_info().rss)
+                        parents[child.pid] = child.ppid()
+                time.sleep(0.01)
+        logs = [log.read_text() for log in Path(folder, ".flowsculpt", "events").iterdir()]
+    events = [json.loads(line) for text in logs for line in text.splitlines()]
+    stage_of = {event["process"]: event["stage"] for event in events if event["event"] == "begin"}
+    largest: dict[str, float] = {}
+    for process, peak in peaks.items():
+        stage = stage_of.get(process) or stage_of.get(parents[process])  # a renderer's parent watches it
+        if stage:
+            largest[stage] = max(largest.get(stage, 0.0), peak / 1e6)
+    return {"quality": quality, **largest}
+
+
 class _Peak:
     """Peak resident memory within the context, sampled a thousand times a second."""
 
@@ -105,6 +159,8 @@ class _Peak:
 if __name__ == "__main__":
     if len(sys.argv) > 1 and sys.argv[1] == "write":
         write(Path(sys.argv[2]), int(sys.argv[3]))
+    elif sys.argv[1:] == ["stages"]:
+        show("Targets", [target.row for target in stages()])
     elif len(sys.argv) > 1:
         print(json.dumps(measure(Path(sys.argv[2]))))
     else:
