@@ -112,7 +112,7 @@ def _rounded(seconds: float) -> float:
 
 def _bars() -> Progress:
     return Progress(
-        TextColumn("{task.description:>16}", markup=False),
+        TextColumn("{task.description:>17}", markup=False),
         BarColumn(),
         _DoneColumn(),
         TimeElapsedColumn(),
