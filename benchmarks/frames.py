@@ -52,6 +52,7 @@ def measure(size: str, kind: str, threads: int) -> Row:
     warm()
     before = best_of(lambda: edge_pass(mesh.vertices, edges, longest**2), PASSES)
     runs = [once(mesh, longest) for _ in range(REPEATS)]
+    first, _ = min(once(mesh, longest, unsorted=len(mesh.vertices)) for _ in range(REPEATS))
     after = best_of(lambda: edge_pass(mesh.vertices, edges, longest**2), PASSES)
     limit, (seconds, operations) = min(before, after), min(runs)
     return {
@@ -59,6 +60,7 @@ def measure(size: str, kind: str, threads: int) -> Row:
         "5% of edges": kind,
         "threads": threads,
         "ms": 1e3 * seconds,
+        "first frame, ms": 1e3 * first,
         "edge pass, ms": 1e3 * limit,
         "x edge pass": seconds / limit,
         "operations": operations,
@@ -66,13 +68,14 @@ def measure(size: str, kind: str, threads: int) -> Row:
     }
 
 
-def once(mesh: TriangleMesh, longest: float) -> tuple[float, int]:
+def once(mesh: TriangleMesh, longest: float, unsorted: int = 0) -> tuple[float, int]:
     """Return the seconds of one resampling, its splits, collapses and flips. Connectivity is built before.
 
-    The frame is one in the middle of a film: a film's first frame also sorts all vertices.
+    unsorted  vertices that are new since the last sort: none in the middle of a film; in a film's first
+              frame all, which are sorted at its end
     """
     thresholds = Thresholds(longest)
-    state = Resampler(mesh, thresholds).state() | {"unsorted": np.array(0)}
+    state = Resampler(mesh, thresholds).state() | {"unsorted": np.array(unsorted)}
     resampler = Resampler.from_state(state, thresholds)
     start = time.perf_counter()
     report = resampler.resample()
