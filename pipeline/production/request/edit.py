@@ -14,7 +14,7 @@ from pipeline.frames import FrameRate
 from pipeline.production.request.audio import AudioClip, AudioTrack, sound_of_frames
 from pipeline.production.request.crop_and_scale import movie_bits
 from pipeline.production.request.planning_cache import PlanningCache
-from pipeline.production.request.shot_source import ShotSummary
+from pipeline.production.request.shot_source import ShotSummary, spare_modules
 from pipeline.production.stages import FILM
 from pipeline.production.store import paths
 from pipeline.production.store.store import Key, key_of
@@ -183,6 +183,7 @@ def resolved_edit(
                 return known
     from pipeline.shot import read_film
 
+    spare_modules()
     resolved = ResolvedEdit.of(read_film(path, settings, text), path.stem)
     cache.put(resolved, *found_from)
     return resolved
