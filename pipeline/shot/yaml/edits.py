@@ -46,13 +46,6 @@ def parsed(path: Path, text: str) -> YamlSource:
     return YamlSource.read(path, text)
 
 
-@lru_cache(maxsize=4)
-def _tree(text: str) -> Node:
-    root = composed(text)
-    assert root is not None, "a file that was read is not empty"
-    return root
-
-
 def edited(path: Path, text: str, edits: Iterable[ValueEdit], time_of: TimeOf, verify: bool = True) -> str:
     """Return the text of a shot file after edits, which are made in order.
 
@@ -225,7 +218,8 @@ class _Editor:
 
     def _nodes(self, where: Where) -> list[Node]:
         """Return the nodes along a path from the top, as far as they are there."""
-        root = _tree(self.text)
+        root = composed(self.text)
+        assert root is not None, "a file that was read is not empty"
         nodes, node = [root], root
         for step in where:
             inner = self._step(node, step)

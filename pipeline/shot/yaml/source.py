@@ -12,6 +12,7 @@ import re
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -275,8 +276,12 @@ class _Scanner(RoundTripScanner):
         super().fetch_flow_collection_start(TokenClass, to_push)
 
 
+@lru_cache(maxsize=32)
 def composed(text: str) -> Node | None:
-    """Return the tree of nodes of a text. Raises YAMLError, and RecursionError for one too deep."""
+    """Return the tree of nodes of a text, which is only read: a film's plan reads shots for its edit, too.
+
+    Raises YAMLError, and RecursionError for one too deep.
+    """
     yaml = YAML()
     yaml.Scanner = _Scanner
     return yaml.compose(text)
