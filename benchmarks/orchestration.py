@@ -164,8 +164,8 @@ def fill(plan: Plan, share: float = 1.0) -> None:
         assert keys is not None
         clips.append(keys)
         held = request.requested[: int(share * len(request.requested))]
-        files = [("mesh", request.mesh_key(n)) for n in held]
-        files += [("normals", request.normals_key(n)) for n in held]
+        files = [("mesh", part.mesh_key(n)) for part in request.parts for n in held]
+        files += [("normals", part.normals_key(n)) for part in request.parts for n in held]
         files += [(kind, getattr(keys[n], kind)) for n in held for kind in ("raw", "frame")]
         if share == 1.0:
             files.append(("movie", request.movie_key([keys[n].frame for n in sorted(held)])))
@@ -173,7 +173,9 @@ def fill(plan: Plan, share: float = 1.0) -> None:
         for kind, key in files:
             _put(store, kind, key, "a dummy")
     if plan.film is not None and share == 1.0:
-        _put(store, "movie", plan.film.key(plan.requests, clips), "a dummy")
+        whole = [place for place, request in enumerate(plan.requests) if not request.source.subject]
+        film = plan.film.key([plan.requests[place] for place in whole], [clips[place] for place in whole])
+        _put(store, "movie", film, "a dummy")
 
 
 def carry_out(plan: Plan) -> None:

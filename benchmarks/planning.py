@@ -1,119 +1,181 @@
-"""`python -m benchmarks.planning [SHOTSxFRAMES …]`: planning a film and its status, by shots and frames.
+"""`python -m benchmarks.planning [--before DIR] [--shots 18 90]`: planning and status of the gallery.
 
-Films of twisted boxes of several sizes, each in a folder of its own. Files that should exist are dummies
-under the right keys, so nothing is rendered; cameras are real and stand still. Each case is a command in a
-process of its own: CPU seconds of all its threads, seconds by the clock, and the most memory that it held at
-once.
+The gallery's shots in a folder of their own, with an edit of all; of more shots than it has, copies of other
+edge lengths. Each case is a command in a process of its own: CPU seconds of all its threads, wall time, and
+the most memory that it held at once. Kernels are compiled before; what planning remembers for the user begins
+empty.
 
-A model is fitted to the CPU seconds of each case where three sizes or more are measured: a fixed part, a part
-for each shot and one for each frame. Relative errors count, so that small films weigh as much as large ones.
-Prints a table of measurements beside the model, and one of the model; writes `benchmarks/out/planning.json`
-and `planning_model.json`. A hundred shots of 1000 frames take 2 GB of disk and some minutes.
+1. A new clone of the gallery: `status` and a plan of the film before a run has begun, and where one has. The
+   code of another checkout, DIR, does the same in turns with this one.
+2. A production of so many shots: files that should exist are dummies under the right keys, so nothing is
+   rendered; cameras are real and stand still.
+
+Prints a table of each; writes `benchmarks/out/planning.json` and `planning_production.json`.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
+from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
 from contextlib import chdir
 from pathlib import Path
+from statistics import mean
 from typing import NamedTuple
 
-import numpy as np
+import platformdirs
 
-from benchmarks.orchestration import CORES, command_line, environment, fill, graph_line, write_shots
+from benchmarks.orchestration import CORES, fill, graph_line
 from benchmarks.report import Row, Target, keep, show
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store
 
-SIZES = ((10, 100), (10, 1000), (100, 100), (100, 1000))
-"""Shots, and frames of each."""
+HERE = Path(__file__).parents[1]
+
+GALLERY = 18
+"""Shots of the gallery."""
+
+SIZES = (GALLERY, 90)
+"""Shots of a production."""
+
+REPEATS = 2
+"""Times that each case of a new clone is measured; their mean counts."""
+
+MOST_FIRST, MOST_AGAIN = 4.0, 0.5
+"""Targets for the gallery in a new clone: CPU seconds of `status`."""
 
 MOST_SECONDS, MOST_STATUS_SECONDS, MOST_MB = 15.0, 3.0, 1000.0
-"""Targets for a hundred shots of 1000 frames: CPU seconds of a plan, of `status`, and memory of each."""
+"""Targets for the largest film: CPU seconds of a plan, of `status`, and memory of each."""
 
-PLAN = ("film", "--dry-run")
+STATUS, PLAN, FILM = ("status",), ("--dry-run", "film"), ("film",)
 
 
 class Cost(NamedTuple):
-    """Costs of a process: CPU seconds, seconds by the clock, and memory at its peak, megabytes."""
+    """Costs of a process: CPU seconds, seconds of wall time, and memory at its peak, megabytes."""
 
     cpu: float
-    clock: float
+    wall: float
     megabytes: float
 
 
-def main(sizes: Sequence[tuple[int, int]] = SIZES) -> list[Target]:
-    """Measure all cases at all sizes, print the tables and write the numbers; return the targets."""
-    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # each process would compile us anew, as no user's does
-    costs: dict[str, dict[tuple[int, int], Cost]] = {}
-    for shots, frames in sizes:
-        with tempfile.TemporaryDirectory() as folder, chdir(folder):
-            for case, cost in cases(shots, frames):
-                print(f"{shots} × {frames}, {case}: {cost.cpu:.1f} s", file=sys.stderr, flush=True)
-                costs.setdefault(case, {})[shots, frames] = cost
-    rows, parts = list[Row](), list[Row]()
-    for case, measured in costs.items():
-        model = fitted(measured) if len(measured) >= 3 else None
-        if model is not None:
-            parts.append({"case": case, "fixed, s": model[0], "ms a shot": model[1], "µs a frame": model[2]})
-        for (shots, frames), cost in measured.items():
-            predicted = "" if model is None else model @ _terms(shots, frames)
-            size: Row = {"case": case, "shots": float(shots), "frames of each": float(frames)}
-            taken: Row = {"s of a core": cost.cpu, "s by the clock": cost.clock, "MB": cost.megabytes}
-            rows.append({**size, **taken, "model, s": predicted})
-    show("Planning", rows)
-    show("The model of planning", parts)
-    keep("planning", rows)
-    keep("planning_model", parts)
-    return [target for case, measured in costs.items() for target in _targets(case, measured)]
+class Commands:
+    """The commands of a checkout, which remember what they plan in a folder of their own."""
+
+    def __init__(self, checkout: Path, cache: Path) -> None:
+        """Run the code of `checkout`; `cache` becomes the user's cache folder, with the kernels of now."""
+        python = sys.executable if checkout == HERE else checkout / ".venv/bin/python"
+        self._line = [str(python), "-m", "pipeline.cli", "--no-progress", "-j", str(CORES)]
+        self._environment = {**os.environ, "PYTHONPATH": str(checkout), "XDG_CACHE_HOME": str(cache)}
+        self._cache = cache / "flowsculpt"
+        self._cache.mkdir(parents=True, exist_ok=True)
+        for known in platformdirs.user_cache_path("flowsculpt").glob("*"):
+            if known.name != "planning" and not (self._cache / known.name).exists():
+                (self._cache / known.name).symlink_to(known)
+
+    def cost(self, *words: str) -> Cost:
+        """Return what a command takes. Raises CalledProcessError where it fails."""
+        return spent([*self._line, *words], self._environment)
+
+    def forget(self) -> None:
+        """Remove all that planning remembers."""
+        for folder in (STATE / "planning", self._cache / "planning"):
+            shutil.rmtree(folder, ignore_errors=True)
 
 
-def cases(shots: int, frames: int) -> Iterator[tuple[str, Cost]]:
+def main(before: Path | None = None, sizes: Sequence[int] = SIZES) -> list[Target]:
+    """Measure all cases, print the tables and write the numbers; return the targets."""
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # each process would compile us again, as no user's does
+    with tempfile.TemporaryDirectory() as cache:
+        now = Commands(HERE, Path(cache))
+        others = {"before": Commands(before, Path(cache))} if before else {}
+        clone = new_clone({**others, "now": now})
+        show("A new clone, CPU seconds", clone)
+        keep("planning", clone)
+        rows, targets = list[Row](), list(_targets_of_clone(clone))
+        for shots in sizes:
+            with tempfile.TemporaryDirectory() as folder, chdir(folder):
+                frames = write_gallery(shots)
+                now.forget()
+                for case, cost in production(now):
+                    size: Row = {"case": case, "shots": float(shots), "frames": float(frames)}
+                    rows.append({**size, "CPU s": cost.cpu, "wall time, s": cost.wall, "MB": cost.megabytes})
+                    if shots == sizes[-1] and case.startswith(("plan", "status")):
+                        most = MOST_STATUS_SECONDS if case.startswith("status") else MOST_SECONDS
+                        targets.append(Target(f"{shots} shots", f"{case}: CPU s", cost.cpu, most=most))
+                        targets.append(Target(f"{shots} shots", f"{case}: MB", cost.megabytes, most=MOST_MB))
+    show("A production", rows)
+    keep("planning_production", rows)
+    return targets
+
+
+def new_clone(codes: dict[str, Commands]) -> list[Row]:
+    """Return what `status` and a plan take of each code, before and after a run has begun."""
+    costs: dict[tuple[str, str], list[float]] = {}
+    for repeat in range(REPEATS + 1):  # the first compiles what is missing, modules and kernels
+        for name, commands in codes.items():
+            for begun in ("new clone", "a run has begun"):
+                with tempfile.TemporaryDirectory() as folder, chdir(folder):
+                    write_gallery(GALLERY)
+                    if begun != "new clone":
+                        STATE.mkdir()
+                    for what, words in (("status", STATUS), ("plan of the film", PLAN)):
+                        commands.forget()
+                        for when in ("first", "again"):
+                            cost = commands.cost(*words)
+                            if repeat:
+                                costs.setdefault((f"{what}, {begun}, {when}", name), []).append(cost.cpu)
+    cases = dict.fromkeys(case for case, _ in costs)
+    return [{"case": case, **{name: mean(costs[case, name]) for name in codes}} for case in cases]
+
+
+def production(commands: Commands) -> Iterator[tuple[str, Cost]]:
     """Yield the cases in the order of a production, each with what it took."""
-    names = write_shots(shots, frames)
-    Path("shots/film.yaml").write_text(f"title: Planned\nrate: 24\nshots: [{', '.join(names)}]\n")
-    yield "plan, nothing made, first time", cost_of(*PLAN)
-    yield "plan, nothing made", cost_of(*PLAN)
-    yield "Snakemake's graph of that plan", _spent(graph_line(_plan()))
+    STATE.mkdir()
+    yield "plan, nothing made, first", commands.cost(*PLAN)
+    yield "plan, nothing made", commands.cost(*PLAN)
+    yield "Snakemake's graph of that plan", spent(graph_line(_plan()), dict(os.environ))
     fill(_plan(), 0.5)
-    _forget()
-    yield "plan, half made, first time", cost_of(*PLAN)
-    yield "plan, half made", cost_of(*PLAN)
+    commands.forget()
+    yield "plan, half made, first", commands.cost(*PLAN)
+    yield "plan, half made", commands.cost(*PLAN)
     fill(_plan())
-    _forget()
-    yield "plan, all made, first time", cost_of(*PLAN)
+    commands.forget()
+    yield "plan, all made, first", commands.cost(*PLAN)
     _show_all()
-    yield "film, nothing to be done", cost_of("film")
-    yield "status", cost_of("status")
-    edited = Path(f"shots/{names[0]}.yaml")
-    edited.write_text(
-        edited.read_text().replace("elevation: 14", "elevation: 15").replace("y, amount", "x, amount")
-    )
-    yield "plan, one shot edited", cost_of(*PLAN)
-    yield "status, one shot edited", cost_of("status")
+    yield "film, nothing to be done", commands.cost(*FILM)
+    yield "status", commands.cost(*STATUS)
+    edited = min(Path("shots").glob("A010*.yaml"))
+    edited.write_text(edited.read_text().replace("max_edge_length: 0.0", "max_edge_length: 0.1"))
+    yield "plan, one shot edited", commands.cost(*PLAN)
+    yield "status, one shot edited", commands.cost(*STATUS)
 
 
-def fitted(measured: dict[tuple[int, int], Cost]) -> np.ndarray:
-    """Return the model (3,) of CPU seconds: s, ms a shot and µs a frame, by least relative squares."""
-    terms = np.array([_terms(*size) for size in measured])
-    seconds = np.array([cost.cpu for cost in measured.values()])
-    return np.linalg.lstsq(terms / seconds[:, None], np.ones(len(seconds)), rcond=None)[0]
+def write_gallery(shots: int) -> int:
+    """Write so many shots of the gallery to `shots/`, and a film of all; return their frames.
 
-
-def cost_of(*words: str) -> Cost:
-    """Return what a command of flowsculpt takes."""
-    return _spent(command_line(*words))
-
-
-def _terms(shots: int, frames: int) -> np.ndarray:
-    return np.array([1.0, 1e-3 * shots, 1e-6 * shots * frames])
+    Copies have other edge lengths, so that no two shots share a file.
+    """
+    gallery = sorted(path for path in (HERE / "shots").glob("*.yaml") if "frames:" in path.read_text())
+    gallery = [path for path in gallery if path.stem not in ("film", "showreel")]
+    Path("shots").mkdir()
+    shutil.copy(HERE / "shots/pulse.opus", "shots")
+    names, frames = [], 0
+    for number in range(shots):
+        copy, place = divmod(number, len(gallery))
+        text = gallery[place].read_text()
+        text = re.sub(r"(max_edge_length: |coarsest: |finest: )(0\.\d+)", rf"\g<1>\g<2>{copy or ''}", text)
+        names.append(f"{gallery[place].stem}_{copy}")
+        Path(f"shots/{names[-1]}.yaml").write_text(text)
+        frames += int(re.findall(r"^frames: 1-(\d+)", text, re.M)[0])
+    Path("shots/film.yaml").write_text(f"title: Planned\nrate: 24\nshots: [{', '.join(names)}]\n")
+    return frames
 
 
 def _plan() -> Plan:
@@ -129,11 +191,6 @@ def _show_all() -> None:
         target.hardlink_to(store.path(link.kind, link.key))
 
 
-def _forget() -> None:
-    """Remove the planning cache."""
-    shutil.rmtree(STATE / "planning", ignore_errors=True)
-
-
 _MEASURE = """
 import os, subprocess, sys, time
 begun = time.perf_counter()
@@ -145,23 +202,24 @@ sys.exit(status != 0)
 """Measures a process from a small one: Linux counts what its parent held as its own memory."""
 
 
-def _spent(line: Sequence[str]) -> Cost:
+def spent(line: Sequence[str], environment: dict[str, str]) -> Cost:
     """Run a process and measure it. Raises CalledProcessError where it fails."""
     words = [sys.executable, "-I", "-S", "-c", _MEASURE, *line]
-    done = subprocess.run(words, check=True, capture_output=True, text=True, env=environment())
+    done = subprocess.run(words, check=True, capture_output=True, text=True, env=environment)
     return Cost(*map(float, done.stdout.split()))
 
 
-def _targets(case: str, measured: dict[tuple[int, int], Cost]) -> Iterator[Target]:
-    """Yield the targets of a case: of the largest film, if that was measured."""
-    cost = measured.get(SIZES[-1])
-    if cost is not None and case.startswith(("plan", "status")):
-        work = "{} × {} frames".format(*SIZES[-1])
-        most = MOST_STATUS_SECONDS if case.startswith("status") else MOST_SECONDS
-        yield Target(work, f"{case}: s of a core", cost.cpu, most=most)
-        yield Target(work, f"{case}: MB", cost.megabytes, most=MOST_MB)
+def _targets_of_clone(rows: Sequence[Row]) -> Iterator[Target]:
+    """Yield the targets of `status` in a new clone."""
+    for row in rows:
+        if str(row["case"]).startswith("status"):
+            most = MOST_FIRST if str(row["case"]).endswith("first") else MOST_AGAIN
+            yield Target("the gallery", f"{row['case']}: CPU s", float(row["now"]), most=most)
 
 
 if __name__ == "__main__":
-    asked = [tuple(map(int, word.split("x"))) for word in sys.argv[1:]]
-    show("Targets", [target.row for target in main([(shots, frames) for shots, frames in asked] or SIZES)])
+    parser = ArgumentParser()
+    parser.add_argument("--before", type=Path)
+    parser.add_argument("--shots", type=int, nargs="*", default=SIZES)
+    given = parser.parse_args()
+    show("Targets", [target.row for target in main(given.before, given.shots)])
