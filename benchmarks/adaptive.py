@@ -28,6 +28,7 @@ from typing import TypeVar
 import numpy as np
 
 from benchmarks.errors import put, shown
+from benchmarks.raw_files import as_read
 from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import AnyArray
 from pipeline.production.planning.plan import Plan
@@ -82,9 +83,9 @@ def measure(shot: str, scene: Scene, width: int, reference: int) -> Row:
         product = np.prod([shown(light) - truth for truth in truths], axis=0)
         return 255.0 * math.sqrt(max(float(product.mean()), 0.0))
 
-    uniform, even_seconds = _clocked(lambda: denoise(render_frame(scene, even, 1, engine)))
+    uniform, even_seconds = _clocked(lambda: denoise(as_read(render_frame(scene, even, 1, engine))))
     frame, seconds = _clocked(lambda: render_frame(scene, final, 1, engine, aovs=("samples",)))
-    adaptive, more = _clocked(lambda: denoise(frame))
+    adaptive, more = _clocked(lambda: denoise(as_read(frame)))
     map_of_samples = np.repeat(frame["samples"][..., None] / frame["samples"].max(), 3, axis=2)
     put(f"adaptive_{shot}", {"uniform": uniform, "adaptive": adaptive, "samples": map_of_samples})
     row: Row = {

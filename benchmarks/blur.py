@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.raw_files import as_read
 from pipeline.mesh.solids import icosphere
 from render.frame.render_frame import render_frame
 from render.frame.sample_batches import ShutterInterval
@@ -77,7 +78,7 @@ def print_strobing(engine: Engine, pixels: float, samples: int, picture: Path | 
     surface = _sphere(20, 0.35, 0.65)
     shutter = _sliding(surface, pixels, quality)
     frame = render_frame(_scene(surface, "glaze"), quality, 7, engine, shutter=shutter)
-    clean = denoise(frame)
+    clean = denoise(as_read(frame))
     reference = _reference(surface, shutter, quality)
     print(f"{pixels:g} pixels, {samples} samples, {frame.facts['motion_samples']} motion samples")
     for name, light in (("raw", frame["beauty"]), ("denoised", clean)):

@@ -38,6 +38,7 @@ import numpy as np
 from benchmarks.equal_quality import Best
 from benchmarks.errors import put, shown
 from benchmarks.flicker import CAMERA, subject
+from benchmarks.raw_files import as_read
 from benchmarks.report import OUT, Row, Target, show
 from pipeline.arrays import AnyArray
 from render.frame.render_frame import render_frame
@@ -288,6 +289,8 @@ def _try_ours(
             begun = time.process_time()
             frame = render_frame(cell.scene(surface), replace(quality, samples=samples), 50 + seed, engine)
             raw = time.process_time() - begun
+            frame = as_read(frame)
+            begun = time.process_time() - raw  # the file counts for neither
             clean = denoise(frame)
             denoised = time.process_time() - begun
             tries["raw"].setdefault(str(samples), []).append([raw, truth.error(frame["beauty"])])

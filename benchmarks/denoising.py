@@ -118,4 +118,4 @@ def _ratio(row: Mapping[str, float | str]) -> float:
 if __name__ == "__main__":
     numbers = [int(each) for each in sys.argv[1:] if each.isdigit()]
     names = [each for each in sys.argv[1:] if not each.isdigit()]
-    show("Targets", [target.row for target in main(*(numbers or [128]), *names)])
+    show("Targets", [target.row for target in main((numbers or [128])[0], *names)])

@@ -20,6 +20,7 @@ import numpy as np
 
 from benchmarks.errors import flip, psnr, put
 from benchmarks.flicker import CAMERA, subject
+from benchmarks.raw_files import as_read
 from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import AnyArray
 from render.frame.render_frame import render_frame
@@ -71,7 +72,7 @@ def measure(look: str, size: tuple[int, int], reference: int, engine: Engine) ->
         return build_scene(described, quality).beauty
 
     def ours() -> AnyArray:
-        return denoise(render_frame(described, quality, 1, engine))
+        return denoise(as_read(render_frame(described, quality, 1, engine)))
 
     picture = ours()  # compiles
     took = []

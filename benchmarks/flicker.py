@@ -21,6 +21,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.errors import put
+from benchmarks.raw_files import as_read
 from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import AnyArray
 from pipeline.mesh.normals import split_at_creases
@@ -77,7 +78,7 @@ def rendered(
     quality = replace(QUALITY, width=width, height=width * 9 // 16, samples=samples)
     aovs = ("before", "after") if samples == QUALITY.samples else ()
     parts = (LOOKS[look], LIGHTS["studio"], STAGES["cyclorama"], StagePlacement(), CAMERA)
-    return render_frame(Scene(surface, *parts), quality, seed, engine, aovs=aovs)
+    return as_read(render_frame(Scene(surface, *parts), quality, seed, engine, aovs=aovs))
 
 
 def measure(

@@ -29,13 +29,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyoidn
 
 from benchmarks.measures import told
 from benchmarks.report import Row, Target, keep, show
 from benchmarks.sitting import Sitting
 from pipeline.production.store.digests import Digests
 from render.mitsuba.engine import Engine, choose
+from render.post import denoise
 from render.post.colour import prepare
 
 SHOT = """\
@@ -81,7 +81,7 @@ class Watch:
         from render.integrator.feature_tracer import FeatureTracer
         from render.integrator.path_tracer import PathTracer
 
-        render, follow, denoise = mi.render, PathTracer.render, pyoidn.denoise
+        render, follow, filtered = mi.render, PathTracer.render, denoise._filtered
         features = FeatureTracer.render
 
         def rendered(scene: Any, *arguments: Any, integrator: Any, **others: Any) -> Any:
@@ -101,17 +101,17 @@ class Watch:
             return self.timed("light", lambda: follow(tracer, *arguments))
 
         def denoised(*arguments: Any, **others: Any) -> Any:
-            return self.timed("denoiser", lambda: denoise(*arguments, **others))
+            return self.timed("denoiser", lambda: filtered(*arguments, **others))
 
         def traced(tracer: FeatureTracer, *arguments: Any) -> Any:
             return self.timed("auxiliary features", lambda: features(tracer, *arguments))
 
-        mi.render, PathTracer.render, pyoidn.denoise = rendered, followed, denoised
+        mi.render, PathTracer.render, denoise._filtered = rendered, followed, denoised
         FeatureTracer.render = traced
         try:
             yield
         finally:
-            mi.render, PathTracer.render, pyoidn.denoise = render, follow, denoise
+            mi.render, PathTracer.render, denoise._filtered = render, follow, filtered
             FeatureTracer.render = features
 
     @contextmanager
