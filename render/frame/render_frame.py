@@ -105,7 +105,7 @@ def render_frame(
         "auxiliary_samples": quality.auxiliary_samples,
         "depth": quality.depth,
         "lens_radius": scene.camera.lens_radius,
-        **({"is_clear": scene.is_clear} if "denoise_albedo" in arrays else {}),
+        **({} if has_path_tracer(scene, quality) else {"features_apart": True}),
         "working_space": scene.working_space.name,
         "surface_vertices": sum(len(surface.vertices) for surface in surfaces),
         "surface_faces": sum(len(surface.faces) for surface in surfaces),

@@ -42,18 +42,19 @@ def denoiser_features(frame: RenderedFrame, effort: str = "high") -> Features:
 
     Mirrors and glass show other surfaces, whose features are followed (`denoise_albedo`). Features of a
     pinhole camera are noisy only at edges, and as they are they keep creases crisp. A lens, several motion
-    samples and a mirror that is not quite smooth make noise, which is filtered first. The albedo seen through
-    glass stays as it is: filtered, it would lose what glass shows small.
+    samples, mirrors that are not quite smooth and glass, which mirrors and refracts by chance, make noise. It
+    is filtered first: the denoiser would take it for a pattern of the surface. So are the features of smoke,
+    whose samples are not those of the light: at edges the two differ.
     Raises MachineError where the denoiser cannot run.
     """
     is_followed = "denoise_albedo" in frame.arrays
     albedo = frame["denoise_albedo" if is_followed else "albedo"]
     normal = frame["denoise_normal" if is_followed else "normal"]
     # A frame that was read has its file's header as facts, where `shutter` is None without motion blur.
-    is_noisy = frame.facts.get("lens_radius", 0.0) > 0.0 or frame.facts.get("motion_samples", 1) > 1
-    if is_noisy or (is_followed and not frame.facts.get("is_clear", False)):
+    facts = frame.facts
+    is_noisy = facts.get("lens_radius", 0.0) > 0.0 or facts.get("motion_samples", 1) > 1
+    if is_noisy or is_followed or facts.get("features_apart", False):
         albedo = np.clip(_filtered("albedo", effort, albedo=_finite(albedo)), 0.0, 1.0)
-    if is_noisy or is_followed:
         normal = np.clip(_filtered("normal", effort, normal=_finite(normal)), -1.0, 1.0)
     return Features(albedo, normal)
 

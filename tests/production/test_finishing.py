@@ -44,6 +44,7 @@ def test_features_without_noise_guide_the_denoiser_as_they_are(project: ProjectF
     [
         (("shutter.angle=360", "flows.0.twist.amount={keys: {1: 0, 6: 300}}"), {"motion_samples": 4}),
         (("camera.focal_length=85", "camera.aperture=1.4"), {"lens_radius": 0.1}),
+        (("look=smoke",), {"features_apart": True}),
     ],
 )
 def test_features_with_noise_are_filtered_first(
@@ -56,10 +57,11 @@ def test_features_with_noise_are_filtered_first(
     assert not same(light, denoise_light(raw["beauty"], unfiltered(raw), "balanced"))
 
 
-def test_what_a_mirror_shows_is_filtered_first(project: ProjectFolder) -> None:
-    project.render("1", settings=("look=chrome",))
+@pytest.mark.parametrize("look", ["chrome", "glass"])
+def test_what_mirrors_and_glass_show_is_filtered_first(project: ProjectFolder, look: str) -> None:
+    project.render("1", settings=(f"look={look}",))
     raw, light = raw_picture(project), finished_light(project)
-    filtered = denoiser_features(RenderedFrame(raw.arrays, {"is_clear": False}), "balanced")
+    filtered = denoiser_features(RenderedFrame(raw.arrays, {"motion_samples": 4}), "balanced")
     shown = unfiltered(raw, "denoise_albedo", "denoise_normal")
     assert same(light, denoise_light(raw["beauty"], filtered, "balanced"))
     assert not same(light, denoise_light(raw["beauty"], shown, "balanced"))
