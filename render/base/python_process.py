@@ -19,8 +19,8 @@ from pathlib import Path
 PACKAGE_ROOT = Path(__file__).resolve().parents[2]
 """The folder that holds the packages `pipeline` and `render`."""
 
-LOADED_OBJECTS = 200_000
-"""Objects that a process makes while it loads what it needs, rounded up."""
+LOADED_OBJECTS = 400_000
+"""Twice the objects that a process makes while it loads what it needs."""
 
 SAFE_PATH = "PYTHONSAFEPATH"
 """The environment variable that means `-P` to every Python, also to one that others start."""
