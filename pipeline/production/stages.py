@@ -77,7 +77,7 @@ FRAME_CAMERA = PipelineStage(
 )
 RENDER = PipelineStage(
     "render",
-    version=6,
+    version=7,
     packages=("mitsuba", "drjit", "OpenImageIO"),
     doing="rendering",
     makes="raw",

@@ -83,7 +83,7 @@ class Accumulator:
         Values that are not finite, as of a degenerate triangle, count as 0.
         """
         rows = means.reshape(-1, means.shape[-1])
-        self._plane(name, rows.shape[1]).add(rows, samples, pixels)
+        self._plane(name, rows.shape[1], rows.dtype).add(rows, samples, pixels)
         if name == "beauty" and self.quality.noise_threshold is not None:
             self._plane("round", 1).add(rows[:, LUMINANCE, None], samples, pixels)
         if name in ("matte", "normal"):
@@ -251,11 +251,11 @@ class Accumulator:
         width, height = self.quality.rendered_size
         return self._planes[name].means(kind=kind).reshape(height, width, -1)
 
-    def _plane(self, name: str, channels: int) -> SampleSums:
+    def _plane(self, name: str, channels: int, kind: Any = np.float64) -> SampleSums:
         """Return a plane, which is added where it is missing."""
         if name not in self._planes:
             width, height = self.quality.rendered_size
-            self._planes[name] = SampleSums.zeros(width * height, channels)
+            self._planes[name] = SampleSums.zeros(width * height, channels, kind)
         return self._planes[name]
 
     def state(self) -> dict[str, NDArray[Any]]:

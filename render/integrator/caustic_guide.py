@@ -37,11 +37,10 @@ MIN_PHOTONS = 32
 SIDE = 32
 """Rows and columns of a histogram."""
 
-MIN_FRACTION, MAX_FRACTION = 0.25, 0.85
-"""Fractions of the directions in a cell that its histogram gives: where the caustic is faint, and where it is
-all the light."""
+MAX_FRACTION = 0.85
+"""Fraction of the directions in a cell that its histogram gives where the caustic is all the light."""
 
-HALF_IRRADIANCE = 0.01
+HALF_IRRADIANCE = 0.03
 """Irradiance by the caustic that brings the fraction half way, in that of the emitters on the mirrors and
 glass."""
 
@@ -98,7 +97,7 @@ class CausticGuide:
         # Of cells that share a slot the last stays; the places of others belong to coarser cells.
         table[slot], numbers[slot] = keys, np.arange(len(keys), dtype=np.uint32)
         share = light / (light + HALF_IRRADIANCE)
-        fractions = MIN_FRACTION + (MAX_FRACTION - MIN_FRACTION) * share
+        fractions = MAX_FRACTION * share
         guide = cls(
             mi.Point3f(photons.middle),
             mi.Float(CELLS_PER_RADIUS / photons.radius),

@@ -89,7 +89,11 @@ class PathTracer:
         number, corner, size = film_pixels(film, pixels)
         sums = _sum_samples(self, OwenSampler(number, first, samples, seed), corner, size)
         dr.eval(sums)
-        picture = np.stack([np.array(channel, dtype=np.float64) for channel in sums], axis=1) / samples
+        picture = np.empty((dr.width(number), len(sums)))
+        for channel, values in enumerate(sums):
+            picture[:, channel] = np.array(values)
+        picture /= samples
+        del sums
         dr.flush_malloc_cache()
         width, height = (int(side) for side in film.crop_size())
         return picture if pixels is not None else picture.reshape(height, width, -1)
