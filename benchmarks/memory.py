@@ -1,10 +1,10 @@
-"""`python -m benchmarks.memory`: peak memory of resampling five million vertices; of all stages.
+"""`python -m benchmarks.memory`: peak memory of resampling five million vertices; of stages.
 
 A process of its own records its size, loads the mesh from a file, resamples it and records its peak size. The
 difference over the vertices is what mesh and resampler need together.
 
 `python -m benchmarks.memory stages` renders six frames of A020_lorenz at daily and, with four samples, at
-final, both denoised over time, and shows the largest resident size of a process of each stage.
+final, both denoised over time, and shows the largest resident sizes of all processes and of renderers.
 """
 
 from __future__ import annotations
@@ -93,16 +93,16 @@ def measure(file: Path) -> Row:
 
 
 def stages() -> list[Target]:
-    """Measure the processes of all stages; return the targets."""
+    """Measure the processes of a daily and of a final; return the targets."""
     rows = [_stages(*each) for each in (("daily", "16"), ("final", "4"))]
     keep("memory_stages", rows)
-    show("Largest process of each stage, MB", rows)
-    largest = {str(row["quality"]): max(told(row, name) for name in [*row][1:]) for row in rows}
+    show("Largest processes, MB", rows)
+    largest = {str(row["quality"]): told(row, "largest") for row in rows}
     return [Target(name, "MB, largest process", size, most=MOST_MB[name]) for name, size in largest.items()]
 
 
 def _stages(quality: str, samples: str) -> Row:
-    """Return the peak resident sizes by stage. The event log says which process works for which stage."""
+    """Return the peak resident sizes of the largest process and of the largest renderer."""
     words = [
         "render",
         "A020_lorenz",
@@ -113,8 +113,7 @@ def _stages(quality: str, samples: str) -> Row:
         "--set",
         f"quality.{quality}.samples={samples}",
     ]
-    peaks: dict[int, int] = {}
-    parents: dict[int, int] = {}
+    largest = 0
     with tempfile.TemporaryDirectory() as folder:
         copytree(SHOTS, Path(folder) / "shots")
         command = [sys.executable, "-m", "pipeline.cli", "--no-progress", *words]
@@ -122,18 +121,13 @@ def _stages(quality: str, samples: str) -> Row:
             while running.poll() is None:
                 for child in running.children(recursive=True):
                     with suppress(psutil.Error):
-                        peaks[child.pid] = max(peaks.get(child.pid, 0), child.memory_info().rss)
-                        parents[child.pid] = child.ppid()
+                        largest = max(largest, child.memory_info().rss)
                 time.sleep(0.01)
-        logs = [log.read_text() for log in Path(folder, ".flowsculpt", "events").iterdir()]
-    events = [json.loads(line) for text in logs for line in text.splitlines()]
-    stage_of = {event["process"]: event["stage"] for event in events if event["event"] == "begin"}
-    largest: dict[str, float] = {}
-    for process, peak in peaks.items():
-        stage = stage_of.get(process) or stage_of.get(parents[process])  # a renderer's parent watches it
-        if stage:
-            largest[stage] = max(largest.get(stage, 0.0), peak / 1e6)
-    return {"quality": quality, **largest}
+        pictures = [
+            json.loads(path.read_text()) for path in Path(folder).glob("renders/*/*/statistics/*.json")
+        ]
+    renderer = max(picture["peak_memory_mib"] for picture in pictures)
+    return {"quality": quality, "largest": largest / 1e6, "largest renderer": renderer * 1.048576}
 
 
 class _Peak:
