@@ -232,7 +232,12 @@ def _planes(
     Returns False for a triangle seen edge-on.
     """
     p, q, r = corners[0], corners[1], corners[2]
-    n = np.stack((np.cross(q, r), np.cross(r, p), np.cross(p, q)))
+    n = np.empty((3, 3))
+    for k in range(3):  # np.cross and np.stack take two seconds to compile
+        i, j = (k + 1) % 3, (k + 2) % 3
+        n[0, k] = q[i] * r[j] - q[j] * r[i]
+        n[1, k] = r[i] * p[j] - r[j] * p[i]
+        n[2, k] = p[i] * q[j] - p[j] * q[i]
     volume = p[0] * n[0, 0] + p[1] * n[0, 1] + p[2] * n[0, 2]
     if not abs(volume) >= _EDGE_ON * (abs(p[2]) + abs(q[2]) + abs(r[2])) ** 3:
         return False
