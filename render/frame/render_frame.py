@@ -19,6 +19,7 @@ from render.frame.batch_schedule import (
     affordable_motion_samples,
     batch_schedule,
     multijitter_rounds,
+    seed_of,
     traced_rounds,
 )
 from render.frame.checkpoint import Checkpoint
@@ -87,7 +88,9 @@ def render_frame(
 
     for moment, its_batches in groupby(batches.remaining(), attrgetter("time")):
         moved = sample_at(moment)
-        scenes = build_scene(scene.at(moved), quality, aovs, motion_samples)
+        scenes = build_scene(
+            scene.at(moved), quality, aovs, motion_samples, seed_of(seed, "photons", str(moment))
+        )
         stopwatch.lap("building")
         for batch in its_batches:
             batches.render(batch, scenes)

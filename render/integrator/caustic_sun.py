@@ -61,6 +61,10 @@ class CausticSun:
         on_disc = dr.normalize(self.direction + offset / self.factor)
         return dr.select(in_disc, on_disc, direction), dr.select(in_disc, dr.rcp(dr.square(self.factor)), 1.0)
 
+    def is_on(self, direction: Any) -> Any:
+        """Tell whether a direction leads to the disc."""
+        return dr.norm(direction - self.direction) < _RIM * self.radius
+
     def spread(self, direction: Any) -> Any:
         """Return directions in the wider disc, for unit vectors to the disc; others stay."""
         offset = direction - self.direction

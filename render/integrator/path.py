@@ -2,7 +2,8 @@
 
 Path tracing with next event estimation and multiple importance sampling (Veach 1997). Until a path has left
 two matt surfaces all emitters are sampled, later one at each vertex. Some paths that leave a matt surface are
-guided to caustics (`render.integrator.caustic_guide`). Faint paths end by Russian roulette.
+guided to caustics (`render.integrator.caustic_guide`), or leave those of the sun to photons
+(`render.integrator.caustic_picture`). Faint paths end by Russian roulette.
 
 Importing this imports Mitsuba, so an engine of a compiled variant must have been started.
 """
@@ -72,11 +73,13 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
         radiance = groups.add_seen(radiance, light, emitter, -si.wi, ~si.is_valid())
     vertex, matt, length, active = mi.UInt32(0), mi.UInt32(0), mi.UInt32(0), si.is_valid()
     kept = mi.Color3f(throughput)
-    is_exit, after_matt = mi.Bool(False), mi.Bool(False)
+    is_exit, after_matt, by_photons = mi.Bool(False), mi.Bool(False), mi.Bool(False)
     while dr.hint(active, label="path", exclude=[tracer, sampler, groups]):
         bsdf = _bsdf(tracer, si, is_exit, active)
+        is_matt = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Diffuse)
+        by_photons &= ~is_matt
         radiance, counts = _sampled_light(
-            tracer, sampler, vertex, matt, si, bsdf, throughput, radiance, active
+            tracer, sampler, vertex, matt, si, bsdf, throughput, by_photons, radiance, active
         )
         bsdf_sample, weight, kept_weight, next_si, is_exit = _next_vertex(
             tracer, sampler, vertex, si, bsdf, active
@@ -86,12 +89,13 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
         active &= dr.any(throughput != 0.0)
         is_delta = mi.has_flag(bsdf_sample.sampled_type, mi.BSDFFlags.Delta)
         light, emitter, direction = _light_of_hit(
-            tracer, si, next_si, bsdf_sample.pdf, is_delta, after_matt, counts, active
+            tracer, si, next_si, bsdf_sample.pdf, is_delta, after_matt, by_photons, counts, active
         )
         radiance = groups.add(radiance, dr.select(active, throughput * light, 0.0), emitter, direction)
         after_matt |= ~is_delta | is_exit
+        by_photons |= is_matt & ~is_delta & (vertex == 0)
         vertex += 1
-        matt += dr.select(mi.has_flag(bsdf.flags(), mi.BSDFFlags.Diffuse), 1, 0)
+        matt += dr.select(is_matt, 1, 0)
         length += dr.select(is_exit, 0, 1)
         survival = _survival(vertex, kept)
         active &= sampler.vertex_1d(vertex, EMITTER_CHOICE, 1) < survival
@@ -146,6 +150,7 @@ def _light_of_hit(
     pdf: Any,
     is_delta: Any,
     after_matt: Any,
+    by_photons: Any,
     counts: list[Any],
     active: Any,
 ) -> tuple[Any, Any, Any]:
@@ -154,6 +159,7 @@ def _light_of_hit(
 
     pdf         density of the direction from `si`, unless a mirror or glass gave it (is_delta)
     after_matt  True for paths that left a matt surface before
+    by_photons  True for paths whose sunlight photons bring
     counts      expected samples of each light source at `si`
     """
     hit = mi.DirectionSample3f(tracer.scene, next_si, si)
@@ -163,6 +169,9 @@ def _light_of_hit(
     if tracer.caustic_sun is not None:
         in_caustic = active & after_matt & is_delta & ~next_si.is_valid()
         direction, share = tracer.caustic_sun.widened(hit.d, in_caustic)
+        if tracer.caustics is not None:
+            is_sun = tracer.caustic_sun.is_on(direction)
+            weight = dr.select(by_photons & is_sun & ~next_si.is_valid(), 0.0, weight)
         weight *= share
         next_si = dr.copy(next_si)
         next_si.wi = dr.select(in_caustic, -direction, next_si.wi)
@@ -183,13 +192,15 @@ def _sampled_light(
     si: Any,
     bsdf: Any,
     throughput: Any,
+    by_photons: Any,
     radiance: Any,
     active: Any,
 ) -> tuple[Any, list[Any]]:
     """Add the reflected light of sampled emitters to the radiance by light group: of all at the first
     vertices, of one at later ones. Return it, and the expected samples of each light source.
 
-    matt  matt surfaces that paths have left before
+    matt        matt surfaces that paths have left before
+    by_photons  True for paths whose sunlight photons bring
     """
     light_sampler = tracer.light_sampler
     probabilities = light_sampler.probabilities(si)
@@ -201,11 +212,13 @@ def _sampled_light(
     if is_all_possible:
         counts = light_sampler.expected_samples(matt, are_all_sampled, probabilities)
         first = active & are_all_sampled
-        radiance = _all_direct_light(tracer, sampler, vertex, matt, si, bsdf, throughput, radiance, first)
+        radiance = _all_direct_light(
+            tracer, sampler, vertex, matt, si, bsdf, throughput, by_photons, radiance, first
+        )
     later = active & ~are_all_sampled
     choice, position = sampler.vertex_1d(vertex, EMITTER_CHOICE), sampler.vertex_2d(vertex, EMITTER_POSITION)
     sample = light_sampler.sample_one(si, probabilities, choice, position, later)
-    light = throughput * _direct_light(tracer, si, bsdf, sample, later)
+    light = throughput * _direct_light(tracer, si, bsdf, by_photons, sample, later)
     return tracer.groups.add(radiance, light, sample.emitter, sample.direction), counts
 
 
@@ -218,6 +231,7 @@ def _all_direct_light(
     si: Any,
     bsdf: Any,
     throughput: Any,
+    by_photons: Any,
     radiance: Any,
     active: Any,
 ) -> Any:
@@ -228,25 +242,29 @@ def _all_direct_light(
         while dr.hint(
             active & (number < count),
             label="emitters",
-            exclude=[tracer, sampler, light_sampler, vertex, si, bsdf, throughput, active, count],
+            exclude=[tracer, sampler, light_sampler, vertex, si, bsdf, throughput, by_photons, active, count],
         ):
             position = sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + number)
             sample = light_sampler.sample_each(number, si, position, active)
-            light = throughput * _direct_light(tracer, si, bsdf, sample, active)
+            light = throughput * _direct_light(tracer, si, bsdf, by_photons, sample, active)
             radiance = tracer.groups.add(radiance, light, sample.emitter, sample.direction)
             number += 1
     for index in range(count, len(light_sampler)):
         position = sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + index)
         wanted = active & (light_sampler.expected_samples(matt, active)[index] > 0.0)
         sample = light_sampler.sample_distant(index, matt, si, position, wanted)
-        light = throughput * _direct_light(tracer, si, bsdf, sample, wanted)
+        light = throughput * _direct_light(tracer, si, bsdf, by_photons, sample, wanted)
         radiance = tracer.groups.add(radiance, light, sample.emitter, sample.direction)
     return radiance
 
 
-def _direct_light(tracer: PathTracer, si: Any, bsdf: Any, sample: LightSample, active: Any) -> Any:
+def _direct_light(
+    tracer: PathTracer, si: Any, bsdf: Any, by_photons: Any, sample: LightSample, active: Any
+) -> Any:
     """Return the light of a sampled position on an emitter that a BSDF reflects, 0 where it is occluded."""
     active = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+    if tracer.caustics is not None:
+        active &= ~(by_photons & tracer.caustic_sun.is_on(sample.direction))
     reflected, bsdf_pdf = bsdf.eval_pdf(mi.BSDFContext(), si, si.to_local(sample.direction), active)
     others = sample.square - dr.square(sample.density) + dr.square(bsdf_pdf)
     weight = dr.select(sample.is_delta, 1.0, power_heuristic(sample.density, others))

@@ -52,6 +52,7 @@ class PathTracer:
     subsurface     random walks below the surfaces of subjects, or None
     caustic_sun    a `caustic_sun.CausticSun`, or None
     guide          directions of caustics at matt surfaces: a `caustic_guide.CausticGuide`, or None
+    caustics       (H, W, 3 · groups) light that paths leave to photons, by `caustic_picture`, or None
     """
 
     scene: Any
@@ -65,6 +66,7 @@ class PathTracer:
     subsurface: SubsurfaceWalk | SubsurfaceWalks | None = None
     caustic_sun: Any = None
     guide: Any = None
+    caustics: NDArray[np.float64] | None = None
 
     @property
     def coverage_channels(self) -> int:
@@ -93,10 +95,25 @@ class PathTracer:
         for channel, values in enumerate(sums):
             picture[:, channel] = np.array(values)
         picture /= samples
+        if self.caustics is not None:
+            self._add_caustics(picture, pixels)
         del sums
         dr.flush_malloc_cache()
         width, height = (int(side) for side in film.crop_size())
         return picture if pixels is not None else picture.reshape(height, width, -1)
+
+    def _add_caustics(self, picture: NDArray[np.float64], pixels: NDArray[np.integer[Any]] | None) -> None:
+        """Add the light of photons to means (pixels, channels) over paths, as if each path had found it."""
+        assert self.caustics is not None
+        groups = self.caustics.reshape(-1, self.caustics.shape[-1])
+        groups = groups if pixels is None else groups[pixels]
+        light = groups.reshape(len(groups), -1, 3).sum(axis=1)
+        luminance = np.array(mi.luminance(mi.Color3f(light.T)), dtype=np.float64)
+        picture[:, :3] += light
+        picture[:, 4] += luminance * (2.0 * picture[:, 3] + luminance)
+        picture[:, 3] += luminance
+        if self.groups.are_wanted:
+            picture[:, 5 : 5 + groups.shape[1]] += groups
 
 
 def film_pixels(film: Any, pixels: NDArray[np.integer[Any]] | None) -> tuple[Any, Any, Any]:

@@ -66,6 +66,21 @@ def casts_caustics(bsdf: Any) -> bool:
     return bool(is_smooth) and not mi.has_flag(flags, mi.BSDFFlags.Diffuse)
 
 
+def casters(scene: Any) -> list[Any]:
+    """Return the shapes of a scene that throw caustics."""
+    return [shape for shape in scene.shapes() if not shape.is_emitter() and casts_caustics(shape.bsdf())]
+
+
+def caster_sphere(scene: Any) -> tuple[Any, Any]:
+    """Return middle and radius of the sphere around all mirrors and glass, data of the compiled code."""
+    box: Any = mi.ScalarBoundingBox3f()
+    for shape in casters(scene):
+        box.expand(shape.bbox())
+    sphere = mi.Point3f(box.center()), mi.Float(0.5 * dr.norm(box.extents()))
+    dr.make_opaque(*sphere)
+    return sphere
+
+
 def trace_photons(
     scene: Any, light_sampler: LightSampler, sun: CausticSun | None, depth: int, count: int
 ) -> Photons | None:
@@ -74,16 +89,11 @@ def trace_photons(
     sun    of daylight, or None
     depth  most vertices of a path, the emitter's included
     """
-    casters = [shape for shape in scene.shapes() if not shape.is_emitter() and casts_caustics(shape.bsdf())]
     sources = [source for source in light_sampler.sources if not source.is_rest]
-    if not casters or not sources or not count:
+    if not casters(scene) or not sources or not count:
         return None
-    box: Any = mi.ScalarBoundingBox3f()
-    for shape in casters:
-        box.expand(shape.bbox())
-    middle, radius = np.array(box.center(), dtype=np.float64), 0.5 * float(dr.norm(box.extents()))
-    sphere = mi.Point3f(middle), mi.Float(radius)
-    dr.make_opaque(*sphere)
+    sphere = caster_sphere(scene)
+    middle, radius = np.array(sphere[0], dtype=np.float64).ravel(), float(sphere[1][0])
     each = count // len(sources)
     parts: list[Any] = []
     light = 0.0
@@ -92,7 +102,9 @@ def trace_photons(
         ray, weight = _emitted(source, sun, *sphere, random)
         dr.eval(ray, weight)
         light += float(np.array(weight).sum(dtype=np.float64)) / each
-        parts.append(_landed(scene, ray, weight / each, random, dr.opaque(mi.UInt32, depth)))
+        limits = dr.opaque(mi.UInt32, depth), dr.opaque(mi.UInt32, int(mi.BSDFFlags.All))
+        _, ray, colour = followed(scene, ray, mi.Color3f(weight / each), random, *limits)
+        parts.append(_landed(scene, ray, colour))
     places, directions, weights = (np.concatenate(part) for part in zip(*parts, strict=True))
     return Photons(places, directions, weights, middle, radius, light / (np.pi * radius**2))
 
@@ -107,8 +119,6 @@ def _emitted(
     )
     if source.position is not None:
         return _from_area(source, middle, radius, u, v)
-    disc = mi.warp.square_to_uniform_disk_concentric(v) * radius
-    area = np.pi * radius * radius
     if source.distribution is None:
         towards, light = -source.facing, source.strength
     else:
@@ -118,9 +128,20 @@ def _emitted(
         light = mi.luminance(source.emitter.eval(sky)) / density
         light = dr.select(density > 0.0, light, 0.0)
         towards = towards if sun is None else sun.spread(towards)
+    ray, area = disc_rays(towards, middle, radius, v)
+    return ray, mi.Float(light * area)
+
+
+def disc_rays(towards: Any, middle: Any, radius: Any, position: Any) -> tuple[Any, Any]:
+    """Return rays of distant light on a sphere, and the area that they are spread over.
+
+    towards   unit vectors to the light
+    position  two numbers from 0 to 1 for each
+    """
+    disc = mi.warp.square_to_uniform_disk_concentric(position) * radius
     frame = mi.Frame3f(-towards)
     origin = middle + frame.s * disc.x + frame.t * disc.y + towards * (100.0 * radius)
-    return mi.Ray3f(origin, -towards), mi.Float(light * area)
+    return mi.Ray3f(origin, -towards), np.pi * radius * radius
 
 
 def _from_area(source: LightSource, middle: Any, radius: Any, u: Any, v: Any) -> tuple[Any, Any]:
@@ -137,31 +158,55 @@ def _from_area(source: LightSource, middle: Any, radius: Any, u: Any, v: Any) ->
 
 
 @dr.syntax
-def _landed(
-    scene: Any, ray: Any, weight: Any, random: Any, depth: Any
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]]:
-    """Return places, directions and weights of the photons that meet a matt surface after a mirror or glass.
+def followed(scene: Any, ray: Any, weight: Any, random: Any, depth: Any, first: Any) -> tuple[Any, Any, Any]:
+    """Return numbers, last rays and light of the photons that meet a matt surface after mirrors or glass.
 
-    Photons that miss are left out.
+    weight  light of each photon, RGB
+    depth   most vertices of a path, the emitter's included
+    first   Mitsuba's flags of what the first surface may do: another photon ends there
+
+    Photons are the paths of `render.integrator.path` from their other end: each brings what BSDF and normals
+    give the path (Veach, *Robust Monte Carlo Methods for Light Transport Simulation*, 1997, chapter 5).
     """
     vertex, landed = mi.UInt32(0), mi.Bool(False)
-    ray, weight = mi.Ray3f(ray), mi.Float(weight)
-    place, active = mi.Point3f(0.0), weight > 0.0
-    while dr.hint(active, label="photons", exclude=[scene, depth]):
+    ray, weight = mi.Ray3f(ray), mi.Color3f(weight)
+    active = dr.any(weight > 0.0)
+    while dr.hint(active, label="photons", exclude=[scene, depth, first]):
         si = scene.ray_intersect(ray, active)
         active &= si.is_valid() & (si.shape.emitter() == None)  # noqa: E711 an array of pointers
         bsdf = si.bsdf()
         is_matt = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Diffuse)
         landed |= is_matt & (vertex > 0)
-        place = dr.select(is_matt, si.p, place)
         active &= ~is_matt
         lobe, u, v = random.next_float32(), random.next_float32(), random.next_float32()
-        sampled, factor = bsdf.sample(mi.BSDFContext(), si, lobe, mi.Point2f(u, v), active)
-        weight = dr.select(active, weight * mi.luminance(factor), weight)
-        active &= (weight > 0.0) & (vertex + 3 < depth)
-        ray = dr.select(active, si.spawn_ray(si.to_world(sampled.wo)), ray)
+        context = mi.BSDFContext(mi.TransportMode.Importance)
+        sampled, factor = bsdf.sample(context, si, lobe, mi.Point2f(u, v), active)
+        active &= (vertex > 0) | ((sampled.sampled_type & first) != 0)
+        way = si.to_world(sampled.wo)
+        slope = dr.abs(dr.dot(si.n, way) / dr.dot(si.n, ray.d))
+        is_delta = mi.has_flag(sampled.sampled_type, mi.BSDFFlags.Delta)
+        by_normals = dr.abs(mi.Frame3f.cos_theta(si.wi) / mi.Frame3f.cos_theta(sampled.wo))
+        backwards = dr.copy(si)
+        backwards.wi = sampled.wo
+        is_smooth = active & ~is_delta & (sampled.pdf > 0.0)
+        value = bsdf.eval(mi.BSDFContext(), backwards, si.wi, is_smooth)
+        factor = slope * dr.select(is_delta, factor * by_normals, value / sampled.pdf)
+        factor = dr.select(dr.isfinite(mi.luminance(factor)), factor, 0.0)
+        weight = dr.select(active, weight * factor, weight)
+        active &= dr.any(weight > 0.0) & (vertex + 2 < depth)
+        ray = dr.select(active, si.spawn_ray(way), ray)
         vertex += 1
-    dr.eval(place, ray.d, weight, landed)
-    places, directions, weights = (np.array(each) for each in (place, ray.d, weight))
-    chosen = np.array(landed)
-    return places.T[chosen], -directions.T[chosen], weights[chosen].astype(np.float64)
+    dr.eval(ray, weight, landed)
+    index: Any = dr.compress(landed)
+    return index, dr.gather(mi.Ray3f, ray, index), dr.gather(mi.Color3f, weight, index)
+
+
+def _landed(
+    scene: Any, ray: Any, colour: Any
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]]:
+    """Return places, directions and weights of photons by their last rays and light."""
+    if not dr.width(colour):
+        return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32), np.zeros(0)
+    place = scene.ray_intersect(ray).p
+    places, directions, weights = (np.array(each) for each in (place, ray.d, mi.luminance(colour)))
+    return places.T, -directions.T, weights.astype(np.float64)

@@ -74,11 +74,12 @@ class FrameScenes:
 
 
 def build_scene(
-    scene: Scene, quality: Quality, aovs: Collection[str] = (), motion_samples: int = 1
+    scene: Scene, quality: Quality, aovs: Collection[str] = (), motion_samples: int = 1, seed: int = 0
 ) -> FrameScenes:
     """Build the Mitsuba scenes of one frame, for the AOVs of all frames and `aovs`.
 
     motion_samples  scenes among which the samples of the frame are divided
+    seed            of photons, a different one for each of these scenes
 
     Raises BadInputError for a surface or a material that cannot be rendered, and for a camera inside the
     sculpture.
@@ -90,7 +91,7 @@ def build_scene(
     size = quality.width, quality.height
     if not scene.is_lit:
         return _drawn(scene, size, quality, aovs)
-    return _lit(_with_converted_colours(scene).converted(), size, quality, aovs, motion_samples)
+    return _lit(_with_converted_colours(scene).converted(), size, quality, aovs, motion_samples, seed)
 
 
 def surface_of(subject: SceneSubject) -> Surface:
@@ -121,7 +122,12 @@ def _converted(subject: SceneSubject, space: WorkingSpace) -> Surface:
 
 
 def _lit(
-    scene: Scene, size: tuple[int, int], quality: Quality, aovs: Collection[str], motion_samples: int
+    scene: Scene,
+    size: tuple[int, int],
+    quality: Quality,
+    aovs: Collection[str],
+    motion_samples: int,
+    seed: int,
 ) -> FrameScenes:
 
     placement, camera, lights = scene.placement, scene.camera, scene.lights
@@ -135,7 +141,7 @@ def _lit(
     path |= {"hide_emitters": not lights.shows_sky, "block_size": BLOCK_SIZE}
     integrator = load_part(path)
     samples = quality.width * quality.height * quality.samples // motion_samples
-    tracer = path_tracer(lit, integrator, path, scene, size, samples)
+    tracer = path_tracer(lit, integrator, path, scene, size, samples, seed)
     groups: list[tuple[Any, Any] | None] = []
     if tracer is None:
         integrator = _moment_integrator(path)

@@ -21,8 +21,10 @@ from render.mitsuba.loading import load_scene
 from render.mitsuba.sensor import sensor
 from render.mitsuba.shapes import stage_shapes
 from render.scene.lights import LightRig
+from render.scene.materials import MitsubaMaterial
 from render.scene.quality import Quality
 from render.scene.scene import Scene, SceneSubject
+from render.scene.wide_camera import WideCamera
 
 
 def has_path_tracer(scene: Scene, quality: Quality) -> bool:
@@ -43,7 +45,13 @@ def is_traceable(path: dict[str, Any]) -> bool:
 
 
 def path_tracer(
-    lit: Any, integrator: Any, path: dict[str, Any], scene: Scene, size: tuple[int, int], samples: int
+    lit: Any,
+    integrator: Any,
+    path: dict[str, Any],
+    scene: Scene,
+    size: tuple[int, int],
+    samples: int,
+    seed: int = 0,
 ) -> Any:
     """Return our path tracer for a scene, or None where it cannot trace it.
 
@@ -51,6 +59,7 @@ def path_tracer(
     integrator  Mitsuba's, and `path` its description
     size        width and height of the picture in pixels
     samples     of all pixels together, by which photons are counted
+    seed        of the photons that the lens sees
 
     Raises BadInputError for a shadow catcher without a path tracer.
     """
@@ -67,7 +76,10 @@ def path_tracer(
     if scene.stage.shadow_catcher:
         tracer = _with_catcher(tracer, scene, size, path)
     elif walk is None:
-        tracer = replace(tracer, guide=_guide(tracer, samples))
+        caustics = _caustics(tracer, scene, samples, seed)
+        tracer = replace(
+            tracer, caustics=caustics, guide=_guide(tracer, samples) if caustics is None else None
+        )
     return replace(tracer, subsurface=walk)
 
 
@@ -105,6 +117,23 @@ def _guide(tracer: Any, samples: int) -> Any:
     count, depth = photon_count(samples), tracer.max_depth
     photons = trace_photons(tracer.scene, tracer.light_sampler, tracer.caustic_sun, depth, count)
     return photons and guide_of(photons)
+
+
+def _caustics(tracer: Any, scene: Scene, samples: int, seed: int) -> Any:
+    """Return the picture of the sun's caustics, or None where the guide finds them.
+
+    That is where softboxes shine too, through rough glass and materials written out for Mitsuba, and for
+    lenses that Mitsuba lacks.
+    """
+    from render.integrator.caustic_picture import can_draw, caustic_picture  # needs Mitsuba's variant
+    from render.integrator.sky_sampler import Cone
+
+    sources, sun = tracer.light_sampler.sources, tracer.caustic_sun
+    is_sun_alone = sun is not None and isinstance(sources[0].distribution, Cone)
+    is_described = any(isinstance(subject.material, MitsubaMaterial) for subject in scene.subjects)
+    if not is_sun_alone or is_described or isinstance(scene.camera, WideCamera) or not can_draw(tracer.scene):
+        return None
+    return caustic_picture(tracer.scene, sources[0], sun, tracer.groups, tracer.max_depth, samples, seed)
 
 
 def _with_catcher(tracer: Any, scene: Scene, size: tuple[int, int], path: dict[str, Any]) -> Any:

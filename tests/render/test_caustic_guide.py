@@ -43,8 +43,8 @@ def tracer(sphere: Surface, engine: Engine) -> Callable[..., Any]:
 
 @pytest.mark.parametrize(
     ("look", "lights"),
-    [("glass", SOFTBOX), ("chrome", SOFTBOX), ("chrome", LightRig(daylight=Daylight(width=0.2)))],
-    ids=["glass", "chrome", "chrome in daylight"],
+    [("glass", SOFTBOX), ("chrome", SOFTBOX), ("frosted", LightRig(daylight=Daylight(width=0.2)))],
+    ids=["glass", "chrome", "rough glass in daylight"],
 )
 def test_guided_paths_find_the_light_that_others_find(
     look: str, lights: LightRig, tracer: Callable[..., Any]
