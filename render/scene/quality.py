@@ -116,7 +116,7 @@ class Quality:
 
 
 QUALITIES = {
-    "draft": Quality(480, 270, samples=4, depth=4, auxiliary_samples=4, denoise="balanced"),
+    "draft": Quality(480, 270, samples=4, depth=4, denoise="balanced"),
     "daily": Quality(960, 540, samples=16, depth=6, auxiliary_samples=16, temporal_denoise=2),
     "final": Quality(
         1920,
