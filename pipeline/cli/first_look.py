@@ -33,11 +33,11 @@ class FirstLook:
 
     def during(self, common: Common, plan: Plan) -> AbstractContextManager[None]:
         """Show the pictures until the context is left, where somebody sees them and none is there yet."""
-        words = self.words(common, plan)
-        return nullcontext() if words is None else _process(common.root, *words)
+        arguments = self.arguments(common, plan)
+        return nullcontext() if arguments is None else _process(common.root, *arguments)
 
-    def words(self, common: Common, plan: Plan) -> list[str] | None:
-        """Return what the process that makes the pictures is called with; None where none are shown."""
+    def arguments(self, common: Common, plan: Plan) -> list[str] | None:
+        """Return the arguments of the process that makes the pictures; None where none are shown."""
         from pipeline.dailies.preview.first_pictures import WITHOUT, shown_requests
 
         requests = shown_requests(plan)

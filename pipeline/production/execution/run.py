@@ -144,12 +144,12 @@ class _Rounds:
 
     def run(self, outcome: Outcome, policy: RetryPolicy) -> None:
         """Execute the plan of an outcome, and plan again while that may help."""
-        hopeful, store = True, Store(self.root)
+        may_retry, store = True, Store(self.root)
         while True:
             outcome.plan, fetched = with_inputs_here(outcome.plan, self.make_plan, store)
             outcome.fetched += fetched
             outcome.restored += outcome.plan.restore_links(store)
-            if not (outcome.plan.jobs and hopeful):
+            if not (outcome.plan.jobs and may_retry):
                 return
             outcome.plan = outcome.plan.named_last(self.root)
             events = self._execute(outcome.plan, policy.cores)
@@ -157,7 +157,7 @@ class _Rounds:
             outcome.events += events
             self.clock.restart()
             outcome.plan = self.make_plan()
-            hopeful = policy.allows(events)
+            may_retry = policy.allows(events)
 
     def _execute(self, plan: Plan, cores: int) -> list[Event]:
         """Have Snakemake run a plan; return the events of its log."""
@@ -177,7 +177,7 @@ class _Rounds:
         if well or {"fail", "healed", "hung", "killed"} & {event["event"] for event in events}:
             return events
         if not (self.root / plan.file).exists():
-            message = f"{plan.file}, by which the jobs work, was deleted; what is left is planned anew"
+            message = f"{plan.file}, by which the jobs work, was deleted; what is left is planned again"
             return [*events, {"event": "healed", "message": message}]
         return events + _unexplained(events, self.root, snakemake.log_of(plan))
 

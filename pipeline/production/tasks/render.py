@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.request.keys import FrameKeys
@@ -26,9 +25,6 @@ from render.mitsuba.engine import Engine, choose
 from render.post.image import write_exr
 from render.scene.aovs import RenderedFrame
 from render.scene.scene import Scene
-
-if TYPE_CHECKING:  # what only some pictures need takes half a second
-    pass
 
 
 def render(context: Context) -> bool:
