@@ -182,7 +182,8 @@ def carry_out(plan: Plan) -> None:
     """Have Snakemake run all jobs of a plan but its simulations."""
     kept = replace(plan, jobs=tuple(job for job in plan.jobs if job.stage != "simulate"))
     kept.freeze(Path.cwd())
-    assert snakemake.execute(kept, Path.cwd(), CORES, Profile.local()), "a job failed"
+    with snakemake.running(kept, Path.cwd(), CORES, Profile.local()) as process:
+        assert process.wait() == 0, "a job failed"
 
 
 def snakemake_looks_at(plan: Plan) -> None:

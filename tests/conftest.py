@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from unittest import mock
 
+import psutil
 import pytest
 from hypothesis import settings
 
@@ -175,6 +176,15 @@ class ProjectFolder:
         while not condition():
             assert time.monotonic() < limit, "waited in vain"
             time.sleep(0.01)
+
+    @staticmethod
+    def renderers(process: subprocess.Popen[str]) -> list[psutil.Process]:
+        """Return those processes of a command that have loaded Mitsuba."""
+        try:
+            family = psutil.Process(process.pid).children(recursive=True)
+            return [each for each in family if any("mitsuba" in file.path for file in each.memory_maps())]
+        except psutil.Error:
+            return []
 
     def frames(self, quality: str = QUALITY, kind: str = "frames") -> list[Path]:
         return sorted((self.path / "renders" / "T010_tiny" / quality / kind).glob("*.exr"))

@@ -12,8 +12,11 @@ from __future__ import annotations
 import gc
 import os
 import shlex
+import signal
 import sys
-from contextlib import chdir, suppress
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import chdir, contextmanager, suppress
 from pathlib import Path
 
 PACKAGE_ROOT = Path(__file__).resolve().parents[2]
@@ -49,6 +52,78 @@ def environment() -> dict[str, str]:
         "PATH": os.pathsep.join(path) or os.defpath.removeprefix(":"),
         "PYTHONPATH": os.pathsep.join(_added_to_search_path()),
     }
+
+
+class ForkedProcess:
+    """A process that goes on with all that this one has loaded; it is used as a `subprocess.Popen` is.
+
+    work    is called in it; its exit code is what that returns. Locks are left to this process
+    output  a file for what it prints, by default where this process prints
+    folder  the folder that it works in
+    """
+
+    def __init__(
+        self, work: Callable[[], int | None], output: int | None = None, folder: Path | None = None
+    ) -> None:
+        from multiprocessing import get_context  # takes time to import
+
+        self._process = get_context("fork").Process(target=_forked, args=(work, output, folder))
+        with _signals_blocked():
+            self._process.start()
+        self.pid = self._process.pid or 0
+
+    def wait(self) -> int:
+        """Return the exit code once the process has ended: minus the number of a signal that ended it."""
+        self._process.join()
+        return self._process.exitcode or 0
+
+    def send_signal(self, number: int) -> None:
+        """Send the process a signal, if it has not ended."""
+        if self._process.exitcode is None:
+            os.kill(self.pid, number)
+
+
+def may_fork() -> bool:
+    """Tell whether this process may be forked: under Linux, where it has no other thread.
+
+    OpenBLAS ends its threads before a fork, and starts them when it needs them again. So they are gone once a
+    process was forked for that.
+    """
+    if sys.platform != "linux" or threading.active_count() > 1:
+        return False
+    with _signals_blocked():
+        if (trial := os.fork()) == 0:
+            os._exit(0)
+    os.waitpid(trial, 0)
+    return len(os.listdir("/proc/self/task")) == 1  # noqa: PTH208  # Paths are slow
+
+
+@contextmanager
+def _signals_blocked() -> Iterator[None]:
+    """Have signals wait, so that none interrupts a forked process in what this one does."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _HANDLED)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+_HANDLED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+def _forked(work: Callable[[], int | None], output: int | None, folder: Path | None) -> None:
+    """Do the work of a forked process, with signals as in one that was started."""
+    if output is not None:
+        for stream, number in (("stdout", 1), ("stderr", 2)):
+            os.dup2(output, number)
+            setattr(sys, stream, os.fdopen(number, "w", buffering=1, encoding="utf-8", closefd=False))
+    if folder is not None:
+        os.chdir(folder)
+    for number in _HANDLED:
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _HANDLED)
+    sys.exit(work())
 
 
 def distrust_working_folder() -> None:

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import psutil
 import pytest
 
 from render.post.image import read_exr
@@ -26,23 +25,6 @@ SIZE = ["-q", QUALITY]
 WORDS = (["simulate", NAME], ["film", *SIZE], ["stills", NAME, *SIZE], ["publish", NAME, *SIZE])
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks at processes as Linux has them")
-
-
-def renderers(process: subprocess.Popen[str]) -> list[psutil.Process]:
-    try:
-        family = psutil.Process(process.pid).children(recursive=True)
-        return [each for each in family if "--child" in each.cmdline()]
-    except psutil.NoSuchProcess:
-        return []
-
-
-def loaded_renderers(process: subprocess.Popen[str]) -> list[psutil.Process]:
-    """The processes that have loaded Mitsuba; the ones above stand for these where a server forks them."""
-    try:
-        family = psutil.Process(process.pid).children(recursive=True)
-        return [each for each in family if any("mitsuba" in file.path for file in each.memory_maps())]
-    except psutil.Error:
-        return []
 
 
 def same_pixels(one: Any, other: Any) -> bool:
@@ -60,8 +42,8 @@ def test_a_worker_that_hangs_is_ended_and_its_frame_made_by_another(
     project: Any, finished_project: Any
 ) -> None:
     process = project.start("render", NAME, "-q", QUALITY, "--timeout", "0.5")
-    project.wait_until(lambda: loaded_renderers(process))
-    loaded_renderers(process)[0].suspend()
+    project.wait_until(lambda: project.renderers(process))
+    project.renderers(process)[0].suspend()
     out, err = process.communicate(timeout=300)
     assert process.returncode == 0, out + err
     assert same_pixels(project, finished_project) and not left_over(project)
@@ -72,8 +54,8 @@ def test_a_worker_that_is_killed_for_its_memory_is_followed_by_fewer(
     project: Any, finished_project: Any
 ) -> None:
     process = project.start("render", NAME, "-q", QUALITY)
-    project.wait_until(lambda: len(renderers(process)) == 2)
-    renderers(process)[0].kill()
+    project.wait_until(lambda: len(project.renderers(process)) == 2)
+    project.renderers(process)[0].kill()
     out, err = process.communicate(timeout=300)
     assert process.returncode == 0, out + err
     assert same_pixels(project, finished_project) and not left_over(project)

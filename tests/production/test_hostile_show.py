@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import UsageError
-from pipeline.production.execution.snakemake import DEPLOYMENTS, execute
+from pipeline.production.execution.snakemake import DEPLOYMENTS, running
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile, shipped
 from render.base import python_process
@@ -88,8 +88,9 @@ def test_a_farm_is_given_no_root_that_brings_packages_for_snakemake(
 ) -> None:
     (project.path / DEPLOYMENTS).mkdir(parents=True)
     plan = Plan((), None, ())
-    with pytest.raises(UsageError, match="would import packages from here"):
-        execute(plan, project.path, 1, Profile(shipped() / "lsf"))
+    run = running(plan, project.path, 1, Profile(shipped() / "lsf"))
+    with pytest.raises(UsageError, match="would import packages from here"), run:
+        pass
 
 
 def test_every_python_is_started_in_one_place() -> None:

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from contextlib import chdir
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,21 @@ with writing(Path.cwd()), making(Path.cwd(), {"A.draft": "A at draft"}):
 
 
 @pytest.mark.skipif(shutil.which("unshare") is None, reason="no unshare, which makes another host")
+def test_a_forked_process_leaves_locks_to_the_one_that_forked_it(tmp_path: Path) -> None:
+    context = get_context("fork")
+    works = context.Event()
+    with writing(tmp_path), making(tmp_path, names("A")):
+        process = context.Process(target=lambda: (works.set(), time.sleep(60)))
+        process.start()
+        works.wait(60)
+    try:
+        with exclusive(tmp_path):
+            assert process.is_alive()
+    finally:
+        process.kill()
+        process.join()
+
+
 def test_a_run_of_another_host_holds_its_lock_and_is_named(tmp_path: Path) -> None:
     words = ["unshare", "--user", "--map-root-user", "--uts", "sh", "-c", 'hostname farm7 && exec "$@"', "sh"]
     command = [*words, sys.executable, "-c", HOLDER]

@@ -260,9 +260,9 @@ def test_where_a_renderer_crashes_its_shot_starts_again_on_the_next(project):
     quick = ("-f", "1-4", "-q", "draft", "--set", "quality.draft.denoise=off")
     process = project.start("render", NAME, *quick)
     project.wait_until(lambda: project.frames("draft", "raw"))
-    project.wait_until(lambda: processes_of(process.pid, "--child"))
-    for child in processes_of(process.pid, "--child"):
-        os.kill(child, signal.SIGABRT)
+    project.wait_until(lambda: project.renderers(process))
+    for renderer in project.renderers(process):
+        renderer.send_signal(signal.SIGABRT)
     out, err = process.communicate(timeout=300)
     assert process.returncode == 0, out + err
     variants = {read_header(path)["variant"] for path in project.frames("draft")}

@@ -169,8 +169,13 @@ class _Rounds:
         where = {"host": plan.host, "farm": not self.profile.is_local, "started": start_of(os.getpid())}
         EventLog(log).write("run", time=round(clock.began, 3), cores=cores, **where)
         try:
-            with self.watch(plan, EventReader(log)), watched(log, self.patience):
-                well = snakemake.execute(plan, self.root, cores, self.profile)
+            running = snakemake.running(plan, self.root, cores, self.profile)  # before any thread is started
+            with (
+                running as process,
+                self.watch(plan, EventReader(log)),
+                watched(log, self.patience),
+            ):
+                well = process.wait() == 0
         finally:
             EventLog(log).write("ran", cpu=round(cpu_seconds() - clock.cpu_before, 3))
         events = list(EventReader(log).new())

@@ -1,8 +1,9 @@
 """Snakemake, in a process of its own: the Snakefile, a frozen plan, a profile that says where its jobs run.
 
 A process of its own can be ended with all of its jobs, prints where it likes, and leaves our signal handlers
-alone. `python -m pipeline.production.execution.snakemake WORDS…`, in the root, is that process: Snakemake's
-own command line, so that a profile means here what it means to Snakemake.
+alone. It is forked from this one where that is sound. Elsewhere it is started as `python -m
+pipeline.production.execution.snakemake WORDS…` in the root: Snakemake's own command line, so that a profile
+means here what it means to Snakemake.
 """
 
 from __future__ import annotations
@@ -16,7 +17,10 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from subprocess import Popen
 from tempfile import TemporaryFile, gettempdir
 
 import psutil
@@ -29,6 +33,7 @@ from pipeline.production.store.paths import LOGS, STATE
 from pipeline.production.tasks.job_server import job_server
 from render.base import python_process
 from render.base.atomic_write import PROBE, REMEDIES, disk_errors, machine_error
+from render.base.python_process import ForkedProcess, may_fork
 
 RULES = {stage.name: "stills" for stage in STILLS}
 """The rules of stages that are not called as their rule is."""
@@ -84,8 +89,10 @@ def refusal(root: Path, log: Path) -> str | None:
     return None
 
 
-def execute(plan: Plan, root: Path, cores: int, profile: Profile) -> bool:
-    """Run a frozen plan (relative to `root`) on this machine's cores or a farm; whether every job ended well.
+@contextmanager
+def running(plan: Plan, root: Path, cores: int, profile: Profile) -> Iterator[ForkedProcess | Popen[bytes]]:
+    """Have Snakemake run a frozen plan (relative to `root`) on this machine's cores or a farm; yield its
+    process, whose exit code is 0 where every job ended well.
 
     An interrupt ends all jobs, and takes those of a farm back, before it is passed on.
     """
@@ -95,26 +102,32 @@ def execute(plan: Plan, root: Path, cores: int, profile: Profile) -> bool:
     with disk_errors(log):
         log.parent.mkdir(parents=True, exist_ok=True)
         output = log.open("w")
-    words = _words(plan, cores, profile)
-    with (
-        output,
-        subprocess.Popen(
-            python_process.command("pipeline.production.execution.snakemake", *words),
-            cwd=root,
-            env=python_process.environment(),
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=output,
-            start_new_session=not profile.is_local,  # Ctrl-C would cut short what takes jobs back
-        ) as process,
-    ):
-        try:
-            return process.wait() == 0
-        except BaseException:
-            if not profile.is_local:
-                _take_back(process)
-            end_family(process.pid)
-            raise
+    with output:
+        process = _start(root, output.fileno(), _words(plan, cores, profile), profile.is_local)
+    try:
+        yield process
+    except BaseException:
+        if isinstance(process, Popen) and not profile.is_local:
+            _take_back(process)
+        end_family(process.pid)
+        raise
+    finally:
+        process.wait()
+
+
+def _start(root: Path, output: int, words: list[str], is_local: bool) -> ForkedProcess | Popen[bytes]:
+    """Start Snakemake: where that is sound, by a fork, for much of what it needs is loaded here."""
+    if is_local and may_fork():
+        return ForkedProcess(lambda: main(words), output, root)
+    return Popen(
+        python_process.command("pipeline.production.execution.snakemake", *words),
+        cwd=root,
+        env=python_process.environment(),
+        stdin=subprocess.DEVNULL,
+        stdout=output,
+        stderr=output,
+        start_new_session=not is_local,  # Ctrl-C would cut short what takes jobs back
+    )
 
 
 def _require_root_for_farm(root: Path) -> None:
@@ -156,7 +169,7 @@ def _soonest(plan: Plan) -> list[str]:
     return [job.output for job in jobs if job.output]
 
 
-def _take_back(process: subprocess.Popen[bytes]) -> None:
+def _take_back(process: Popen[bytes]) -> None:
     """Have Snakemake cancel what it gave to a farm, as it does when it is interrupted, and wait for it."""
     process.send_signal(signal.SIGINT)
     with contextlib.suppress(subprocess.TimeoutExpired):

@@ -28,6 +28,9 @@ LOCKS = STATE / "locks"
 ROOT = STATE / "lock"
 
 POLL_SECONDS = 0.2
+_OPEN: set[int] = set()
+"""Descriptors of the locks that this process holds. A process that it forks would go on holding them."""
+
 UNSUPPORTED = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
 """Error numbers of network file systems without locks."""
 
@@ -135,13 +138,26 @@ def _held(
             with contextlib.suppress(OSError):  # a full disk; `clean` must work there
                 os.ftruncate(descriptor, 0)
                 os.write(descriptor, json.dumps(_myself(words)).encode())
+    if descriptor >= 0:
+        _OPEN.add(descriptor)
     try:
         yield
     finally:
         if descriptor >= 0:
+            _OPEN.remove(descriptor)
             if not shared and path.name != ROOT.name:
                 path.unlink(missing_ok=True)
             os.close(descriptor)
+
+
+def _leave_to_parent() -> None:
+    """Close the locks of the process that forked this one; that one holds them still."""
+    for descriptor in _OPEN:
+        os.close(descriptor)
+    _OPEN.clear()
+
+
+os.register_at_fork(after_in_child=_leave_to_parent)
 
 
 def _is_at(descriptor: int, path: Path) -> bool:

@@ -15,6 +15,7 @@ import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from subprocess import Popen
 from types import FrameType
 
 import psutil
@@ -25,6 +26,7 @@ from pipeline.production.request.variants import avoid
 from pipeline.production.store.event_log import Event, EventReader
 from pipeline.production.tasks.job import ENVIRONMENT, Context
 from render.base import python_process
+from render.base.python_process import ForkedProcess, may_fork
 
 CRASHES = {signal.SIGABRT, signal.SIGSEGV, signal.SIGILL, signal.SIGBUS, signal.SIGFPE}
 
@@ -45,7 +47,7 @@ LEAST_MIB = 1024
 VARIABLE = "FLOWSCULPT_WORKER_MIB"
 """The environment variable that sets the memory limit of a process, in MiB."""
 
-Start = Callable[[int], "subprocess.Popen[bytes]"]
+Start = Callable[[int], "ForkedProcess | Popen[bytes]"]
 """Starts a process that renders a job's frames but for so many of the first."""
 
 # The supervisor
@@ -81,7 +83,7 @@ class Supervisor:
     def _run_one(self, settled: int) -> tuple[int, bool]:
         """Run one process; return its exit code and whether a signal ended it, which is passed on."""
         received: list[int] = []
-        processes: list[subprocess.Popen[bytes]] = []
+        processes: list[ForkedProcess | Popen[bytes]] = []
 
         def pass_on(number: int) -> None:
             received.append(number)
@@ -128,13 +130,15 @@ def fall_back_to_other_variant(context: Context, fact: str) -> bool:
     return left
 
 
-def renderer(plan_path: str, job: Job) -> Start:
-    """Start this package's `job_process` as a child that renders."""
+def renderer(plan_path: str, job: Job, render: Callable[[int], int]) -> Start:
+    """Start a child that renders: a fork that calls `render`, or where that is not sound, a `job_process`."""
 
-    def start(settled: int) -> subprocess.Popen[bytes]:
+    def start(settled: int) -> ForkedProcess | Popen[bytes]:
+        if may_fork():
+            return ForkedProcess(lambda: render(settled))
         words = [plan_path, job.name, "--threads", str(job.threads), "--child", str(settled)]
         command = python_process.command("pipeline.production.tasks.job_process", *words)
-        return subprocess.Popen(command, env=python_process.environment(), stdin=subprocess.DEVNULL)
+        return Popen(command, env=python_process.environment(), stdin=subprocess.DEVNULL)
 
     return start
 

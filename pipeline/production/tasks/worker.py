@@ -28,6 +28,7 @@ from pipeline.production.store.locks import of_key, writing
 from pipeline.production.store.shared_kernels import fetch_kernels, has_kernels
 from pipeline.production.tasks.job import ENVIRONMENT, Context, cpu_of_job
 from pipeline.production.tasks.supervisor import (
+    INTERRUPTED,
     RESTART_WORKER,
     SIGNALS,
     MemoryLimitError,
@@ -59,36 +60,31 @@ def main(
     process  the process that stands for this one (see `job_server`), by default this one
     """
     root, process = Path.cwd(), process or os.getpid()
+    context = Context.of(root, Plan.thaw(root / plan_path), job_name)
+    job = context.job
+    context = replace(context, job=replace(job, threads=threads or job.threads, key=key or job.key))
+    if settled is not None:
+        return _heeding_signals(context, lambda: _rest(context, settled, process))
+    return _heeding_signals(context, lambda: _do(context, plan_path, insist, process))
+
+
+def _heeding_signals(context: Context, work: Callable[[], int]) -> int:
+    """Work on a job, which a signal interrupts; return the exit code: 1 if the log says what failed."""
     for number in SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _interrupt_once)
-    context = Context.of(root, Plan.thaw(root / plan_path), job_name)
     try:
-        return _do(context, plan_path, settled, insist, threads, key, process)
+        context.tell_of_store()
+        return work()
     except (FlowsculptError, OSError) as error:
         context.fail(_as_failure(error, context.root))
         context.end()
         return 1
 
 
-def _do(
-    context: Context,
-    plan_path: str,
-    settled: int | None,
-    insist: bool,
-    threads: int | None,
-    key: str | None,
-    process: int,
-) -> int:
+def _do(context: Context, plan_path: str, insist: bool, process: int) -> int:
     """Do the job of a context; the other arguments are those of `main`."""
-    root = context.root
-    context.tell_of_store()
-    job = context.job
-    context = whole = replace(context, job=replace(job, threads=threads or job.threads, key=key or job.key))
-    if settled is not None:
-        context.begin(process)
-        context = replace(context, job=replace(context.job, frames=context.job.frames[settled:]))
-        return _finished(context, whole)
+    root, job = context.root, context.job
     if not insist and context.failed_for_good():
         return 1
     context.begin(process)
@@ -97,13 +93,24 @@ def _do(
             stack.enter_context(of_key(root, job.key, context.waits))
         context.bring_inputs_to_now()
         if job.stage != "render":
-            return _finished(context, whole)
+            return _finished(context, context)
         if fault := _unfit(context):
             return fault
-        code = Supervisor(context, renderer(plan_path, context.job)).run()
+
+        def render(settled: int) -> int:
+            return _exit_code(lambda: _heeding_signals(context, lambda: _rest(context, settled, os.getpid())))
+
+        code = Supervisor(context, renderer(plan_path, job, render)).run()
         if code == 0 and job.output and not (root / job.output).exists():
             write_manifest(root / job.output, "raw", ())  # some frames failed, others go on
         return code
+
+
+def _rest(context: Context, settled: int, process: int) -> int:
+    """Render what is left of a job in this process, a child of the one that supervises it."""
+    context.begin(process)
+    frames = context.job.frames[settled:]
+    return _finished(replace(context, job=replace(context.job, frames=frames)), context)
 
 
 def _finished(context: Context, whole: Context) -> int:
@@ -199,13 +206,18 @@ def _interrupt_once(number: int, frame: FrameType | None) -> None:
 
 def run(words: Sequence[str], process: int | None = None) -> int:
     """Do the job that the words of a command line name; return the exit code."""
+    return _exit_code(lambda: main(**_arguments(words), process=process))
+
+
+def _exit_code(work: Callable[[], int]) -> int:
+    """Return the exit code of work on a job: 130 if a signal ended it, 4 if the machine refused it."""
     try:
-        return main(**_arguments(words), process=process)
+        return work()
     except KeyboardInterrupt:
-        return 130
+        return INTERRUPTED
     except OSError as error:
         with suppress(OSError):
-            print(machine_error(Path(error.filename or words[0]), error, "used"), file=sys.stderr)
+            print(machine_error(Path(error.filename or Path.cwd()), error, "used"), file=sys.stderr)
         return ENVIRONMENT
 
 
