@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
-import OpenImageIO as oiio
+import OpenEXR
 from numpy.typing import NDArray
 
 from render.scene.camera import Camera
@@ -35,23 +35,26 @@ class ExrAttributes:
     rate: Fraction | None = None
     timecode: str = ""
 
-    def add_to(self, spec: Any) -> None:
-        """Add the attributes to an OpenImageIO spec whose width and height are those of the pixels."""
-        width, height = self.whole or (spec.width, spec.height)
-        spec.x, spec.y = self.corner
-        spec.full_x, spec.full_y, spec.full_width, spec.full_height = 0, 0, width, height
+    def entries(self, size: tuple[int, int]) -> dict[str, Any]:
+        """Return the header entries of a file with the pixels (width, height) of `size`, by name."""
+        whole, corner = np.array(self.whole or size, np.int32), np.array(self.corner, np.int32)
+        entries: dict[str, Any] = {
+            "displayWindow": (np.zeros(2, np.int32), whole - 1),
+            "dataWindow": (corner, corner + np.array(size, np.int32) - 1),
+        }
         if self.rate is not None:
-            spec.attribute("framesPerSecond", "rational", (self.rate.numerator, self.rate.denominator))
+            entries["framesPerSecond"] = self.rate
         if self.timecode and int(self.timecode[-2:]) < MOST_FRAME_DIGITS:
-            digits = int(self.timecode.replace(":", ""), 16)  # two digits to a byte
-            spec.attribute("smpte:TimeCode", oiio.TypeTimeCode, (digits, 0))
+            entries["timeCode"] = OpenEXR.TimeCode(*map(int, self.timecode.split(":")), *[0] * 14)
         if self.camera is not None:
-            camera, aspect = self.camera, width / height
-            spec.attribute("worldToCamera", "matrix", tuple(world_to_camera(camera).ravel()))
+            camera = self.camera
+            entries["worldToCamera"] = world_to_camera(camera).astype(np.float32)
             if not camera.projection.is_wide:
-                spec.attribute("worldToNDC", "matrix", tuple(world_to_ndc(camera, aspect).ravel()))
-            if camera.projection.kind == "spherical" and (width, height) == (spec.width, spec.height):
-                spec.attribute("textureformat", "LatLong Environment")  # OpenImageIO writes it as `envmap`
+                aspect = float(whole[0] / whole[1])
+                entries["worldToNDC"] = world_to_ndc(camera, aspect).astype(np.float32)
+            if camera.projection.kind == "spherical" and tuple(whole) == size:
+                entries["envmap"] = OpenEXR.ENVMAP_LATLONG
+        return entries
 
 
 def world_to_camera(camera: Camera) -> NDArray[np.float64]:
