@@ -5,6 +5,8 @@ Needs a started engine.
 
 from __future__ import annotations
 
+import json
+from functools import lru_cache
 from typing import Any
 
 from render.mitsuba import absorption
@@ -33,6 +35,28 @@ def load_part(description: dict[str, Any]) -> Any:
     import mitsuba as mi
 
     return mi.load_dict(description, parallel=False, optimize=False)
+
+
+def load_bsdf(shape: str, description: dict[str, Any]) -> Any:
+    """Load the BSDF of a shape, or return that of an earlier frame: the tables of a coated one take 10 ms.
+
+    A description with more than plain values, such as a bitmap, is loaded each time.
+    """
+    import mitsuba as mi
+
+    try:
+        text = json.dumps(description)
+    except TypeError:
+        return mi.load_dict(description)
+    return _plain_bsdf(shape, text)
+
+
+@lru_cache(maxsize=64)
+def _plain_bsdf(shape: str, description: str) -> Any:
+    """Load the BSDF of a shape by its description as JSON. Each shape has its own."""
+    import mitsuba as mi
+
+    return mi.load_dict(json.loads(description))
 
 
 def _named_part(name: str, described: Any) -> Any:

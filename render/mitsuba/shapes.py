@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from render.mitsuba.loading import load_bsdf
 from render.mitsuba.materials import diffuse, rough_conductor, rough_plastic, two_sided, vertex_attribute
 from render.mitsuba.texture_coordinates import SUBJECT, SURROUNDINGS
 from render.scene import reference_objects
@@ -43,7 +44,7 @@ def mesh(
     import mitsuba as mi
 
     properties = mi.Properties()
-    properties["material"] = mi.load_dict(material) if isinstance(material, dict) else material
+    properties["material"] = load_bsdf(name, material) if isinstance(material, dict) else material
     if medium is not None:
         properties["interior"] = mi.load_dict(medium)
     made = mi.Mesh(
