@@ -89,7 +89,7 @@ setup: .venv/ready
 	@$(BIN)/python -m compileall -q -j $(CORES) .venv/lib pipeline render
 	@echo "2 of 3: the renderer"
 	@$(BIN)/python -m render.mitsuba.engine
-	-@$(BIN)/python -m pipeline.dailies.review.view_3d
+	-@$(BIN)/python -m pipeline.plugins.review.view_3d
 	@echo "3 of 3: kernels, on all cores (about a minute on two)"
 	@$(BIN)/flowsculpt -j $(CORES) doctor --prepare
 	@touch $@
@@ -102,7 +102,7 @@ setup: .venv/ready
 # Blender as a module, 820 MB, for Python 3.11 alone: for the tests of its compositor, of what it reads of exported
 # shots, and the comparison with Cycles.
 blender: .venv/ready-cycles
-	$(BIN)/python -m pytest tests/render/test_blender.py tests/dailies/interchange/test_blender.py tests/flow/test_vdb_recipes.py
+	$(BIN)/python -m pytest tests/render/test_blender.py tests/plugins/interchange/test_blender.py tests/flow/test_vdb_recipes.py
 
 .venv/ready-cycles: .venv/ready-dev benchmarks/requirements-cycles.txt
 	rm -rf .venv/cycles

@@ -30,11 +30,11 @@ import numpy as np
 
 from benchmarks.report import OUT, Row, Target, keep, show
 from benchmarks.sample_models import MODELS, UNUSABLE, UNUSUAL
-from pipeline.dailies.preview.animatic import Animatic
-from pipeline.dailies.preview.sketch import Sketch
-from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError
 from pipeline.mesh.read import FORMATS, read_polygons
+from pipeline.plugins.preview.animatic import Animatic
+from pipeline.plugins.preview.sketch import Sketch
+from pipeline.plugins.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project
 from pipeline.production.maintenance.first_frame import FirstFrames
 from pipeline.production.maintenance.scene_rules import findings

@@ -31,13 +31,13 @@ from queue import SimpleQueue
 from typing import Any
 
 from benchmarks.report import Row, Target, keep, show
-from pipeline.dailies.preview.live_feed import LiveFeed, Message
-from pipeline.dailies.preview.live_server import serving
-from pipeline.dailies.preview.live_session import READY, LiveSession
-from pipeline.dailies.preview.shot_editor import ShotEditor
-from pipeline.dailies.preview.sketch import Sketch
-from pipeline.dailies.preview.staging import actions_of
-from pipeline.dailies.preview.surface_stream import SurfaceStream
+from pipeline.plugins.preview.live_feed import LiveFeed, Message
+from pipeline.plugins.preview.live_server import serving
+from pipeline.plugins.preview.live_session import READY, LiveSession
+from pipeline.plugins.preview.shot_editor import ShotEditor
+from pipeline.plugins.preview.sketch import Sketch
+from pipeline.plugins.preview.staging import actions_of
+from pipeline.plugins.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project
 
 STEPS, TIMES = 5, 3

@@ -24,11 +24,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import Row, Target, keep, show
-from pipeline.dailies.preview.live_feed import LiveFeed, Message
-from pipeline.dailies.preview.live_session import LiveSession
-from pipeline.dailies.preview.sketch import Sketch
-from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.mesh import TriangleMesh, icosphere, vertex_normals
+from pipeline.plugins.preview.live_feed import LiveFeed, Message
+from pipeline.plugins.preview.live_session import LiveSession
+from pipeline.plugins.preview.sketch import Sketch
+from pipeline.plugins.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project
 from render.raster import Shape, StageSetup, preview
 from render.scene.camera import Camera

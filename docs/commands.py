@@ -6,12 +6,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from typer.main import get_command
 
-from pipeline.cli.app import COMMANDS, EPILOG, command_line, command_named
+from pipeline.cli.app import EPILOG, all_commands, command_line, command_named, command_words
 
 PAGE = Path(__file__).with_suffix(".md")
 
@@ -29,10 +30,11 @@ def page() -> str:
     """Return the whole page."""
     shared = get_command(command_line()).params
     lines = [INTRODUCTION, f"\n## {SHARED}\n\nThey stand before the command or after it.", *_options(shared)]
-    for panel, commands in COMMANDS.items():
+    panels = {name: command.panel for name, command in all_commands().items()}
+    for panel, group in groupby(command_words(), key=lambda words: panels[words.partition(" ")[0]]):
         lines.append(f"\n## {panel}")
-        for name in commands:
-            lines += _command(name)
+        for words in group:
+            lines += _command(words)
     return "\n".join(lines) + "\n"
 
 

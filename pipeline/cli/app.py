@@ -8,8 +8,8 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from dataclasses import dataclass
-from importlib import import_module
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from types import FrameType
@@ -25,10 +25,12 @@ from pipeline.cli.common_options import (
     with_options,
     with_parameters,
 )
+from pipeline.cli.options import require_one_of
 from pipeline.cli.other_words import require_command, require_options, require_readable
-from pipeline.cli.output import print_error
+from pipeline.cli.output import print_error, print_warning
 from pipeline.cli.standard_streams import READER_LEFT, OutputError, discard_output
 from pipeline.errors import FlowsculptError, MachineError
+from pipeline.plugin import Command, named, plugins
 from render.base.atomic_write import REMEDIES, machine_error
 from render.base.python_process import distrust_working_folder
 
@@ -44,60 +46,23 @@ EPILOG = (
     "What is done stays done: run again to go on."
 )
 
-COMMANDS = {
-    "Write shots": {
-        "new": "Begin a shot, or a show: write files that are ready to render.",
-        "validate": "Check shot files and report every error by file, line and column.",
-        "flows": "List the flows, or the parameters of one.",
-        "schema": "Print the JSON Schema by which editors complete and check shot files.",
-    },
-    "Render": {
-        "simulate": "Simulate the mesh frames of shots.",
-        "render": "Render frames of shots and assemble their movies.",
-        "film": "Render every shot of an edit and cut them into a film.",
-        "stills": "Write frames as PNG or JPEG, rendering what is missing.",
-        "relight": "Change lights of finished frames by factors, without rendering.",
-        "turntable": "Turn an object, then the lights around it, before the camera.",
-        "wedge": "Render a shot in a grid of variations.",
-        "task": "Do a part of a shot's plan, as a worker of a render manager.",
-    },
-    "Look": {
-        "preview": "Draw a shot in seconds, without a path tracer; or follow its edits live.",
-        "curves": "Draw everything in a shot that changes over time.",
-        "figures": "Plot the measures of a shot's meshes over its frames.",
-        "sheet": "Put frames of a shot on one contact sheet.",
-        "review": "Write a page to look at shots frame by frame, and to write notes.",
-        "notes": "List the notes that reviewers wrote about a shot.",
-    },
-    "Deliver": {
-        "deliver": "Encode shots and films for review, editing, archive or web.",
-        "export": "Write a render manager's job, or an editor's timeline.",
-        "publish": "Freeze a rendered shot as its next version.",
-        "versions": "List published versions.",
-    },
-    "Maintain": {
-        "status": "List which frames are done, stale and missing.",
-        "why": "Explain why a frame would be rendered again.",
-        "report": "Show where the time of a run went.",
-        "verify": "Check every stored file and make damaged ones again.",
-        "push": "Upload stored files that the remote store lacks.",
-        "clean": "Delete stored files that nothing needs.",
-        "doctor": "Show what is installed, and what would make it faster.",
-        "resample": "Resample one mesh file.",
-    },
-}
-"""Commands with a line of help, by panel: each is a function in a module in `commands/`."""
+PANELS = ("Write shots", "Render", "Look", "Deliver", "Maintain")
+"""The parts of the help in their order; those that only plug-ins name follow."""
 
-SHARED_MODULES = {
-    "curves": "figures",
-    "film": "render",
-    "flows": "schema",
-    "report": "status",
-    "simulate": "render",
-    "stills": "render",
-    "versions": "publish",
-}
-"""The modules of commands that share one; every other command has the module of its name."""
+EXPORT = Command("", "Write a shot or an edit for other programs, in one of their formats.", "Deliver")
+"""The command `export`: its formats come from plug-ins, and each is a command of its own."""
+
+
+def all_commands() -> dict[str, Command]:
+    """Return the commands of the core and of plug-ins by name, in the order of the help."""
+    commands = {**plugins().commands, **({"export": EXPORT} if plugins().exporters else {})}
+    return dict(sorted(commands.items(), key=lambda item: _place(item[1].panel)))
+
+
+def command_words() -> list[str]:
+    """Return what calls each command, in the order of the help: its name, or `export FORMAT`."""
+    formats = [f"export {form}" for form in plugins().exporters]
+    return [words for name in all_commands() for words in (formats if name == "export" else [name])]
 
 
 class _WithoutTypes:
@@ -128,18 +93,37 @@ class _Commands(_WithoutTypes, TyperGroup):
         return name, command_named(str(name)), rest
 
 
-def command_named(name: str) -> Any:
-    """Return the command of a name, with its options, as click has it."""
-    function = getattr(import_module(f"pipeline.cli.commands.{SHARED_MODULES.get(name, name)}"), name)
+class _Formats(_WithoutTypes, TyperGroup):
+    """The formats of `export`, imported as commands are."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
+        require_one_of(args[0], self.commands, f"{args[0]!r} is not a format to export.")
+        return args[0], command_named(f"export {args[0]}"), args[1:]
+
+
+def command_named(words: str) -> Any:
+    """Return a command, or `export FORMAT`, with its options, as click has it."""
+    name, _, form = words.partition(" ")
+    if words == "export":
+        formats = {each: replace(command, panel="Formats") for each, command in plugins().exporters.items()}
+        return typer.main.get_command(_group(_Formats, formats, name="export", help=EXPORT.summary))
+    command = plugins().exporters[form] if form else all_commands()[name]
+    function = named(command.function)
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    text = function.__doc__ or _summaries()[name]  # PYTHONOPTIMIZE=2 strips docstrings
-    alone.command(name, cls=_Command, help=_unwrapped(text), epilog=REFERENCE)(with_options(function))
+    text = function.__doc__ or command.summary  # PYTHONOPTIMIZE=2 strips docstrings
+    alone.command(form or name, cls=_Command, help=_unwrapped(text), epilog=REFERENCE)(with_options(function))
     return typer.main.get_command(alone)
 
 
-def _summaries() -> dict[str, str]:
-    """Return the line of help of each command."""
-    return {name: summary for commands in COMMANDS.values() for name, summary in commands.items()}
+def _group(kind: type[TyperGroup], commands: Mapping[str, Command], **settings: Any) -> typer.Typer:
+    """Return a command line of placeholders for commands, as the help lists them."""
+    app = typer.Typer(
+        cls=kind, no_args_is_help=True, pretty_exceptions_enable=False, add_completion=False, **settings
+    )
+    for name, command in commands.items():
+        app.command(name, help=command.summary, rich_help_panel=command.panel)(lambda: None)
+    app.callback()(lambda: None)
+    return app
 
 
 def _unwrapped(text: str) -> str:
@@ -147,7 +131,7 @@ def _unwrapped(text: str) -> str:
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in text.split("\n\n"))
 
 
-def _print_version(wanted: bool) -> None:
+def _print_version(wanted: bool = True) -> None:
     if wanted:
         typer.echo(f"flowsculpt {version('flowsculpt')}")
         raise typer.Exit
@@ -162,24 +146,19 @@ class _Options(CommonOptions):
 
 def _before_the_command(ctx: typer.Context, version_: bool, **given: Any) -> None:
     ctx.obj = CommonOptions(**given)
+    for fault in plugins().faults:
+        print_warning(fault)
 
 
 def command_line() -> typer.Typer:
-    """Return the command line with all commands."""
-    app = typer.Typer(
-        name="flowsculpt",
-        cls=_Commands,
-        help=_unwrapped(HELP),
-        epilog=EPILOG,
-        no_args_is_help=True,
-        pretty_exceptions_enable=False,
-        add_completion=False,
-    )
+    """Return the command line with all commands, in the order of the help."""
+    app = _group(_Commands, all_commands(), name="flowsculpt", help=_unwrapped(HELP), epilog=EPILOG)
     app.callback()(with_parameters(_before_the_command, parameters_of(_Options)))
-    for panel, commands in COMMANDS.items():
-        for name, summary in commands.items():
-            app.command(name, help=summary, rich_help_panel=panel)(lambda: None)
     return app
+
+
+def _place(panel: str) -> int:
+    return PANELS.index(panel) if panel in PANELS else len(PANELS)
 
 
 def keep_freed_memory() -> None:
@@ -224,6 +203,9 @@ def main() -> None:
     name_a_home()
     try:
         require_readable(*sys.argv[1:])
+        if sys.argv[1:] == ["--version"]:
+            _print_version()  # without plug-ins: one that is broken changes nothing about it
+            return
         command_line()()
     except OutputError as error:
         discard_output()

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from pipeline.cli.first_look import FirstLook
 from pipeline.cli.options import Common
 from pipeline.cli.output import duration, exit_with, print_error, print_result, print_warning, size
 from pipeline.cli.stage_bars import StageBars, slow_frames_told
+from pipeline.plugin import plugins
 from pipeline.production.execution.recovery import PATIENCE
 from pipeline.production.execution.run import Outcome, run
 from pipeline.production.maintenance.run_report import RunReport
@@ -29,18 +29,18 @@ def execute_and_report(
     common: Common,
     make_plan: Callable[[], Plan],
     draw: Callable[[], Sequence[Path]] | None = None,
-    first_look: FirstLook | None = None,
+    preview: bool | None = None,
 ) -> None:
     """Execute a plan and report the outcome; with --dry-run report the plan.
 
     draw        draws sheets and movies from the results, and returns their paths
-    first_look  shows the first pictures of what was never rendered
+    preview     whether plug-ins that watch the run may draw previews; None where none is to watch it
     """
     if common.dry_run:
         report_plan(common, make_plan())
         return
     started = time.monotonic()
-    outcome = execute(common, make_plan, first_look)
+    outcome = execute(common, make_plan, preview)
     sheets = [path.as_posix() for path in (draw() if draw else ())]
     seconds = time.monotonic() - started
     words = _achieved(outcome, seconds)
@@ -77,8 +77,8 @@ def report_plan(common: Common, plan: Plan) -> None:
     print_result(words, facts, common.json)
 
 
-def execute(common: Common, make_plan: Callable[[], Plan], first_look: FirstLook | None = None) -> Outcome:
-    """Execute a plan with progress bars, and report warnings and failures."""
+def execute(common: Common, make_plan: Callable[[], Plan], preview: bool | None = None) -> Outcome:
+    """Execute a plan with progress bars, and report warnings and failures; `preview` as above."""
 
     @contextmanager
     def watch(plan: Plan, reader: EventReader) -> Iterator[None]:
@@ -86,8 +86,9 @@ def execute(common: Common, make_plan: Callable[[], Plan], first_look: FirstLook
             with slow_frames_told(reader):
                 yield
             return
-        look = first_look.during(common, plan) if first_look else nullcontext()
-        with StageBars(plan, common.root, reader).drawn(), look:
+        with StageBars(plan, common.root, reader).drawn(), ExitStack() as watching:
+            for watcher in plugins().watchers if preview is not None else ():
+                watching.enter_context(watcher(common, plan, preview))
             yield
 
     reported: set[str] = set()

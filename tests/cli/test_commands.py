@@ -13,7 +13,7 @@ import pytest
 from typer.main import get_command
 
 from pipeline.cli import commands
-from pipeline.cli.app import COMMANDS, SHARED_MODULES, command_line, command_named
+from pipeline.cli.app import all_commands, command_line, command_named, command_words
 from pipeline.cli.common_options import REFERENCE
 from pipeline.mesh import TriangleMesh, icosphere, write_mesh
 from pipeline.production.execution.recovery import PATIENCE
@@ -33,18 +33,20 @@ def common_options():
     return [option for option in get_command(command_line()).params if option.name != "version_"]
 
 
-ALL = [name for commands in COMMANDS.values() for name in commands]
+ALL = command_words()
 
 
 def test_help_names_every_command_and_the_exit_codes(project):
     done = project.run("--help")
     assert done.code == 0
-    for word in (*ALL, "130"):
+    for word in (*all_commands(), "130"):
         assert word in done.out
 
 
 def test_every_module_of_a_command_is_in_the_help():
-    modules = {SHARED_MODULES.get(name, name) for name in ALL}
+    modules = {
+        command.function.split(":")[0].rsplit(".")[-1] for command in commands.PLUGIN.commands.values()
+    }
     assert modules == {module.name for module in iter_modules(commands.__path__)}
 
 
@@ -56,7 +58,7 @@ def test_help_tells_after_how_long_a_silent_job_is_ended(project):
 
 @pytest.mark.parametrize("command", ALL)
 def test_every_command_explains_itself_and_takes_the_common_options(project, command):
-    done = project.call(command, "--help")
+    done = project.call(*command.split(), "--help")
     assert done.code == 0
     assert done.out.rstrip().endswith(REFERENCE) and "<str>" not in done.out
     assert "`flowsculpt " in done.out, "an example"

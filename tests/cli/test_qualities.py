@@ -4,12 +4,12 @@ import json
 
 import pytest
 
-from pipeline.cli.app import COMMANDS, command_named
+from pipeline.cli.app import command_named, command_words
 from render.base.plural import plural
 from render.scene.quality import QUALITIES
 
 NAME = "T010_tiny"
-ALL = [name for commands in COMMANDS.values() for name in commands]
+ALL = command_words()
 
 
 def quality_option(command):

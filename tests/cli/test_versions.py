@@ -20,7 +20,7 @@ def test_a_version_is_rendered_published_edited_away_and_made_again(project: Any
     project.shot.write_text(project.shot.read_text().replace("azimuth: -30", "azimuth: 40"))
     assert project.run("publish", NAME, *SMALL).code == 2
     before = sorted(path.name for path in (project.path / "renders" / NAME).rglob("*"))
-    again = project.run("--json", "render", "--from", f"renders/published/{NAME}/v001/provenance.json")
+    again = project.run("--json", "reproduce", f"renders/published/{NAME}/v001/provenance.json")
     assert again.code == 0, again.err
     assert json.loads(again.out)["identical"] == [*(f"frame {n}" for n in range(1, 7)), "movie"]
     assert sorted(path.name for path in (project.path / "renders" / NAME).rglob("*")) == before

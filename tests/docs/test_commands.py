@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
-from pipeline.cli.app import COMMANDS, command_line, command_named
+from pipeline.cli.app import command_line, command_named, command_words
 from pipeline.mesh import icosphere, write_mesh
 from pipeline.production.request.crop_and_scale import is_quality
 from tests.conftest import commanded
@@ -18,7 +18,7 @@ from tests.conftest import commanded
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 YOUR_SHOW, TUTORIAL = ROOT / "docs" / "your-show.md", ROOT / "docs" / "tutorial.md"
-ALL = [name for commands in COMMANDS.values() for name in commands]
+ALL = command_words()
 
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 SPAN = re.compile(r"`(?:\.venv/bin/)?(flowsculpt\s[^`]*)`")
@@ -30,7 +30,7 @@ OUTSIDE = {"git", "make", "source"}
 AS_WRITTEN = {"new", "validate", "flows", "status", "versions", "doctor"}
 """Commands that take a second or two."""
 
-OF_RESULTS = {"publish", "relight", "review", "verify"}
+OF_RESULTS = {"publish", "relight", "reproduce", "review", "verify"}
 """Commands that need rendered frames, or all of a store, even with --dry-run."""
 
 
@@ -51,10 +51,12 @@ def require_parsed(line: str) -> None:
     _, rest, _ = group.make_parser(context).parse_args(words)
     if not rest:
         return
-    assert rest[0] in ALL, f"{line}: there is no command {rest[0]!r}"
-    command = command_named(rest[0])
-    inner = command.context_class(command, info_name=rest[0], parent=context)
-    given, left, _ = command.make_parser(inner).parse_args(rest[1:])
+    count = 2 if rest[0] == "export" else 1
+    called = " ".join(rest[:count])
+    assert called in ALL, f"{line}: there is no command {called!r}"
+    command = command_named(called)
+    inner = command.context_class(command, info_name=called, parent=context)
+    given, left, _ = command.make_parser(inner).parse_args(rest[count:])
     assert not left, f"{line}: {left} is too much"
     qualities = given.get("quality") or []
     for quality in [qualities] if isinstance(qualities, str) else qualities:
@@ -106,7 +108,7 @@ class Reader:
             assert not words or words[0] in OUTSIDE or "/" in words[0], words
 
     def _command(self, words: list[str]) -> None:
-        if "--live" in words or (self.quick and (words[0] in OF_RESULTS or "--from" in words[1:2])):
+        if "--live" in words or (self.quick and words[0] in OF_RESULTS):
             return
         draws = words[0] == "preview" and "--at" in words and not self.drawn
         self.drawn |= draws

@@ -15,9 +15,9 @@ import trimesh
 from PIL import ImageCms
 from pxr import Sdf, UsdUtils
 
-from pipeline.dailies.interchange.exported_frame import ExportedFrame
-from pipeline.dailies.interchange.mesh_files import write_glb, write_obj, write_ply
 from pipeline.mesh import box, icosphere, split_at_creases
+from pipeline.plugins.interchange.exported_frame import ExportedFrame
+from pipeline.plugins.interchange.mesh_files import write_glb, write_obj, write_ply
 from render.scene.materials import LOOKS
 from render.scene.working_space import ACESCG
 from tests.mesh.fbx_writer import N, binary, box_geometry, layer, model, scene, text

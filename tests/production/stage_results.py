@@ -19,9 +19,9 @@ import av
 import llvmlite.binding as llvm
 import numpy as np
 
-from pipeline.dailies.measures import measures_of
-from pipeline.dailies.turntable import TurntableRequest, TurntableSheets
+from pipeline.plugins.turntable.turntable_movie import TurntableRequest, TurntableSheets
 from pipeline.production.execution.project import Project
+from pipeline.production.maintenance.measures import measures_of
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.stages import DELIVER, MEASURE, STAGES, STILLS, TURNTABLE_SHEET, PipelineStage
 from pipeline.production.store import readers

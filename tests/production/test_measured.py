@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.animation import animate
-from pipeline.dailies.preview.sketch import shape_of
+from pipeline.plugins.preview.sketch import shape_of
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.render_inputs.shading import Shading, speeds
 from pipeline.production.request.keys import raw_key

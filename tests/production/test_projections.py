@@ -11,10 +11,10 @@ import av
 import numpy as np
 import pytest
 
-from pipeline.dailies.delivery.deliver import Delivery, DeliveryOptions
-from pipeline.dailies.delivery.source import shot_source
-from pipeline.dailies.delivery.timeline import _delivered
 from pipeline.errors import ShotError
+from pipeline.plugins.delivery.deliverables import Delivery, DeliveryOptions
+from pipeline.plugins.delivery.delivery_source import shot_source
+from pipeline.plugins.delivery.timeline import _delivered
 from pipeline.production.execution.project import Project
 from pipeline.production.request.lookup import find_edit
 from pipeline.production.request.picture_header import projection_of

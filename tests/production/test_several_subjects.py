@@ -9,11 +9,11 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from pipeline.dailies.measures import measured
-from pipeline.dailies.turntable import TurntableRequest
 from pipeline.errors import UsageError
+from pipeline.plugins.turntable.turntable_movie import TurntableRequest
 from pipeline.production.execution.project import Project
 from pipeline.production.maintenance.clean import collect_garbage
+from pipeline.production.maintenance.measures import measured
 from pipeline.production.maintenance.repair import Evicted, repairs
 from pipeline.production.planning.frame_states import mesh_states
 from pipeline.production.planning.plan import Plan

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from pipeline.errors import ShotError, UsageError
+from pipeline.plugins.sheets.wedge import Wedge
+from pipeline.plugins.sheets.wedge_grid import Grid
 from pipeline.production.execution.project import Project
 from pipeline.production.maintenance.known_requests import begun_requests
 from pipeline.production.planning.estimate import estimate
 from pipeline.production.request.lookup import find_edit, find_shot
 from pipeline.production.request.turntable import Turntable
-from pipeline.production.versions.grid import Grid
-from pipeline.production.versions.wedge import Wedge
 from render.movie.probe import probe_movie
 from render.post.image import read_png
 from tests.conftest import QUALITY, TINY, ProjectFolder, done

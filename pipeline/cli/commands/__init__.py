@@ -1,1 +1,83 @@
-"""The commands of flowsculpt: each a function of its name, alone in a module or with its like."""
+"""The commands of the core: each is a function in a module here."""
+
+from pipeline.plugin import Command, Plugin
+
+PLUGIN = Plugin(
+    name="flowsculpt",
+    version="1",
+    commands={
+        "new": Command(
+            "pipeline.cli.commands.new_command:new",
+            "Begin a shot, or a show: write files that are ready to render.",
+            "Write shots",
+        ),
+        "validate": Command(
+            "pipeline.cli.commands.validate_command:validate",
+            "Check shot files and report every error by file, line and column.",
+            "Write shots",
+        ),
+        "flows": Command(
+            "pipeline.cli.commands.schema_command:flows",
+            "List the flows, or the parameters of one.",
+            "Write shots",
+        ),
+        "schema": Command(
+            "pipeline.cli.commands.schema_command:schema",
+            "Print the JSON Schema by which editors complete and check shot files.",
+            "Write shots",
+        ),
+        "simulate": Command(
+            "pipeline.cli.commands.render_commands:simulate", "Simulate the mesh frames of shots.", "Render"
+        ),
+        "render": Command(
+            "pipeline.cli.commands.render_commands:render",
+            "Render frames of shots and assemble their movies.",
+            "Render",
+        ),
+        "film": Command(
+            "pipeline.cli.commands.render_commands:film",
+            "Render every shot of an edit and cut them into a film.",
+            "Render",
+        ),
+        "stills": Command(
+            "pipeline.cli.commands.render_commands:stills",
+            "Write frames as PNG or JPEG, rendering what is missing.",
+            "Render",
+        ),
+        "status": Command(
+            "pipeline.cli.commands.status_command:status",
+            "List which frames are done, stale and missing.",
+            "Maintain",
+        ),
+        "why": Command(
+            "pipeline.cli.commands.why_command:why",
+            "Explain why a frame would be rendered again.",
+            "Maintain",
+        ),
+        "report": Command(
+            "pipeline.cli.commands.status_command:report", "Show where the time of a run went.", "Maintain"
+        ),
+        "verify": Command(
+            "pipeline.cli.commands.verify_command:verify",
+            "Check every stored file and make damaged ones again.",
+            "Maintain",
+        ),
+        "push": Command(
+            "pipeline.cli.commands.push_command:push",
+            "Upload stored files that the remote store lacks.",
+            "Maintain",
+        ),
+        "clean": Command(
+            "pipeline.cli.commands.clean_command:clean", "Delete stored files that nothing needs.", "Maintain"
+        ),
+        "doctor": Command(
+            "pipeline.cli.commands.doctor_command:doctor",
+            "Show what is installed, and what would make it faster.",
+            "Maintain",
+        ),
+        "resample": Command(
+            "pipeline.cli.commands.resample_command:resample", "Resample one mesh file.", "Maintain"
+        ),
+    },
+)
+"""What the core adds, by the contract that plug-ins have."""

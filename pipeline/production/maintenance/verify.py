@@ -17,12 +17,11 @@ from typing import Any
 
 from pipeline.errors import MissingInputError
 from pipeline.frames import FrameRange
+from pipeline.production.request.provenance import FILE, Provenance, records
 from pipeline.production.store import readers
 from pipeline.production.store.digests import ALTERED, CorruptFileError
-from pipeline.production.store.paths import DIGESTS, PUBLISHED, RENDERS, REPEATED, STATE, repeated
+from pipeline.production.store.paths import DIGESTS, NOTES, PUBLISHED, RENDERS, REPEATED, STATE, repeated
 from pipeline.production.store.store import Key, Store
-from pipeline.production.versions.notes_folder import NOTES
-from pipeline.production.versions.provenance import FILE, Provenance, records
 from pipeline.shot.yaml.lookup import is_there
 from render.base.atomic_write import machine_error
 from render.base.input_files import digest_of_file
@@ -266,7 +265,7 @@ def remedies(faulty: Iterable[PublishedFile], root: Path) -> Iterator[str]:
             continue
         only_frames = f" -f {FrameRange.of(numbers)}" if len(numbers) == len(damaged) else ""
         yield (
-            f"{version}: flowsculpt render --from {shlex.quote(str(version / FILE))}{only_frames} makes it "
+            f"{version}: flowsculpt reproduce {shlex.quote(str(version / FILE))}{only_frames} makes it "
             f"again, in {root / repeated(record.shot, record.version)}; published files are never written to"
         )
 

@@ -24,6 +24,8 @@ CHECKPOINTS = STATE / "checkpoints"
 RENDERS = Path("renders")
 PUBLISHED = RENDERS / "published"
 REPEATED = RENDERS / "repeated"
+NOTES = Path("notes")
+"""The notes of reviewers, production data that `clean` leaves alone."""
 
 SUFFIXES = {
     "mesh": ".npz",
@@ -164,8 +166,8 @@ class OutputFolder:
 
 
 OUTPUTS = (
-    OutputFolder("renders/published/**", "published versions", "render --from …"),
-    OutputFolder("renders/repeated/**", "published versions, made again", "render --from …"),
+    OutputFolder("renders/published/**", "published versions", "reproduce …"),
+    OutputFolder("renders/repeated/**", "published versions, made again", "reproduce …"),
     OutputFolder("renders/review/**", "review pages", "review …"),
     OutputFolder("renders/**/meshes", "mesh frames", None),
     OutputFolder("renders/**/normals", "meshes ready to be rendered", None),

@@ -17,7 +17,7 @@ from pipeline.shot.yaml.validation import ParseContext, missing_file
 from render.base.errors import RenderError
 from render.base.input_files import digest_of_file
 from render.mitsuba.bsdf import refusal
-from render.scene.materials.mitsuba_bsdf import BSDFS, PLUGINS, TEXTURES, Bsdf, Plugin
+from render.scene.materials.mitsuba_bsdf import BSDFS, PLUGINS, TEXTURES, Bsdf, MitsubaPlugin
 from render.scene.textures import Texture, read_picture, reading_of
 
 _KINDS = {
@@ -105,7 +105,7 @@ def _plugin(
     yield from _file(plugin, where, folder)
 
 
-def _count(kind: str, form: Plugin, inner: list[int], where: Where) -> Iterator[Problem]:
+def _count(kind: str, form: MitsubaPlugin, inner: list[int], where: Where) -> Iterator[Problem]:
     least, most = form.materials
     if not least <= inner[0] <= most:
         wanted = str(least) if least == most else f"{least} or {most}"

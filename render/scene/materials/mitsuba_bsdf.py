@@ -18,7 +18,7 @@ from render.scene.textures import Texture
 from render.scene.working_space import REC709, WORKING_SPACES, WorkingSpace
 
 
-class Plugin(NamedTuple):
+class MitsubaPlugin(NamedTuple):
     """Parameters of a plugin by name and kind, and how many materials and textures it nests.
 
     Kinds are "texture" (a number, a colour or a texture), "number", "bool", "text", "index" (a number, or the
@@ -30,8 +30,8 @@ class Plugin(NamedTuple):
     textures: int = 0
 
 
-def _plugin(materials: tuple[int, int] = (0, 0), textures: int = 0, **kinds: str) -> Plugin:
-    return Plugin(
+def _plugin(materials: tuple[int, int] = (0, 0), textures: int = 0, **kinds: str) -> MitsubaPlugin:
+    return MitsubaPlugin(
         {name: kind for kind, names in kinds.items() for name in names.split()}, materials, textures
     )
 

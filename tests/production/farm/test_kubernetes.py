@@ -17,7 +17,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from pipeline.errors import UsageError
-from pipeline.production.execution.kubernetes import KubernetesJob
+from pipeline.plugins.farm.kubernetes import KubernetesJob
 from pipeline.production.execution.project import Project
 from tests.conftest import commanded
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import MachineError
-from pipeline.production.execution import task as tasks
+from pipeline.plugins.farm import task_runner as tasks
 from pipeline.production.execution.project import Project
 from pipeline.production.store import remote, remote_requests
 from pipeline.production.store.remote_url import VARIABLE

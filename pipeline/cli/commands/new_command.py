@@ -1,0 +1,241 @@
+"""The command `new`: begin a shot."""
+
+from __future__ import annotations
+
+import filecmp
+import os
+import shlex
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pipeline.cli.commands.schema_command import SCHEMAS, names_with_defaults, write_schemas
+from pipeline.cli.options import Common
+from pipeline.cli.output import print_result, print_warning
+from pipeline.errors import FlowsculptError, UsageError, suggestion
+from pipeline.production.request.lookup import FILM, SHOTS, find_shot, shot_names
+from pipeline.shot import read_shot
+from pipeline.shot.documents.flow_documents import DOCUMENTS
+from pipeline.shot.model_template import model_template
+from pipeline.shot.show_template import FIRST_SHOT, SHARED, show_files, without_shared
+from pipeline.shot.templates import FLOW_FILES, SCHEMA, presets, shot_of_flow, shot_of_shot
+from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, name_fault, text_of
+from render.base.atomic_write import atomic_write, disk_errors
+
+MODELS = "models"
+"""Folder in shots/ for copies of models."""
+
+
+_SHOT_SCHEMA = SCHEMA.format((SCHEMAS / "shot.json").as_posix())
+
+
+def new(
+    common: Common,
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="NAME|DIR",
+            help="The name of the shot, its file and its frames. With --show, the folder; default: this one.",
+        ),
+    ] = None,
+    source: Annotated[
+        str,
+        typer.Option(
+            "--from",
+            metavar="FLOW|SHOT",
+            help="A flow, with a subject that suits it; or the name or path of a shot to copy.",
+        ),
+    ] = "twist",
+    show: Annotated[
+        bool, typer.Option("--show", help="Begin a show: a folder with a first shot, defaults and an edit.")
+    ] = False,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model",
+            metavar="FILE",
+            help="Show this model: OBJ, PLY, STL, OFF, GLB, FBX, DAE, 3MF or USD. It is fitted, "
+            "with edges that suit its detail.",
+        ),
+    ] = None,
+) -> None:
+    """Begin a shot, or a show: write files that are ready to render.
+
+    `flowsculpt new A020_ring --from vortex_ring` writes shots/A020_ring.yaml; `--from A010_cube` would copy
+    that shot. `flowsculpt flows` lists the flows.
+
+    `flowsculpt new --show my_show` writes a folder with shots/A010_first.yaml, shots/defaults.yaml, which all
+    its shots share, and the edit shots/film.yaml, so that `flowsculpt film` works there at once. What is in
+    the folder already stays as it is.
+
+    `flowsculpt new A030_bunny --model bunny.obj` writes a shot of a model under a gentle twist, or under the
+    flow that `--from` names. A model outside the project's folder is copied to shots/models; one inside stays
+    where it is. What had to be repaired is told.
+
+    The schemas by which editors complete and check shot files are written to shots/.schema, and a file that
+    the flow reads beside the shot.
+    """
+    if show:
+        if model is not None:
+            raise UsageError(
+                "--show begins a folder and --model one shot; begin the show first, then run flowsculpt new "
+                "NAME --model FILE in its folder"
+            )
+        _begin_show(common, Path(name or "."), source)
+        return
+    if name is None:
+        raise UsageError(
+            "new needs the name of a shot, as in flowsculpt new A010_mine; "
+            "flowsculpt new --show begins a show in this folder"
+        )
+    if name.endswith((".yaml", ".yml")):
+        raise UsageError(f"{name} is the name of a file; write {Path(name).stem}, the name of the shot")
+    if fault := name_fault(name):
+        raise UsageError(fault)
+    path = SHOTS / f"{name}.yaml"
+    if path.exists():
+        raise UsageError(f"{path} is there already; choose another name or edit that file")
+    shot = _of_source(source, name) if model is None else _of_model(model, source, name)
+    files = [path, *shot.beside]
+    for file in shot.beside:
+        if file.exists():
+            raise UsageError(f"{file} is there already, and {source} would write one; choose another name")
+    if not common.dry_run:
+        with disk_errors(path):
+            write_schemas(SHOTS)
+            for file, write in shot.beside.items():
+                with atomic_write(file) as draft:
+                    write(draft)
+            _write_text(path, _SHOT_SCHEMA + shot.text)
+    for remark in shot.remarks:
+        print_warning(remark)
+    written = ", ".join(map(str, files))
+    permitted = " --allow-code" if source == "python" else ""
+    done = f"{written}: written. Look at it: flowsculpt preview {name}{permitted}"
+    facts = {"path": str(path), "files": [str(file) for file in files], "remarks": shot.remarks}
+    print_result(f"{written}: would be written." if common.dry_run else done, facts, common.json)
+
+
+@dataclass(frozen=True)
+class _NewShot:
+    """The text of a new shot.
+
+    beside   by path, the functions that write files beside it
+    remarks  what to tell about the model
+    """
+
+    text: str
+    beside: dict[Path, Callable[[Path], object]] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+
+
+def _of_source(source: str, name: str) -> _NewShot:
+    """Return a new shot of a flow, or the copy of a shot."""
+    if source in DOCUMENTS:
+        beside = FLOW_FILES.get(source)
+        text = without_shared(shot_of_flow(source, name), names_with_defaults(SHOTS))
+        return _NewShot(text, {SHOTS / f"{name}{beside[0]}": beside[1]} if beside else {})
+    known = shot_names()
+    if source not in known and not source.endswith((".yaml", ".yml")):
+        hint = suggestion(source, [*known, *presets()])
+        raise UsageError(f"there is no flow and no shot {source!r} to begin from. {hint}")
+    text = shot_of_shot(text_of(find_shot(source)), name)
+    try:
+        read_shot(SHOTS / f"{name}.yaml", text)
+    except FlowsculptError as error:
+        first = str(error).splitlines()[0]
+        raise UsageError(f"a copy of {source} would not be good in {SHOTS}/: {first}") from None
+    return _NewShot(text)
+
+
+def _of_model(model: Path, source: str, name: str) -> _NewShot:
+    """Return a new shot of a model under a flow."""
+    if source not in DOCUMENTS:
+        raise UsageError(
+            f"--from {source} is no flow, and --model shows its file under one. Leave --from out, or name a "
+            "flow; in a copy of a shot, write the model into its subject"
+        )
+    beside = dict(_of_source(source, name).beside)
+    place = model.resolve()
+    if place.is_relative_to(Path.cwd().resolve()):
+        reference = Path(os.path.relpath(place, SHOTS.resolve())).as_posix()
+        where = f"{model} stays where it is; the shot names it {reference}"
+    else:
+        copied = SHOTS / MODELS / model.name
+        reference = f"{MODELS}/{model.name}"
+        where = f"{model} lies outside this folder; the shot shows its copy {copied}"
+        if not _same_contents(model, copied):
+            beside[copied] = partial(shutil.copyfile, place)
+    template = model_template(place, reference)
+    text = without_shared(shot_of_flow(source, name, template), names_with_defaults(SHOTS))
+    return _NewShot(text, beside, [where, *template.notes])
+
+
+def _same_contents(model: Path, copied: Path) -> bool:
+    """Tell whether a copy of a model is there already. Raises UsageError where none can be made."""
+    if model.suffix.lower() == ".gltf":
+        raise UsageError(
+            f"{model}: a glTF names other files, which its copy would miss. Put all of them into a folder in "
+            f"{SHOTS}, or export a GLB, which holds them."
+        )
+    if not copied.exists():
+        return False
+    if model.is_file() and not filecmp.cmp(model, copied, shallow=False):
+        raise UsageError(f"{copied} is there already with other contents; rename one of the two models")
+    return True
+
+
+def _begin_show(common: Common, folder: Path, source: str) -> None:
+    """Write the files of a show that are not there yet, and report them and those that stay."""
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder} is a file; name the folder of the show, or a new one")
+    shots = _shots_in(folder / SHOTS)
+    files: dict[Path, Callable[[Path], Any]] = {}
+    for name, text in show_files(folder.absolute().name, shots or [FIRST_SHOT]).items():
+        files[folder / name] = partial(_write_text, text=text)
+    if not shots:
+        if source not in DOCUMENTS:
+            raise UsageError(f"there is no flow {source!r} to begin from. {suggestion(source, presets())}")
+        shot = without_shared(shot_of_flow(source, FIRST_SHOT), SHARED)
+        files[folder / SHOTS / f"{FIRST_SHOT}.yaml"] = partial(_write_text, text=_SHOT_SCHEMA + shot)
+        if source in FLOW_FILES:
+            ending, write = FLOW_FILES[source]
+            files[folder / SHOTS / f"{FIRST_SHOT}{ending}"] = write
+    kept = [path for path in files if path.exists()]
+    written = [path for path in files if path not in kept]
+    if not common.dry_run:
+        with disk_errors(folder):
+            (folder / SHOTS).mkdir(parents=True, exist_ok=True)
+            for path in written:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                files[path](path)
+            write_schemas(folder / SHOTS)
+    facts = {
+        "folder": str(folder),
+        "written": [str(path) for path in written],
+        "kept": [str(p) for p in kept],
+    }
+    print_result(_show_words(common, folder, written, kept, (shots or [FIRST_SHOT])[0]), facts, common.json)
+
+
+def _show_words(common: Common, folder: Path, written: list[Path], kept: list[Path], shot: str) -> str:
+    lines = [f"{path}: {common.done('written')}" for path in written]
+    lines += [f"{path}: kept as it is" for path in kept]
+    enter = "" if folder.resolve() == Path.cwd() else f"cd {shlex.quote(str(folder))}; "
+    return "\n".join([*lines, f"Go on: {enter}flowsculpt preview {shot}; flowsculpt film"])
+
+
+def _write_text(path: Path, text: str) -> None:
+    with atomic_write(path) as draft:
+        draft.write_text(text, encoding="utf-8")
+
+
+def _shots_in(folder: Path) -> list[str]:
+    """Return the names of the shots in a folder."""
+    files = [path for path in sorted(folder.glob("*.yaml")) if path.name not in (FILM.name, DEFAULTS)]
+    return [path.stem for path in files if not is_edit(path)]

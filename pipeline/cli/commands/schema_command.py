@@ -1,0 +1,143 @@
+"""The commands `schema` and `flows`: what shot files may hold."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Group
+from rich.text import Text
+
+from pipeline.cli.options import Common, output_option, require_one_of
+from pipeline.cli.output import print_result, table
+from pipeline.errors import FlowsculptError
+from pipeline.plugin import named, plugins
+from pipeline.production.request.lookup import SHOTS
+from pipeline.shot.documents.flow_documents import DOCUMENTS
+from pipeline.shot.documents.reference import (
+    default_text,
+    defaults_schema,
+    facts,
+    film_schema,
+    markdown,
+    shot_schema,
+)
+from pipeline.shot.templates import usual_strength
+from pipeline.shot.yaml.lookup import DEFAULTS
+from pipeline.shot.yaml.source import YamlSource
+from render.base.atomic_write import atomic_write
+
+SCHEMAS = Path(".schema")
+"""The folder beside shots with the schemas by which editors check them."""
+
+KINDS = ("shot", "film", "defaults")
+"""Kinds of files beside shots, which editors check."""
+
+
+def _kinds() -> tuple[str, ...]:
+    return (*KINDS, *plugins().schemas)
+
+
+def schema(
+    common: Common,
+    kind: Annotated[str, typer.Argument(metavar="|".join(_kinds()), help="The kind of file.")] = KINDS[0],
+    output: Annotated[Path | None, output_option("Write it to this file.")] = None,
+) -> None:
+    """Print the JSON Schema by which editors complete and check shot files.
+
+    `flowsculpt schema film -o film.json` writes the schema of edits, `flowsculpt schema notes` prints that
+    of files of notes, which the page of `review` downloads. In the schema of shots, names that
+    shots/defaults.yaml gives are not required.
+    """
+    require_one_of(kind, _kinds(), f"there is no schema of {kind!r}.")
+    content = _schema_of(kind, SHOTS)
+    if output is None:
+        print_result(_as_text(content), content, common.json)
+        return
+    if not common.dry_run:
+        with atomic_write(output) as draft:
+            draft.write_text(_as_text(content), encoding="utf-8")
+    print_result(f"{output}: {common.done('written')}.", {"path": str(output)}, common.json)
+
+
+def write_schemas(folder: Path) -> None:
+    """Write the schemas of a folder of shots, unless they are up to date."""
+    (folder / SCHEMAS).mkdir(parents=True, exist_ok=True)
+    for kind in KINDS:
+        file, text = folder / SCHEMAS / f"{kind}.json", _as_text(_schema_of(kind, folder))
+        if not file.is_file() or file.read_text(encoding="utf-8") != text:
+            with atomic_write(file) as draft:
+                draft.write_text(text, encoding="utf-8")
+
+
+def _schema_of(kind: str, folder: Path) -> dict[str, Any]:
+    if kind == "shot":
+        return shot_schema(names_with_defaults(folder))
+    if kind in (others := plugins().schemas):
+        return dict(named(others[kind]).model_json_schema())
+    return film_schema() if kind == "film" else defaults_schema()
+
+
+def _as_text(content: dict[str, Any]) -> str:
+    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
+
+
+def names_with_defaults(folder: Path) -> list[str]:
+    """Return the names that the defaults of a folder give; none if they cannot be read."""
+    try:
+        data = YamlSource.read(folder / DEFAULTS).data
+    except FlowsculptError:
+        return []
+    return list(data) if isinstance(data, dict) else []
+
+
+def flows(
+    common: Common,
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="One flow, with its parameters.")] = None,
+    as_markdown: Annotated[
+        bool, typer.Option("--markdown", help="The table of all flows as docs/flows.md has it.")
+    ] = False,
+) -> None:
+    """List the flows, or the parameters of one with units and defaults.
+
+    `flowsculpt flows vortex` lists the parameters of the flow `vortex`, and strengths that suit a ball of
+    radius 1.
+    """
+    if name is not None:
+        _report_one({**facts(name), "strength": usual_strength(name)}, common.json)
+        return
+    flows = [facts(flow) for flow in DOCUMENTS]
+    listing = table("flow", "is a", "what it does")
+    for flow in flows:
+        listing.add_row(flow["name"], flow["kind"], flow["description"])
+    print_result(markdown() if as_markdown else listing, flows, common.json)
+
+
+def _report_one(flow: dict[str, Any], as_json: bool) -> None:
+    listing = table("parameter", "default", "unit", "what it is")
+    for parameter in flow["parameters"]:
+        choices = f": {', '.join(parameter['choices'])}" if parameter["choices"] else ""
+        keyed = ", may be keyed" if parameter["keyed"] else ""
+        listing.add_row(
+            parameter["name"],
+            default_text(parameter),
+            parameter["unit"],
+            f"{parameter['description']}{choices}{keyed}",
+        )
+    title = Text(f"{flow['name']}, a {flow['kind']}. {flow['description']}")
+    strength = flow["strength"]
+    suits = [] if strength is None else [Text(_suitable(*strength))]
+    print_result(Group(title, listing, *suits), flow, as_json)
+
+
+def _suitable(parameter: str, values: Sequence[float]) -> str:
+    """Return what strengths do: `strength 4.1 gives a ball of radius 1 twice its vertices in 3 s, 15 …`"""
+    twice, *tenfold = values
+    more = f", {tenfold[0]:g} ten times" if tenfold else ""
+    return (
+        f"{parameter} {twice:g} gives a ball of radius 1 twice its vertices in 3 s{more}; other parameters "
+        "at their defaults."
+    )

@@ -1,1 +1,0 @@
-"""Interchange: sculptures as files of other programs, USD stages and mesh files."""

@@ -1,1 +1,0 @@
-"""Quick pictures of a shot without a path tracer: a movie of it, stills, and a page that follows an edit."""

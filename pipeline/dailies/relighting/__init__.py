@@ -1,1 +1,0 @@
-"""Relighting: finished frames with their light groups mixed anew, without rendering."""

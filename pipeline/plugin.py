@@ -1,0 +1,178 @@
+"""Plug-ins: what one may add, and the registry of those that are installed.
+
+A distribution names its plug-ins as entry points of the group `flowsculpt.plugins`, each a `Plugin`. The
+core's own commands and the plug-ins that come with it, in `pipeline/plugins/`, are entry points too. Only the
+modules with the entry points are imported here: what a plug-in adds is named as "module:function" and
+imported when used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+GROUP = "flowsculpt.plugins"
+"""The group of entry points that name plug-ins."""
+
+API = 1
+"""The version of what plug-ins may import and add. A plug-in built for a later one is not loaded."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command, or a format of the command `export`.
+
+    function  "module:function" that has the options as parameters, as those in `pipeline/cli/commands`
+    summary   its line in the help
+    panel     the part of the help that lists it
+    """
+
+    function: str
+    summary: str
+    panel: str = "Plug-ins"
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """A plug-in and what it adds; functions and classes are named as "module:name".
+
+    api        the API version that it is built for
+    commands   commands by name
+    exporters  formats of the command `export` by name
+    watchers   functions of the common options, a plan, and whether previews are wanted; each returns a
+               context manager that is entered while `render` or `film` executes the plan at a terminal
+    edits      functions by file suffix that make an edit of another program's timeline: they take the file,
+               the names of the shots and the folder of edits, and return the edit's path and text
+    schemas    pydantic models of further kinds of files, by the kind's name
+    sequences  functions of a `SequenceQuery`; each yields picture sequences of a shot, or grids of them, for
+               the review page
+    notes      function of a root and a shot that returns the file of its notes, which is published with
+               the shot; empty bytes where there are none
+    """
+
+    name: str
+    version: str
+    api: int = API
+    commands: Mapping[str, Command] = field(default_factory=dict)
+    exporters: Mapping[str, Command] = field(default_factory=dict)
+    watchers: tuple[str, ...] = ()
+    edits: Mapping[str, str] = field(default_factory=dict)
+    schemas: Mapping[str, str] = field(default_factory=dict)
+    sequences: tuple[str, ...] = ()
+    notes: str = ""
+
+
+@dataclass(frozen=True)
+class Plugins:
+    """The plug-ins that are installed and can be loaded, by name.
+
+    faults  a message for each that cannot
+    """
+
+    loaded: Mapping[str, Plugin]
+    faults: tuple[str, ...] = ()
+
+    def __iter__(self) -> Iterator[Plugin]:
+        return iter(self.loaded.values())
+
+    @property
+    def commands(self) -> dict[str, Command]:
+        """The commands of all plug-ins by name."""
+        return {name: command for plugin in self for name, command in plugin.commands.items()}
+
+    @property
+    def exporters(self) -> dict[str, Command]:
+        """The formats of the command `export` by name."""
+        return {name: command for plugin in self for name, command in plugin.exporters.items()}
+
+    @property
+    def edits(self) -> dict[str, str]:
+        """The functions that make edits of timelines, by file suffix."""
+        return {suffix: function for plugin in self for suffix, function in plugin.edits.items()}
+
+    @property
+    def schemas(self) -> dict[str, str]:
+        """The models of further kinds of files, by kind."""
+        return {kind: model for plugin in self for kind, model in plugin.schemas.items()}
+
+    @property
+    def watchers(self) -> list[Any]:
+        """The functions that watch runs."""
+        return [named(function) for plugin in self for function in plugin.watchers]
+
+    @property
+    def sequences(self) -> list[Any]:
+        """The functions that yield sequences of pictures."""
+        return [named(function) for plugin in self for function in plugin.sequences]
+
+    @property
+    def notes(self) -> list[Any]:
+        """The functions that return files of notes."""
+        return [named(plugin.notes) for plugin in self if plugin.notes]
+
+
+@cache
+def plugins() -> Plugins:
+    """Return the plug-ins of this environment; they are looked for once in a process."""
+    loaded: dict[str, Plugin] = {}
+    faults: list[str] = []
+    taken: dict[str, str] = {}  # what a plug-in adds, and the name of the plug-in
+    for entry in sorted(entry_points(group=GROUP), key=_order):
+        try:
+            plugin = _loaded(entry)
+        except (Exception, SystemExit) as error:  # a stranger's module may raise anything
+            faults.append(f"plug-in {entry.name} is left out: {type(error).__name__}: {error}")
+            continue
+        if fault := _refusal(plugin, loaded, taken):
+            faults.append(f"plug-in {entry.name} ({entry.value}) is left out: {fault}")
+            continue
+        loaded[plugin.name] = plugin
+        taken |= dict.fromkeys(_added(plugin), plugin.name)
+    return Plugins(loaded, tuple(faults))
+
+
+def named(place: str) -> Any:
+    """Return what "module:name" names, importing the module."""
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)
+
+
+def _order(entry: EntryPoint) -> tuple[bool, bool, str]:
+    """Return what sorts the core before the plug-ins that come with it, and these before others."""
+    return not entry.module.startswith("pipeline.cli"), not entry.module.startswith("pipeline."), entry.name
+
+
+def _loaded(entry: EntryPoint) -> Plugin:
+    """Return the plug-in of an entry point. Raises TypeError for what is none, and what importing raises."""
+    plugin = entry.load()
+    if not isinstance(plugin, Plugin):
+        raise TypeError(f"{entry.value} is not a pipeline.plugin.Plugin")
+    return plugin
+
+
+def _refusal(plugin: Plugin, loaded: Mapping[str, Plugin], taken: Mapping[str, str]) -> str | None:
+    """Return why a plug-in cannot be used next to those that are loaded; None where it can."""
+    if plugin.api > API:
+        return f"it is built for version {plugin.api} of the API, and this is {API}; update flowsculpt"
+    if plugin.name in loaded:
+        return f"there is another plug-in {plugin.name}; uninstall one of the two"
+    for added in _added(plugin):
+        if added in taken:
+            return f"plug-in {taken[added]} adds {added} too; uninstall one of the two"
+    return None
+
+
+def _added(plugin: Plugin) -> Iterator[str]:
+    """Yield the names that a plug-in adds and that must be its own."""
+    doors = {
+        "command": plugin.commands,
+        "format": plugin.exporters,
+        "edits from": plugin.edits,
+        "schema": plugin.schemas,
+    }
+    for kind, names in doors.items():
+        yield from (f"{kind} {name}" for name in names)

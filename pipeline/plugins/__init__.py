@@ -1,0 +1,1 @@
+"""The plug-ins that come with flowsculpt. They use what any plug-in may use, and none imports another."""

@@ -1,0 +1,27 @@
+"""Deliverables: frames encoded for others, relit frames, and timelines of editing programs."""
+
+from pipeline.plugin import Command, Plugin
+
+PLUGIN = Plugin(
+    name="delivery",
+    version="1",
+    commands={
+        "deliver": Command(
+            "pipeline.plugins.delivery.deliver_command:deliver",
+            "Encode shots and films for review, editing, archive or web.",
+            "Deliver",
+        ),
+        "relight": Command(
+            "pipeline.plugins.delivery.relight_command:relight",
+            "Change lights of finished frames by factors, without rendering.",
+            "Render",
+        ),
+    },
+    exporters={
+        "otio": Command(
+            "pipeline.plugins.delivery.timeline_command:otio", "OpenTimelineIO, for editing programs."
+        ),
+    },
+    edits={".otio": "pipeline.plugins.delivery.timeline_import:edit_of"},
+    sequences=("pipeline.plugins.delivery.relit_frames:relit_sequences",),
+)

@@ -1,0 +1,203 @@
+"""The command `deliver`: encode shots and films for others."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipeline.cli.execution import execute, report_plan
+from pipeline.cli.options import (
+    Common,
+    Frames,
+    PictureOptions,
+    Quality,
+    output_option,
+    require_one_of,
+    words_of,
+)
+from pipeline.cli.output import (
+    duration,
+    exit_with,
+    out,
+    print_error,
+    print_result,
+    print_warning,
+    progress_bars,
+)
+from pipeline.errors import FrameError, UsageError
+from pipeline.plugins.delivery.deliverables import (
+    SLATES,
+    DeliveredFile,
+    Delivery,
+    DeliveryOptions,
+    audio_track,
+    lost_frames,
+)
+from pipeline.plugins.delivery.delivery_source import film_source, shot_source
+from pipeline.plugins.delivery.relit_frames import RelitFrames, relit_version
+from pipeline.production.execution.project import Project
+from pipeline.production.planning.plan import Plan
+from pipeline.production.request.lookup import edit_names, find_edit
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.shot.yaml.lookup import is_edit
+from render.base.plural import plural
+from render.graphics.burn_in import FIELDS, BurnIn
+from render.movie.codecs import ENCODES, encode_named
+from render.scene.quality import DEFAULT_QUALITY
+
+
+def deliver(
+    common: Common,
+    names: Annotated[
+        list[str], typer.Argument(metavar="NAME…", help="Shots or edits: names in shots/, or paths.")
+    ],
+    options: PictureOptions,
+    forms: Annotated[
+        str, typer.Option("--as", metavar="NAME,…", help=f"One or more of {', '.join(ENCODES)}.")
+    ] = "review",
+    quality: Quality = DEFAULT_QUALITY,
+    frames: Frames = None,
+    slate: Annotated[
+        str | None,
+        typer.Option(
+            metavar="|".join(SLATES), help="Add a slate: before the first frame, or as a file of its own."
+        ),
+    ] = None,
+    burn_in: Annotated[
+        str | None,
+        typer.Option(
+            "--burn-in", metavar="FIELD,…", help=f"Write over the frames: all, or {', '.join(FIELDS)}."
+        ),
+    ] = None,
+    sound: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Add this sound. An edit may name its own.")
+    ] = None,
+    relit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VERSION", help="Encode the frames that `relight` made, by the name of their folder."
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None, output_option("Default: the folder deliver beside the frames.", metavar="DIR")
+    ] = None,
+) -> None:
+    """Encode shots and films for review, editing, archive or web, rendering what is missing.
+
+    `flowsculpt deliver A010_cube --as review,prores4444 -q final --burn-in all` writes two files to
+    renders/A010_cube/final/deliver; `flowsculpt deliver film --as h265 --slate head` the film with a slate.
+    Files that are up to date are kept. Failed frames are shown as cards that state the reason.
+    `flowsculpt deliver A010_cube -q final --relit key1.4` encodes what `relight` made, and relights frames
+    that it did not.
+
+    Movies of spherical and VR180 shots have tags by which YouTube, VLC and players of headsets show them
+    around the viewer, and names that end with _360 or _180_LR, which many players go by.
+
+    review: H.264 of intra frames, to step through · phone: H.264 of 8 bits, for phones and social networks ·
+    h264, h265: 10 bits · prores4444: with the subject's alpha · av1: for the web · ffv1: lossless, for the
+    archive · webp: for pages.
+    """
+    if slate is not None:
+        require_one_of(slate, SLATES, f"--slate {slate}: a slate goes to the head or apart.")
+    words = words_of(forms, f"--as {forms!r} names no deliverable. There are: {', '.join(ENCODES)}.")
+    order = DeliveryOptions(
+        encodes=tuple(encode_named(word) for word in words),
+        slate=slate,
+        burn_in=None if burn_in is None else BurnIn.parse(burn_in),
+        audio=None if sound is None else audio_track(sound),
+        folder=output,
+    )
+    project = options.project(common)
+    wanted = _Wanted(project, tuple(names), options.quality(quality, project, names), frames, relit)
+    wanted.relit_frames()  # refuses names that are none before anything is rendered
+    if common.dry_run:
+        report_plan(common, wanted.plan())
+        if not common.json:
+            out.print(f"Then: encoding {', '.join(names)} as {', '.join(e.name for e in order.encodes)}.")
+        return
+    started = time.monotonic()
+    outcome = execute(common, wanted.plan)
+    failed = {
+        (str(f["shot"]), int(f["frame"])): str(f["message"])
+        for f in outcome.failures
+        if f.get("frame") is not None
+    }
+    with progress_bars(common.progress) as bar:
+        faults = [fault for each in wanted.relit_frames() for fault in each.mix(common.cores, bar)[1]]
+    for fault in faults:
+        print_error(fault)
+    deliveries = wanted.deliveries(order, failed)
+    with progress_bars(common.progress) as bar:
+        done = [file for delivery in deliveries for file in delivery.make(bar)]
+    lost = lost_frames(deliveries)
+    if lost:
+        print_warning(f"{'; '.join(lost)}: shown as cards that state the reason")
+    _report(common, done, lost, time.monotonic() - started)
+    exit_with(outcome.exit_code or (FrameError.exit_code if faults else 0))
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """Names of shots and edits, the frames to encode, and the name of a relit version of them."""
+
+    project: Project
+    names: tuple[str, ...]
+    quality: str
+    frames: str | None
+    relit: str | None
+
+    def plan(self) -> Plan:
+        """Return the plan that renders what is missing."""
+        return self.project.frames([request for name in self.names for request in self._requests(name)])
+
+    def relit_frames(self) -> list[RelitFrames]:
+        """Return the relit versions, none unless they are asked for. Raises what `relit_version` does."""
+        if self.relit is None:
+            return []
+        requests = [request for name in self.names for request in self._requests(name)]
+        return [relit_version(request, self.project.store, self.relit) for request in requests]
+
+    def deliveries(self, order: DeliveryOptions, failed: Mapping[tuple[str, int], str]) -> list[Delivery]:
+        store, made = self.project.store, []
+        for name in self.names:
+            if _is_of_edit(name):
+                edit = self.project.edit(self.quality, find_edit(name))[0]
+                source = film_source(edit, self._requests(name), store, failed, self.relit)
+            else:
+                source = shot_source(self._requests(name)[0], store, failed, self.relit)
+            made.append(Delivery(source, order, store))
+        return made
+
+    def _requests(self, name: str) -> list[RenderRequest]:
+        """Return the request of a shot or those of an edit's clips, with the layers of finished frames."""
+        if not _is_of_edit(name):
+            return [self.project.as_finished(self.project.asked(name, self.quality, self.frames))]
+        if self.frames is not None:
+            raise UsageError(f"-f {self.frames} chooses frames of shots; {name} is an edit and names its own")
+        return [
+            self.project.as_finished(each) for each in self.project.edit(self.quality, find_edit(name))[1]
+        ]
+
+
+def _is_of_edit(name: str) -> bool:
+    path = Path(name)
+    return is_edit(path) if path.suffix in (".yaml", ".yml") else name in edit_names()
+
+
+def _report(common: Common, done: Sequence[DeliveredFile], lost: Sequence[str], seconds: float) -> None:
+    lines = [
+        f"{file.path}: {plural(file.frames, 'frame')}{', up to date' if file.reused else ''}" for file in done
+    ]
+    facts = {
+        "deliverables": [
+            {"path": str(f.path), "as": f.encode, "frames": f.frames, "up_to_date": f.reused} for f in done
+        ],
+        "failed": list(lost),
+        "seconds": round(seconds, 2),
+    }
+    print_result("\n".join([*lines, f"Done in {duration(seconds)}."]), facts, common.json)

@@ -1,0 +1,203 @@
+"""Encode deliverables, with slates, burn-ins and sound. Files that are up to date are not encoded again."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.errors import MachineError
+from pipeline.plugins.delivery.delivery_source import DeliverySource, FrameFormat, LabelledFrame, opaque
+from pipeline.production.request.audio import AudioClip, AudioTrack, samples_of
+from pipeline.production.stages import DELIVER
+from pipeline.production.store.store import Key, Store, key_of
+from render.base.atomic_write import disk_errors
+from render.graphics.burn_in import BurnIn
+from render.graphics.cards import Slate
+from render.graphics.screen import Screen
+from render.movie.codecs import Encode
+from render.movie.encode import write_movie
+from render.movie.planes import Frame
+from render.movie.sequences import prefetch, timecode
+from render.movie.sound import Samples
+from render.post.colour import quantise
+
+SLATES = ("head", "apart")
+"""The places of a slate: before the first frame, or in a file of its own."""
+
+SLATE_SECONDS = 2
+
+_KINDS = {".mp4": "movie", ".mov": "mov", ".mkv": "mkv", ".webp": "webp"}
+
+
+@dataclass(frozen=True)
+class DeliveryOptions:
+    """Options of a delivery: the files to make of a source.
+
+    encodes  one file each
+    slate    one of SLATES; None for no slate
+    burn_in  facts over the frames; None for none
+    audio    replaces the film's own sound
+    folder   of the files; by default beside the frames
+    """
+
+    encodes: tuple[Encode, ...]
+    slate: str | None = None
+    burn_in: BurnIn | None = None
+    audio: AudioTrack | None = None
+    folder: Path | None = None
+
+
+@dataclass(frozen=True)
+class DeliveredFile:
+    """A file that is there now. `reused` is true if it was there before."""
+
+    path: Path
+    encode: str
+    frames: int
+    reused: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Delivery:
+    """A source of frames and the files to make of it."""
+
+    source: DeliverySource
+    options: DeliveryOptions
+    store: Store
+
+    def paths(self) -> list[Path]:
+        """Return the paths of its files."""
+        return [path for _, path, _ in self._files()]
+
+    def make(self, bar: Callable[[str, int], Callable[[], None]]) -> list[DeliveredFile]:
+        """Encode the files that are missing or out of date.
+
+        bar  takes a file's name and number of frames; returns the function to call after each frame
+
+        Raises MachineError where the disk refuses, BadInputError for pictures that an encode cannot hold,
+        FrameError where sound was changed meanwhile.
+        """
+        made = []
+        for encode, path, part in self._files():
+            self._require_folder(path.parent)
+            kind, key = _KINDS[encode.suffix], self._key(encode, part)
+            count = self._slate_frames if part == "slate" else self.source.count + self._leader
+            reused = self.store.bring(kind, key)
+            if not reused:
+                self.store.put(kind, key, partial(self._write, encode, part, bar(path.name, count)))
+            self.store.link(kind, key, path)
+            made.append(DeliveredFile(path, encode.name, count, reused))
+        return made
+
+    def _files(self) -> Iterator[tuple[Encode, Path, str]]:
+        """Yield encode, path and part (frames or slate) of each file."""
+        folder = self.options.folder.absolute() if self.options.folder else self.source.folder
+        for encode in self.options.encodes:
+            yield encode, folder / encode.file_name(self.source.name), "frames"
+            if self.options.slate == "apart":
+                yield encode, folder / encode.file_name(self.source.name, "slate"), "slate"
+
+    def _require_folder(self, folder: Path) -> None:
+        place = self.store.root / folder
+        with disk_errors(place):
+            place.mkdir(parents=True, exist_ok=True)
+        if not os.access(place, os.W_OK):
+            raise MachineError(f"{place}: permission denied; choose another folder with -o")
+
+    # The content of a file
+
+    @property
+    def _slate_frames(self) -> int:
+        return round(SLATE_SECONDS * self.source.rate.fps)
+
+    @property
+    def _leader(self) -> int:
+        """The number of frames before the first of the source."""
+        return self._slate_frames if self.options.slate == "head" else 0
+
+    @property
+    def _sounds(self) -> tuple[AudioClip, ...]:
+        """The sound of the movie: its own, or the sounds of the frames."""
+        if self.options.audio is None:
+            return self.source.sounds
+        return (AudioClip((self.options.audio,), 0, self.source.count),)
+
+    def _key(self, encode: Encode, part: str) -> Key:
+        """Return the key of a file: everything but its path."""
+        source, options = self.source, self.options
+        facts = [list(fact) for fact in source.facts]
+        return key_of(
+            DELIVER.recipe,
+            [part, options.slate, list(options.burn_in.fields) if options.burn_in else None],
+            asdict(encode),
+            [clip.content for clip in self._sounds] or None if encode.container.audio_codec else None,
+            [str(source.rate), list(source.size), source.start, source.count],
+            [source.has_coverage, source.name],
+            [source.title, source.subtitle, facts] if options.slate else None,
+            source.content,
+        )
+
+    def _write(self, encode: Encode, part: str, passed: Callable[[], None], path: Path) -> None:
+        source, rate = self.source, self.source.rate.fps
+        form = FrameFormat(encode.display, encode.alpha_format is not None and source.has_coverage)
+        frames = self._slates(encode, form) if part == "slate" else self._frames(encode, form)
+        first = source.start - (self._slate_frames if part == "slate" else self._leader)
+        sound = self._sound() if part == "frames" and encode.container.audio_codec else None
+        code, counted = timecode(first, rate), _counted(prefetch(frames), passed)
+        write_movie(path, counted, rate, encode, code, sound, source.projection)
+
+    def _frames(self, encode: Encode, form: FrameFormat) -> Iterator[Frame]:
+        if self._leader:
+            yield from self._slates(encode, form)
+        for index, shown in enumerate(self.source.frames(form)):
+            yield self._burn_in(shown, index)
+
+    def _burn_in(self, shown: LabelledFrame, index: int) -> Frame:
+        frame, labels = shown
+        if self.options.burn_in is None:
+            return frame
+        code = timecode(self.source.start + index, self.source.rate.fps)
+        labelled = self.options.burn_in.over(frame[..., :3], {**labels, "timecode": code})
+        return np.concatenate([labelled, frame[..., 3:]], axis=2) if frame.shape[2] == 4 else labelled
+
+    def _slates(self, encode: Encode, form: FrameFormat) -> Iterator[Frame]:
+        """Yield the slate SLATE_SECONDS long."""
+        source = self.source
+        poster = source.poster(replace(form, has_coverage=False))[0].astype(np.float32) / np.float32(65535)
+        facts = (*source.facts, ("made as", encode.name))
+        screen = Screen(source.projection, source.size)
+        drawn = screen.show(Slate(source.title, source.subtitle, facts, poster).draw(screen.size))
+        frame = opaque(quantise(drawn, bits=16), form)
+        for _ in range(self._slate_frames):
+            yield frame
+
+    def _sound(self) -> Iterator[Samples] | None:
+        """Return the sound under the frames and the slate before them."""
+        clips = [clip.later(self._leader) for clip in self._sounds]
+        return samples_of(clips, self.source.count + self._leader, self.source.rate)
+
+
+def _counted(frames: Iterator[Frame], passed: Callable[[], None]) -> Iterator[Frame]:
+    """Yield the frames, and call `passed` after each."""
+    for frame in frames:
+        yield frame
+        passed()
+
+
+def audio_track(file: Path) -> AudioTrack:
+    """Return a sound file as audio track. Raises MissingImageError or CorruptImageError."""
+    from render.base.input_files import digest_of_file
+    from render.movie.sound import require_sound
+
+    require_sound(file)
+    return AudioTrack(str(file.absolute()), digest_of_file(file))
+
+
+def lost_frames(deliveries: Sequence[Delivery]) -> list[str]:
+    """Name the frames of all deliveries that cards stand for."""
+    return list(dict.fromkeys(frame for delivery in deliveries for frame in delivery.source.lost))

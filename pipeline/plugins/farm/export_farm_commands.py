@@ -1,0 +1,161 @@
+"""The formats `plan`, `openjd` and `kubernetes` of the command `export`: jobs for farms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, TextIO
+
+import typer
+from ruamel.yaml import YAML
+
+from pipeline.cli.execution import report_notes
+from pipeline.cli.options import Common, Frames, PictureOptions, Quality, output_option
+from pipeline.cli.output import print_result
+from pipeline.errors import UsageError
+from pipeline.frames import FrameRange
+from pipeline.plugins.farm.kubernetes import SCRIPT, KubernetesJob
+from pipeline.plugins.farm.openjd import template
+from pipeline.production.planning.plan import Plan
+from pipeline.production.store.remote_url import store_url
+from render.base.atomic_write import atomic_write, disk_errors
+from render.scene.quality import DEFAULT_QUALITY
+
+Names = Annotated[
+    list[str], typer.Argument(metavar="SHOT|EDIT...", help="Shots by name or path, or an edit.")
+]
+
+
+def _file(default: str) -> Any:
+    return output_option(f"Write this file. Default: {default}.")
+
+
+def plan(
+    common: Common,
+    names: Names,
+    options: PictureOptions,
+    output: Annotated[Path, _file("plan.json")] = Path("plan.json"),
+    frames: Frames = None,
+    quality: Quality = DEFAULT_QUALITY,
+) -> None:
+    """Write a plan, whose parts `flowsculpt task` does on the workers of any render manager.
+
+    `flowsculpt export plan A010_cube -o plan.json` freezes the shot as it is now. Tasks skip what is already
+    rendered.
+    """
+    _require_ending(output, "a plan", ".json")
+    made = _plan(common, names, options, frames, quality)
+    if not common.dry_run:
+        _make_folders(common, output)
+        made.write(output)
+    tasks: dict[str, set[int]] = {}
+    shots = {request.name for request in made.requests}
+    for job in made.jobs:
+        alone = len(shots) == 1 or job.stage == "film"
+        shot = "" if alone else f"{made.requests[job.requests[0]].name}/"
+        tasks.setdefault(shot + job.stage, set()).update(job.frames)
+    numbers = {task: sorted(each) for task, each in tasks.items()}
+    words = ", ".join(f"{task}:{FrameRange.of(each)}" for task, each in numbers.items())
+    facts = {"plan": str(output), "tasks": numbers, "targets": list(made.targets)}
+    print_result(f"{output}: {common.done('written')}. Tasks: {words}.", facts, common.json)
+
+
+def openjd(
+    common: Common,
+    names: Names,
+    options: PictureOptions,
+    output: Annotated[Path, _file("template.yaml")] = Path("template.yaml"),
+    frames: Frames = None,
+    quality: Quality = DEFAULT_QUALITY,
+) -> None:
+    """Write a job template of Open Job Description that renders shots and assembles their movies.
+
+    `flowsculpt export openjd A010_cube` writes template.yaml, and next to it the plan that its tasks read,
+    template.yaml.plan.json: the shot as it is now. Several shots make one job, and `flowsculpt export openjd
+    film` writes one of all shots of an edit and its film. `openjd run template.yaml` executes it here; a
+    render manager executes it on workers, which see the root under the same path or under the parameter Root,
+    or share a remote store. Tasks skip what is already rendered.
+    """
+    _require_ending(output, "a template", ".yaml", ".yml", ".json")
+    made = _plan(common, names, options, frames, quality)
+    plan_file = output.with_name(f"{output.name}.plan.json")
+    share = common.profile.exported_share
+    job = template(made, plan_file.name, common.root, "+".join(names), share.threads, store_url())
+    if not common.dry_run:
+        _make_folders(common, output)
+        made.write(plan_file)
+        _write(output, partial(_yaml().dump, job))
+    facts = {"template": str(output), "plan": str(plan_file), "targets": list(made.targets)}
+    print_result(f"{output}, {plan_file}: {common.done('written')}.", facts, common.json)
+
+
+def kubernetes(
+    common: Common,
+    names: Names,
+    options: PictureOptions,
+    image: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The container image of the pods. It is needed.")
+    ] = None,
+    output: Annotated[Path, output_option("Write to this folder. Default: kubernetes.", "DIR")] = Path(
+        "kubernetes"
+    ),
+    frames: Frames = None,
+    quality: Quality = DEFAULT_QUALITY,
+) -> None:
+    """Write manifests of Jobs whose pods render shots.
+
+    `flowsculpt export kubernetes A010_cube --image registry/flowsculpt:1 --store s3://bucket/show` writes
+    kubernetes/: a ConfigMap with the plan, indexed Jobs whose pods do its tasks, and run.sh, which creates
+    them with kubectl one level after the other.
+    """
+    if not image:
+        raise UsageError("export kubernetes needs the container image of its pods: --image NAME")
+    made = _plan(common, names, options, frames, quality)
+    profile = common.profile
+    job = KubernetesJob(made, image, store_url(), profile.exported_share.threads, profile.jobs)
+    manifests, script = job.manifests(), job.script()
+    if not common.dry_run:
+        with disk_errors(output):
+            output.mkdir(parents=True, exist_ok=True)
+        for name, objects in manifests.items():
+            _write(output / name, partial(_yaml().dump_all, objects))
+        _write(output / SCRIPT, lambda file: file.write(script))
+    files = [*manifests, SCRIPT]
+    facts = {"folder": str(output), "files": files, "targets": list(made.targets)}
+    print_result(f"{output}: {', '.join(files)} {common.done('written')}.", facts, common.json)
+
+
+def _plan(
+    common: Common, names: list[str], options: PictureOptions, frames: str | None, quality: str
+) -> Plan:
+    """Return the plan of all that shots or an edit need, as if nothing was rendered."""
+    project = options.project(common)
+    made = project.whole(names, options.quality(quality, project, names), frames)
+    report_notes(made, set())
+    return made
+
+
+def _require_ending(output: Path, what: str, *endings: str) -> None:
+    """Raise UsageError for a file whose name has none of the endings."""
+    if output.suffix not in endings:
+        known = " or ".join(endings)
+        raise UsageError(f"{output}: {what}'s name ends in {known}; call it {output.stem}{endings[0]}")
+
+
+def _make_folders(common: Common, output: Path) -> None:
+    with disk_errors(output):
+        output.parent.mkdir(parents=True, exist_ok=True)
+        common.root.mkdir(parents=True, exist_ok=True)  # a worker that does not see it says so
+
+
+def _write(path: Path, write: Callable[[TextIO], object]) -> None:
+    """Write a text file, which appears whole or not at all."""
+    with disk_errors(path), atomic_write(path) as draft, draft.open("w", encoding="utf-8") as file:
+        write(file)
+
+
+def _yaml() -> YAML:
+    yaml = YAML()
+    yaml.width = 100
+    return yaml

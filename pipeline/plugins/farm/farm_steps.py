@@ -1,0 +1,97 @@
+"""The steps of a plan on a farm: for each shot its surfaces, its renders, its finished frames, its movie.
+
+Open Job Description and Kubernetes take them: each has jobs that other steps may have to wait for, also those
+of another shot that has the same meshes. The first tasks of a shot are one step, for only its simulation is
+worth a place in a queue.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from pipeline.plugins.farm.task_runner import BY_FRAMES
+from pipeline.production.planning import timings
+from pipeline.production.planning.plan import Job, Plan
+from pipeline.production.stages import STAGES
+
+STEPS = {
+    "Surfaces": ("simulate", "smooth_normals", "frame_camera"),
+    "Render": ("render",),
+    "Finish": ("finish",),
+    "Assemble": ("assemble",),
+    "Film": ("film",),
+}
+"""The stages of each step, in the order in which a task does them."""
+
+
+@dataclass(frozen=True)
+class FarmStep:
+    """One step of a plan.
+
+    kind   its name in STEPS
+    shot   the shot that it works for; the film has none
+    jobs   the plan's jobs that it does, in order
+    after  places of the steps that it waits for
+    """
+
+    plan: Plan
+    kind: str
+    shot: str
+    jobs: tuple[Job, ...]
+    after: tuple[int, ...] = ()
+
+    @property
+    def frames(self) -> tuple[int, ...]:
+        """The frames that its tasks share out, ascending; none where one task does it all."""
+        numbers = {number for job in self.jobs for number in job.frames}
+        return tuple(sorted(numbers)) if STEPS[self.kind][0] in BY_FRAMES else ()
+
+    @property
+    def task(self) -> str:
+        """The task that makes its frames, without these, as `flowsculpt task` takes it."""
+        return f"{self.shot}/{STEPS[self.kind][0]}"
+
+    @property
+    def memory_mib(self) -> int:
+        """The memory of a task, MiB."""
+        return max(timings.memory_mib(self.plan, job) for job in self.jobs)
+
+    @property
+    def gpus(self) -> int:
+        """The GPUs of a task."""
+        return max(timings.gpus(self.plan, job) or 0 for job in self.jobs)
+
+    def minutes(self, threads: int, chunk: int) -> int:
+        """Return the time limit of a task on so many threads; `chunk` are the frames of one."""
+        if self.frames:
+            return max(timings.minutes(self.plan, job, threads, chunk) or 0 for job in self.jobs)
+        return sum(timings.minutes(self.plan, job, threads) or 0 for job in self.jobs)
+
+
+def steps_of(plan: Plan) -> list[FarmStep]:
+    """Return the steps of a plan, each after those that it waits for."""
+    shots = list(dict.fromkeys(request.name for request in plan.requests))
+    kinds = [(shot, kind) for kind in STEPS if kind != "Film" for shot in shots]
+    steps = [FarmStep(plan, kind, shot, _jobs(plan, shot, kind)) for shot, kind in kinds]
+    film = tuple(job for job in plan.jobs if job.stage == "film")
+    steps = [step for step in (*steps, FarmStep(plan, "Film", "", film)) if step.jobs]
+    places = {job.name: place for place, step in enumerate(steps) for job in step.jobs}
+    return [replace(step, after=_waits_for(step, place, places)) for place, step in enumerate(steps)]
+
+
+def _jobs(plan: Plan, shot: str, kind: str) -> tuple[Job, ...]:
+    """Return the jobs of a step: what several shots need is made for the first."""
+    jobs = [job for job in plan.jobs if plan.requests[job.requests[0]].name == shot]
+    return tuple(job for stage in STEPS[kind] for job in jobs if job.stage == stage)
+
+
+def _waits_for(step: FarmStep, own: int, places: dict[str, int]) -> tuple[int, ...]:
+    """Return the places of the steps whose jobs make what a step reads; `places` are by names of jobs."""
+    read = {
+        places[other.name]
+        for job in step.jobs
+        for stage in STAGES[job.stage].reads
+        for place in job.requests
+        for other in step.plan.jobs_of(place, stage)
+    }
+    return tuple(sorted(place for place in read if place < own))

@@ -1,0 +1,22 @@
+"""Interchange: shots as USD and mesh files for other 3-D programs."""
+
+from pipeline.plugin import Command, Plugin
+
+PLUGIN = Plugin(
+    name="interchange",
+    version="1",
+    exporters={
+        "usd": Command(
+            "pipeline.plugins.interchange.export_commands:usd",
+            "The sculpture with its motion, camera and lights, for 3-D programs.",
+        ),
+        "ply": Command("pipeline.plugins.interchange.export_commands:ply", "A mesh file of each frame."),
+        "obj": Command("pipeline.plugins.interchange.export_commands:obj", "A mesh file of each frame."),
+        "glb": Command(
+            "pipeline.plugins.interchange.export_commands:glb", "A mesh file of one frame, for the web."
+        ),
+        "stl": Command(
+            "pipeline.plugins.interchange.export_commands:stl", "A mesh file of one frame, to be printed."
+        ),
+    },
+)

@@ -1,0 +1,189 @@
+"""The formats `usd`, `ply`, `obj`, `glb` and `stl` of the command `export`: shots for other 3-D programs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pipeline.cli.execution import execute, report_plan
+from pipeline.cli.options import Common, Frames, Quality, Shot, ShotOptions, Subject, output_option
+from pipeline.cli.output import exit_with, print_error, print_result, progress_bars
+from pipeline.errors import FrameError, UsageError
+from pipeline.mesh.usd_files import require_usd
+from pipeline.plugins.interchange.model_export import ModelExport, require_still
+from pipeline.plugins.interchange.print_model import LONGEST_SIDE
+from pipeline.plugins.interchange.usd_export import UsdExport
+from pipeline.production.execution.project import Project
+from pipeline.production.planning.frame_states import mesh_states
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.store.locks import writing
+from render.base.plural import plural
+from render.scene.quality import DEFAULT_QUALITY
+
+Folder = Annotated[
+    Path | None, output_option("Write to this folder. Default: usd or models in renders/SHOT.", "DIR")
+]
+
+
+def usd(
+    common: Common,
+    shot: Shot,
+    options: ShotOptions,
+    output: Folder = None,
+    frames: Frames = None,
+    subject: Subject = None,
+    quality: Quality = DEFAULT_QUALITY,
+) -> None:
+    """Write the sculpture with its motion, camera and lights as a USD stage.
+
+    `flowsculpt export usd A010_cube` writes renders/A010_cube/usd/A010_cube.usda, which Houdini, Blender and
+    usdview open, and a clip for each frame: the mesh with velocities, normals and rest positions. What is
+    missing is simulated first. The second time only clips that changed are written. It needs the package
+    usd-core; see docs/interchange.md.
+    """
+    project = options.project(common)
+    asked = _asked(common, project, shot, quality, frames, subject)
+    if asked.source.subject:
+        raise UsageError(
+            f"--subject {asked.source.subject}: a USD stage holds all subjects of {asked.name}, each as a "
+            "prim. Leave --subject out"
+        )
+    require_usd()
+    folder = output.absolute() if output else common.root / asked.folders.home / "usd"
+    _export(common, project, asked, [UsdExport(asked, project.store, folder)])
+
+
+def ply(
+    common: Common,
+    shot: Shot,
+    options: ShotOptions,
+    output: Folder = None,
+    frames: Frames = None,
+    subject: Subject = None,
+) -> None:
+    """Write a PLY file of each frame's mesh, simulating what is missing.
+
+    `flowsculpt export ply A010_cube -f 1-24` writes renders/A010_cube/models/A010_cube.0001.ply and so on. Of
+    several subjects each has a file; `--subject heron` chooses one.
+    """
+    _models(common, shot, options, "ply", output, frames, subject)
+
+
+def obj(
+    common: Common,
+    shot: Shot,
+    options: ShotOptions,
+    output: Folder = None,
+    frames: Frames = None,
+    subject: Subject = None,
+) -> None:
+    """Write an OBJ file of each frame's mesh, simulating what is missing.
+
+    `flowsculpt export obj A010_cube -f 1-24` writes renders/A010_cube/models/A010_cube.0001.obj and so on. Of
+    several subjects each has a file; `--subject heron` chooses one.
+    """
+    _models(common, shot, options, "obj", output, frames, subject)
+
+
+def glb(
+    common: Common,
+    shot: Shot,
+    options: ShotOptions,
+    output: Folder = None,
+    frames: Frames = None,
+    subject: Subject = None,
+) -> None:
+    """Write a glTF file of one frame's mesh, for pages and viewers.
+
+    `flowsculpt export glb A010_cube -f 40` writes renders/A010_cube/models/A010_cube.0040.glb.
+    """
+    _models(common, shot, options, "glb", output, frames, subject)
+
+
+def stl(
+    common: Common,
+    shot: Shot,
+    options: ShotOptions,
+    output: Folder = None,
+    frames: Frames = None,
+    subject: Subject = None,
+    size: Annotated[
+        float, typer.Option(min=1.0, max=10_000.0, metavar="MM", help="The longest side, millimetres.")
+    ] = LONGEST_SIDE,
+) -> None:
+    """Write an STL file of one frame's mesh, to be printed; report its volume and its thinnest wall.
+
+    `flowsculpt export stl A010_cube -f 40 --size 120` writes a model 120 mm long.
+    """
+    _models(common, shot, options, "stl", output, frames, subject, size)
+
+
+def _models(
+    common: Common,
+    shot: str,
+    options: ShotOptions,
+    form: str,
+    output: Path | None,
+    frames: str | None,
+    subject: str | None,
+    size: float = LONGEST_SIDE,
+) -> None:
+    """Write mesh files of the subjects of a shot."""
+    project = options.project(common)
+    asked = _asked(common, project, shot, DEFAULT_QUALITY, frames, subject)
+    require_still(form, frames, len(asked.requested))
+    folder = output.absolute() if output else common.root / asked.folders.home / "models"
+    exports = [ModelExport(part, project.store, folder, form, size) for part in asked.parts]
+    _export(common, project, asked, exports)
+
+
+def _asked(
+    common: Common, project: Project, shot: str, quality: str, frames: str | None, subject: str | None
+) -> RenderRequest:
+    return project.asked(shot, quality, frames, mesh_states, variant="none").of_subject(subject)
+
+
+def _export(
+    common: Common, project: Project, asked: RenderRequest, exports: Sequence[UsdExport | ModelExport]
+) -> None:
+    """Simulate what is missing, write the files that are not current, and report them."""
+    plan_of = project.geometry if isinstance(exports[0], UsdExport) else project.mesh_frames
+    if common.dry_run:
+        report_plan(common, plan_of(asked))
+        if not common.json:
+            for export in exports:
+                frames = plural(len(export.stale()), "frame")
+                print_result(f"Then: writing {frames} to {export.folder}.", {}, False)
+        return
+    started = time.monotonic()
+    outcome = execute(common, lambda: plan_of(asked))
+    faults: list[str] = []
+    with writing(common.root, common.wait), progress_bars(common.progress) as bar:
+        for export in exports:
+            faults += export.write(bar("exporting", len(export.stale())))
+    for fault in faults:
+        print_error(fault)
+    seconds = time.monotonic() - started
+    reports = [_report(export, faults, seconds) for export in exports]
+    words = "\n".join(words for words, _ in reports)
+    facts: Any = reports[0][1] if len(reports) == 1 else [facts for _, facts in reports]
+    print_result(words, facts, common.json)
+    exit_with(outcome.exit_code or (FrameError.exit_code if faults else 0))
+
+
+def _report(
+    export: UsdExport | ModelExport, faults: Sequence[str], seconds: float
+) -> tuple[str, dict[str, Any]]:
+    """Return what an export has written, in words and as data."""
+    written, shown = export.files.written, export.shown()
+    words = f"{export.path}: {plural(len(shown), 'frame')}, {plural(len(written), 'file')} written"
+    words += f" in {seconds:.0f} s."
+    facts: dict[str, Any] = {"path": str(export.path), "frames": shown, "written": list(written)}
+    if isinstance(export, ModelExport) and not faults and (report := export.print_report()):
+        facts["model"] = report.as_data()
+        words += f"\n{report.in_words()}"
+    return words, facts | {"failed": list(faults), "seconds": round(seconds, 2)}

@@ -1,0 +1,293 @@
+"""Previews of a shot as a still or a movie, and the cameras that they need.
+
+The camera of a still depends on frames after it: for these a sample of its points is moved. Nothing is
+resampled after the still's own frame, so that a still takes the time of the frames up to it. The sample lies
+on the same surface as the vertices of those frames; a camera differs by what lies between them.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.animation.moving_surface import step_into
+from pipeline.arrays import AnyArray, Indices
+from pipeline.errors import FrameError
+from pipeline.plugins.preview.sketch import Sketch, is_closed
+from pipeline.plugins.preview.surface_stream import SurfaceStream
+from pipeline.production.render_inputs.framing import AHEAD, Framer, Framing, frame_all, with_stage_in_view
+from pipeline.production.render_inputs.view_geometry import BoundingSpheres, Extent
+from pipeline.production.request.audio import samples_of
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.store.store import Store
+from pipeline.shot import Motion
+from render.movie.codecs import PLAYBLAST
+from render.movie.encode import write_movie
+from render.movie.sequences import timecode
+from render.post.image import write_png
+
+SIZES = {"still": (960, 540), "movie": (480, 270)}
+"""Pixels of a 16:9 picture; other aspects have as many."""
+
+THREADS = 2
+"""Pictures that are drawn at the same time."""
+
+WAITING = 12
+"""Pictures that may be begun and not yet written before more frames are simulated."""
+
+Picture = NDArray[Any]
+Framed = tuple[int, Framing]
+
+FrameCallback = Callable[[str, int], None]
+"""Called with `simulating` or `drawing`, and the number of each frame when that is done."""
+
+
+@dataclass(frozen=True, eq=False)
+class Animatic:
+    """A shot that is drawn while its surfaces are computed."""
+
+    sketch: Sketch
+    stream: SurfaceStream
+
+    def still(self, number: int, path: Path, tell: FrameCallback) -> Framing:
+        """Write a PNG and return its camera and stage.
+
+        Raises FrameError if a frame up to it fails, MachineError if the disk refuses.
+        """
+        request, stream = self.sketch.request, self.stream
+        for played in stream.play(request, self.played_for_still(number)):
+            tell("simulating", played)
+        known = request.framings(stream.store)
+        if known is None:
+            framing = framing_of_still(request, stream, number, self.played({number}))
+        else:
+            framing = known[number]
+        size = size_for(request.aspect, SIZES["still"])
+        picture = next(self._pictures(iter([(number, framing)]), size, "srgb"))
+        stream.store.write(path, lambda draft: write_png(draft, picture))
+        tell("drawing", number)
+        return framing
+
+    def movie(self, path: Path, tell: FrameCallback) -> int:
+        """Write an MP4 of the requested frames and return their number. Raises the errors of `still`."""
+        return write_playblast(self.stream.store, path, self.sketch.request, self.pictures(tell), tell)
+
+    def pictures(self, tell: FrameCallback) -> Iterator[Picture]:
+        """Draw the requested frames in ascending order, in the size and colours of a movie."""
+        framed = self._framed(set(self.sketch.request.requested), tell)
+        return self._pictures(framed, self.movie_size, "rec709")
+
+    @property
+    def movie_size(self) -> tuple[int, int]:
+        return size_for(self.sketch.request.aspect, SIZES["movie"])
+
+    def played_for_still(self, number: int) -> list[int]:
+        """Return the frames that must be simulated to draw one: none after it."""
+        return [n for n in self.played({number}) if n <= number]
+
+    def played(self, asked: Set[int]) -> list[int]:
+        """Return the frames that the requested ones and their cameras depend on, in a movie all simulated.
+
+        Cameras that are not known depend on neighbouring frames, and a camera that stands still on all.
+        """
+        request = self.sketch.request
+        if request.framings(self.stream.store) is not None:
+            return sorted(asked)
+        angles = sorted(request.angles)
+        return angles[: angles.index(max(asked)) + AHEAD + 1] if request.follow == 1.0 else angles
+
+    def _framed(self, asked: Set[int], tell: FrameCallback) -> Iterator[Framed]:
+        request, stream, wanted = self.sketch.request, self.stream, self.played(asked)
+
+        def played() -> Iterator[int]:
+            for number in stream.play(request, wanted):
+                tell("simulating", number)
+                yield number
+
+        known = request.framings(stream.store)
+        framed = (
+            framings_while(request, stream, played(), wanted)
+            if known is None
+            else ((n, known[n]) for n in played())
+        )
+        return (each for each in framed if each[0] in asked)
+
+    def _pictures(self, framed: Iterator[Framed], size: tuple[int, int], display: str) -> Iterator[Picture]:
+        first = next(framed)
+        closed = all(map(is_closed, self.stream.each(self.sketch.request, first[0])))
+        sketch = replace(self.sketch, closed=closed)
+        return drawn(sketch, self.stream, itertools.chain([first], framed), size, display)
+
+
+@dataclass(frozen=True, eq=False)
+class FramedSurfaces:
+    """Frames whose surfaces and cameras are known."""
+
+    sketch: Sketch
+    stream: SurfaceStream
+    framings: Mapping[int, Framing]
+
+    def pictures(self, numbers: Iterable[int], size: tuple[int, int], display: str) -> Iterator[Picture]:
+        """Draw frames: see `drawn`."""
+        return drawn(self.sketch, self.stream, ((n, self.framings[n]) for n in numbers), size, display)
+
+    def movie(self, path: Path, tell: FrameCallback) -> int:
+        """Write an MP4 of the requested frames and return their number."""
+        request = self.sketch.request
+        pictures = self.pictures(
+            sorted(request.requested), size_for(request.aspect, SIZES["movie"]), "rec709"
+        )
+        return write_playblast(self.stream.store, path, request, pictures, tell)
+
+
+def drawn(
+    sketch: Sketch, stream: SurfaceStream, framed: Iterable[Framed], size: tuple[int, int], display: str
+) -> Iterator[Picture]:
+    """Draw frames in order as uint8 (H, W, 3), several at a time, while the next are simulated."""
+
+    def draw(number: int, framing: Framing) -> Picture:
+        return sketch.picture(number, stream.each(sketch.request, number), framing, size, display)
+
+    with ThreadPoolExecutor(THREADS) as pool:
+        under_way: deque[tuple[int, Future[Picture]]] = deque()
+
+        def oldest() -> Picture:
+            number, picture = under_way.popleft()
+            found = picture.result()
+            stream.drawn(sketch.request, number)
+            return found
+
+        for number, framing in framed:
+            under_way.append((number, pool.submit(draw, number, framing)))
+            while under_way and (under_way[0][1].done() or len(under_way) > WAITING):
+                yield oldest()
+        while under_way:
+            yield oldest()
+
+
+def write_playblast(
+    store: Store, path: Path, request: RenderRequest, pictures: Iterator[Picture], tell: FrameCallback
+) -> int:
+    """Write an MP4 of the requested frames and return their number."""
+    numbers, rate = sorted(request.requested), request.shot.rate.fps
+
+    def told() -> Iterator[Picture]:
+        for number, picture in zip(numbers, pictures, strict=True):
+            yield picture
+            tell("drawing", number)
+
+    start = timecode(numbers[0], rate)
+    sound = samples_of(request.sounds, len(numbers), request.shot.rate)
+    projection = request.projection
+    store.write(path, lambda draft: write_movie(draft, told(), rate, PLAYBLAST, start, sound, projection))
+    return len(numbers)
+
+
+def size_for(aspect: float, like: tuple[int, int]) -> tuple[int, int]:
+    """Return an even width and height with this aspect and about as many pixels as `like`."""
+    height = (like[0] * like[1] / aspect) ** 0.5
+    return 2 * max(1, round(height * aspect / 2)), 2 * max(1, round(height / 2))
+
+
+INTERVAL = 8
+"""Frames after which settled cameras are computed."""
+
+
+def framings_of(
+    request: RenderRequest, stream: SurfaceStream, numbers: Sequence[int]
+) -> Mapping[int, Framing]:
+    """Return camera and stage of frames that the stream has played.
+
+    For all frames of a shot they are the render's own, but for the rounding of points to float32. For some
+    frames they depend on these alone.
+    """
+    return dict(framings_while(request, stream, numbers, numbers))
+
+
+def framings_while(
+    request: RenderRequest, stream: SurfaceStream, played: Iterable[int], numbers: Sequence[int]
+) -> Iterator[tuple[int, Framing]]:
+    """Yield camera and stage of frames while the stream plays them, each when its camera is settled."""
+
+    def extent_of(index: int) -> Extent:
+        return _together([_extent(arrays) for arrays in stream.each(request, numbers[index])])
+
+    framer = Framer([request.view(n) for n in numbers], extent_of, request.aspect, request.follow)
+    stage, left = request.shot.picture.stage, iter(numbers)
+    for count, _ in enumerate(played, start=1):
+        if count % INTERVAL == 0 or count == len(numbers):
+            for framing in framer.framings(count):
+                yield next(left), with_stage_in_view(framing, stage, request.flat_aspect)
+
+
+MOST_SAMPLED = 4000
+"""Points of a still that are moved on, about."""
+
+DIRECTIONS = 200
+"""Directions in which the outermost points are in the sample."""
+
+
+def framing_of_still(
+    request: RenderRequest, stream: SurfaceStream, number: int, numbers: Sequence[int]
+) -> Framing:
+    """Return camera and stage of a frame.
+
+    numbers  all frames that they depend on; the stream has played those up to the frame
+    """
+    known = [[_extent(arrays) for arrays in stream.each(request, n)] for n in numbers if n <= number]
+    last = len(known)
+    motions = [part.motion for part in request.shot.parts]
+    later = [
+        _moved(motion, extent, numbers[last:]) for motion, extent in zip(motions, known[-1], strict=True)
+    ]
+    extents = [_together(each) for each in (*known, *zip(*later, strict=False))]
+    views = [request.view(n) for n in numbers[: len(extents)]]
+    framing = frame_all(views, lambda i: extents[i], request.aspect, request.follow)[last - 1]
+    return with_stage_in_view(framing, request.shot.picture.stage, request.flat_aspect)
+
+
+def _extent(arrays: dict[str, AnyArray]) -> Extent:
+    points = arrays["vertices"]
+    return BoundingSpheres(points, arrays["radii"]) if "radii" in arrays else points
+
+
+def _together(extents: Sequence[Extent]) -> Extent:
+    """Return one extent of all subjects."""
+    if len(extents) == 1:
+        return extents[0]
+    spheres = [e if isinstance(e, BoundingSpheres) else BoundingSpheres(e, np.zeros(len(e))) for e in extents]
+    points, radii = zip(*spheres, strict=True)
+    return BoundingSpheres(np.concatenate(points), np.concatenate(radii))
+
+
+def _moved(motion: Motion, extent: Extent, numbers: Sequence[int]) -> list[Extent]:
+    """Return a sample of an extent at later frames, up to the first at which the flow fails."""
+    points, radii = extent if isinstance(extent, BoundingSpheres) else (extent, None)
+    chosen = outline(points)
+    moved, later = points[chosen].astype(np.float64), list[Extent]()
+    for number in numbers:
+        try:
+            moved = step_into(motion, motion.flow, number).apply(moved)
+        except FrameError:
+            break  # the still itself is sound; a render stops there
+        later.append(moved if radii is None else BoundingSpheres(moved, radii[chosen]))
+    return later
+
+
+def outline(points: AnyArray) -> Indices:
+    """Return the indices of points spread over all, and of the outermost in many directions."""
+    spread = np.arange(0, len(points), -(-len(points) // MOST_SAMPLED))
+    height = (2.0 * np.arange(DIRECTIONS) + 1.0) / DIRECTIONS - 1.0
+    turn = np.pi * (1.0 + 5.0**0.5) * np.arange(DIRECTIONS)  # a spiral of golden angles
+    across = np.sqrt(1.0 - height**2)
+    directions = np.stack([across * np.cos(turn), height, across * np.sin(turn)])
+    outermost = [int((points @ direction).argmax()) for direction in directions.T]
+    return np.unique(np.concatenate([spread, outermost]))

@@ -1,0 +1,100 @@
+"""The first pictures of what was never rendered before, for somebody who waits at a terminal."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from pipeline.cli.options import Common
+from pipeline.cli.output import err
+from pipeline.production.planning.plan import Plan
+from pipeline.production.request.render_request import RenderRequest
+from render.base import python_process
+
+FEWEST = 24
+"""Frames that an animatic has at the least: fewer are soon rendered."""
+
+ENDING_SECONDS = 3.0
+"""Seconds in which the process that draws leaves, before it is killed."""
+
+
+@dataclass(frozen=True)
+class FirstLook:
+    """Announces an animatic, if one is wanted, and the first finished frame while a run goes on."""
+
+    animatic: bool = True
+
+    def during(self, common: Common, plan: Plan) -> AbstractContextManager[None]:
+        """Show the pictures until the context is left, where somebody sees them and none is there yet."""
+        arguments = self.arguments(common, plan)
+        return nullcontext() if arguments is None else _process(common.root, *arguments)
+
+    def arguments(self, common: Common, plan: Plan) -> list[str] | None:
+        """Return the arguments of the process that makes the pictures; None where none are shown."""
+        from pipeline.plugins.preview.first_pictures import WITHOUT, shown_requests
+
+        requests = shown_requests(plan)
+        frames = sum(len(request.requested) for request in requests)
+        if not (frames > 1 and is_watched(common) and all(_is_new(common.root, each) for each in requests)):
+            return None
+        is_drawn = self.animatic and frames >= FEWEST
+        return [str(plan.file), *([] if is_drawn else [WITHOUT])]
+
+
+def is_watched(common: Common) -> bool:
+    """Tell whether a person looks on: progress at a terminal, outside of CI, of jobs of this machine."""
+    at_terminal = sys.stdout.isatty() and sys.stderr.isatty() and not os.environ.get("CI")
+    return common.progress and common.profile.is_local and at_terminal
+
+
+def _is_new(root: Path, request: RenderRequest) -> bool:
+    """Tell whether no frame of a shot was rendered yet at the quality of a request."""
+    folders = (root / request.place(kind, 0).parent for kind in ("raw", "frame"))
+    return not any(any(folder.glob("*.exr")) for folder in folders)
+
+
+def first_look(common: Common, plan: Plan, preview: bool) -> AbstractContextManager[None]:
+    """Show the first pictures of a run while the context lasts; no animatic unless `preview`."""
+    return FirstLook(preview).during(common, plan)
+
+
+@contextmanager
+def _process(root: Path, *words: str) -> Iterator[None]:
+    """Have a process make the pictures, and print its lines; end it with the context."""
+    process = subprocess.Popen(
+        python_process.command("pipeline.plugins.preview.first_pictures", *words),
+        cwd=root,
+        env=python_process.environment(),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    assert process.stdout is not None, "a pipe was asked for"
+    is_ending = threading.Event()
+
+    def print_lines(lines: IO[str]) -> None:
+        for line in lines:
+            err.print(line.rstrip())
+        if (code := process.wait()) and not is_ending.is_set():
+            err.print(f"first pictures are left out: the process that makes them ended with {code}")
+
+    reading = threading.Thread(target=print_lines, args=(process.stdout,), daemon=True)
+    reading.start()
+    try:
+        yield
+    finally:
+        is_ending.set()
+        process.terminate()
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(ENDING_SECONDS)
+        process.kill()
+        process.wait()
+        reading.join()

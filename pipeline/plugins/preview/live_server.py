@@ -1,0 +1,289 @@
+"""A server of the live page for browsers on this machine, and for the one page that knows its token.
+
+The address holds a random token. A request must name this machine as its host and, to change anything, this
+page as its origin; its body is JSON of bounded size.
+"""
+
+from __future__ import annotations
+
+import json
+import queue
+import re
+import secrets
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from functools import partial
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import FlowsculptError, MachineError
+from pipeline.plugins.preview.live_feed import LiveFeed
+from pipeline.plugins.preview.shot_editor import StaleError
+from render.base.atomic_write import machine_error
+
+ADDRESS = "127.0.0.1"
+
+SCRIPTS = (
+    *("api.js", "shot.js", "projection.js", "film.js", "follow.js", "fields.js", "values.js", "timeline.js"),
+    *("curve_plot.js", "placement.js", "handles.js", "orbit.js", "keys.js", "main.js"),
+)
+
+SCRIPT, STYLE = "text/javascript; charset=utf-8", "text/css; charset=utf-8"
+
+PREVIEW, REVIEW = "pipeline.plugins.preview", "pipeline.plugins.review"
+"""Packages that hold files of the page: colours and type are those of the review page."""
+
+PAGE = {
+    "": (PREVIEW, "page.html", "text/html; charset=utf-8"),
+    "style.css": (REVIEW, "style.css", STYLE),
+    "icons.js": (REVIEW, "icons.js", SCRIPT),
+    "page.css": (PREVIEW, "page.css", STYLE),
+    **{name: (PREVIEW, name, SCRIPT) for name in SCRIPTS},
+}
+"""Package, file and type by the paths below the token."""
+
+_PICTURE = re.compile(r"frames/(\d{1,9})/(\d{1,9})\.jpg(?:\?\d+)?")
+
+TOKEN_BYTES = 24
+"""Random bytes of the token in the address."""
+
+MOST_BYTES = 65536
+"""Size of the largest body of a request."""
+
+Action = Callable[[Mapping[str, Any]], dict[str, Any]]
+"""Answers a request of the page, from JSON to JSON. Raises FlowsculptError."""
+
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+"""Headers of every answer: the page runs its own scripts alone, and pages of other sites show none of it."""
+
+KEEP_ALIVE = 5.0
+"""Seconds between comments in a stream without messages, by which a closed page is noticed."""
+
+PATIENCE = 10.0
+"""Seconds that a browser has to send its request, and to take each part of the answer."""
+
+MOST_CONNECTIONS = 64
+"""Connections that are served at once: each open page has one, and six more while it loads pictures."""
+
+
+@contextmanager
+def serving(feed: LiveFeed, port: int = 0, actions: Mapping[str, Action] | None = None) -> Iterator[str]:
+    """Serve the page until the end of the context, and yield its address.
+
+    port     0 is any free one
+    actions  answers by the names of requests, such as `edit`
+
+    Raises MachineError if the port is taken.
+    """
+    try:
+        server = _Server((ADDRESS, port), partial(_Handler, feed, actions or {}))
+    except OSError as error:
+        raise MachineError(
+            f"port {port} of this machine cannot be used ({error.strerror}); leave --port out for a free one"
+        ) from error
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        yield f"http://{ADDRESS}:{server.server_port}/{server.token}/"
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+class _Server(ThreadingHTTPServer):
+    """A thread for each connection, of which each has one request and PATIENCE seconds to send it."""
+
+    daemon_threads = True
+    request_queue_size = MOST_CONNECTIONS
+
+    def __init__(self, *arguments: Any) -> None:
+        self.token = secrets.token_urlsafe(TOKEN_BYTES)
+        self.waiting: dict[socket.socket, float] = {}
+        self._open = threading.BoundedSemaphore(MOST_CONNECTIONS)
+        super().__init__(*arguments)
+
+    def verify_request(self, request: Any, client_address: Any) -> bool:
+        """Refuse connections beyond the most."""
+        return self._open.acquire(blocking=False)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        try:
+            super().process_request(request, client_address)
+        except RuntimeError:  # the system starts no more threads now
+            self._open.release()
+            self.shutdown_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        self.waiting[request] = time.monotonic() + PATIENCE
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self.waiting.pop(request, None)
+            self._open.release()
+
+    def service_actions(self) -> None:
+        """Close connections whose request takes too long; called twice a second."""
+        now = time.monotonic()
+        for connection, limit in list(self.waiting.items()):
+            if now > limit:
+                with suppress(OSError):
+                    connection.shutdown(socket.SHUT_RDWR)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Ignore browsers that close a connection early."""
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handle_error(request, client_address)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: _Server
+    disable_nagle_algorithm = True  # an event must not wait until the one before it is acknowledged
+
+    def __init__(
+        self, feed: LiveFeed, actions: Mapping[str, Action], request: Any, client_address: Any, server: Any
+    ) -> None:
+        self._feed, self._actions = feed, actions
+        super().__init__(request, client_address, server)
+
+    def setup(self) -> None:
+        self.request.settimeout(PATIENCE)
+        super().setup()
+
+    def do_GET(self) -> None:
+        self.server.waiting.pop(self.connection, None)
+        name = self._below_token()
+        if name is None:
+            return
+        if name in PAGE:
+            package, file, kind = PAGE[name]
+            self._send(files(package).joinpath("page", file).read_bytes(), kind)
+        elif name == "events":
+            self._stream()
+        elif (picture := self._picture(name)) is not None:
+            self._send(picture, "image/jpeg")
+        else:
+            self.send_error(404)
+
+    def do_POST(self) -> None:
+        name = self._below_token()
+        if name is None:
+            return
+        if self.headers.get("Origin") not in self._origins():
+            self.send_error(403, "only the page itself may change anything")
+        elif name not in self._actions:
+            self.send_error(404)
+        elif (asked := self._body()) is not None:
+            self.server.waiting.pop(self.connection, None)
+            self._answer(self._actions[name], asked)
+
+    def _below_token(self) -> str | None:
+        """Return the path below the token; None where the request is refused, which it is then told."""
+        if not self._is_local():
+            self.send_error(403, "this page is for browsers on this machine")
+            return None
+        token, slash, name = self.path.removeprefix("/").partition("/")
+        if not slash or not secrets.compare_digest(token.encode(), self.server.token.encode()):
+            self.send_error(404, "open the address that flowsculpt has printed")
+            return None
+        return name
+
+    def _is_local(self) -> bool:
+        """Tell whether a request names this machine and comes from our page, or from nobody else's.
+
+        Scripts of a site whose name was bound to this machine name another host.
+        """
+        site = self.headers.get("Sec-Fetch-Site", "none")
+        is_page = self.path.count("/") == 2 and self.path.endswith("/")
+        hosts = [origin.removeprefix("http://") for origin in self._origins()]
+        return self.headers.get("Host") in hosts and (site in ("none", "same-origin") or is_page)
+
+    def _origins(self) -> list[str]:
+        return [f"http://{host}:{self.server.server_port}" for host in (ADDRESS, "localhost")]
+
+    def _picture(self, name: str) -> bytes | None:
+        """Return the requested picture, if there is one."""
+        match = _PICTURE.fullmatch(name)
+        return None if match is None else self._feed.picture(int(match[1]), int(match[2]))
+
+    def _body(self) -> dict[str, Any] | None:
+        """Return the JSON object of a request; None where it is refused, which it is then told."""
+        length = self.headers.get("Content-Length", "")
+        if self.headers.get_content_type() != "application/json":
+            self.send_error(415, "a request is JSON")
+        elif not re.fullmatch(r"\d{1,9}", length):
+            self.send_error(411)
+        elif int(length) > MOST_BYTES:
+            self.send_error(413, f"a request has at most {MOST_BYTES} bytes")
+        else:
+            try:
+                asked = json.loads(self.rfile.read(int(length)), parse_constant=_refuse_constant)
+            except (ValueError, RecursionError):
+                asked = None
+            if isinstance(asked, dict):
+                return asked
+            self.send_error(400, "a request is a JSON object")
+        return None
+
+    def _answer(self, action: Action, asked: Mapping[str, Any]) -> None:
+        try:
+            status, answer = 200, action(asked)
+        except StaleError as error:
+            status, answer = 409, {"error": str(error)}
+        except MachineError as error:
+            status, answer = 507, {"error": str(error)}
+        except FlowsculptError as error:
+            status, answer = 422, {"error": str(error)}
+        except OSError as error:
+            status, answer = 507, {"error": str(machine_error(Path(error.filename or "."), error, "used"))}
+        self._send(json.dumps(answer, allow_nan=False).encode(), "application/json", status)
+
+    def log_message(self, *arguments: object) -> None:
+        """Log nothing."""
+
+    def end_headers(self) -> None:
+        for name, value in HEADERS.items():
+            self.send_header(name, value)
+        super().end_headers()
+
+    def _send(self, content: bytes, kind: str, status: int = 200) -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(content)))
+        self.end_headers()
+        self.wfile.write(content)
+
+    def _stream(self) -> None:
+        """Send events until the page is closed."""
+        self.send_response(200)
+        self.send_header("Content-Type", "text/event-stream")
+        self.end_headers()
+        messages = self._feed.subscribe()
+        try:
+            while True:
+                try:
+                    words = f"data: {json.dumps(messages.get(timeout=KEEP_ALIVE))}\n\n"
+                except queue.Empty:
+                    words = ": keep-alive\n\n"
+                self.wfile.write(words.encode())
+        except OSError:
+            return
+        finally:
+            self._feed.unsubscribe(messages)
+
+
+def _refuse_constant(word: str) -> Any:
+    """Refuse NaN and infinite numbers, which Python's JSON would read."""
+    raise ValueError(word)

@@ -1,0 +1,263 @@
+"""Follow a shot: show each frame once it is simulated, and after an edit the frames that it changed."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+from pipeline.animation import FrameProgress
+from pipeline.arrays import AnyArray
+from pipeline.errors import FlowsculptError
+from pipeline.plugins.preview.animatic import SIZES, FramedSurfaces, framings_of, size_for
+from pipeline.plugins.preview.live_feed import LiveFeed
+from pipeline.plugins.preview.sketch import Sketch, is_closed
+from pipeline.plugins.preview.surface_stream import SurfaceStream
+from pipeline.production.render_inputs.framing import Framing
+from pipeline.production.render_inputs.shading import STEP, flow_cache_data
+from pipeline.production.request.keys import speed_data
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_source import ShotSource
+from render.base.atomic_write import machine_error
+from render.post.image import jpeg_bytes
+from render.scene.camera import Camera
+
+READY = "Up to date."
+"""The message of the page when it shows the whole shot."""
+
+
+class EditedError(Exception):
+    """Raised when the shot is saved while its last state is still being drawn."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A picture, the recipe that it was drawn from, and what draws it.
+
+    key  of its surface
+    """
+
+    recipe: tuple[Any, ...]
+    jpeg: bytes
+    sketch: Sketch
+    framing: Framing
+
+    @property
+    def key(self) -> str:
+        return str(self.recipe[0])
+
+
+@dataclass(eq=False)
+class LiveSession:
+    """Shows a shot on the live page.
+
+    read     reads the shot
+    done     called when the whole shot is shown with the cameras of the render
+    watched  paths whose changes are edits
+    focus    the frame that the page shows: of frames that only have to be drawn again it comes first
+    """
+
+    read: Callable[[], Sketch]
+    feed: LiveFeed
+    stream: SurfaceStream
+    done: Callable[[FramedSurfaces], None]
+    watched: set[Path]
+    focus: int | None = None
+    _before: Stamp = frozenset()
+    _drawn: dict[int, Drawn] = field(default_factory=dict)
+    _framings: Mapping[int, Framing] = field(default_factory=dict)
+    _rests_until: float = 0.0
+    _edited: Event = field(default_factory=Event)
+
+    def follow(self) -> None:
+        """Show the shot now and after each save, until the process is interrupted."""
+        while True:
+            self._edited.clear()
+            self._before = stamp(self.watched)
+            try:
+                self._show(self._require_unedited)
+                self.feed.say(READY)
+            except EditedError:
+                continue
+            except FlowsculptError as error:
+                self.feed.say(str(error), trouble=True)
+            except OSError as error:
+                said = machine_error(Path(error.filename or "."), error, "used")
+                self.feed.say(f"{said}. Save the shot to try again.", trouble=True)
+            wait_for_edit(self.watched, self._before, self._edited)
+
+    def hold(self) -> None:
+        """Rest for a moment, so that pictures of a drag come at once."""
+        self._rests_until = time.monotonic() + REST_SECONDS
+
+    def resume(self) -> None:
+        """End the rest and look at the files at once: they have been edited."""
+        self._rests_until = 0.0
+        self._edited.set()
+
+    def drawn(self, number: int) -> Drawn | None:
+        """Return the latest picture of a frame, if its surface is still there."""
+        drawn = self._drawn.get(number)
+        return drawn if drawn and self.stream.knows(drawn.sketch.request, number) else None
+
+    def arrays(self, request: RenderRequest, number: int) -> dict[str, AnyArray]:
+        """Return the arrays of a frame that is drawn, of a request of one subject."""
+        return self.stream.arrays(request, number)
+
+    def _require_unedited(self) -> None:
+        while time.monotonic() < self._rests_until:
+            time.sleep(POLL_SECONDS / 5)
+        if stamp(self.watched) != self._before:
+            raise EditedError
+
+    def _show(self, check: Callable[[], None]) -> None:
+        """Show the shot; call `check` between frames."""
+        sketch = self.read()
+        request, known_before = sketch.request, set(self.watched)
+        self.watched |= files_of(request.source)
+        self._before |= stamp(self.watched - known_before)
+        numbers, size = sorted(request.angles), size_for(request.aspect, SIZES["movie"])
+        take_number = self.feed.begin(
+            request.name, numbers[0], numbers[-1], float(request.shot.rate.fps), size
+        )
+        self.feed.say("Simulating …")
+
+        def within_frame(progress: FrameProgress) -> None:
+            check()
+            self.feed.say(progress.slow or f"Frame {progress.frame}: {progress.share:.0%}, {progress.work} …")
+
+        self.stream.callback = within_frame
+        known = request.framings(self.stream.store) or self._framings
+        is_simulated = all(self.stream.knows(request, number) for number in numbers)
+        self._drawn = {number: drawn for number, drawn in self._drawn.items() if number in request.angles}
+        shown = [(drawn.sketch.request, number) for number, drawn in self._drawn.items()]
+        for number in self.stream.play(request, numbers, shown):
+            check()
+            if number == numbers[0]:
+                sketch = replace(sketch, closed=all(map(is_closed, self.stream.each(request, number))))
+            if is_simulated:
+                continue  # the frames are drawn at once with their new cameras
+            framing = known.get(number) or framings_of(request, self.stream, [number])[number]
+            self._draw(
+                take_number, FramedSurfaces(sketch, self.stream, {number: framing}), [number], size, check
+            )
+        self._framings = request.framings(self.stream.store) or framings_of(request, self.stream, numbers)
+        surfaces = FramedSurfaces(sketch, self.stream, self._framings)
+        self.feed.say("Framing …")
+        focus = numbers[0] if self.focus is None else self.focus
+        self._draw(take_number, surfaces, sorted(numbers, key=lambda n: abs(n - focus)), size, check)
+        self.feed.say("Writing the movie …")
+        self.done(surfaces)
+        self.feed.say("Done.")
+
+    def _draw(
+        self,
+        take: int,
+        surfaces: FramedSurfaces,
+        numbers: Iterable[int],
+        size: tuple[int, int],
+        check: Callable[[], None],
+    ) -> None:
+        """Show frames; pictures whose recipe is unchanged are reused."""
+        recipes = {number: _recipe(surfaces, number) for number in numbers}
+        stale = []
+        for number, recipe in recipes.items():
+            drawn = self._drawn.get(number)
+            if drawn is None or drawn.recipe != recipe:
+                stale.append(number)
+            elif self.feed.picture(take, number) is not drawn.jpeg:
+                framing = surfaces.framings[number]
+                self._drawn[number] = replace(drawn, sketch=surfaces.sketch, framing=framing)
+                self.feed.show(take, number, drawn.jpeg, projection(surfaces, number))
+        for number, picture in zip(stale, surfaces.pictures(stale, size, "srgb"), strict=True):
+            check()
+            jpeg = jpeg_bytes(picture)
+            self._drawn[number] = Drawn(recipes[number], jpeg, surfaces.sketch, surfaces.framings[number])
+            self.feed.show(take, number, self._drawn[number].jpeg, projection(surfaces, number))
+
+
+def projection(surfaces: FramedSurfaces, number: int) -> dict[str, Any] | None:
+    """Return a frame's camera as the page projects points by it; see `Camera.project`."""
+    return camera_data(surfaces.framings[number].camera, surfaces.sketch.request.aspect)
+
+
+def camera_data(camera: Camera, aspect: float) -> dict[str, Any] | None:
+    """Return a camera as plain data: origin, axes right, up and forward, half the width at depth 1.
+
+    None for a wide camera: the page then has no handles, and its picture does not orbit.
+    """
+    if camera.projection.is_wide:
+        return None
+    half = math.tan(camera.field_of_view / 2.0)
+    axes = camera.axes().tolist()
+    return {
+        "origin": list(camera.origin),
+        "target": list(camera.target),
+        "axes": axes,
+        "half": half,
+        "aspect": aspect,
+    }
+
+
+def files_of(source: ShotSource) -> set[Path]:
+    """Return all files that a shot was read from."""
+    pinned = [Path(path) for path, _ in source.inputs or ()]
+    return {source.path, *(source.path.with_name(name) for name, _ in source.beside), *pinned}
+
+
+def _recipe(surfaces: FramedSurfaces, number: int) -> tuple[Any, ...]:
+    """Return everything that decides a picture."""
+    request, sketch = surfaces.sketch.request, surfaces.sketch
+    shown = request.picture(number)
+    motions = [part.motion for part in request.shot.parts] if sketch.flow else []
+    flows = repr([flow_cache_data(motion, number, (0.0, STEP)) for motion in motions])
+    return (
+        request.normals_key(number),
+        repr(speed_data(request, number)),
+        surfaces.framings[number],
+        (*(part.picture(number).look for part in request.parts), shown.lights, shown.stage, shown.view),
+        (sketch.flow, flows, sketch.edges, sketch.burn_in),
+    )
+
+
+REST_SECONDS = 1.0
+"""Time from the begin of a picture of a drag in which nothing else is computed, unless an edit is written."""
+
+POLL_SECONDS = 0.1
+"""Seconds between checks for an edit."""
+
+Stamp = frozenset[tuple[str, int, int]]
+"""Paths with the time they were last written, ns, and their sizes."""
+
+
+def stamp(paths: Collection[Path]) -> Stamp:
+    """Return the stamp of files. Missing ones count: editors may remove a file before they save it."""
+    entries = set()
+    for path in paths:
+        try:
+            facts = path.stat()
+            entries.add((str(path), facts.st_mtime_ns, facts.st_size))
+        except OSError:
+            entries.add((str(path), 0, 0))
+    return frozenset(entries)
+
+
+def wait_for_edit(paths: Collection[Path], before: Stamp, edited: Event | None = None) -> None:
+    """Wait until files differ from `before` and have stopped changing.
+
+    edited  set by whoever has written one of them whole: then there is nothing to wait for
+    """
+    edited = edited or Event()
+    now = before
+    while now == before:
+        is_whole = edited.wait(POLL_SECONDS)
+        edited.clear()
+        now = stamp(paths)
+    last = now if is_whole else before
+    while now != last:
+        time.sleep(POLL_SECONDS / 2)
+        last, now = now, stamp(paths)

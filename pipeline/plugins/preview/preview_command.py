@@ -1,0 +1,266 @@
+"""The command `preview`: a quick look at a shot, and a page that follows its edits."""
+
+from __future__ import annotations
+
+import webbrowser
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipeline.animation import FrameProgress
+from pipeline.animation.growth import growth_warning
+from pipeline.cli.options import Common, Frames, Shot, ShotOptions, at_option, output_option
+from pipeline.cli.output import (
+    err,
+    frame_progress,
+    make_folder_of,
+    print_error,
+    print_result,
+    print_warning,
+)
+from pipeline.errors import FlowsculptError, UsageError
+from pipeline.flow.flow import require_permission
+from pipeline.plugins.preview.animatic import Animatic, FrameCallback, FramedSurfaces
+from pipeline.plugins.preview.film_animatic import film_path, write_film_animatic
+from pipeline.plugins.preview.live_feed import LiveFeed
+from pipeline.plugins.preview.live_server import serving
+from pipeline.plugins.preview.live_session import LiveSession, files_of, stamp, wait_for_edit
+from pipeline.plugins.preview.shot_editor import ShotEditor
+from pipeline.plugins.preview.sketch import Sketch
+from pipeline.plugins.preview.staging import actions_of
+from pipeline.plugins.preview.surface_stream import SurfaceStream
+from pipeline.production.maintenance.first_frame import estimated_vertices, longest_edge
+from pipeline.production.request.edit import Edit
+from pipeline.production.request.lookup import find_edit, find_shot, names_edit
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.store.store import Store
+from render.base.plural import plural
+from render.graphics.burn_in import BurnIn
+from render.scene.quality import DEFAULT_QUALITY
+
+
+def preview(
+    common: Common,
+    shot: Shot,
+    options: ShotOptions,
+    at: Annotated[int | None, at_option("Draw a still of this frame. Default: a movie.")] = None,
+    frames: Frames = None,
+    flow: Annotated[
+        bool, typer.Option("--flow", help="Draw the flow: its streamlines at each frame, coloured by speed.")
+    ] = False,
+    edges: Annotated[bool, typer.Option("--edges", help="Draw the edges of the faces.")] = False,
+    burn_in: Annotated[
+        str | None,
+        typer.Option(
+            "--burn-in",
+            metavar="FIELDS",
+            help="Write over the picture: all, or some of shot,frame,timecode,key.",
+        ),
+    ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Open a page that shows the shot, follows its edits and edits it.")
+    ] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Draw again whenever the shot file is saved, until Ctrl-C.")
+    ] = False,
+    port: Annotated[
+        int,
+        typer.Option(min=0, max=65535, metavar="PORT", help="The port of the live page; 0 is any free one."),
+    ] = 0,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the live page in a browser.")
+    ] = True,
+    output: Annotated[Path | None, output_option("Write this PNG or MP4.")] = None,
+) -> None:
+    """Draw a shot in seconds, without a path tracer: with its camera, lights and look, but no reflections.
+
+    `flowsculpt preview A010_cube` writes a movie to renders/A010_cube/preview; `flowsculpt preview A010_cube
+    --at 22 --edges` a still with its faces. Frames that are not simulated yet are simulated for the picture
+    only; `flowsculpt simulate` stores meshes.
+
+    `flowsculpt preview film` draws the film of shots/film.yaml, with cards, dissolves and sound, to
+    renders/film/preview.
+
+    `flowsculpt preview A010_cube --live` opens a page on this machine that shows frames while they are
+    simulated. Values, keys, camera and flows are edited there, which writes the shot file. After each edit,
+    also one of a text editor, simulation goes on from the first frame that changed. Ctrl-C ends it.
+    """
+    if at is not None and frames is not None:
+        raise UsageError("--at is for a still and --frames for a movie; give one of them")
+    suffix = ".mp4" if at is None else ".png"
+    if output is not None and output.suffix.lower() != suffix:
+        raise UsageError(f"{output} is no {suffix[1:].upper()}, as this preview is; end its name in {suffix}")
+    if at is not None and (live or watch):
+        raise UsageError("--live and --watch show movies; leave --at out")
+    fields = None if burn_in is None else BurnIn.parse(burn_in)
+    if names_edit(shot):
+        if at is not None or frames is not None or live or watch:
+            raise UsageError(
+                f"{shot} is an edit, which is drawn whole; --at, -f, --live and --watch are for shots"
+            )
+        edit, requests = options.project(common).edit(DEFAULT_QUALITY, find_edit(shot), variant="none")
+        _draw_film(common, edit, [Sketch(each, flow, edges, fields) for each in requests], output)
+        return
+    path = find_shot(shot)
+
+    def read() -> Sketch:
+        """Return the shot as its file is now."""
+        numbers = str(at) if at is not None else frames
+        request = options.project(common).request(path, DEFAULT_QUALITY, numbers, variant="none")
+        _require_permissions(request)
+        return Sketch(request, flow, edges, fields)
+
+    sketch, store = read(), Store(common.root)
+    target = output or common.root / sketch.path(at)
+    if common.dry_run or not (live or watch):
+        _draw_once(common, sketch, store, at, target)
+        return
+    make_folder_of(target)
+    with SurfaceStream(store) as stream:
+        if live:
+            editor = ShotEditor(path, tuple(options.settings or ()), options.allow_code)
+            _serve(common, read, stream, target, editor, port, browser)
+        else:
+            _redraw(common, read, stream, target, {path, *files_of(sketch.request.source)})
+
+
+def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, path: Path) -> None:
+    """Draw a still of frame `at`, or the movie of all requested frames."""
+    numbers = {at} if at is not None else set(sketch.request.requested)
+    frames = plural(len(numbers), "frame")
+    if not common.dry_run:
+        with SurfaceStream(store, once=True) as stream:
+            make_folder_of(path)
+            animatic = Animatic(sketch, stream)
+            played = animatic.played(numbers) if at is None else animatic.played_for_still(at)
+            if not all(stream.knows(sketch.request, number) for number in played):
+                _warn_of_growth(sketch.request, max(played))
+            with _bars(common, [animatic], {"simulating": len(played), "drawing": len(numbers)}) as report:
+                if at is None:
+                    animatic.movie(path, report)
+                else:
+                    animatic.still(at, path, report)
+    for line in _notes(sketch.request):
+        print_warning(line)
+    words = f"{path}: {frames}{' would be drawn' if common.dry_run else ''}."
+    print_result(words, {"path": str(path), "frames": len(numbers)}, common.json)
+
+
+def _draw_film(common: Common, edit: Edit, sketches: Sequence[Sketch], output: Path | None) -> None:
+    """Draw the movie of an edit; `sketches` are those of its clips."""
+    path, store = output or common.root / film_path(edit), Store(common.root)
+    for sketch in sketches:
+        _require_permissions(sketch.request)
+    if not common.dry_run:
+        make_folder_of(path)
+        with ExitStack() as stack:
+            streams = [stack.enter_context(SurfaceStream(store, once=True)) for _ in sketches]
+            clips = [Animatic(*each) for each in zip(sketches, streams, strict=True)]
+            played = sum(len(clip.played(set(clip.sketch.request.requested))) for clip in clips)
+            with _bars(common, clips, {"simulating": played, "drawing": edit.length}) as report:
+                write_film_animatic(edit, clips, path, report)
+    for line in dict.fromkeys(line for each in sketches for line in _notes(each.request)):
+        print_warning(line)
+    words = f"{path}: {plural(edit.length, 'frame')}{' would be drawn' if common.dry_run else ''}."
+    print_result(words, {"path": str(path), "frames": edit.length}, common.json)
+
+
+def _require_permissions(request: RenderRequest) -> None:
+    for part in request.shot.parts:
+        require_permission(part.motion.flow)
+
+
+def _notes(request: RenderRequest) -> list[str]:
+    return [f"{request.name}: {line}" for line in request.source.new_notes()]
+
+
+def _warn_of_growth(request: RenderRequest, last: int) -> None:
+    """Warn of subjects whose vertices multiply up to the frame `last`, before they are simulated."""
+    for part in request.shot.parts:
+        motion = part.motion
+        longest = longest_edge(motion)
+        if motion.resampling is None or longest is None:
+            continue
+        mesh = motion.mesh_at_rest()
+        vertices = estimated_vertices(mesh, longest)
+        if warning := growth_warning(motion, mesh.vertices, mesh.faces, vertices, last):
+            print_warning(f"{request.name}: {warning}")
+
+
+def _redraw(
+    common: Common, read: Callable[[], Sketch], stream: SurfaceStream, movie: Path, watched: set[Path]
+) -> None:
+    """Draw the movie now and after each edit of the watched files, until Ctrl-C."""
+    while True:
+        before = stamp(watched)
+        try:
+            sketch = read()
+            added = files_of(sketch.request.source) - watched
+            watched, before = watched | added, before | stamp(added)
+            animatic = Animatic(sketch, stream)
+            requested = set(sketch.request.requested)
+            totals = {"simulating": len(animatic.played(requested)), "drawing": len(requested)}
+            with _bars(common, [animatic], totals) as report:
+                _report_movie(common, movie, animatic.movie(movie, report))
+        except FlowsculptError as error:
+            print_error(str(error))
+        wait_for_edit(watched, before)
+
+
+def _serve(
+    common: Common,
+    read: Callable[[], Sketch],
+    stream: SurfaceStream,
+    movie: Path,
+    editor: ShotEditor,
+    port: int,
+    browser: bool,
+) -> None:
+    """Show the shot on a live page, and after each edit; until Ctrl-C."""
+    feed = LiveFeed()
+
+    def write_movie(surfaces: FramedSurfaces) -> None:
+        _report_movie(common, movie, surfaces.movie(movie, lambda stage, number: None))
+
+    session = LiveSession(read, feed, stream, write_movie, {editor.path})
+    with serving(feed, port, actions_of(editor, session)) as address:
+        err.print(f"Live at {address} – Ctrl-C ends it.", soft_wrap=True)
+        if browser:
+            webbrowser.open(address)
+        session.follow()
+
+
+def _report_movie(common: Common, movie: Path, frames: int) -> None:
+    print_result(f"{movie}: {plural(frames, 'frame')}.", {"path": str(movie), "frames": frames}, common.json)
+
+
+@contextmanager
+def _bars(
+    common: Common, animatics: Sequence[Animatic], totals: Mapping[str, int]
+) -> Iterator[FrameCallback]:
+    """Yield what reports a frame as simulated or drawn, with a bar for each of `totals`.
+
+    The first bar moves within frames that take long, and what makes a frame slow is printed.
+    """
+    from rich.progress import TextColumn  # takes time to import
+
+    with frame_progress(TextColumn("{task.fields[now]}", style="dim"), wanted=common.progress) as progress:
+        tasks = {stage: progress.add_task(stage, total=total, now="") for stage, total in totals.items()}
+        done = dict.fromkeys(totals, 0)
+
+        def frame_done(stage: str, number: int) -> None:
+            done[stage] += 1
+            progress.update(tasks[stage], completed=done[stage], now="")
+
+        def report(within: FrameProgress) -> None:
+            if within.slow:
+                print_warning(within.slow)
+            now = f"frame {within.frame} ({within.share:.0%}, {within.work})"
+            progress.update(tasks["simulating"], completed=done["simulating"] + within.share, now=now)
+
+        for animatic in animatics:
+            animatic.stream.callback = report
+        yield frame_done

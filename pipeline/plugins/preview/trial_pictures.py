@@ -1,0 +1,264 @@
+"""Pictures of edits that are not written yet: the current frame, small and at once, during a drag.
+
+Look, lights, stage and camera only need drawing. What the other edits change is approximated by
+`trial_surfaces`; of resampling and smoothing, which hardly change the picture, the frame is drawn as it is.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+from threading import Lock
+from typing import Any
+
+import numpy as np
+
+from pipeline.arrays import AnyArray
+from pipeline.errors import UsageError
+from pipeline.plugins.preview.animatic import size_for
+from pipeline.plugins.preview.live_session import Drawn, LiveSession, camera_data
+from pipeline.plugins.preview.shot_editor import ShotEditor
+from pipeline.plugins.preview.trial_surfaces import CarriedPoints, built, with_speeds
+from pipeline.production.render_inputs.framing import AHEAD, Framing, frame_all, with_stage_in_view
+from pipeline.production.request.planning_cache import NO_CACHE
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.shot.yaml.edits import ValueEdit
+from pipeline.shot.yaml.source import Where
+from render.post.image import jpeg_bytes
+from render.scene.camera import Camera
+from render.scene.measure import SPEED
+
+SIZE = (240, 135)
+"""Pixels of a 16:9 picture: a quarter of those of the page's pictures."""
+
+FRAMED = 600
+"""Points of a frame, about, by which a trial's camera is framed."""
+
+MOST_FRAMED = 64
+"""Frames by which a trial's camera is framed that holds still over the whole shot."""
+
+
+class Change(IntEnum):
+    """Parts of a subject's surface that an edit changes, from none to all of it."""
+
+    PICTURE = 0
+    MESH = 1
+    FLOW = 2
+    SUBJECT = 3
+
+
+CHANGES = {
+    **dict.fromkeys(("camera", "look", "lights", "stage", "shutter"), Change.PICTURE),
+    **dict.fromkeys(("resample", "smooth"), Change.MESH),
+    **dict.fromkeys(("flows", "speed"), Change.FLOW),
+    "subject": Change.SUBJECT,
+}
+"""Changes by the entries of a shot. Other entries of one of several subjects change that subject."""
+
+WORDS = {
+    Change.PICTURE: "Small until you let go",
+    Change.MESH: "As it was: the mesh is made anew when you let go",
+    Change.FLOW: "Approximate: moved by the change of the flow, not simulated yet",
+    Change.SUBJECT: "Approximate: a coarse subject, not simulated yet",
+}
+
+
+@dataclass(eq=False)
+class TrialPictures:
+    """Draws the frame that a page shows, with edits of its shot file; safe to use from several threads."""
+
+    editor: ShotEditor
+    session: LiveSession
+    _lock: Lock = field(default_factory=Lock)
+    _carried: dict[str, tuple[Drawn, CarriedPoints]] = field(default_factory=dict)
+    _extents: dict[tuple[int, str], AnyArray] = field(default_factory=dict)
+
+    def picture(self, digest: str, edits: Sequence[ValueEdit], number: int) -> dict[str, Any]:
+        """Return a JPEG in base64, its camera, and words about how exact it is.
+
+        Raises StaleError where the file has another text, ShotError where the edits have no place or value in
+        it, FrameError where the flow fails, and UsageError where there is nothing to draw yet.
+        """
+        self.session.hold()
+        with self._lock:
+            drawn = self._drawn(number)
+            request = _with_text(drawn.sketch.request, self.editor.trial(digest, edits))
+            places, parts = [edit.where for edit in edits], drawn.sketch.request.parts
+            if [part.source.subject for part in parts] != [part.source.subject for part in request.parts]:
+                raise UsageError("other subjects are simulated first; the drag shows nothing until they are")
+            changes = [change_of(places, part.source.subject) for part in parts]
+            surfaces = [
+                self._surface(drawn, before, after, change, number)
+                for before, after, change in zip(parts, request.parts, changes, strict=True)
+            ]
+            framing = drawn.framing
+            if Change.SUBJECT in changes:
+                framing = self._framing_of_subject(drawn, request, surfaces, number)
+            elif any(place[0] == "camera" for place in places):
+                framing = self._framing(drawn, request, number)
+        sketch = replace(drawn.sketch, request=request, flow=False, burn_in=None, quick=True)
+        picture = sketch.picture(number, surfaces, framing, size_for(request.aspect, SIZE), "srgb")
+        return {
+            "picture": base64.b64encode(jpeg_bytes(picture)).decode(),
+            "camera": camera_data(framing.camera, request.aspect),
+            "words": WORDS[max(changes)],
+        }
+
+    def prepare(self, where: Where, number: int) -> None:
+        """Prepare the first picture of a drag: the page asks when the pointer goes down on a value."""
+        self.session.hold()
+        drawn = self.session.drawn(number)
+        if drawn is None:
+            return
+        with self._lock:
+            if where[0] == "camera":
+                self._framing(drawn, drawn.sketch.request, number)
+            for part in drawn.sketch.request.parts:
+                if change_of([where], part.source.subject) == Change.FLOW:
+                    self._carry(drawn, part, number)
+
+    def _drawn(self, number: int) -> Drawn:
+        drawn = self.session.drawn(number)
+        if drawn is None:
+            raise UsageError(f"frame {number} is not simulated yet; the drag shows nothing until it is")
+        return drawn
+
+    def _surface(
+        self, drawn: Drawn, before: RenderRequest, after: RenderRequest, change: Change, number: int
+    ) -> dict[str, AnyArray]:
+        """Return the arrays of one subject, whose requests before and after the edit are given."""
+        motion = after.shot.motion
+        if change == Change.SUBJECT:
+            arrays = built(motion, number, after.shot.picture.tessellate)
+        elif change == Change.FLOW:
+            arrays = self._carry(drawn, before, number).moved(motion, number)
+        else:
+            arrays = self.session.arrays(before, number)
+        if after.measures_speed and (change >= Change.FLOW or SPEED not in arrays):
+            arrays = with_speeds(arrays, motion, number)
+        return arrays
+
+    def _carry(self, drawn: Drawn, part: RenderRequest, number: int) -> CarriedPoints:
+        """Return points that the flow of one subject carries to a frame, kept for the next picture."""
+        name = part.source.subject
+        known, carried = self._carried.get(name, (None, None))
+        if carried is None or known is not drawn:
+            motion = part.shot.motion
+            at_first = self._at_first(part)
+            arrays, subjects = self.session.arrays(part, number), len(drawn.sketch.request.parts)
+            carried = CarriedPoints.of(motion, at_first, arrays, number, subjects)
+            self._carried[name] = drawn, carried
+        return carried
+
+    def _at_first(self, part: RenderRequest) -> AnyArray:
+        """Return the vertices of a subject in the first frame."""
+        first = part.shot.motion.frames.first
+        if not self.session.stream.knows(part, first):
+            begun = self.session.drawn(first)
+            if begun is None:
+                raise UsageError("the first frame is not simulated yet; the drag shows nothing until it is")
+            name = part.source.subject
+            part = next(each for each in begun.sketch.request.parts if each.source.subject == name)
+        return self.session.arrays(part, first)["vertices"]
+
+    def _framing(self, drawn: Drawn, request: RenderRequest, number: int) -> Framing:
+        """Return the framing of a frame for another camera.
+
+        It is computed for few points of the frames around, before and after the edit, and the true framing
+        moves as these do.
+        """
+        numbers = sorted(drawn.sketch.request.angles)
+        if request.follow == drawn.sketch.request.follow == 1.0:
+            numbers = [n for n in numbers if abs(n - number) <= AHEAD]
+        else:
+            numbers = [n for n in numbers if n == number or not n % -(-len(numbers) // MOST_FRAMED)]
+        numbers = [n for n in numbers if self.session.drawn(n) is not None]
+        extents = [self._extent(n) for n in numbers]
+        index = numbers.index(number)
+
+        def framed(asked: RenderRequest) -> Framing:
+            views = [asked.view(n) for n in numbers]
+            return frame_all(views, lambda i: extents[i], asked.aspect, asked.follow)[index]
+
+        before, after = framed(drawn.sketch.request), framed(request)
+        return _corrected(after, before, drawn.framing, request, number)
+
+    def _framing_of_subject(
+        self, drawn: Drawn, request: RenderRequest, surfaces: Sequence[Mapping[str, AnyArray]], number: int
+    ) -> Framing:
+        """Return the framing of a frame for another subject: it moves as one by this frame alone would."""
+        known = [self.session.arrays(part, number) for part in drawn.sketch.request.parts]
+
+        def framed(asked: RenderRequest, seen: Sequence[Mapping[str, AnyArray]]) -> Framing:
+            points = np.concatenate([arrays["vertices"] for arrays in seen])
+            return frame_all([asked.view(number)], lambda i: points, asked.aspect, asked.follow)[0]
+
+        before, after = framed(drawn.sketch.request, known), framed(request, surfaces)
+        return _corrected(after, before, drawn.framing, request, number)
+
+    def _extent(self, number: int) -> AnyArray:
+        """Return a part of a frame's points (N, 3)."""
+        drawn = self.session.drawn(number)
+        assert drawn is not None, "only frames that are drawn are asked for"
+        key = number, drawn.key
+        if key not in self._extents:
+            parts = drawn.sketch.request.parts
+            each = [self.session.arrays(part, number)["vertices"] for part in parts]
+            self._extents = {place: part for place, part in self._extents.items() if place[0] != number}
+            self._extents[key] = np.concatenate([p[:: -(-len(parts) * len(p) // FRAMED)] for p in each])
+        return self._extents[key]
+
+
+def change_of(places: Sequence[Where], subject: str) -> Change:
+    """Return what edits at some paths change of a subject; its name is empty where it is the only one.
+
+    Raises UsageError for a path whose edits have no picture.
+    """
+    found = [Change.PICTURE]
+    for place in places:
+        if place[0] == "subjects" and len(place) > 2:
+            if place[1] == subject:
+                found.append(CHANGES.get(str(place[2]), Change.SUBJECT))
+        elif place[0] in CHANGES:
+            found.append(CHANGES[str(place[0])])
+        else:
+            raise UsageError(f"{place[0]} shows when you let go")
+    return max(found)
+
+
+def _with_text(request: RenderRequest, text: str) -> RenderRequest:
+    """Return a request of the same frames for another text of its shot.
+
+    What the request would plan is set here, for planning all frames of a long shot takes too long for a drag.
+    """
+    trial = replace(request, source=replace(request.source, text=text, inputs=None, cache=NO_CACHE))
+    subjects = trial.shot.subjects
+    parts = [replace(trial, source=trial.source.of_subject(part.subject)) for part in subjects]
+    for each in (trial, *parts):
+        vars(each)["angles"] = request.angles
+    vars(trial)["parts"] = tuple(parts) or (trial,)
+    return trial
+
+
+def _corrected(
+    after: Framing, before: Framing, true: Framing, request: RenderRequest, number: int
+) -> Framing:
+    """Return a framing by few points of an edited shot, corrected as that before the edit has to be."""
+    stands, stood, is_true = after.placement, before.placement, true.placement
+    origin = np.add(stands.origin, np.subtract(is_true.origin, stood.origin)).tolist()
+    placement = replace(stands, origin=tuple(origin), size=stands.size * is_true.size / stood.size)
+    camera = after.camera
+    if request.view(number).position is None:
+        camera = _corrected_camera(camera, before.camera, true.camera)
+    return with_stage_in_view(Framing(camera, placement), request.shot.picture.stage, request.flat_aspect)
+
+
+def _corrected_camera(camera: Camera, rough: Camera, true: Camera) -> Camera:
+    """Return a camera moved and brought nearer as one has to be that is as rough."""
+    target = np.add(camera.target, np.subtract(true.target, rough.target))
+    factor = np.linalg.norm(np.subtract(true.origin, true.target))
+    factor /= np.linalg.norm(np.subtract(rough.origin, rough.target))
+    origin = target + factor * np.subtract(camera.origin, camera.target)
+    return replace(camera, origin=tuple(origin.tolist()), target=tuple(target.tolist()))

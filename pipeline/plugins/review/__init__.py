@@ -1,0 +1,22 @@
+"""The review page: the pictures of shots side by side, frame by frame, and notes on them."""
+
+from pipeline.plugin import Command, Plugin
+
+PLUGIN = Plugin(
+    name="review",
+    version="1",
+    commands={
+        "review": Command(
+            "pipeline.plugins.review.review_command:review",
+            "Write a page to look at shots frame by frame, and to write notes.",
+            "Look",
+        ),
+        "notes": Command(
+            "pipeline.plugins.review.notes_command:notes",
+            "List the notes that reviewers wrote about a shot.",
+            "Look",
+        ),
+    },
+    schemas={"notes": "pipeline.plugins.review.review_notes:NotesDocument"},
+    notes="pipeline.plugins.review.notes_folder:notes_file",
+)

@@ -1,0 +1,187 @@
+"""Layers of some frames for the page: beauty, AOVs and light groups as half floats, and display pixels.
+
+A page in a local folder may not read pixels of picture files, but it may run scripts: each layer of a frame
+is a script that calls the page's `reviewLayer`.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.production.maintenance.picture_sequences import PictureSequence
+from pipeline.production.store.store import DAMAGED, Store, key_of
+from render.base.errors import RenderError
+from render.post.colour import quantise, to_display, view_table
+from render.post.image import read_exr, read_header
+from render.post.view import ColourView
+from render.scene.light_groups import PREFIX
+
+FORMAT = 2
+
+VIEW = "view"
+"""The table of the view of a sequence, as a layer: display values by light."""
+
+DISPLAY = "picture"
+"""The layer of display values, 8 bits: the picture as the page's JPEG or PNG shows it."""
+
+LIGHT = ("beauty", "denoised", "noise")
+"""Layers shown by the shot's exposure through the display's curve, as are those of light groups."""
+
+REFLECTANCE = ("albedo", "denoise_albedo")
+"""Layers shown through the display's curve; others are data."""
+
+LARGEST_HALF = 65504.0
+
+
+@dataclass(frozen=True)
+class LayerWriter:
+    """Writes the layers of at most `most` frames of each sequence into the page's folder of layers."""
+
+    store: Store
+    folder: Path
+    most: int
+    threads: int
+
+    def chosen(self, sequence: PictureSequence) -> list[int]:
+        """Return the frames, evenly spaced, with the first and the last of those that can be read."""
+        numbers = sorted(sequence.pictures)
+        indices = np.linspace(0, len(numbers) - 1, min(self.most, len(numbers))).round().astype(int)
+        return [numbers[index] for index in dict.fromkeys(indices.tolist())]
+
+    def write(self, sequence: PictureSequence, tell: Callable[[], None]) -> dict[int, dict[str, str]]:
+        """Write layers unless they are there; return the names of files by frame and layer."""
+
+        def written(number: int) -> tuple[int, dict[str, str]]:
+            files = self._write(sequence, number)
+            tell()
+            return number, files
+
+        with ThreadPoolExecutor(self.threads) as pool:
+            return {number: files for number, files in pool.map(written, self.chosen(sequence)) if files}
+
+    def _write(self, sequence: PictureSequence, number: int) -> dict[str, str]:
+        """Write the layers of one frame, and return their files; none if the picture is damaged."""
+        picture = sequence.pictures[number]
+        try:
+            self.store.digests.check(picture.path)
+            finished = read_exr(picture.path)[0].arrays
+            display = sequence.display
+            shown = quantise(to_display(finished["beauty"], display.exposure, "srgb", display.view))
+            arrays = {**finished, **_raw_layers(sequence, number, finished)}
+        except (*DAMAGED, RenderError, ValueError):
+            return {}
+        files = {}
+        view = self._write_view(display.view)
+        for name, values in {DISPLAY: shown, **arrays}.items():
+            file = f"{key_of('layer', FORMAT, sequence.still_key('png', number), name)}.js"
+            if not self.store.is_whole(self.folder / file):
+                write = partial(
+                    _write_script, file=file, name=name, values=values, exposure=display.exposure, view=view
+                )
+                self.store.write(self.folder / file, write)
+            files[name] = file
+        return {**files, VIEW: view}
+
+    def _write_view(self, view: ColourView) -> str:
+        """Write the table of a view unless it is there, and return its file's name."""
+        file = f"{key_of('view', FORMAT, view.recipe)}.js"
+        if not self.store.is_whole(self.folder / file):
+            table = view_table("srgb", view)
+            side = table.values.shape[0]
+            steps = np.rint(255.0 * np.clip(table.values, 0.0, 1.0)).astype(np.uint8)
+            about = {"toe": table.toe, "white": table.white, "side": side}
+            script = as_script(file, DISPLAY, steps.reshape(side * side, side, 3), about=about)
+            self.store.write(self.folder / file, lambda draft: draft.write_text(script, encoding="utf-8"))
+        return file
+
+
+def _raw_layers(
+    sequence: PictureSequence, number: int, finished: Mapping[str, NDArray[Any]]
+) -> dict[str, NDArray[Any]]:
+    """Return the AOVs of the rendered frame that the finished one was made from and does not have.
+
+    There are none where the rendered frame is gone, or was rendered anew since.
+    """
+    path, picture = sequence.raws.get(number), sequence.pictures[number]
+    if path is None or not path.is_file():
+        return {}
+    try:
+        if read_header(path).get("key") != picture.header.get("raw_key"):
+            return {}
+        arrays = read_exr(path)[0].arrays
+    except RenderError:
+        return {}
+    return {name: arrays[name] for name in sorted(arrays) if name not in finished}
+
+
+def _write_script(
+    draft: Path, file: str, name: str, values: NDArray[Any], exposure: float, view: str
+) -> None:
+    is_shown = name == "beauty" or name.startswith(PREFIX)
+    draft.write_text(
+        as_script(file, name, values, exposure, {"view": view} if is_shown else {}), encoding="utf-8"
+    )
+
+
+def as_script(
+    file: str,
+    name: str,
+    values: NDArray[Any],
+    exposure: float = 0.0,
+    about: Mapping[str, Any] = MappingProxyType({}),
+) -> str:
+    """Return a call of the page's `reviewLayer` with a layer, (H, W) or (H, W, C).
+
+    Channels lie one after another as 16 bits, half floats or display steps; each value is the difference
+    from the one to its left, modulo 2^16; then all lower bytes, all upper ones; deflate; base64.
+
+    low, high  shown as black and white; vectors have zero in the middle
+    exposure   stops, of layers of light
+    about      more that the page is told of it
+    """
+    planes = np.moveaxis(values.reshape(*values.shape[:2], -1), 2, 0)
+    if name == DISPLAY:
+        kind, bits, low, high = "display", planes.astype("<u2"), 0.0, 255.0
+    else:
+        is_light = name in LIGHT or name.startswith(PREFIX)
+        kind = "light" if is_light or name in REFLECTANCE else "data"
+        bits = np.clip(planes, -LARGEST_HALF, LARGEST_HALF).astype("<f2").view("<u2")
+        low, high = _range(planes) if kind == "data" else (0.0, 2.0**-exposure if is_light else 1.0)
+    differences = np.diff(bits, axis=2, prepend=np.uint16(0)).astype("<u2")
+    swapped = np.ascontiguousarray(differences.view(np.uint8).reshape(-1, 2).T)
+    data = {
+        "kind": kind,
+        "width": values.shape[1],
+        "height": values.shape[0],
+        "channels": len(planes),
+        "low": low,
+        "high": high,
+        **about,
+        "data": base64.b64encode(zlib.compress(swapped.tobytes(), 6)).decode("ascii"),
+    }
+    return f"reviewLayer({json.dumps(file)}, {json.dumps(data)});\n"
+
+
+def _range(planes: NDArray[Any]) -> tuple[float, float]:
+    """Return the values of a data layer that are shown as black and white."""
+    finite = planes[np.isfinite(planes)]
+    if not finite.size:
+        return 0.0, 1.0
+    low, high = float(finite.min()), float(finite.max())
+    if len(planes) > 1 and low < 0.0:
+        low, high = -max(-low, high), max(-low, high)
+    elif low >= 0.0 and high <= 1.0:
+        low, high = 0.0, 1.0
+    return low, high if high > low else low + 1.0

@@ -1,0 +1,249 @@
+"""Write the page: a folder of plain files that a browser opens without network and server.
+
+renders/review/<name>/index.html     open this
+renders/review/<name>/page/…         its scripts and style
+renders/review/<name>/data.js        the sequences and the measures
+renders/review/<name>/pictures/…     frames and sheets of thumbnails, by keys
+renders/review/<name>/models/…       meshes, by keys
+renders/review/<name>/layers/…       linear layers of some frames, by keys
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from pipeline.plugins.review import view_3d
+from pipeline.plugins.review.layers import LayerWriter
+from pipeline.plugins.review.proxies import Proxies, ProxyWriter
+from pipeline.plugins.review.review_material import ShotMaterial
+from pipeline.plugins.review.review_notes import ReviewNote, as_data
+from pipeline.production.maintenance.measures import TIMED_STAGES, limits_of, measured
+from pipeline.production.maintenance.picture_sequences import PictureSequence
+from pipeline.production.planning.timings import LatestTimings
+from pipeline.production.store.store import Store, key_of
+from render.base.atomic_write import disk_errors
+
+SOURCES = files("pipeline.plugins.review") / "page"
+
+Tell = Callable[[], None]
+
+
+@dataclass(frozen=True)
+class ReviewPage:
+    """A page of shots in a folder under the root.
+
+    models     most mesh frames of each shot
+    form       file format of pictures: jpeg, or png, which is lossless
+    crossings  count those of every frame
+    notes      what reviewers wrote, to be shown from the start
+    layers     most frames of each sequence whose layers the page has
+    """
+
+    name: str
+    store: Store
+    shots: Sequence[ShotMaterial]
+    form: str
+    models: int
+    threads: int
+    crossings: bool = False
+    notes: Sequence[ReviewNote] = ()
+    layers: int = 0
+
+    @property
+    def folder(self) -> Path:
+        return self.store.root / "renders" / "review" / self.name
+
+    @property
+    def index(self) -> Path:
+        return self.folder / "index.html"
+
+    @property
+    def sequences(self) -> list[PictureSequence]:
+        return [sequence for material in self.shots for sequence in material.sequences]
+
+    @property
+    def steps(self) -> int:
+        """The number of times that `write` calls `tell`."""
+        pictures = sum(len(each.pictures) + min(self.layers, len(each.pictures)) for each in self.sequences)
+        return pictures + sum(len(material.request.angles) for material in self.shots)
+
+    def write(self, tell: Tell = lambda: None) -> dict[str, int]:
+        """Write missing files, remove those that the page does not show, and return counts by kind.
+
+        Raises MachineError if the disk refuses.
+        """
+        with disk_errors(self.folder):
+            for name in ("pictures", "models", "layers", "page"):
+                (self.folder / name).mkdir(parents=True, exist_ok=True)
+        shots = {material.request.name: self._shot(material, tell) for material in self.shots}
+        sequences = [self._sequence(sequence, tell) for sequence in self.sequences]
+        three_js = view_3d.three_js()
+        data = {
+            "title": self.name,
+            "page": key_of("review page", str(self.folder.absolute())),
+            "notes": as_data(self.notes)["notes"],
+            "shots": shots,
+            "sequences": sequences,
+            "sources": self._sources,
+            "wedges": self._wedges(),
+            "three": "three.js" if three_js else None,
+            "hint": "" if three_js else view_3d.HINT,
+        }
+        for source in SOURCES.iterdir():
+            path = self.index if source.name == self.index.name else self.folder / "page" / source.name
+            self._write(path, source.read_bytes())
+        if three_js:
+            self._write(self.folder / "three.js", f"window.reviewThree = {_json(three_js)};\n".encode())
+        self._write(self.folder / "data.js", f"window.reviewData = {_json(data)};\n".encode())
+        pictures = {name for sequence in sequences for name in sequence["files"] if name}
+        models = {file for shot in shots.values() for _, file in shot["models"]}
+        sheets = {sequence["sheet"]["file"] for sequence in sequences if sequence["sheet"]}
+        _keep(self.folder / "pictures", pictures | sheets)
+        _keep(self.folder / "models", models)
+        layers = {file for each in sequences for files in each["layers"].values() for file in files.values()}
+        _keep(self.folder / "layers", layers)
+        return {
+            "sequences": len(sequences),
+            "pictures": len(pictures),
+            "models": len(models),
+            "frames_with_layers": sum(len(each["layers"]) for each in sequences),
+            "layer_bytes": sum((self.folder / "layers" / file).stat().st_size for file in layers),
+        }
+
+    def _write(self, path: Path, content: bytes) -> None:
+        """Write a file unless it has this content."""
+        if not path.exists() or path.read_bytes() != content:
+            self.store.write(path, lambda draft: draft.write_bytes(content))
+
+    def _shot(self, material: ShotMaterial, tell: Tell) -> dict[str, Any]:
+        """Return data of a shot that all its sequences share."""
+        request = material.request
+        numbers = sorted(request.angles)
+        measures = measured(request, self.store, numbers, self.threads, tell, self.crossings)
+        meshes = view_3d.PageMeshes(request, self.store, self.folder / "models")
+        models = [(number, meshes.write(number)) for number in meshes.chosen(self.models)]
+        return {
+            "title": request.shot.title,
+            "fps": float(request.shot.rate.fps),
+            "numbers": numbers,
+            "limits": list(limits_of(request)),
+            "measures": measures,
+            "models": [[number, name] for number, name in models if name],
+        }
+
+    def _sequence(self, sequence: PictureSequence, tell: Tell) -> dict[str, Any]:
+        writer = ProxyWriter(self.store, self.folder / "pictures", self.form, self.threads)
+        proxies = writer.proxies(sequence, tell)
+        states = {**sequence.states(), **{n: ("failed", why) for n, why in proxies.faults.items()}}
+        readable = [number for number in sequence.numbers if number in sequence.pictures]
+        return {
+            "shot": sequence.shot,
+            "kind": sequence.kind,
+            "label": sequence.label,
+            "quality": sequence.quality,
+            "note": sequence.note,
+            "source": None if sequence.shot_text is None else self._sources.index(sequence.shot_text),
+            "size": list(proxies.size),
+            "numbers": list(sequence.numbers),
+            "files": [proxies.files.get(number) for number in sequence.numbers],
+            "states": {number: list(state) for number, state in states.items()},
+            "sheet": writer.sheet(proxies),
+            "layers": LayerWriter(self.store, self.folder / "layers", self.layers, self.threads).write(
+                sequence, tell
+            ),
+            "facts": {"numbers": readable, **tabled([sequence.pictures[n].header for n in readable])},
+            "seconds": self._seconds(sequence, proxies),
+        }
+
+    def _seconds(self, sequence: PictureSequence, proxies: Proxies) -> dict[str, dict[int, float]]:
+        """Return seconds by stage and frame; none for relit frames, which take none of these stages."""
+        if sequence.kind == "relit":
+            return {}
+        seconds = self._latest.by_stage(sequence.subject, sequence.shot, sequence.quality, TIMED_STAGES)
+        if sequence.kind == "version":
+            seconds.pop("finish", None)  # the logs hold those of the shot's present frames
+        seconds["render"] = {
+            n: round(sum(parts.values()), 3)
+            for n, parts in sequence.seconds.items()
+            if parts and n in proxies.files
+        }
+        return {stage: frames for stage, frames in seconds.items() if frames}
+
+    @cached_property
+    def _sources(self) -> list[str]:
+        """The texts of shot files, each once."""
+        return list(dict.fromkeys(each.shot_text for each in self.sequences if each.shot_text is not None))
+
+    @cached_property
+    def _latest(self) -> LatestTimings:
+        return LatestTimings(self.store.root)
+
+    def _wedges(self) -> list[dict[str, Any]]:
+        indices = {id(sequence): index for index, sequence in enumerate(self.sequences)}
+        return [
+            {
+                "shot": material.request.name,
+                "name": cells.name,
+                "columns": cells.columns,
+                "captions": [[list(line) for line in caption] for caption in cells.captions],
+                "cells": [indices[id(sequence)] for sequence in cells.sequences],
+            }
+            for material in self.shots
+            for cells in material.wedges
+            if cells.sequences
+        ]
+
+
+def _json(data: object) -> str:
+    """Return JSON for a script: it contains no end of a line, and no tag wherever it is pasted."""
+    return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _keep(folder: Path, names: set[str]) -> None:
+    """Remove all other files from a folder of the page."""
+    for path in folder.iterdir():
+        if path.name not in names and path.is_file():
+            path.unlink(missing_ok=True)
+
+
+_OMITTED = frozenset({"frame"})
+"""Entries that differ between frames by definition."""
+
+
+def tabled(headers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return `same`: entries equal in all headers, and `differ`: of the others, a value for each header."""
+    rows = [dict(_flat("", header)) for header in headers]
+    names = sorted({name for row in rows for name in row} - _OMITTED)
+    table: dict[str, Any] = {"same": {}, "differ": {}}
+    for name in names:
+        values = [row.get(name) for row in rows]
+        if all(value == values[0] for value in values):
+            table["same"][name] = values[0]
+        else:
+            table["differ"][name] = values
+    return table
+
+
+def _flat(path: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield entries with dotted names; lists of numbers stay together, and numbers are rounded."""
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield from _flat(f"{path}.{name}" if path else str(name), inner)
+    elif isinstance(value, list) and any(isinstance(inner, Mapping | list) for inner in value):
+        for index, inner in enumerate(value):
+            name = inner.get("name") if isinstance(inner, Mapping) else None
+            yield from _flat(f"{path}.{name or index}", inner)
+    else:
+        yield path, _rounded(value)
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, float):
+        return float(f"{value:.6g}")
+    return [_rounded(inner) for inner in value] if isinstance(value, list) else value

@@ -1,0 +1,207 @@
+"""The 3-D view of the page: three.js, which draws meshes and which set-up fetches, and the meshes.
+
+    python -m pipeline.plugins.review.view_3d    fetch three.js, unless it is installed
+
+The package `nicegui` ships it as one file, with its controls; `requirements.txt` beside this module pins the
+release by its hash. Only this file of the package is kept.
+
+A page may load scripts but no data: meshes are scripts, with positions in 16 bits and normals in 8.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.arrays import AnyArray
+from pipeline.errors import MachineError
+from pipeline.production.maintenance.measures import simulated
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.store import readers
+from pipeline.production.store.digests import CorruptFileError
+from pipeline.production.store.store import Key, Store, key_of
+from render.base import python_process
+from render.base.atomic_write import atomic_write
+
+REQUIREMENTS = Path(__file__).with_name("requirements.txt")
+
+PACKED = Path("nicegui", "elements", "scene", "dist", "index.js")
+"""The path of three.js in the package."""
+
+HINT = (
+    "three.js is not installed, so the page has no 3-D view; "
+    f"{python_process.command_line('pipeline.plugins.review.view_3d')} fetches it"
+)
+
+FORMAT = 2
+
+_OF_VERTICES = ("vertices", "normals")
+
+BUDGET = 64_000_000
+"""Bytes, about, of the meshes of a shot on a page; large meshes come in fewer frames."""
+
+
+@dataclass(frozen=True)
+class PageMeshes:
+    """The mesh frames of a shot on a page; `folder` is the page's folder of their scripts."""
+
+    request: RenderRequest
+    store: Store
+    folder: Path
+
+    def chosen(self, most: int) -> list[int]:
+        """Return at most so many simulated frames, evenly spaced, with the first and the last."""
+        files = {n: found for n in sorted(self.request.angles) if (found := self._files(n))}
+        if not files or most < 1:
+            return []
+        numbers = list(files)
+        largest = max(sum(path.stat().st_size for path, _ in files[number]) for number in numbers[-3:])
+        count = max(1, min(most, len(numbers), BUDGET // max(1, largest)))
+        indices = np.linspace(0, len(numbers) - 1, count).round().astype(int)
+        return [numbers[index] for index in dict.fromkeys(indices.tolist())]
+
+    def write(self, number: int) -> str | None:
+        """Write one frame unless it is there, and return its file's name; None if it cannot be read."""
+        files = self._files(number)
+        if not files:
+            return None
+        keys = [key for _, key in files]
+        name = f"{key_of('model', FORMAT, keys if len(keys) > 1 else keys[0])}.js"
+        if not self.store.is_whole(self.folder / name):
+            try:
+                for path, _ in files:
+                    self.store.digests.check(path)
+                arrays = joined([readers.arrays(key)(path) for path, key in files])
+            except (CorruptFileError, OSError):
+                return None
+            script = as_script(name, arrays)
+            self.store.write(self.folder / name, lambda draft: draft.write_text(script, encoding="utf-8"))
+        return name
+
+    def _files(self, number: int) -> list[tuple[Path, Key]]:
+        """Return path and key of the normals of each subject of a frame; none unless all are simulated."""
+        files = [simulated(part, self.store, number, "normals") for part in self.request.parts]
+        found = [file for file in files if file is not None]
+        return found if len(found) == len(files) else []
+
+
+def joined(subjects: Sequence[dict[str, AnyArray]]) -> dict[str, AnyArray]:
+    """Join the surfaces of a frame to one, and its clouds to one.
+
+    Returns `vertices`, `normals` and `faces` of the surfaces, and `centres` and `radii` of the clouds. A
+    frame without surfaces, or without clouds, has none of theirs.
+    """
+    surfaces = [arrays for arrays in subjects if "faces" in arrays]
+    clouds = [arrays for arrays in subjects if "faces" not in arrays]
+    together: dict[str, AnyArray] = {}
+    if surfaces:
+        starts = np.cumsum([0, *(len(arrays["vertices"]) for arrays in surfaces[:-1])])
+        faces = [arrays["faces"] + start for arrays, start in zip(surfaces, starts, strict=True)]
+        together = {name: np.concatenate([arrays[name] for arrays in surfaces]) for name in _OF_VERTICES}
+        together["faces"] = np.concatenate(faces)
+    if clouds:
+        together["centres"] = np.concatenate([arrays["vertices"] for arrays in clouds])
+        together["radii"] = np.concatenate([arrays["radii"] for arrays in clouds])
+    return together
+
+
+def as_script(name: str, arrays: dict[str, AnyArray]) -> str:
+    """Return a call of the page's `reviewModel` with the arrays of `joined` in base64, little-endian.
+
+    positions, centres  uint16 (V, 3), over the box from `low` to `high`, scene units
+    normals             int8 (V, 3), of the surface
+    faces               uint16 or uint32 (F, 3), as `wide` says
+    radii               float32 (P,), of the cloud, scene units
+    """
+    low, high = _bounds(arrays)
+    extent = np.where(high > low, high - low, 1.0)
+
+    def packed(points: AnyArray) -> str:
+        return _encoded(np.rint((np.asarray(points, np.float64) - low) / extent * 65535.0), "<u2")
+
+    data: dict[str, Any] = {
+        "low": [round(float(x), 6) for x in low],
+        "high": [round(float(x), 6) for x in low + extent],
+    }
+    if "faces" in arrays:
+        wide = len(arrays["vertices"]) > 2**16
+        data |= {
+            "triangles": len(arrays["faces"]),
+            "wide": wide,
+            "positions": packed(arrays["vertices"]),
+            "normals": _encoded(np.rint(np.asarray(arrays["normals"]) * 127.0), "i1"),
+            "faces": _encoded(arrays["faces"], "<u4" if wide else "<u2"),
+        }
+    if "centres" in arrays:
+        data |= {
+            "points": len(arrays["centres"]),
+            "centres": packed(arrays["centres"]),
+            "radii": _encoded(arrays["radii"], "<f4"),
+        }
+    return f"reviewModel({json.dumps(name)}, {json.dumps(data)});\n"
+
+
+def _bounds(arrays: dict[str, AnyArray]) -> tuple[AnyArray, AnyArray]:
+    """Return the least and the greatest coordinates (3,) of the vertices, and of the balls around centres."""
+    ends = [np.asarray(arrays["vertices"], np.float64)] if "faces" in arrays else []
+    if "centres" in arrays:
+        centres, radii = np.asarray(arrays["centres"], np.float64), arrays["radii"][:, None]
+        ends += [centres - radii, centres + radii]
+    points = np.concatenate(ends)
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _encoded(values: AnyArray | Sequence[float], kind: str) -> str:
+    return base64.b64encode(np.ascontiguousarray(values).astype(kind).tobytes()).decode("ascii")
+
+
+def three_js() -> str | None:
+    """Return the text of three.js; None if it is not installed.
+
+    Browsers load no modules from local folders: the page makes the module from this text.
+    """
+    try:
+        text = _installed().read_text(encoding="utf-8")
+    except OSError:
+        return None
+    return re.sub(r"\n//# sourceMappingURL=\S+\s*$", "\n", text)
+
+
+def fetch() -> None:
+    """Fetch three.js unless it is installed. Raises MachineError."""
+    if _installed().exists():
+        return
+    with tempfile.TemporaryDirectory() as work:
+        words = ["install", "--quiet", "--no-deps", "--no-compile", "--require-hashes", "--target", work]
+        pip = python_process.command("pip", *words, "-r", str(REQUIREMENTS))
+        done = subprocess.run(pip, env=python_process.environment())
+        if done.returncode or not (Path(work) / PACKED).exists():
+            raise MachineError("three.js cannot be fetched, and pip says why; review pages have no 3-D view")
+        with atomic_write(_installed()) as draft:
+            shutil.copyfile(Path(work) / PACKED, draft)
+
+
+def _installed() -> Path:
+    """Return the path of three.js in the environment, named by its release."""
+    release = re.search(r"^nicegui==(\S+)", REQUIREMENTS.read_text(encoding="utf-8"), re.MULTILINE)
+    assert release, "the requirement names one release"
+    return Path(sys.prefix) / "web" / f"three.nicegui-{release[1]}.js"
+
+
+if __name__ == "__main__":
+    try:
+        fetch()
+    except MachineError as error:
+        print(error, file=sys.stderr)
+        sys.exit(error.exit_code)

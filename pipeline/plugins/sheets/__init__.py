@@ -1,0 +1,29 @@
+"""Contact sheets, wedges, and plots of what changes over the frames of a shot."""
+
+from pipeline.plugin import Command, Plugin
+
+PLUGIN = Plugin(
+    name="sheets",
+    version="1",
+    commands={
+        "sheet": Command(
+            "pipeline.plugins.sheets.sheet_command:sheet",
+            "Put frames of a shot on one contact sheet.",
+            "Look",
+        ),
+        "figures": Command(
+            "pipeline.plugins.sheets.figures_command:figures",
+            "Plot the measures of a shot's meshes over its frames.",
+            "Look",
+        ),
+        "curves": Command(
+            "pipeline.plugins.sheets.figures_command:curves",
+            "Draw everything in a shot that changes over time.",
+            "Look",
+        ),
+        "wedge": Command(
+            "pipeline.plugins.sheets.wedge_command:wedge", "Render a shot in a grid of variations.", "Render"
+        ),
+    },
+    sequences=("pipeline.plugins.sheets.wedge:wedge_sequences",),
+)

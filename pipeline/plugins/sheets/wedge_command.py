@@ -1,0 +1,143 @@
+"""The command `wedge`: a shot in many variations, on one contact sheet."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from pipeline.cli.execution import (
+    count_words,
+    execute,
+    forecast_facts,
+    forecast_words,
+    made_by_stage,
+    report_notes,
+)
+from pipeline.cli.options import Common, PictureOptions, Quality, Shot, at_option, frames_option
+from pipeline.cli.output import exit_with, print_result, print_warning
+from pipeline.plugins.sheets.wedge import Wedge
+from pipeline.plugins.sheets.wedge_grid import MOST_CELLS, OPTION, Grid, Variation
+from pipeline.production.planning.estimate import estimate
+from pipeline.production.planning.forecast import Forecast
+from pipeline.production.request.lookup import find_shot
+from pipeline.production.stages import STAGES
+from pipeline.shot.yaml.inheritance import inherited
+from render.base.plural import plural
+from render.scene.quality import DEFAULT_QUALITY
+
+
+def wedge(
+    common: Common,
+    shot: Shot,
+    options: PictureOptions,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            OPTION,
+            metavar="NAME=VALUES",
+            help="Vary a value: NAME=first:last:count or NAME=value,value. Repeatable; cells are all "
+            "combinations.",
+        ),
+    ] = None,
+    frames: Annotated[str | None, frames_option("Frames of every cell. Default: the sheet's.")] = None,
+    at: Annotated[int | None, at_option("The frame of the sheet. Default: the middle one.")] = None,
+    quality: Quality = DEFAULT_QUALITY,
+    columns: Annotated[
+        int | None,
+        typer.Option(
+            min=1, metavar="N", help="Columns of the sheet. Default: the values of the last --vary."
+        ),
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help=f"Allow more than {MOST_CELLS} cells.")] = False,
+) -> None:
+    """Render a shot in a grid of variations, and put them on a contact sheet.
+
+    `flowsculpt wedge A010_cube --vary flows.1.twist.amount.keys.57=20:80:4 --vary look=clay,glaze`
+    renders the middle frame of eight cells to folders below renders/wedge/A010_cube, and a PNG labelled
+    with their values. With `-f 1-48` it renders these frames of every cell, and the sheet is a movie too.
+    Work that cells share is done once: a wedge over looks simulates the shot only once.
+
+    A value with keys is varied at one of them, as here at frame 57. Varied as a whole it would lose its keys.
+    """
+    grid = Grid.parse(vary or [], yes)
+    project = options.project(common)
+    named = options.quality(quality, project, [shot])
+    made = Wedge(project, find_shot(shot), grid, named, frames, at, columns)
+    for note in _notes(made):
+        print_warning(note)
+    if common.dry_run:
+        _report(common, made)
+        return
+    outcome = execute(common, made.plan)
+    sheets = made.draw()
+    facts = {
+        "cells": _cells(made),
+        "frame": made.number,
+        "sheets": [path.as_posix() for path in sheets],
+        "made": made_by_stage(outcome),
+        "done": not outcome.unfinished,
+    }
+    rendered = f"{plural(len(grid), 'cell')}, {plural(outcome.made('render'), 'frame')} rendered"
+    print_result(f"{', '.join(path.as_posix() for path in sheets)}: {rendered}.", facts, common.json)
+    exit_with(outcome.exit_code)
+
+
+def _notes(made: Wedge) -> list[str]:
+    """Return what to tell about deformations whose amount a variation makes the same in every frame."""
+    notes: dict[str, str] = {}
+    varied = [variation for variation in made.grid.variations if variation.name.endswith(".amount")]
+    if not varied:
+        return []
+    from pipeline.production.maintenance.flow_rules import deforms_nothing  # loads Numba, which takes long
+
+    for _, request in made.requests:
+        for finding in deforms_nothing(request.shot):
+            place, name = ".".join(map(str, finding.where)), finding.text.partition(" ")[0]
+            for variation in varied:
+                if variation.name.startswith(f"{place}.") and variation.name.endswith(f".{name}.amount"):
+                    notes.setdefault(variation.name, _remedied(made, variation, finding.text))
+    return list(notes.values())
+
+
+def _remedied(made: Wedge, variation: Variation, text: str) -> str:
+    """Return the text of a finding with a variation that moves something."""
+    value: Any = inherited(made.shot, None, made.project.settings, None).data
+    for step in variation.name.split("."):
+        value = value[int(step)] if isinstance(value, list) else value.get(step, {})
+    keys = value.get("keys") if isinstance(value, dict) else None
+    fact, _, remedy = text.partition(". ")
+    rest = variation.said.partition("=")[2].strip()
+    last = list(keys)[-1] if isinstance(keys, dict) and keys else made.requests[0][1].shot.frames.last
+    vary = f"{OPTION} {variation.name}.keys.{last}={rest}"
+    begin = "Vary one of its keys instead" if keys else f"{remedy.rstrip('.')} in the shot file, and vary it"
+    return f"{OPTION} {variation.said}: {fact}. {begin}: {vary}."
+
+
+def _report(common: Common, made: Wedge) -> None:
+    """Report the grid and what a run would do for it."""
+    plan = made.plan()
+    forecast = Forecast.of(plan, made.project.store)
+    expected = estimate(forecast.plan, common.root, common.cores)
+    counts, spared = forecast.plan.frame_counts(), plan.spared
+    report_notes(plan, set())
+    todo = {stage: counts[stage] for stage in STAGES if counts[stage]}
+    facts = {
+        "cells": _cells(made),
+        "frame": made.number,
+        "to_be_made": todo,
+        "shared": dict(spared),
+        "estimate": expected.as_data(),
+        **forecast_facts(forecast),
+    }
+    lines = [f"{'  '.join(cell.settings)}" for cell, _ in made.requests]
+    frames = len(made.requests[0][1].requested)
+    lines.append(f"{plural(len(lines), 'cell')} of {plural(frames, 'frame')}, the sheet at {made.number}.")
+    lines.append(forecast_words(forecast, expected) if todo else "Nothing to be done but the sheet.")
+    if spared:
+        lines.append(f"Shared by cells, and done once: {count_words(spared)}.")
+    print_result("\n".join(lines), facts, common.json)
+
+
+def _cells(made: Wedge) -> list[dict[str, object]]:
+    return [{"settings": list(cell.settings), "folder": request.home} for cell, request in made.requests]

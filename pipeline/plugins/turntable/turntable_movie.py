@@ -1,0 +1,301 @@
+"""A requested turntable: its frames, its angles and its plan; and sheets and movies drawn from its pictures.
+
+renders/turntable/<name>/<quality>/<name>.png                   key angles, beside the movie
+renders/turntable/<name>/<quality>/<name>.clay-glaze.{mp4,png}  looks side by side, and their key angles
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from pipeline.errors import UsageError, suggestion
+from pipeline.frames import FrameRange
+from pipeline.mesh.read import FORMATS, usual_up
+from pipeline.production.execution.project import Project
+from pipeline.production.maintenance.picture_sequences import shown_picture
+from pipeline.production.planning.plan import Plan
+from pipeline.production.request.crop_and_scale import movie_bits
+from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.lookup import find_shot
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.turntable import TURNS, Turntable
+from pipeline.production.stages import TURNTABLE_SHEET
+from pipeline.production.store.paths import Folders
+from pipeline.production.store.store import Store, key_of
+from render.base.plural import plural
+from render.graphics.contact_sheet import Caption, ContactSheet, columns_for, fitted_sheet
+from render.movie.codecs import movie_encode
+from render.movie.encode import write_movie
+from render.movie.sequences import prefetch
+from render.post.image import write_png
+from render.scene.materials import LOOKS
+
+BOTH = "both"
+
+UPS = ("y", "z")
+"""The axes of a mesh file that can point up."""
+
+STAGE = "turntable"
+"""The stage of a turntable, a name in `render.scene.stage.STAGES`: with balls and a chart."""
+
+
+@dataclass(frozen=True)
+class TurntableRequest:
+    """A turntable of one frame of a shot, or of a mesh file.
+
+    subject  name or path of a shot, or path of a mesh file
+    at       frame of the shot, by default its first
+    frames   pictures of a full turn
+    turn     one of TURNS, or BOTH
+    looks    names of looks that replace the shot's own; each has its own turntable
+    bare     True keeps the shot's own stage and camera, without grey ball, chrome ball and chart
+    up       the axis, y or z, that points up in a mesh file; by default that of most files of its format
+    of       the name of one of several subjects of the shot, which then turns alone
+
+    Raises UsageError for values that make no turntable.
+    """
+
+    project: Project
+    subject: str
+    quality: str
+    at: int | None = None
+    frames: int = 72
+    turn: str = BOTH
+    looks: tuple[str, ...] = ()
+    bare: bool = False
+    up: str | None = None
+    of: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.frames < 2:
+            raise UsageError(
+                f"a turntable of {plural(self.frames, 'frame')} does not turn; it needs at least 2, "
+                "and 72 is usual"
+            )
+        if self.turn not in (*TURNS, BOTH):
+            raise UsageError(
+                f"--turn {self.turn}: that is nothing to turn. {suggestion(self.turn, (*TURNS, BOTH))}"
+            )
+        if self.up not in (None, *UPS):
+            raise UsageError(f"--up {self.up}: only the axes y and z can point up. Write --up y or --up z.")
+        if self.up is not None and not self._is_of_file:
+            raise UsageError(
+                f"--up {self.up} stands a mesh file up, and {self.subject} is a shot. Leave --up out; "
+                "in the shot file of a model, write up under subject."
+            )
+        for look in self.looks:
+            if look not in LOOKS:
+                raise UsageError(f"--look {look}: {look!r} is not a look. {suggestion(look, LOOKS)}")
+
+    @property
+    def turns(self) -> tuple[str, ...]:
+        return TURNS if self.turn == BOTH else (self.turn,)
+
+    @property
+    def requests(self) -> list[RenderRequest]:
+        """Return the request of each look. Raises MissingInputError or UsageError."""
+        mesh, of_file = Path(self.subject), self._is_of_file
+        up = self.up or usual_up(mesh)
+        path = self.project.shot_around(mesh, up) if of_file else find_shot(self.subject)
+        return [self._take(path, of_file, look) for look in self.looks or (None,)]
+
+    @property
+    def _is_of_file(self) -> bool:
+        return Path(self.subject).suffix.lower().lstrip(".") in FORMATS
+
+    def _take(self, path: Path, of_file: bool, look: str | None) -> RenderRequest:
+        subjects = self.project.request(path, self.quality).source.summary.subjects if look else ()
+        project = replace(self.project, settings=tuple(self._settings(look, subjects)))
+        request = project.request(path, self.quality).of_subject(self.of)
+        known = FrameRange(request.source.summary.frames)
+        at = known.first if self.at is None else self.at
+        if at not in known:
+            raise UsageError(f"frame {at} is not in {request.name}, which has frames {known}")
+        table = Turntable(at, self.frames, of_file, look if len(self.looks) > 1 else None)
+        numbers = tuple(number for turn in self.turns for number in table.numbers(turn))
+        return replace(request, requested=numbers, turntable=table)
+
+    def _settings(self, look: str | None, subjects: Sequence[str]) -> Iterator[str]:
+        """Yield settings of the shot; the user's come last and win.
+
+        subjects  the names of several subjects, each of which may have a look of its own
+        """
+        if not self.bare:
+            yield f"stage={STAGE}"
+        if look is not None:
+            yield f"look={look}"
+            yield from (f"subjects.{name}.look={look}" for name in subjects)
+        yield from self.project.settings
+
+    def plan(self) -> Plan:
+        """Return the plan of the frames and a movie of each look; what looks have in common is made once."""
+        requests = self.requests
+        planner = self.project.planner(len(requests))
+        for request in requests:
+            planner.pictures(request)
+            planner.movie(request)
+        return planner.plan()
+
+
+EIGHTHS, QUARTERS = 8, 4
+"""Key angles of a full turn of the object, and of the lights."""
+
+
+def key_numbers(table: Turntable, turns: Sequence[str], parts_of_object: int = EIGHTHS) -> list[int]:
+    """Return the pictures nearest to equal parts of each turn; fewer if there are fewer pictures."""
+    parts = {"object": parts_of_object, "lights": QUARTERS}
+    return [number for turn in turns for number in _spread(table.numbers(turn), parts[turn])]
+
+
+def _spread(numbers: range, parts: int) -> list[int]:
+    steps = dict.fromkeys(round(len(numbers) * i / parts) % len(numbers) for i in range(parts))
+    return [numbers[step] for step in sorted(steps)]
+
+
+def turn_and_angle(table: Turntable, number: int) -> tuple[str, str]:
+    """Return what is turned in a picture, and by which angle: `object`, `45°`."""
+    turn, numbers = next((t, table.numbers(t)) for t in ("object", "lights") if number in table.numbers(t))
+    return turn, f"{round(360.0 * (number - numbers[0]) / table.frames, 1):g}°"
+
+
+ROW = 4
+"""Most looks in one row; with as many looks or more, each has its own row of key angles."""
+
+Bar = Callable[[str, int], Callable[[], None]]
+"""Adds a progress bar by name and total, and returns what advances it by one."""
+
+
+@dataclass(frozen=True, eq=False)
+class TurntableSheets:
+    """Sheets of a rendered turntable; missing pictures are shown as missing."""
+
+    turntable: TurntableRequest
+
+    def draw(self, bar: Bar = lambda name, total: lambda: None) -> list[Path]:
+        """Draw all sheets that are not stored yet, and return their paths relative to the root.
+
+        Return nothing if no picture is rendered. Raises FrameError for a damaged picture, MachineError if
+        the disk refuses.
+        """
+        first, looks = self._first, range(len(self._requests))
+        if not any(self._stored_key(look, number) for look in looks for number in first.requested):
+            return []
+        sheets = [self._key_angles([look], self._requests[look].movie_path) for look in looks]
+        if len(looks) == 1:
+            return sheets
+        turns = self.turntable.turns
+        part = "" if len(turns) > 1 else f".{turns[0]}"
+        folders = Folders(first.folders.home.parent, first.folders.name)
+        movie = folders.movie(first.quality_name, "-".join(self.turntable.looks) + part)
+        return [self._movie(movie, bar), self._key_angles(looks, movie), *sheets]
+
+    @cached_property
+    def _requests(self) -> list[RenderRequest]:
+        return self.turntable.requests
+
+    @cached_property
+    def _keys(self) -> list[PictureKeys | None]:
+        return [request.picture_keys(self._store) for request in self._requests]
+
+    @property
+    def _store(self) -> Store:
+        return self.turntable.project.store
+
+    @property
+    def _first(self) -> RenderRequest:
+        """The request of the first look; all looks have the same frames."""
+        return self._requests[0]
+
+    @property
+    def _table(self) -> Turntable:
+        table = self._first.turntable
+        assert table is not None, "all requests are of turntables"
+        return table
+
+    def _key_angles(self, looks: Sequence[int], movie: Path) -> Path:
+        """Draw key angles of one look, or of several: then each turn has a row, or each of many looks."""
+        is_single = len(looks) == 1
+        numbers = key_numbers(self._table, self.turntable.turns, EIGHTHS if is_single else QUARTERS)
+        cells = [(look, number) for look in looks for number in numbers]
+        columns = min(QUARTERS, self._table.frames) if len(looks) < ROW else len(numbers)
+        captions: list[Caption] = []
+        for look, number in cells:
+            turn, angle = turn_and_angle(self._table, number)
+            captions.append(
+                ((turn, angle),) if is_single else ((self.turntable.looks[look], f"{turn} {angle}"),)
+            )
+        sheet, factor = self._sheet(captions, columns)
+        name = self.turntable.looks[looks[0]] if is_single and self.turntable.looks else ""
+        frame = "" if self._table.of_file else f"frame {self._table.at}"
+        note = " · ".join(filter(None, (name, frame, self._first.quality_name)))
+        header = {"turntable": self._first.folders.name, "quality": self._first.quality_name}
+
+        def write(path: Path) -> None:
+            write_png(path, sheet.picture(self._pictures(cells, factor, 8, "srgb"), note), header)
+
+        key = self._key("png", cells, captions, columns, note)
+        self._store.put("png", key, write)
+        self._store.link("png", key, movie.with_suffix(".png"))
+        return movie.with_suffix(".png")
+
+    def _movie(self, path: Path, bar: Bar) -> Path:
+        """Write the movie of all looks side by side."""
+        first, looks = self._first, range(len(self._requests))
+        size = first.quality.width, first.quality.height
+        columns = len(looks) if len(looks) <= ROW else columns_for(len(looks), size)
+        captions: list[Caption] = [(("", name),) for name in self.turntable.looks]
+        sheet, factor = self._sheet(captions, columns, 16)
+
+        def write(path: Path) -> None:
+            advance = bar("side by side", len(first.requested))
+
+            def pages() -> Iterator[NDArray[Any]]:
+                for number in first.requested:
+                    pictures = self._pictures([(look, number) for look in looks], factor, 16, "rec709")
+                    yield sheet.picture(pictures, " ".join(turn_and_angle(self._table, number)))
+                    advance()
+
+            encode = movie_encode(movie_bits(first.quality_name))
+            write_movie(path, prefetch(pages()), first.shot.rate.fps, encode)
+
+        cells = [(look, number) for look in looks for number in first.requested]
+        key = self._key("movie", cells, captions, columns, str(first.source.summary.rate))
+        self._store.put("movie", key, write)
+        self._store.link("movie", key, path)
+        return path
+
+    def _sheet(self, captions: Sequence[Caption], columns: int, bits: int = 8) -> tuple[ContactSheet, int]:
+        """Return a sheet and the factor by which pictures are smaller on it."""
+        size = self._first.quality.width, self._first.quality.height
+        return fitted_sheet(self._heading, captions, size, columns, bits)
+
+    @property
+    def _heading(self) -> str:
+        name = self._first.name
+        return name if self._table.of_file else self._first.shot.heading
+
+    def _stored_key(self, look: int, number: int) -> str | None:
+        """Return the key of a finished picture, if it is stored."""
+        keys = self._keys[look]
+        key = keys[number].frame if keys is not None else None
+        return key if self._store.holds("frame", key) else None
+
+    def _pictures(
+        self, cells: Sequence[tuple[int, int]], factor: int, bits: int, display: str
+    ) -> list[NDArray[Any] | None]:
+        """Read the pictures of cells. Raises FrameError for a damaged one."""
+        return [
+            shown_picture(self._requests[look], self._keys[look], self._store, number, factor, bits, display)
+            for look, number in cells
+        ]
+
+    def _key(self, kind: str, cells: Sequence[tuple[int, int]], *content: Any) -> str:
+        frames = [self._stored_key(look, number) for look, number in cells]
+        displays = [dict(request.shown_as) for request in self._requests]
+        return key_of(TURNTABLE_SHEET.recipe, kind, self._heading, frames, displays, *content)

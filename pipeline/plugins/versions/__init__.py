@@ -1,0 +1,24 @@
+"""Published versions of shots."""
+
+from pipeline.plugin import Command, Plugin
+
+PLUGIN = Plugin(
+    name="versions",
+    version="1",
+    commands={
+        "publish": Command(
+            "pipeline.plugins.versions.publish_command:publish",
+            "Freeze a rendered shot as its next version.",
+            "Deliver",
+        ),
+        "versions": Command(
+            "pipeline.plugins.versions.publish_command:versions", "List published versions.", "Deliver"
+        ),
+        "reproduce": Command(
+            "pipeline.plugins.versions.reproduce_command:reproduce",
+            "Render a published version again, and compare.",
+            "Deliver",
+        ),
+    },
+    sequences=("pipeline.plugins.versions.published_sequences:published_sequences",),
+)

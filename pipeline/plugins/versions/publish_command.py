@@ -1,0 +1,148 @@
+"""The commands `publish` and `versions`: freeze a rendered shot as a version, and list versions."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pipeline.cli.options import Common, Frames, PictureOptions, Quality, Shot
+from pipeline.cli.output import exit_with, print_error, print_result, table
+from pipeline.errors import MissingInputError, UsageError
+from pipeline.frames import FrameRange
+from pipeline.plugins.versions.hook import Hook
+from pipeline.plugins.versions.patch import Patch
+from pipeline.plugins.versions.publishing import Release
+from pipeline.production.request.lookup import find_shot
+from pipeline.production.request.provenance import FILE, Provenance, records
+from pipeline.production.store.paths import PUBLISHED, published
+from render.base.plural import plural
+from render.scene.quality import DEFAULT_QUALITY
+
+
+def publish(
+    common: Common,
+    shot: Shot,
+    options: PictureOptions,
+    quality: Quality = DEFAULT_QUALITY,
+    version: Annotated[
+        str | None, typer.Option(metavar="V003", help="Name the version. Default: the next number.")
+    ] = None,
+    note: Annotated[str, typer.Option(metavar="TEXT", help="A note for the provenance.")] = "",
+    copy: Annotated[
+        bool, typer.Option("--copy", help="Copy the rendered files instead of linking them.")
+    ] = False,
+    patch: Annotated[
+        str | None, typer.Option(metavar="V002", help="Replace the frames of -f in this version.")
+    ] = None,
+    frames: Frames = None,
+    hook: Annotated[
+        list[str] | None,
+        typer.Option(metavar="CMD", help="Pass the version as JSON to this command. Repeatable."),
+    ] = None,
+) -> None:
+    """Freeze a shot's rendered frames and movie as its next version: v001, v002, …
+
+    `flowsculpt publish A010_cube --note "approved"` writes renders/published/A010_cube/v001, which is never
+    overwritten. All frames must be rendered from today's shot file; the command lists what is missing or
+    stale. The same frames are not published twice.
+
+    The provenance.json of a version holds the shot file, keys, seeds, packages, host and timings;
+    `flowsculpt reproduce FILE` reproduces the version from it.
+
+    `flowsculpt publish A010_cube --patch v002 -f 40-60` publishes v002 again with frames 40 to 60 as they are
+    rendered now; the other frames need not be rendered.
+
+    The files are links to the rendered ones and take no space; damage in place damages both. `--copy` avoids
+    that. `flowsculpt verify` checks published files.
+
+    `flowsculpt publish A010_cube --hook "python track.py"` writes the provenance and the folder as JSON to
+    the standard input of that command, for a studio's tracker; see docs/versions.md.
+    """
+    hooks = [Hook.of(text) for text in hook or ()]
+    project = options.project(common)
+    request = project.request(find_shot(shot), options.quality(quality, project, [shot]))
+    given = {"--crop": options.crop, "--scale": options.scale, "--variant": options.variant}
+    words = ["flowsculpt", "render", shot, "-q", quality]
+    words += [word for option, value in given.items() if value is not None for word in (option, value)]
+    words += [word for setting in options.settings or () for word in ("--set", setting)]
+    words += ["--allow-code"] * options.allow_code
+    words += ["-f", frames] if frames else []
+    if (patch is None) != (frames is None):
+        raise UsageError("--patch and -f go together: the version, and its frames that are rendered anew")
+    release = Release(request, project.store, shlex.join(words), note, version, copy)
+    if patch is not None and frames is not None:
+        release = Patch(**vars(release), base=patch, frames=frames)
+    done = release.publish(common.dry_run)
+    for each in () if common.dry_run else hooks:
+        each.tell(done)
+    facts = {
+        "shot": request.name,
+        "version": done.version,
+        "path": str(done.folder),
+        "provenance": str(done.folder / FILE),
+        "frames": len(request.angles),
+        "published_before": done.before,
+    }
+    files = f"{plural(len(request.angles), 'frame')} and the movie, in {done.folder}"
+    message = f"{request.name} {done.version}: {common.done('published')}, {files}"
+    if done.before:
+        message = (
+            f"{request.name} is already published as {done.version}, with the same frames: {done.folder}"
+        )
+    print_result(message, facts, common.json)
+
+
+def versions(
+    common: Common,
+    shot: Annotated[
+        str | None, typer.Argument(metavar="SHOT", help="A shot's name. Default: all published shots.")
+    ] = None,
+) -> None:
+    """List published versions with quality, frames, date, user and note.
+
+    `flowsculpt versions A010_cube` lists the versions that `flowsculpt publish A010_cube` made.
+    """
+    home = common.root / PUBLISHED
+    known = sorted(folder.name for folder in home.glob("*") if folder.is_dir())
+    name = None if shot is None else Path(shot).stem if shot.endswith((".yaml", ".yml")) else shot
+    if name is not None and name not in known:
+        there = f"published are {', '.join(known)}" if known else "nothing is, yet"
+        raise MissingInputError(
+            f"{name} is not published in {home}; {there}. flowsculpt publish {name} does it"
+        )
+    provenances, errors = [], []
+    for each in known if name is None else [name]:
+        for folder, record in records(common.root / published(each)):
+            if isinstance(record, Provenance):
+                provenances.append((folder, record))
+            else:
+                errors.append(record)
+                print_error(str(record))
+    _report(provenances, common.json)
+    exit_with(max((error.exit_code for error in errors), default=0))
+
+
+def _report(provenances: Sequence[tuple[Path, Provenance]], as_json: bool) -> None:
+    listing = table("shot", "version", "quality", "frames", "published (UTC)", "by", "note")
+    for _, record in provenances:
+        when = record.published.replace("T", " ").removesuffix("Z")
+        frames = str(FrameRange.of(record.frames))
+        who, note = record.user or "–", record.note or "–"
+        row = (record.shot, record.version, record.quality, frames, when, who, note)
+        listing.add_row(*row)
+    words = listing if provenances else "Nothing is published here; flowsculpt publish does it."
+    print_result(words, [_facts(folder, record) for folder, record in provenances], as_json)
+
+
+def _facts(folder: Path, record: Provenance) -> dict[str, Any]:
+    names = ("shot", "version", "title", "quality", "variant", "published", "user", "note")
+    return {
+        **{name: getattr(record, name) for name in names},
+        "frames": list(record.frames),
+        "path": str(folder),
+        "provenance": str(folder / FILE),
+    }

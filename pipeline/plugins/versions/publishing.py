@@ -1,0 +1,241 @@
+"""Publishing: the frames and the movie of a shot, frozen as a version that nothing overwrites.
+
+They stay whatever becomes of the shot, its renders and the store.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import getpass
+import hashlib
+import re
+import time
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pipeline.errors import FrameError, MissingInputError, UsageError
+from pipeline.frames import FrameRange
+from pipeline.plugin import plugins
+from pipeline.plugins.versions.version_folder import NOTES, freeze, sweep
+from pipeline.production.planning.timings import seconds_of_render, total_seconds
+from pipeline.production.request.keys import FrameKeys, PictureKeys
+from pipeline.production.request.provenance import (
+    VERSION,
+    FrameRecord,
+    Provenance,
+    host,
+    packages,
+    pixels_of,
+    portable,
+    records,
+    stage_versions,
+)
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.store.locks import lock_name, making, writing
+from pipeline.production.store.paths import published
+from pipeline.production.store.store import DAMAGED, Key, Store
+from render.base.input_files import digest_of_file
+from render.movie.probe import probe_movie
+
+
+@dataclass(frozen=True)
+class Published:
+    """A published version, its folder, and whether it was published before."""
+
+    version: str
+    folder: Path
+    before: bool
+
+
+@dataclass(frozen=True)
+class Release:
+    """A request to be published.
+
+    command  the command that renders it, for messages
+    version  by default the next
+    copy     copy its frames instead of linking to the store's, so that damage reaches only one
+    """
+
+    request: RenderRequest
+    store: Store
+    command: str
+    note: str = ""
+    version: str | None = None
+    copy: bool = False
+
+    def publish(self, dry: bool = False) -> Published:
+        """Freeze the frames and the movie, or name the version that has the same content.
+
+        dry  change nothing
+
+        Raises MissingInputError where frames are missing, UsageError where they are stale or the version is
+        taken, FrameError where one is damaged, MachineError where another run is at work or
+        the disk refuses.
+        """
+        if dry:
+            return self._published(dry=True)
+        request, root = self.request, self.store.root
+        names = {
+            f"published.{request.name}": f"a version of {request.name}",
+            lock_name(request.name, request.quality_name): f"{request.name} at {request.quality_name}",
+        }
+        with writing(root), making(root, names):
+            sweep(self._home)
+            return self._published(dry=False)
+
+    @property
+    def _home(self) -> Path:
+        return self.store.root / published(self.request.name)
+
+    def _published(self, dry: bool) -> Published:
+        keys = self._keys()
+        known = list(records(self._home))
+        content = (*(keys[n].frame for n in sorted(self.request.angles)), self._movie_key(keys))
+        for place, record in known:
+            if isinstance(record, Provenance) and record.content == content:
+                return Published(record.version, place, before=True)
+        version = self._version([place.name for place, _ in known])
+        final = self._home / version
+        if not dry:
+            notes = self._notes()
+            record = self._record(version, keys, notes)
+            freeze(self.store, record, final, self.copy, notes, self._files())
+        return Published(version, final, before=False)
+
+    def _version(self, taken: list[str]) -> str:
+        """Return the version asked for, or the one after the last."""
+        after = f"v{max((int(name[1:]) for name in taken), default=0) + 1:03d}"
+        if self.version is None:
+            return after
+        if not re.fullmatch(VERSION, self.version):
+            raise UsageError(f"--version {self.version} is no version; write it as {after}, or leave it out")
+        if int(self.version[1:]) in (int(name[1:]) for name in taken):
+            raise UsageError(
+                f"--version {self.version}: {self.request.name} {self.version} is published already, "
+                f"with other frames, and nothing published is overwritten; the next is {after}"
+            )
+        return self.version
+
+    def _keys(self) -> Mapping[int, FrameKeys]:
+        """Return the keys of its frames. Raises MissingInputError or UsageError if some are not current."""
+        request, store = self.request, self.store
+        keys = self._rendered(request.angles)
+        if not store.shows("movie", self._movie_key(keys), request.movie_path):
+            name, there = request.movie_path.name, (store.root / request.movie_path).exists()
+            self._require("" if there else name, name if there else "")
+        return keys
+
+    def _files(self) -> Mapping[int, Path]:
+        """Return the files of frames that the store need not have."""
+        return {}
+
+    def _rendered(self, numbers: Collection[int]) -> PictureKeys:
+        """Return keys of frames. Raises MissingInputError or UsageError if some of these are not current."""
+        request, store = self.request, self.store
+        keys = request.picture_keys(store, numbers)
+        missing: list[int] = []
+        stale: list[int] = []
+        for number in numbers:
+            place = request.place("frame", number)
+            if not store.shows("frame", keys[number].frame if keys else None, place):
+                (stale if (store.root / place).exists() else missing).append(number)
+        self._require(*(_listed(numbers) if numbers else "" for numbers in (missing, stale)))
+        assert keys is not None, "frames that are shown have keys"
+        return keys
+
+    def _movie_key(self, keys: Mapping[int, FrameKeys]) -> Key:
+        return self.request.movie_key([keys[n].frame for n in sorted(self.request.angles)])
+
+    def _require(self, missing: str, stale: str) -> None:
+        """Raise MissingInputError or UsageError if a file is missing or stale."""
+        facts = [f"{missing} missing"] if missing else []
+        facts += [f"{stale} stale: made from an earlier shot file or with --set"] if stale else []
+        if facts:
+            kind = MissingInputError if missing else UsageError
+            raise kind(
+                f"{self.request.name} at {self.request.quality_name}: {'; '.join(facts)}. What is "
+                f"published is made from the shot file of today; {self.command} makes it."
+            )
+
+    def _notes(self) -> bytes:
+        """Return the file of the shot's notes; empty if it has none. Raises UsageError if it is damaged."""
+        files = (notes_file(self.store.root, self.request.name) for notes_file in plugins().notes)
+        return next(filter(None, files), b"")
+
+    def _record(self, version: str, keys: Mapping[int, FrameKeys], notes: bytes) -> Provenance:
+        request, root, movie = self.request, self.store.root, self._movie_key(keys)
+        return Provenance(
+            shot=request.name,
+            version=version,
+            title=request.shot.title,
+            note=self.note,
+            published=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+            user=_user(),
+            quality=request.quality_name,
+            size=(request.quality.width, request.quality.height),
+            rate=str(request.shot.motion.rate),
+            variant=request.variant,
+            source=portable(replace(request.source, allow_code=False)),
+            cameras=request.cameras_key,
+            frames={number: self._frame(number, keys) for number in sorted(request.angles)},
+            movie={"file": f"{request.name}.mp4", "key": movie, "sha256": self._whole_movie(movie)},
+            packages=packages(),
+            stages=stage_versions(),
+            host=host(),
+            timings=total_seconds(request, root, {n: keys[n].raw for n in request.angles}),
+            notes={"file": NOTES, "sha256": hashlib.sha256(notes).hexdigest()} if notes else {},
+        )
+
+    def _frame(self, number: int, keys: Mapping[int, FrameKeys]) -> FrameRecord:
+        request, found = self.request, keys[number]
+        file, mesh = self.store.path("frame", found.frame), request.angles[number].mesh
+        try:
+            self.store.bring("frame", found.frame)
+            self.store.digests.check(file)
+            pixels = pixels_of(file)
+        except DAMAGED:
+            raise self._evicted("frame", found.frame, f"frame {number}") from None
+        return FrameRecord(
+            file=f"frames/{request.name}.{number:04d}.exr",
+            mesh=request.mesh_key(mesh),
+            normals=request.normals_key(mesh),
+            raw=found.raw,
+            frame=found.frame,
+            seed=request.seed(number),
+            pixels=pixels,
+            sha256=digest_of_file(file),
+            seconds=seconds_of_render(request, self.store.root, number, found.raw),
+        )
+
+    def _whole_movie(self, key: Key) -> str:
+        """Return the digest of the movie. Raises FrameError if it cannot be decoded to its end."""
+        file = self.store.path("movie", key)
+        try:
+            self.store.bring("movie", key)
+            self.store.digests.check(file)
+            whole = probe_movie(file).frames == len(self.request.angles)
+        except DAMAGED:
+            whole = False
+        if not whole:
+            raise self._evicted("movie", key, self.request.movie_path.name)
+        return digest_of_file(file)
+
+    def _evicted(self, kind: str, key: Key, what: str) -> FrameError:
+        """Evict a damaged file, so that the next run makes it again, and return the error."""
+        self.store.discard(kind, key)
+        return FrameError(
+            f"{self.request.name} at {self.request.quality_name}: {what} is damaged and was "
+            f"evicted; {self.command} makes it again"
+        )
+
+
+def _user() -> str:
+    with contextlib.suppress(OSError, KeyError, ImportError):
+        return getpass.getuser()
+    return ""
+
+
+def _listed(numbers: list[int]) -> str:
+    """Return `frame 1` or `frames 1-4`."""
+    return f"frame{'s' if len(numbers) > 1 else ''} {FrameRange.of(numbers)}"

@@ -1,0 +1,176 @@
+"""Making a published version again, from its provenance alone, and looking whether it comes out the same.
+
+It happens under a root of its own, with a store of its own: nothing is taken from today's shot or from what
+was rendered before, and nothing of these is touched.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.errors import MachineError, UsageError
+from pipeline.frames import FrameRange
+from pipeline.production.execution.project import Project
+from pipeline.production.planning.plan import Plan
+from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.provenance import Provenance, pixels_of, restored
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_source import ShotSource
+from pipeline.production.request.variants import variant_for
+from pipeline.production.store.paths import repeated
+from pipeline.production.store.store import Store
+from render.base.errors import RenderError
+from render.base.input_files import digest_of_file
+from render.post.image import read_exr
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The comparison of a frame or the movie with what was published.
+
+    same   None if it was not made, or cannot be read
+    words  the difference
+    """
+
+    what: str
+    same: bool | None
+    words: str = ""
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """A version to be made again.
+
+    source   its provenance file
+    project  where it is asked for; the reproduction has a root of its own below. Its variant, if it names
+             one, replaces the one that rendered the version
+    frames   a range of its frames; by default all, and the movie. Of a patch, those that it has replaced
+    """
+
+    record: Provenance
+    source: Path
+    project: Project
+    frames: str | None = None
+
+    @property
+    def home(self) -> Path:
+        """The root that it is made under."""
+        return self.project.root / repeated(self.record.shot, self.record.version)
+
+    @property
+    def store(self) -> Store:
+        return Store(self.home)
+
+    @cached_property
+    def numbers(self) -> tuple[int, ...]:
+        """The frames to be compared. Raises UsageError where some are not in the version, or not its own."""
+        patch = self.record.patch
+        whole = FrameRange.parse(patch["frames"]) if patch else FrameRange.of(self.record.frames)
+        if self.frames is None:
+            return tuple(whole)
+        asked = FrameRange.parse(self.frames)
+        outside = asked.outside(whole)
+        if outside and patch:
+            raise UsageError(
+                f"{self.source}: {self.record.version} has frames {outside} from {patch['version']}; make "
+                f"them again from the provenance of that"
+            )
+        if outside:
+            raise UsageError(
+                f"{self.source}: frames {outside} are not in {self.record.version}, which has {whole}; ask "
+                "for frames among those"
+            )
+        return tuple(dict.fromkeys(asked))
+
+    @cached_property
+    def notes(self) -> list[str]:
+        """Notes for the user: why another variant renders, and how the environment differs."""
+        notes: list[str] = []
+        variant = self._variant(notes)
+        return [*notes, *self.record.differences(variant)]
+
+    @property
+    def request(self) -> RenderRequest:
+        """The request, with the neighbouring frames that the temporal denoiser reads.
+
+        Raises UsageError or MissingInputError where files that the version was made from have changed.
+        """
+        request = RenderRequest(self._source, self.record.quality, self._variant([]), self.numbers)
+        is_recorded, window = self.record.frames.__contains__, request.summary.window
+        around = {n for number in self.numbers for n in window(number, is_recorded)}
+        return replace(request, requested=tuple(sorted(around)))
+
+    @cached_property
+    def _source(self) -> ShotSource:
+        source = restored(self.record, self.project.allow_code)
+        beyond = FrameRange.of(self.record.frames).outside(source.shot.frames)
+        if beyond:
+            raise UsageError(
+                f"{self.source}: frames {beyond} are not in its own shot, so one of both was changed; take "
+                "the provenance that flowsculpt publish wrote"
+            )
+        return source
+
+    def plan(self) -> Plan:
+        """Return the plan. Raises what `request` raises."""
+        planner, request = replace(self.project, root=self.home).planner(), self.request
+        planner.pictures(request)
+        if self._has_movie:
+            planner.movie(request)
+        return planner.plan()
+
+    def comparisons(self) -> list[Comparison]:
+        """Compare every frame, and the movie if all frames are made."""
+        keys = self.request.picture_keys(self.store)
+        found = [self._frame(number, keys) for number in self.numbers]
+        return [*found, self._movie()] if self._has_movie else found
+
+    @property
+    def _has_movie(self) -> bool:
+        """True if the movie is made again: that of a patch is of frames from two versions."""
+        return self.frames is None and not self.record.patch
+
+    def _variant(self, notes: list[str]) -> str:
+        variant, on_nodes = self.project.variant or self.record.variant, not self.project.profile.is_local
+        try:
+            return variant_for(self.home, self.record.shot, variant, notes.append, on_nodes)
+        except MachineError as error:
+            reason = str(error).partition(";")[0]
+            raise MachineError(
+                f"{reason}; --variant renders {self.record.version} with another, whose pixels will differ"
+            ) from None
+
+    def _frame(self, number: int, keys: PictureKeys | None) -> Comparison:
+        what, then = f"frame {number}", self.record.frames[number]
+        try:
+            if keys is None:
+                raise FileNotFoundError
+            file = self.store.path("frame", keys[number].frame)
+            if pixels_of(file) == then.pixels:
+                return Comparison(what, True)
+            return Comparison(what, False, _difference(file, self.source.parent / then.file))
+        except (FileNotFoundError, RenderError):
+            return Comparison(what, None, "was not made")
+
+    def _movie(self) -> Comparison:
+        file = self.home / self.request.movie_path
+        if not file.exists():
+            return Comparison("movie", None, "was not made")
+        return Comparison("movie", digest_of_file(file) == self.record.movie["sha256"])
+
+
+def _difference(file: Path, before: Path) -> str:
+    """Describe how a picture differs from the published one, if that is still there."""
+    try:
+        now, then = (read_exr(path)[0]["beauty"] for path in (file, before))
+    except RenderError:
+        return ""
+    if now.shape != then.shape:
+        return "is of another size"
+    apart = np.abs(now - then).max(axis=2)
+    share, most = float((apart > 0.0).mean()), float(apart.max())
+    return f"differs in {share:.2%} of its pixels, by up to {most:.3g}" if most else "differs in its layers"

@@ -1,0 +1,209 @@
+"""Sequences of pictures of a shot, for pages and plug-ins that show them: rendered, relit, published."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from pipeline.production.execution.project import Project
+from pipeline.production.planning.frame_states import PICTURE_STAGES, picture_states
+from pipeline.production.planning.timings import render_seconds
+from pipeline.production.request.crop_and_scale import is_quality
+from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_source import ShotSource
+from pipeline.production.stages import STAGES
+from pipeline.production.store import readers
+from pipeline.production.store.history import History
+from pipeline.production.store.paths import Folders
+from pipeline.production.store.store import Key, Store, key_of
+from render.base.errors import RenderError
+from render.graphics.contact_sheet import reduced
+from render.post.colour import quantise, to_display
+from render.post.image import read_header
+from render.post.view import ACES, ColourView
+
+
+@dataclass(frozen=True)
+class PictureDisplay:
+    """The exposure (stops) and view transform of pictures.
+
+    shown_as   both as plain data, for the keys of stills
+    """
+
+    exposure: float
+    view: ColourView
+    shown_as: Mapping[str, Any]
+
+
+PLAIN = PictureDisplay(0.0, ACES, {"exposure": 0.0, "view": ACES.recipe})
+"""The display of pictures whose shot cannot be read."""
+
+STALE = "the shot has changed since it was rendered; flowsculpt why says how"
+
+
+@dataclass(frozen=True)
+class PictureFile:
+    """A readable picture: its file, its key, and its header."""
+
+    path: Path
+    key: Key
+    header: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class PictureSequence:
+    """A sequence of pictures of one shot, by frame.
+
+    kind      render, relit, version or wedge
+    label     distinguishes it from other sequences of the shot
+    subject   its name in event logs
+    numbers   all frames of the sequence
+    files     frames that are rendered
+    faults    frames that failed or are stale: the state and the reason
+    seconds   seconds of rendering by frame and part, where they are known
+    note      the note of a published version
+    raws      rendered frames, whose AOVs the finished ones do not have, where they are there
+    source    the shot file that it is rendered from, and what it rests on
+    """
+
+    shot: str
+    kind: str
+    label: str
+    quality: str
+    subject: str
+    numbers: tuple[int, ...]
+    files: Mapping[int, Path]
+    display: PictureDisplay
+    faults: Mapping[int, tuple[str, str]]
+    seconds: Mapping[int, Mapping[str, float]]
+    note: str = ""
+    raws: Mapping[int, Path] = field(default_factory=dict)
+    source: ShotSource | None = None
+
+    @cached_property
+    def pictures(self) -> Mapping[int, PictureFile]:
+        """The pictures that can be read, by frame."""
+        pictures = {}
+        for number, path in self.files.items():
+            with suppress(RenderError, KeyError):
+                header = read_header(path)
+                pictures[number] = PictureFile(path, str(header["key"]), header)
+        return pictures
+
+    @property
+    def shot_text(self) -> str | None:
+        """The quality, the settings and the shot files in one text, by which sequences are compared."""
+        if self.source is None:
+            return None
+        head = [f"# quality {self.quality}", *(f"# --set {setting}" for setting in self.source.settings)]
+        files = [(self.source.path.name, self.source.text), *sorted(self.source.beside)]
+        return "\n".join([*head, *(f"# {Path(name).name}\n{text.rstrip()}" for name, text in files)])
+
+    def states(self) -> dict[int, tuple[str, str]]:
+        """Return by frame the state and the reason of frames that are missing, failed or stale."""
+        states: dict[int, tuple[str, str]] = {}
+        for number in self.numbers:
+            state, why = self.faults.get(number, ("", ""))
+            if number in self.pictures:
+                if state == "stale":
+                    states[number] = state, why
+            elif number in self.files:
+                states[number] = "failed", "it cannot be read; flowsculpt verify repairs it"
+            else:
+                states[number] = ("failed", why) if state == "failed" else ("missing", "it is not rendered")
+        return states
+
+    def still_key(self, form: str, number: int) -> Key:
+        """The key of a still, the same as `RenderRequest.still_key`, so that both share their files."""
+        return key_of(STAGES[form].recipe, self.pictures[number].key, self.display.shown_as)
+
+
+@dataclass(frozen=True)
+class SequenceGrid:
+    """Sequences of the cells of a grid, such as a wedge: what differs between them, and the grid's columns.
+
+    captions  names and values of each cell
+    """
+
+    name: str
+    columns: int | None
+    captions: tuple[tuple[tuple[str, str], ...], ...]
+    sequences: tuple[PictureSequence, ...]
+
+
+@dataclass(frozen=True)
+class SequenceQuery:
+    """A shot whose sequences are wanted, at these qualities; at all qualities if there are none."""
+
+    project: Project
+    path: Path
+    qualities: tuple[str, ...]
+    history: History
+
+    def includes(self, quality: str) -> bool:
+        return not self.qualities or quality in self.qualities
+
+    def requests(self) -> Iterator[RenderRequest]:
+        """Yield the request of each quality that has finished frames, with the layers of these."""
+        home = self.project.root / Folders.of_shot(self.path.stem).home
+        for quality in sorted(place.parent.name for place in home.glob("*/frames")):
+            if is_quality(quality) and self.includes(quality):
+                yield self.project.as_finished(self.project.request(self.path, quality))
+
+    def rendered(self, request: RenderRequest, kind: str, label: str) -> PictureSequence:
+        """Return the frames of a request that are rendered, and the faults of the others."""
+        root = self.project.root
+        failed = self.history.failed(request.subject, PICTURE_STAGES, request.quality_name)
+        stale = picture_states(request, self.project.store, self.history).stale
+        faults = {number: ("failed", message) for number, message in failed.items()}
+        faults |= dict.fromkeys(stale, ("stale", STALE))
+        places = {n: root / request.place("frame", n) for n in request.angles}
+        return PictureSequence(
+            shot=request.name,
+            kind=kind,
+            label=label,
+            quality=request.quality_name,
+            subject=request.subject,
+            numbers=tuple(sorted(request.requested)),
+            files={number: path for number, path in places.items() if path.is_file()},
+            display=display_of(request),
+            faults=faults,
+            seconds=render_seconds(request, root),
+            raws={n: root / request.place("raw", n) for n in request.angles},
+            source=request.source,
+        )
+
+
+def display_of(request: RenderRequest) -> PictureDisplay:
+    """Return the exposure and view of the pictures of a request."""
+    picture = request.shot.picture
+    return PictureDisplay(picture.lights.exposure, picture.view, request.shown_as)
+
+
+def shown_picture(
+    request: RenderRequest,
+    keys: PictureKeys | None,
+    store: Store,
+    number: int,
+    factor: int,
+    bits: int,
+    display: str,
+) -> NDArray[Any] | None:
+    """Return a frame as a display shows it, `factor` times smaller; None where it is not there.
+
+    Raises FrameError where it is damaged.
+    """
+    key = None if keys is None else keys[number].frame
+    if key is None or not store.holds("frame", key):
+        return None
+    reader = readers.picture(key, request.quality.rendered_size)
+    light = store.read("frame", key, request.place("frame", number), reader)[0]["beauty"]
+    picture = request.shot.picture
+    return quantise(to_display(reduced(light, factor), picture.lights.exposure, display, picture.view), bits)

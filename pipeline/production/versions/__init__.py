@@ -1,1 +1,0 @@
-"""Versions that are published, and shots with other values in them."""

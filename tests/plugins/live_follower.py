@@ -1,0 +1,43 @@
+"""Someone who follows a small shot on the live page while it is worked on."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Any
+
+from pipeline.plugins.preview.live_feed import LiveFeed
+from pipeline.plugins.preview.live_session import LiveSession
+from pipeline.plugins.preview.sketch import Sketch
+from pipeline.plugins.preview.surface_stream import SurfaceStream
+from pipeline.production.execution.project import Project
+
+NAME = "T010_tiny"
+PATIENCE = 60.0
+
+
+class Follower:
+    """A session that shows a shot, and all that it says."""
+
+    def __init__(self, root: Path, text: str) -> None:
+        self.root, self.shot = root, root / "shots" / f"{NAME}.yaml"
+        self.shot.parent.mkdir()
+        self.shot.write_text(text)
+        self.feed, self.stream = LiveFeed(), SurfaceStream(Project(root, 2).store)
+        self.movies = 0
+        self.session = session = LiveSession(self._sketch, self.feed, self.stream, self._done, {self.shot})
+        self.heard = self.feed.subscribe()
+        threading.Thread(target=session.follow, daemon=True).start()
+
+    def until(self, words: str) -> list[dict[str, Any]]:
+        """All that is heard until something is said that begins with these words."""
+        messages = []
+        while not (messages and messages[-1].get("words", "").startswith(words)):
+            messages.append(self.heard.get(timeout=PATIENCE))
+        return messages
+
+    def _sketch(self) -> Sketch:
+        return Sketch(Project(self.root, 2).request(self.shot, "draft", None, variant="none"))
+
+    def _done(self, ready: object) -> None:
+        self.movies += 1

@@ -1,0 +1,114 @@
+"""Somebody at the live page of a shot, in a browser."""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+from playwright.sync_api import Browser
+from playwright.sync_api import Page as Tab
+
+from pipeline.plugins.preview.live_feed import LiveFeed
+from pipeline.plugins.preview.live_server import serving
+from pipeline.plugins.preview.live_session import READY, LiveSession
+from pipeline.plugins.preview.shot_editor import ShotEditor
+from pipeline.plugins.preview.sketch import Sketch
+from pipeline.plugins.preview.staging import actions_of
+from pipeline.plugins.preview.surface_stream import SurfaceStream
+from pipeline.production.execution.project import Project
+from tests.plugins.review.chromium import wait_for
+
+NAME = "T010_tiny"
+CURRENT = "page.film.isCurrent && page.film.arrived.size === page.film.take.last"
+SHOWN = (
+    f"document.getElementById('state').textContent === '{READY}'"
+    " && page.film.arrived.size === page.film.take?.last"
+)
+
+
+@dataclass
+class Follower:
+    """Somebody at the page, and the shot that they work on."""
+
+    tab: Tab
+    shot: Path
+
+    def wait(self, condition: str) -> None:
+        wait_for(self.tab, condition, 60.0)
+
+    def wait_for_text(self, pattern: str) -> re.Match[str]:
+        """Wait until the shot file matches a pattern."""
+        for _ in range(500):
+            if found := re.search(pattern, self.shot.read_text()):
+                return found
+            self.tab.wait_for_timeout(20)
+        raise AssertionError(f"{pattern} is not in\n{self.shot.read_text()}")
+
+    @property
+    def frame(self) -> int:
+        return int(self.tab.input_value("#frame"))
+
+    def at(self, frame: int) -> None:
+        self.tab.evaluate(f"page.film.seek({frame})")
+
+    def drag(self, selector: str, dx: float, dy: float, follows: str = "", at: float = 0.5) -> None:
+        """Drag something, and while it is held wait until the page shows what follows from it.
+
+        at  where it is held, as a fraction of its width and height
+        """
+        boxes = (self.tab.locator(selector).first.bounding_box() for _ in range(50))
+        box = next(filter(None, boxes))  # none while a new state replaces the element
+        x, y = box["x"] + box["width"] * at, box["y"] + box["height"] * at
+        self.tab.mouse.move(x, y)
+        self.tab.mouse.down()
+        for share in (0.4, 1.0):
+            self.tab.mouse.move(x + share * dx, y + share * dy)
+        if follows:
+            self.wait(f"document.getElementById('tag').textContent.startsWith('{follows}')")
+        self.tab.mouse.up()
+
+    @property
+    def trouble(self) -> str:
+        return self.tab.inner_text("#trouble")
+
+    def violations(self) -> list[tuple[str, str]]:
+        """Return the rules of accessibility that axe finds broken, and how."""
+        axe = (files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8")
+        self.tab.evaluate(f"(() => {{ {axe} }})()")
+        found = self.tab.evaluate("axe.run(document, {resultTypes: ['violations'], preload: false})")
+        return [(each["id"], each["nodes"][0]["failureSummary"]) for each in found["violations"]]
+
+
+@contextmanager
+def live_page(browser: Browser, root: Path, text: str) -> Iterator[Follower]:
+    """Open the page of a shot and show all its frames; the page may complain of refusals only."""
+    shot = root / "shots" / f"{NAME}.yaml"
+    shot.parent.mkdir()
+    shot.write_text(text)
+
+    def sketch() -> Sketch:
+        return Sketch(Project(root, 2).request(shot, "draft", None, variant="none"))
+
+    feed, complaints = LiveFeed(), []
+    with SurfaceStream(Project(root, 2).store) as stream:
+        session = LiveSession(sketch, feed, stream, lambda ready: None, {shot})
+        with serving(feed, 0, actions_of(ShotEditor(shot), session)) as address:
+            threading.Thread(target=session.follow, daemon=True).start()
+            context = browser.new_context(viewport={"width": 1280, "height": 800}, reduced_motion="reduce")
+            tab = context.new_page()
+            tab.on("console", lambda message: complaints.append(message.text))
+            tab.on("pageerror", lambda error: complaints.append(str(error)))
+            tab.goto(address)
+            made = Follower(tab, shot)
+            made.wait(SHOWN)
+            yield made
+            tab.wait_for_timeout(250)  # the session notices a last edit,
+            made.wait(SHOWN)  # and reads no surface after they are gone
+            context.close()
+    refusals = [each for each in complaints if "status of 409" not in each and "status of 422" not in each]
+    assert refusals == []

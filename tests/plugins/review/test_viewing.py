@@ -1,0 +1,208 @@
+"""Layers on the page: values as they were rendered, shown by card and in a loop alike, probed and saved."""
+
+from __future__ import annotations
+
+import base64
+import json
+import shutil
+import zlib
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.plugins.review.layers import LayerWriter, as_script
+from pipeline.production.execution.project import Project
+from pipeline.production.maintenance.picture_sequences import PLAIN, PictureSequence
+from render.post.image import read_exr, read_png, write_exr
+from render.scene.aovs import RenderedFrame
+from tests.plugins.review.looker import Looker, Opened
+from tests.plugins.review.studio import NAME, Desk
+
+
+@pytest.fixture(scope="module")
+def layered(desk: Desk, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A page with the layers of frames 1, 12 and 24; it goes again, for the studio is shared."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(desk.root)
+        code, said = desk.command("review", NAME, "--layers", "3", "--name", "layered", "-q", "draft")
+    assert code == 0 and "layers of 9 frames" in said
+    yield desk.page("layered")
+    shutil.rmtree(desk.page("layered").parent)
+
+
+def test_layers_are_the_finished_light_and_the_aovs_of_the_frame_it_was_made_from(tmp_path: Path) -> None:
+    def written(name: str, header: dict[str, str], **arrays: np.ndarray) -> Path:
+        write_exr(tmp_path / f"{name}.exr", RenderedFrame(arrays, {}), header)
+        return tmp_path / f"{name}.exr"
+
+    clean, noisy = np.full((4, 6, 3), 0.5, np.float32), np.full((4, 6, 3), 0.25, np.float32)
+    depth = np.full((4, 6), 3.0, np.float32)
+    finished = written("frame", {"key": "f" * 32, "raw_key": "a" * 32}, beauty=clean)
+    raws = {
+        1: written("raw", {"key": "a" * 32}, beauty=noisy, depth=depth),
+        2: written("another", {"key": "b" * 32}, beauty=noisy, depth=depth),
+    }
+    known: dict[str, Any] = {"shot": NAME, "kind": "render", "label": "draft", "quality": "draft"}
+    sequence = PictureSequence(
+        **known, subject=NAME, numbers=(1, 2), files={}, display=PLAIN, faults={}, seconds={}, raws=raws
+    )
+    (tmp_path / "layers").mkdir()
+    store = Project(tmp_path, 1).store
+    for number, names in ((1, ["picture", "beauty", "depth", "view"]), (2, ["picture", "beauty", "view"])):
+        one = replace(sequence, files={number: finished})
+        layers = LayerWriter(store, tmp_path / "layers", 1, 1).write(one, lambda: None)[number]
+        assert list(layers) == names
+        script = (tmp_path / "layers" / layers["beauty"]).read_text()
+        data = json.loads(script.partition(", ")[2].removesuffix(");\n"))
+        steps = list(zlib.decompress(base64.b64decode(data["data"])))
+        bits = steps[0] + 256 * steps[len(steps) // 2]
+        assert bits == np.float16(0.5).view(np.uint16), "the finished beauty"
+
+
+def wait_for_layers(look: Looker) -> None:
+    look.wait(
+        "review.viewing.names.length && [...review.viewing.layers.entries.values()].every((l) => l !== null)"
+    )
+
+
+def test_linear_values_are_those_of_the_rendered_frame(opened: Opened, desk: Desk, layered: Path) -> None:
+    look = opened(layered, frame=1)
+    look.press("Shift+P", "Shift+V")
+    look.wait("review.viewing.layerOf(review.a, 1, 'beauty')")
+    request = desk.request("draft")
+    beauty = read_exr(desk.root / request.place("frame", 1))[0]["beauty"]
+    for x, y in ((20, 30), (200, 200), (479, 269)):
+        values = look.ask(f"review.viewing.layerOf(review.a, 1, 'beauty').at({x}, {y})")
+        assert values == pytest.approx(beauty[y, x].astype(np.float16).tolist())
+    assert look.ask("[1.5, 6e-8, -65504, NaN].map((v) => v)") is not None
+    halves = np.array([1.5, 6e-8, -65504.0, np.inf, 0.1], np.float16)
+    assert look.ask("(bits) => bits.map(fromHalf)", halves.view(np.uint16).tolist()) == halves.tolist()
+    box = look.tab.locator("#stage").bounding_box()
+    assert box is not None
+    place = look.ask("review.stage.places()[0]")
+    x, y = (100.5 / 480 * place["width"], 200.5 / 270 * place["height"])
+    look.tab.mouse.move(box["x"] + place["x"] + x, box["y"] + place["y"] + y)
+    words = look.tab.inner_text("#probe").split()
+    assert words[:3] == ["Pixel", "100,", "200"] and f"{beauty[200, 100, 0]:.4f}" in words
+
+
+def test_the_card_and_the_loop_show_the_same(opened: Opened, layered: Path) -> None:
+    look = opened(layered, frame=1)
+    assert look.ask("Boolean(review.viewing.grader.gl)")
+    values = np.linspace(-0.5, 3.0, 96 * 64 * 3, dtype=np.float32).reshape(64, 96, 3)
+    values[5, 7] = np.nan
+    for name in ("beauty", "position", "picture"):
+        steps = np.rint(255 * np.clip(np.nan_to_num(values), 0, 1)).astype(np.uint8)
+        script = as_script(f"{name}.js", name, steps if name == "picture" else values, 1.0)
+        look.ask(f"review.viewing.layers.entries.set('{name}.js', null); {script}")
+        look.wait(f"review.viewing.layers.get('{name}.js')")
+        for settings in (
+            "{exposure: 0, gamma: 1, channel: 'rgb', clipping: false}",
+            "{exposure: 1.25, gamma: 1.8, channel: 'luminance', clipping: true}",
+            "{exposure: -2, gamma: 0.6, channel: 'blue', clipping: true}",
+        ):
+            most = look.ask(
+                f"""(() => {{
+                  const {{ grader, layers }} = review.viewing, layer = layers.get('{name}.js');
+                  grader.settings = {settings};
+                  const card = grader.graded(layer).getContext('2d').getImageData(0, 0, 96, 64).data;
+                  const loop = grader.inLoop(layer);
+                  return card.map((value, i) => Math.abs(value - loop[i])).sort().at(-4);
+                }})()"""
+            )
+            assert most <= 2, (name, settings)
+
+
+def test_the_beauty_is_shown_through_the_view_as_the_picture_is(opened: Opened, layered: Path) -> None:
+    look = opened(layered, a="T010_tiny · look chrome · draft", frame=3)
+    look.ask("review.viewing.layerOf(review.a, 3, 'picture')")
+    look.press("Shift+V")
+    wait_for_layers(look)
+    look.wait("review.viewing.source(review.a, 3)")
+    most = look.ask(
+        """(() => {
+          const { viewing, a } = review, canvas = viewing.source(a, 3);
+          const view = viewing.layerOf(a, 3, 'view'), picture = viewing.layerOf(a, 3, 'picture').bits;
+          const card = canvas.getContext('2d').getImageData(0, 0, 480, 270).data;
+          const loop = viewing.grader.inLoop(viewing.layerOf(a, 3, 'beauty'), view);
+          let most = 0;
+          for (let i = 0; i < card.length; i++) {
+            if (i % 4 < 3) most = Math.max(most, Math.abs(card[i] - picture[i]), Math.abs(card[i] - loop[i]));
+          }
+          return most;
+        })()"""
+    )
+    assert most <= 2
+
+
+def test_exposure_channels_and_clipping_change_what_is_seen(opened: Opened, layered: Path) -> None:
+    look = opened(layered, frame=1)
+    look.press("Shift+R")
+    wait_for_layers(look)
+    plain = look.picture()
+    look.press("Shift+K")
+    clipped = look.picture()
+    height, width = plain.shape[:2]
+    white, black = (height // 4, width // 16), (int(0.8 * height), width // 2)
+    assert clipped[white].tolist() == [255, 41, 26] and clipped[black].tolist() == [26, 89, 255]
+    look.press("0")
+    assert look.ask("review.viewing.isNeutral")
+    look.press("PageDown", "PageDown", "PageDown", "PageDown")
+    wait_for_layers(look)
+    assert look.picture()[white][0] == pytest.approx(188, abs=2), "half the light of white"
+    by_card = look.picture().astype(int)
+    look.ask("review.viewing.grader.gl = null; review.viewing.grader.drawn = new WeakMap(); review.redraw()")
+    assert np.abs(look.picture() - by_card).max() <= 2, "without a graphics card too"
+    look.press("Shift+E")
+    assert look.ask("review.viewing.isNeutral && !review.viewing.isOn")
+
+
+def test_a_frame_without_layers_says_what_to_do(opened: Opened, desk: Desk, layered: Path) -> None:
+    look = opened(layered, frame=3)
+    look.press("Shift+E")
+    assert "the nearest that has is 1" in look.tab.inner_text("#viewing")
+    look.press("Shift+S")
+    assert "the nearest that has is 1" in look.tab.inner_text("#message")
+    look = opened(frame=3)
+    look.press("Shift+E")
+    assert "flowsculpt review --layers 8" in look.tab.inner_text("#viewing")
+    look.press("/")
+    look.tab.mouse.move(400, 300)
+    assert look.tab.locator("#loupe").is_visible()
+    look.press("/", "Shift+E")
+
+
+def test_the_frame_is_saved_with_drawings_and_without(opened: Opened, layered: Path) -> None:
+    look = opened(layered, frame=1)
+    look.ask(
+        """review.notes.add(review.a, 1, 1, {drawings: [{frame: 1, kind: "rectangle", ink: "#ff5a4d",
+        width: 96, points: [4000, 3500, 6000, 5000], text: ""}]})"""
+    )
+    look.press("Shift+E")
+    look.ask("review.viewing.layerOf(review.a, 1, 'picture')")
+    wait_for_layers(look)
+    saved = {}
+    for key in ("Shift+S", "Shift+W"):
+        with look.tab.expect_download() as download:
+            look.press(key)
+        path = look.scratch / download.value.suggested_filename
+        download.value.save_as(path)
+        saved[path.name] = read_png(path)[..., :3].astype(int)
+    drawn, plain = saved[f"{NAME}.draft.0001.notes.png"], saved[f"{NAME}.draft.0001.png"]
+    assert plain.shape == (270, 480, 3) and plain[30, 30].min() > 250
+    assert (
+        np.abs(drawn[168, 240] - [255, 90, 77]).max() < 12
+        and np.abs(drawn[30, 30] - plain[30, 30]).max() == 0
+    )
+
+
+def test_axe_finds_nothing_on_layers(opened: Opened, layered: Path) -> None:
+    look = opened(layered, frame=1)
+    look.press("Shift+E", "Shift+P")
+    look.tab.mouse.move(400, 300)
+    wait_for_layers(look)
+    assert look.findings() == []

@@ -1,0 +1,184 @@
+"""Deliverables, as those meet them who ask for them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+from pipeline.errors import FrameError
+from pipeline.plugins.delivery.deliverables import Delivery, DeliveryOptions
+from pipeline.plugins.delivery.delivery_source import FrameFormat, film_source, shot_source
+from pipeline.production.execution.project import Project
+from pipeline.production.request.render_request import RenderRequest
+from render.graphics.burn_in import BurnIn
+from render.movie.codecs import ENCODES
+from render.movie.probe import probe_movie
+from tests.conftest import QUALITY
+
+NAME = "T010_tiny"
+HOME = Path("renders") / NAME / QUALITY / "deliver"
+QUIET = FrameFormat("rec709", has_coverage=False)
+
+
+@pytest.fixture
+def there(finished, monkeypatch):
+    """A finished project, which is the working folder."""
+    monkeypatch.chdir(finished.path)
+    return finished
+
+
+def taken(there, frames: str | None = None) -> tuple[Project, RenderRequest]:
+    project = Project(there.path, cores=1)
+    return project, project.asked(NAME, QUALITY, frames)
+
+
+def silent(name: str, count: int):
+    return lambda: None
+
+
+def test_a_shot_is_delivered_once_and_found_again(there):
+    words = ("deliver", NAME, "-q", QUALITY, "--as", "review,prores4444", "--burn-in", "all", "--json")
+    first, again = (json.loads(there.call(*words).out) for _ in range(2))
+    assert [each["up_to_date"] for each in first["deliverables"]] == [False, False]
+    assert [each["up_to_date"] for each in again["deliverables"]] == [True, True]
+    assert {each["path"] for each in again["deliverables"]} == {
+        (HOME / f"{NAME}.1-6.review.mp4").as_posix(),
+        (HOME / f"{NAME}.1-6.prores4444.mov").as_posix(),
+    }
+    facts = probe_movie(there.path / HOME / f"{NAME}.1-6.prores4444.mov")
+    assert (facts.frames, facts.timecode, facts.alpha) == (6, "00:00:00:01", True)
+    other = there.call(*words[:-2], "shot,frame", "--json")
+    assert not any(each["up_to_date"] for each in json.loads(other.out)["deliverables"])
+
+
+def test_only_what_is_asked_for_is_rendered_and_no_other_movie_made(project):
+    done = project.run("deliver", NAME, "-q", QUALITY, "-f", "2-3", "--as", "h264", "--slate", "apart")
+    assert done.code == 0, done.err
+    assert [path.name for path in project.frames()] == [f"{NAME}.0002.exr", f"{NAME}.0003.exr"]
+    assert sorted(path.name for path in (project.path / HOME).iterdir()) == [
+        f"{NAME}.2-3.h264.mp4",
+        f"{NAME}.2-3.h264.slate.mp4",
+    ]
+    assert not list((project.path / "renders" / NAME / QUALITY).glob("*.mp4"))
+    assert probe_movie(project.path / HOME / f"{NAME}.2-3.h264.slate.mp4").frames == 48
+
+
+def test_a_film_is_delivered_with_its_own_sound_and_a_slate_before_it(there):
+    with av.open("shots/tone.wav", "w") as file:
+        stream = file.add_stream("pcm_s16le", rate=48000, layout="mono")
+        wave = av.AudioFrame.from_ndarray(np.full((1, 48000), 9000, np.int16), format="s16", layout="mono")
+        wave.sample_rate = 48000
+        file.mux(stream.encode(wave))
+        file.mux(stream.encode(None))
+    Path("shots/reel.yaml").write_text(
+        f"title: R\nshots: [{NAME}, {{shot: {NAME}, frames: 2-6, dissolve: 2}}]\ntitle_seconds: 0\n"
+        "sound: {file: tone.wav}\n"
+    )
+    done = there.call("deliver", "reel", "-q", QUALITY, "--as", "prores4444,h265", "--slate", "head")
+    assert done.code == 0, done.err
+    home = there.path / "renders/film" / QUALITY / "deliver"
+    facts = probe_movie(home / "reel.prores4444.mov")
+    assert (facts.frames, facts.timecode, facts.sound) == (48 + 9, "00:59:58:00", "pcm_s24le")
+    assert facts.seconds == pytest.approx((48 + 9) / 24)
+    with av.open(str(home / "reel.prores4444.mov")) as movie:
+        audio = np.concatenate([f.to_ndarray().reshape(-1, 2)[:, 0] for f in movie.decode(audio=0)])
+    assert np.flatnonzero(audio)[0] == 2 * 48000  # it begins with the film, not with the slate
+    assert probe_movie(home / "reel.h265.mp4").sound == "aac"
+
+
+def test_frames_that_failed_are_cards_that_say_why(there):
+    project, request = taken(there)
+    keys = request.picture_keys(project.store)
+    whole = shot_source(request, project.store, {})
+    project.store.discard("frame", keys[3].frame)
+    source = shot_source(request, project.store, {(NAME, 3): "frame 3: the surface is torn"})
+    assert source.lost == (f"{NAME} frames 3",)
+    shown = [frame for frame, _ in source.frames(QUIET)]
+    same = [bool((a == b[0]).all()) for a, b in zip(shown, whole.frames(QUIET), strict=True)]
+    assert same.count(False) <= 1
+    assert shown[2].mean() < 0.3 * shown[1].mean()
+    assert source.content != whole.content
+    order = DeliveryOptions((ENCODES["review"],), burn_in=BurnIn())
+    (made,) = Delivery(source, order, project.store).make(silent)
+    assert made.frames == 6
+    assert probe_movie(there.path / made.path).frames == 6
+
+
+def test_a_frame_that_cannot_be_read_is_told_and_forgotten_and_nothing_delivered(there):
+    project, request = taken(there)
+    key = request.picture_keys(project.store)[3].frame
+    project.store.discard("frame", key)
+    project.store.put("frame", key, lambda path: path.write_bytes(b"cut short"))
+    source = shot_source(request, project.store, {})
+    with pytest.raises(FrameError, match=r"0003\.exr is damaged; run again"):
+        Delivery(source, DeliveryOptions((ENCODES["review"],)), project.store).make(silent)
+    assert not project.store.holds("frame", key)
+    assert not list((there.path / "renders" / NAME / QUALITY / "deliver").glob("*.mp4"))
+
+
+def test_the_coverage_of_the_subject_is_the_alpha(there):
+    project, request = taken(there, "2-3")
+    source = shot_source(request, project.store, {})
+    assert source.has_coverage
+    frame, _ = next(source.frames(FrameFormat("rec709", has_coverage=True)))
+    assert frame.shape == (54, 96, 4)
+    assert frame[27, 48, 3] == 65535 and frame[1, 1, 3] == 0
+    for number in request.requested:
+        project.store.discard("raw", request.picture_keys(project.store)[number].raw)
+    assert not shot_source(request, project.store, {}).has_coverage
+
+
+def test_nothing_to_deliver_is_told(project, monkeypatch):
+    monkeypatch.chdir(project.path)
+    fresh = Project(project.path, cores=1)
+    with pytest.raises(FrameError, match=r"none of its frames could be made.* the first failed: no light"):
+        shot_source(fresh.asked(NAME, QUALITY), fresh.store, {(NAME, 1): "no light"})
+
+
+def test_a_published_version_is_named(there):
+    project, request = taken(there)
+    assert dict(shot_source(request, project.store, {}).facts)["version"] == "in work"
+    assert there.call("publish", NAME, "-q", QUALITY).code == 0
+    assert dict(shot_source(request, project.store, {}).facts)["version"] == "v001"
+
+
+def test_a_film_says_of_every_frame_where_it_comes_from(there):
+    project = Project(there.path, cores=1)
+    Path("shots/reel.yaml").write_text(
+        f"title: R\nshots: [{{shot: {NAME}, frames: 1-3}}, {{shot: {NAME}, frames: 4-6, dissolve: 2}}]\n"
+        "title_seconds: 0.125\n"
+    )
+    source = film_source(*project.edit(QUALITY, Path("shots/reel.yaml")), project.store, {})
+    told = [values.get("frame") for _, values in source.frames(QUIET)]
+    assert told == [None, None, None, 1, 2, 5, 6]
+    assert source.count == len(told)
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "says"),
+    [
+        (("--as", "prores"), 2, "'prores' is no deliverable. Did you mean 'prores4444'?"),
+        (("--as", ","), 2, "names no deliverable"),
+        (("--burn-in", "fraem"), 2, "'fraem' is nothing to burn in. Did you mean 'frame'?"),
+        (("--slate", "haed"), 2, "Did you mean 'head'?"),
+        (("-f", "9"), 2, "frame 9 is not in the shot, which has 1-6"),
+        (("--sound", "none.wav"), 3, "none.wav: there is no such file"),
+        (("-o", "shots/film.yaml"), 4, "a file stands where a folder should be"),
+    ],
+)
+def test_what_cannot_be_delivered_is_told_in_one_line(there, words, code, says):
+    done = there.call("deliver", NAME, "-q", QUALITY, *words)
+    assert done.code == code
+    assert says in done.err
+    assert len(done.err.strip().splitlines()) == 1
+
+
+def test_a_dry_run_delivers_nothing(there):
+    done = there.call("--dry-run", "deliver", NAME, "-q", QUALITY, "--as", "av1")
+    assert done.code == 0, done.err
+    assert "Nothing to be done.\nThen: encoding T010_tiny as av1." in done.out
+    assert not (there.path / HOME).exists()

@@ -1,0 +1,153 @@
+"""What somebody at a terminal sees while something is rendered for the first time."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import psutil
+import pytest
+
+from pipeline.cli.common_options import CommonOptions
+from pipeline.plugins.preview.first_look import FirstLook
+from pipeline.plugins.preview.first_pictures import WITHOUT
+from pipeline.production.execution.project import Project
+from pipeline.production.planning.plan import Plan
+from render.base import python_process
+from render.movie.probe import probe_movie
+from tests.conftest import TINY, ProjectFolder
+
+NAME = "T010_tiny"
+
+
+class Terminal:
+    """A command at a pseudo-terminal."""
+
+    def __init__(self, folder: Path, *words: str) -> None:
+        command = python_process.command("pipeline.cli", "-j", "2", *words)
+        environment = {**python_process.environment(), "TERM": "xterm", "COLUMNS": "160", "CI": ""}
+        self.process, self._terminal = pty.fork()
+        if self.process == 0:
+            os.chdir(folder)
+            os.execvpe(command[0], command, environment)
+        self.text = ""
+
+    def read_until(self, pattern: str, seconds: float = 120.0) -> None:
+        """Read until a pattern is on the screen, or the command has ended."""
+        limit = time.monotonic() + seconds
+        while not re.search(pattern, self.text):
+            assert time.monotonic() < limit, self.text
+            try:
+                self.text += os.read(self._terminal, 65536).decode(errors="replace")
+            except OSError:  # the command has ended
+                return
+
+    def press_ctrl_c(self) -> None:
+        os.write(self._terminal, b"\x03")
+
+    def end(self) -> int:
+        """Return the exit code once the command has ended."""
+        self.read_until(r"\Z.")
+        _, status = os.waitpid(self.process, 0)
+        os.close(self._terminal)
+        return os.waitstatus_to_exitcode(status)
+
+
+def longer(project: ProjectFolder) -> ProjectFolder:
+    """Return the project with a shot of as many frames as an animatic has at the least."""
+    project.shot.write_text(TINY.replace("frames: 1-6", "frames: 1-24"))
+    return project
+
+
+def test_an_animatic_comes_first_and_is_whole_when_the_run_is_interrupted(project: ProjectFolder) -> None:
+    terminal = Terminal(longer(project).path, "render", NAME, "-q", "draft")
+    terminal.read_until(r"Animatic: \S+\.mp4 \(24 frames")
+    drawing = [p for p in psutil.Process(terminal.process).children() if "first_pictures" in str(p.cmdline())]
+    terminal.press_ctrl_c()
+    assert terminal.end() == 130, terminal.text
+    assert "in all" in terminal.text and "Traceback" not in terminal.text
+    assert drawing and not any(process.is_running() for process in drawing)
+    assert probe_movie(project.path / "renders" / NAME / "preview" / f"{NAME}.mp4").frames == 24
+    assert not list((project.path / "renders" / NAME / "draft").glob("frames/*.0024.exr"))
+
+
+@contextmanager
+def at_terminal(monkeypatch: pytest.MonkeyPatch, ci: str = "") -> Iterator[None]:
+    """Have standard output and standard error be a pseudo-terminal."""
+    ours, theirs = pty.openpty()
+    with open(theirs, "w") as stream:  # noqa: PTH123 (a descriptor has no path)
+        monkeypatch.setattr(sys, "stdout", stream)
+        monkeypatch.setattr(sys, "stderr", stream)
+        monkeypatch.setenv("CI", ci)
+        yield
+    os.close(ours)
+
+
+def planned(project: ProjectFolder, monkeypatch: pytest.MonkeyPatch, frames: str | None = None) -> Plan:
+    monkeypatch.chdir(project.path)
+    return Project(project.path, 2, variant="scalar_rgb").pictures([NAME], "draft", frames)
+
+
+def words(
+    project: ProjectFolder, plan: Plan, animatic: bool = True, ci: str = "", **options: object
+) -> list[str] | None:
+    """Return what the process that makes the pictures is called with, for somebody at a terminal."""
+    common = CommonOptions(root=project.path, **options).resolved(CommonOptions())  # type: ignore[arg-type]
+    with pytest.MonkeyPatch.context() as patch, at_terminal(patch, ci):
+        return FirstLook(animatic).arguments(common, plan)
+
+
+def test_a_person_at_a_terminal_gets_an_animatic_of_what_was_never_rendered(
+    project: ProjectFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = planned(longer(project), monkeypatch)
+    assert words(project, plan) == [str(plan.file)]
+    assert words(project, plan, animatic=False) == [str(plan.file), WITHOUT]
+
+
+def test_few_frames_have_no_animatic_and_one_is_not_announced(
+    project: ProjectFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = planned(project, monkeypatch)
+    assert words(project, plan) == [str(plan.file), WITHOUT]
+    assert words(project, planned(project, monkeypatch, "3")) is None
+
+
+@pytest.mark.parametrize("kind", ["raw", "frames"])
+def test_where_a_frame_is_there_nothing_is_shown_first(
+    project: ProjectFolder, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    plan = planned(longer(project), monkeypatch)
+    folder = project.path / "renders" / NAME / "draft" / kind
+    folder.mkdir(parents=True)
+    assert words(project, plan) is not None
+    (folder / f"{NAME}.0003.exr").touch()
+    assert words(project, plan) is None
+
+
+def test_scripts_farms_and_machines_of_ci_get_none(
+    project: ProjectFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = planned(longer(project), monkeypatch)
+    assert words(project, plan, no_progress=True) is None
+    assert words(project, plan, json_=True) is None
+    farm = project.path / "farm"
+    farm.mkdir()
+    (farm / "profile.yaml").write_text("executor: dryrun\n")
+    assert words(project, plan, profile=str(farm)) is None
+    assert words(project, plan, ci="true") is None
+
+
+def test_output_to_a_file_gets_none(project: ProjectFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = planned(longer(project), monkeypatch)
+    common = CommonOptions(root=project.path).resolved(CommonOptions())
+    with at_terminal(monkeypatch), Path(os.devnull).open("w") as nowhere:
+        assert FirstLook().arguments(common, plan) is not None
+        monkeypatch.setattr(sys, "stdout", nowhere)
+        assert FirstLook().arguments(common, plan) is None

@@ -1,0 +1,237 @@
+"""A preview shows what a render will: the same surfaces from the same cameras."""
+
+from __future__ import annotations
+
+import resource
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.animation import animate
+from pipeline.errors import FrameError, MachineError
+from pipeline.mesh import box, icosphere, sheet
+from pipeline.plugins.preview import surface_stream
+from pipeline.plugins.preview.animatic import Animatic, framings_of, outline, size_for
+from pipeline.plugins.preview.sketch import Sketch, is_closed
+from pipeline.plugins.preview.surface_stream import SpillCache, SurfaceStream
+from pipeline.production.execution.project import Project
+from pipeline.production.render_inputs.framing import frame_all
+from pipeline.production.request.render_request import RenderRequest
+from render.post.image import read_png
+from tests.conftest import TINY, ProjectFolder
+
+NAME = "T010_tiny"
+
+
+def quiet(stage: str, number: int) -> None:
+    """Nobody listens."""
+
+
+def said(told: list[tuple[str, int]], stage: str, number: int) -> None:
+    told.append((stage, number))
+
+
+def take_of(root: Path, *settings: str) -> RenderRequest:
+    project = Project(root, 2, settings=settings)
+    return project.request(root / "shots" / f"{NAME}.yaml", "draft", None, variant="none")
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    (tmp_path / "shots").mkdir()
+    (tmp_path / "shots" / f"{NAME}.yaml").write_text(TINY)
+    return tmp_path
+
+
+def test_frames_come_in_order_and_nothing_is_left_in_the_store(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(surface_stream, "SLOW", 60.0)
+    request = take_of(root)
+    with SurfaceStream(Project(root, 2).store) as stream:
+        assert list(stream.play(request, [5, 2, 3])) == [2, 3, 5]
+        assert stream.arrays(request, 3)["normals"].shape == stream.arrays(request, 3)["vertices"].shape
+        assert not list(stream.store.entries())
+
+
+def test_after_an_edit_only_what_it_changed_is_simulated_again(root: Path) -> None:
+    with SurfaceStream(Project(root, 2).store) as stream:
+        before = take_of(root)
+        list(stream.play(before, range(1, 7)))
+        known = dict(stream.meshes.frames)
+        after = take_of(root, "flows.0.twist.amount={ease: linear, keys: {1: 0, 4: 36, 6: 90}}")
+        list(stream.play(after, range(1, 7)))
+        for number in range(1, 5):
+            key = after.mesh_key(number)
+            assert key == before.mesh_key(number) and stream.meshes.frames[key] is known[key]
+        assert before.mesh_key(6) not in stream.meshes.frames, "what no frame needs is forgotten"
+        alone = {frame.number: frame for frame in animate(after.shot)}
+        found = stream.meshes.frames[after.mesh_key(6)]
+        np.testing.assert_array_equal(found.mesh.vertices, alone[6].mesh.vertices)
+
+
+def test_frames_that_took_long_are_kept_for_the_render(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(surface_stream, "SLOW", -1.0)
+    request = take_of(root)
+    with SurfaceStream(Project(root, 2).store) as stream:
+        list(stream.play(request, range(1, 7)))
+        assert all(stream.store.holds("mesh", request.mesh_key(n)) for n in range(1, 7))
+    plan = Project(root, 2).meshes([f"{root}/shots/{NAME}.yaml"], None)
+    assert not plan.jobs
+
+
+def test_cameras_are_those_of_the_render(root: Path) -> None:
+    request = take_of(root)
+    points = {frame.number: frame.mesh.vertices for frame in animate(request.shot)}
+    numbers = sorted(points)
+    views = [request.view(n) for n in numbers]
+    expected = frame_all(views, lambda i: points[numbers[i]], request.aspect, request.follow)
+    with SurfaceStream(Project(root, 2).store) as stream:
+        list(stream.play(request, numbers))
+        found = framings_of(request, stream, numbers)
+    for number, framing in zip(numbers, expected, strict=True):
+        np.testing.assert_allclose(found[number].camera.origin, framing.camera.origin, atol=1e-5)
+        np.testing.assert_allclose(found[number].placement.origin, framing.placement.origin, atol=1e-5)
+
+
+def test_a_frame_that_fails_is_named_and_those_before_it_have_come(root: Path) -> None:
+    request = take_of(root, "flows.0={vortex: {strength: {keys: {1: 0, 3: 0, 4: 1.0e+12}}}}")
+    came = []
+    with SurfaceStream(Project(root, 2).store) as stream, pytest.raises(FrameError, match="frame 4"):
+        for number in stream.play(request, range(1, 7)):
+            came.append(number)
+    assert came == [1, 2, 3]
+
+
+def test_what_has_no_room_in_memory_waits_on_the_disk() -> None:
+    shelf = SpillCache(room=100.0)
+    small, large = {"a": np.arange(5.0)}, {"a": np.arange(50.0), "b": np.arange(3, dtype=np.int32)}
+    shelf.put("one", small)
+    shelf.put("two", large)
+    np.testing.assert_array_equal(shelf.get("two")["a"], large["a"])
+    assert "one" in shelf and "two" in shelf and "three" not in shelf
+    shelf.keep_only({"two"})
+    assert "one" not in shelf and "two" in shelf
+    shelf.keep_only(set())
+    assert "two" not in shelf
+    shelf.close()
+
+
+def test_the_inside_is_left_out_only_where_nobody_can_see_it() -> None:
+    ball = icosphere(3)
+    arrays = {
+        "vertices": ball.vertices,
+        "normals": ball.vertices,
+        "faces": ball.faces,
+        "source_vertex": np.arange(len(ball.vertices), dtype=np.int32),
+        "material": ball.vertices,
+    }
+    assert is_closed(arrays) and is_closed({"radii": np.ones(3)})
+    assert not is_closed(arrays | {"faces": ball.faces[1:]})
+    flat = sheet((2.0, 2.0))
+    assert not is_closed(arrays | {"faces": flat.faces})
+    split = box((1.0, 1.0, 1.0))
+    assert is_closed(arrays | {"faces": split.faces})
+
+
+def test_edges_are_drawn_where_they_are_asked_for(root: Path) -> None:
+    request = take_of(root)
+    with SurfaceStream(Project(root, 2).store) as stream:
+        plain, edged = root / "plain.png", root / "edged.png"
+        Animatic(Sketch(request), stream).still(3, plain, quiet)
+        Animatic(Sketch(request, edges=True), stream).still(3, edged, quiet)
+    first, second = (read_png(path).astype(float) for path in (plain, edged))
+    assert first.shape == second.shape == (540, 960, 3) and size_for(1.0, (960, 540)) == (720, 720)
+    darker = (first - second).max(axis=2)
+    assert 0.01 < (darker > 10).mean() < 0.3 and darker[:50].max() == 0
+
+
+def test_pictures_of_a_range_are_those_of_the_whole(root: Path) -> None:
+    whole = take_of(root)
+    with SurfaceStream(Project(root, 2).store) as stream:
+        Animatic(Sketch(whole), stream).still(5, root / "one.png", quiet)
+        part = replace(whole, requested=(4, 5))
+        Animatic(Sketch(part), stream).still(5, root / "two.png", quiet)
+    assert (root / "one.png").read_bytes() == (root / "two.png").read_bytes()
+
+
+LONG = ("frames=1-80", "flows.0.twist.amount={ease: linear, keys: {1: 0, 80: 90}}")
+
+
+def test_pictures_are_drawn_while_later_frames_are_simulated_and_are_forgotten(root: Path) -> None:
+    request, told = take_of(root, *LONG), []
+    with SurfaceStream(Project(root, 2).store, once=True) as stream:
+        assert (
+            Animatic(Sketch(request), stream).movie(root / "long.mp4", lambda *what: told.append(what)) == 80
+        )
+        assert told.index(("drawing", 1)) < told.index(("simulating", 80))
+        assert not stream.meshes.frames
+        with pytest.raises(FileNotFoundError):
+            stream.arrays(request, 1)
+    assert [n for stage, n in told if stage == "drawing"] == list(range(1, 81))
+
+
+def test_a_still_simulates_no_frame_after_its_own_and_has_the_camera_of_the_movie(root: Path) -> None:
+    growing = "flows.0={scaling: {rate: [0.3, 0.1, 0]}}"
+    for settings in (LONG, (*LONG, growing), (*LONG, growing, "camera.follow=0")):
+        request, told = take_of(root, *settings), list[tuple[str, int]]()
+        with SurfaceStream(Project(root, 2).store) as stream:
+            animatic = Animatic(Sketch(request), stream)
+            still = animatic.still(20, root / "early.png", partial(said, told))
+            assert told == [*(("simulating", n) for n in range(1, 21)), ("drawing", 20)]
+            list(stream.play(request, range(1, 81)))
+            movie = framings_of(request, stream, list(range(1, 81)))[20]
+        size = movie.placement.size
+        np.testing.assert_allclose(still.camera.origin, movie.camera.origin, atol=0.002 * size)
+        np.testing.assert_allclose(still.placement.origin, movie.placement.origin, atol=0.002 * size)
+
+
+def test_a_still_is_drawn_though_a_later_frame_fails(root: Path) -> None:
+    failing = "flows.0={vortex: {strength: {keys: {1: 0, 30: 0, 40: 1.0e+12}}}}"
+    request = take_of(root, LONG[0], failing)
+    with SurfaceStream(Project(root, 2).store) as stream:
+        Animatic(Sketch(request), stream).still(3, root / "early.png", quiet)
+    assert (root / "early.png").exists()
+
+
+def test_a_sample_of_points_has_the_outermost() -> None:
+    points = np.random.default_rng(2).normal(size=(50_000, 3))
+    chosen = points[outline(points)]
+    assert 3500 <= len(chosen) < 4500
+    for direction in np.eye(3):
+        assert (chosen @ direction).max() > 0.93 * (points @ direction).max()
+
+
+def test_an_unwritable_place_is_told_before_anything_is_simulated(project: ProjectFolder) -> None:
+    (project.path / "file").write_text("")
+    done = project.run("preview", NAME, "-o", "file/movie.mp4")
+    assert done.code == 4 and len(done.err.strip().splitlines()) == 1 and "file" in done.err
+
+
+def test_speeds_shown_as_colours_are_found_again_after_an_edit(root: Path) -> None:
+    speed = "look={material: clay, measure: {speed: {range: [0, 5]}}}"
+    twist = "flows.0.twist.amount={ease: linear, keys: {1: 0, 4: 72, 6: 120}}"
+    fastest = []
+    with SurfaceStream(Project(root, 2).store) as stream:
+        for settings in ((), (speed,), (speed, twist)):
+            request = take_of(root, *settings)
+            list(stream.play(request, [1]))
+            arrays = stream.arrays(request, 1)
+            fastest.append(float(arrays["speed"].max()) if "speed" in arrays else 0.0)
+    assert fastest[0] == 0.0 < fastest[1] and fastest[2] == pytest.approx(2.0 * fastest[1], rel=0.01)
+
+
+def test_a_full_disk_is_told_where_surfaces_wait_and_leaves_nothing() -> None:
+    shelf = SpillCache(room=0.0)
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limit[1]))
+    try:
+        with pytest.raises(MachineError):
+            shelf.put("one", {"a": np.arange(5000.0)})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert "one" not in shelf
+    shelf.close()
