@@ -31,7 +31,8 @@ import numpy as np
 from benchmarks.report import OUT, Row, Target, keep, show
 from benchmarks.sample_models import MODELS, UNUSABLE, UNUSUAL
 from pipeline.errors import FlowsculptError
-from pipeline.mesh.read import FORMATS, read_polygons
+from pipeline.mesh.mesh_formats import format_of
+from pipeline.mesh.read import read_polygons
 from pipeline.plugins.preview.animatic import Animatic
 from pipeline.plugins.preview.sketch import Sketch
 from pipeline.plugins.preview.surface_stream import SurfaceStream
@@ -217,7 +218,7 @@ def main(arguments: list[str] | None = None) -> list[Target]:
         pictures.mkdir(parents=True, exist_ok=True)
         models = {model: write(folder / "shots") for model, write in MODELS.items()}
         for file in sorted(given.folder.iterdir()) if given.folder else ():
-            if file.suffix.lower().lstrip(".") in FORMATS:
+            if format_of(file) is not None:
                 models[file.name] = Path(shutil.copy(file, folder / "shots"))
         models = {model: file for model, file in models.items() if not given.only or given.only in model}
         many = trials(folder, models, pictures, max(1, (os.cpu_count() or 1) // 2))

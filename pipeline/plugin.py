@@ -45,6 +45,7 @@ class Plugin:
     exporters  formats of the command `export` by name
     watchers   functions of the common options, a plan, and whether previews are wanted; each returns a
                context manager that is entered while `render` or `film` executes the plan at a terminal
+    mesh_formats  `MeshFormat`s by suffix of mesh files
     edits      functions by file suffix that make an edit of another program's timeline: they take the file,
                the names of the shots and the folder of edits, and return the edit's path and text
     schemas    pydantic models of further kinds of files, by the kind's name
@@ -60,6 +61,7 @@ class Plugin:
     commands: Mapping[str, Command] = field(default_factory=dict)
     exporters: Mapping[str, Command] = field(default_factory=dict)
     watchers: tuple[str, ...] = ()
+    mesh_formats: Mapping[str, str] = field(default_factory=dict)
     edits: Mapping[str, str] = field(default_factory=dict)
     schemas: Mapping[str, str] = field(default_factory=dict)
     sequences: tuple[str, ...] = ()
@@ -88,6 +90,11 @@ class Plugins:
     def exporters(self) -> dict[str, Command]:
         """The formats of the command `export` by name."""
         return {name: command for plugin in self for name, command in plugin.exporters.items()}
+
+    @property
+    def mesh_formats(self) -> dict[str, str]:
+        """The formats of mesh files, by suffix."""
+        return {suffix: form for plugin in self for suffix, form in plugin.mesh_formats.items()}
 
     @property
     def edits(self) -> dict[str, str]:
@@ -171,6 +178,7 @@ def _added(plugin: Plugin) -> Iterator[str]:
     doors = {
         "command": plugin.commands,
         "format": plugin.exporters,
+        "mesh format": plugin.mesh_formats,
         "edits from": plugin.edits,
         "schema": plugin.schemas,
     }

@@ -1,13 +1,16 @@
 """Plug-ins of strangers: what they add works, and one that is broken costs a line and nothing else."""
 
 import os
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from pipeline.plugin import API
+from tests.conftest import TINY
 
 GREETER = """\
 from pipeline.plugin import Command, Plugin
@@ -42,10 +45,8 @@ class Environment:
 
     def run(self, *words: str) -> subprocess.CompletedProcess[str]:
         environment = {**os.environ, "PYTHONPATH": str(self.folder), "COLUMNS": "120"}
-        call = [sys.executable, "-m", "pipeline.cli", "--root", str(self.folder), *words]
-        return subprocess.run(
-            call, cwd=Path(__file__).parents[1], env=environment, capture_output=True, text=True
-        )
+        call = [sys.executable, "-m", "pipeline.cli", *words]
+        return subprocess.run(call, cwd=self.folder, env=environment, capture_output=True, text=True)
 
 
 @pytest.fixture
@@ -59,6 +60,22 @@ def test_a_command_and_a_format_of_an_installed_plug_in_are_called_like_those_of
     assert environment.run("greet", "A010").stdout == "Hello A010\n"
     assert environment.run("export", "txt", "A010").returncode == 0
     assert (environment.folder / "A010.txt").read_text() == "A010"
+
+
+def test_the_plug_in_of_the_docs_works(environment):
+    page = (Path(__file__).parents[1] / "docs" / "plugins.md").read_text(encoding="utf-8")
+    (metadata,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    (text,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    ((name, place),) = tomllib.loads(metadata)["project"]["entry-points"]["flowsculpt.plugins"].items()
+    assert (name, place) == ("greeter", "greeter:PLUGIN")
+    environment.install(name, text)
+    (environment.folder / "shots").mkdir()
+    (environment.folder / "shots" / "A010_box.yaml").write_text(TINY)
+    done = environment.run("greet", "A010_box")
+    assert done.stdout == "A box, twisted\n", done.stderr
+    assert environment.run("export", "txt", "A010_box").returncode == 0
+    assert (environment.folder / "A010_box.txt").read_text().split() == list("123456")
+    assert "Greet a shot." in environment.run("--help").stdout
 
 
 def plugin(name: str = "greeter", rest: str = "") -> str:
@@ -96,6 +113,15 @@ def test_a_plug_in_that_cannot_be_used_is_told_in_a_line_and_the_others_work(env
     assert done.returncode == 0 and done.stdout == "Hello A010\n"
     (line,) = done.stderr.splitlines()
     assert line.startswith(f"plug-in {name}") and "is left out: " in line and fault in line
+
+
+def test_an_installation_older_than_the_code_is_told_with_its_remedy(environment):
+    info = environment.folder / "flowsculpt-0.0.9.dist-info"  # comes before the one that is installed
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: flowsculpt\nVersion: 0.0.9\n")
+    done = environment.run("status")
+    assert done.returncode == 4 and "install it again: make setup" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
 
 
 def test_the_version_is_printed_without_importing_a_plug_in(environment):

@@ -54,7 +54,15 @@ EXPORT = Command("", "Write a shot or an edit for other programs, in one of thei
 
 
 def all_commands() -> dict[str, Command]:
-    """Return the commands of the core and of plug-ins by name, in the order of the help."""
+    """Return the commands of the core and of plug-ins by name, in the order of the help.
+
+    Raises MachineError where the installation does not name those of the core.
+    """
+    if "flowsculpt" not in plugins().loaded:
+        raise MachineError(
+            "flowsculpt was installed from an earlier version of this code, and its commands are not "
+            "registered; install it again: make setup in a checkout, else as docs/your-show.md says"
+        )
     commands = {**plugins().commands, **({"export": EXPORT} if plugins().exporters else {})}
     return dict(sorted(commands.items(), key=lambda item: _place(item[1].panel)))
 
@@ -131,9 +139,12 @@ def _unwrapped(text: str) -> str:
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in text.split("\n\n"))
 
 
-def _print_version(wanted: bool = True) -> None:
+VERSION = f"flowsculpt {version('flowsculpt')}"
+
+
+def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"flowsculpt {version('flowsculpt')}")
+        typer.echo(VERSION)
         raise typer.Exit
 
 
@@ -204,7 +215,7 @@ def main() -> None:
     try:
         require_readable(*sys.argv[1:])
         if sys.argv[1:] == ["--version"]:
-            _print_version()  # without plug-ins: one that is broken changes nothing about it
+            typer.echo(VERSION)  # imports no plug-in
             return
         command_line()()
     except OutputError as error:

@@ -12,8 +12,8 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.mesh import PolygonMesh, TriangleMesh
+from pipeline.mesh.mesh_formats import ScenePart, names_parts
 from pipeline.mesh.read import ImportedSurface, read_surface
-from pipeline.mesh.usd_files import StagePart, is_usd
 from pipeline.shot.subject import Subject
 from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
 
@@ -101,7 +101,7 @@ class Model(Subject):
     def imported(self) -> ImportedSurface:
         """Return the surface as its file says. Raises MissingInputError or MeshError."""
         if self._read_from not in _latest:
-            part = StagePart(self.prim, self.time_code) if is_usd(self.path) else None
+            part = ScenePart(self.prim, self.time_code) if names_parts(self.path) else None
             surface = read_surface(self.path, self.repair, part)
             _latest.clear()
             _latest[self._read_from] = surface

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.mesh import PolygonMesh
+from pipeline.mesh.mesh_formats import names_parts
 from pipeline.mesh.parts import find_small_parts
 from pipeline.mesh.read import states_up, usual_up
-from pipeline.mesh.usd_files import is_usd
 from pipeline.shot.model_subject import Model
 
 FIT = 2.0
@@ -64,7 +64,7 @@ def model_template(file: Path, reference: str) -> ModelTemplate:
     word = reference if re.fullmatch(r"[\w./-]+", reference) else json.dumps(reference, ensure_ascii=False)
     units = "its own units" if imported.unit is None else f"its own units, of {imported.unit:.6g} m"
     facts = [f"{file.name}: {imported.vertices} vertices, {imported.faces} faces, {extents} in {units}."]
-    if is_usd(file):
+    if names_parts(file):
         facts.append(f"Its stage has {up} up, which is heeded. prim: /World/Chair reads a part.")
     elif states_up(file):
         facts.append(f"The file says that {up} points up, which is heeded. rotate: [0, 30, 0] turns it.")

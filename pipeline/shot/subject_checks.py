@@ -11,8 +11,8 @@ import numpy as np
 
 from pipeline.errors import MeshError, MissingInputError, UsageError, shortened, suggestion
 from pipeline.mesh.control_net import LEAST, Lattice
+from pipeline.mesh.mesh_formats import names_parts
 from pipeline.mesh.points import read_net, read_points
-from pipeline.mesh.usd_files import is_usd
 from pipeline.shot.documents.fields import LARGEST, is_number
 from pipeline.shot.point_subjects import NETS, NetOfSolid, radii_of
 from pipeline.shot.subject import SOLIDS, Measure, Solid
@@ -138,7 +138,7 @@ def stage(source: YamlSource) -> Iterator[Problem]:
     """Check that settings of USD stages are not given to models of other formats."""
     name = source.get("subject", "model")
     for setting in ("prim", "time_code"):
-        if isinstance(name, str) and not is_usd(name) and source.get("subject", setting) is not None:
+        if isinstance(name, str) and not names_parts(name) and source.get("subject", setting) is not None:
             yield (
                 ("subject", setting),
                 f"{setting} is for models of USD; this one is {shortened(Path(name).suffix)}. Leave it out.",

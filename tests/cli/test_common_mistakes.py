@@ -13,8 +13,9 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-from pipeline.mesh.read import FORMATS
-from pipeline.production.request.lookup import MODELS, OTHER_MODELS
+from pipeline.errors import UsageError
+from pipeline.mesh.mesh_formats import mesh_suffixes
+from pipeline.production.request.lookup import OTHER_MODELS, find_shot
 from tests.conftest import FILM, TINY, commanded
 
 ROWS = YAML(typ="safe").load((Path(__file__).parent / "mistakes.yaml").read_text(encoding="utf-8"))
@@ -49,4 +50,7 @@ def test_a_mistake_on_the_command_line_is_told_with_its_remedy_which_works(
 
 
 def test_a_model_of_every_format_is_told_from_a_shot() -> None:
-    assert {f".{suffix}" for suffix in FORMATS} == set(MODELS) and not set(MODELS) & set(OTHER_MODELS)
+    for suffix in mesh_suffixes():
+        assert f".{suffix}" not in OTHER_MODELS
+        with pytest.raises(UsageError, match="is a model, not a shot"):
+            find_shot(f"heron.{suffix}")

@@ -30,6 +30,9 @@ OUTSIDE = {"git", "make", "source"}
 AS_WRITTEN = {"new", "validate", "flows", "status", "versions", "doctor"}
 """Commands that take a second or two."""
 
+OF_A_SAMPLE = {"greet", "export txt"}
+"""Commands of the plug-in that docs/plugins.md writes; tests/test_plugin.py calls them."""
+
 OF_RESULTS = {"publish", "relight", "reproduce", "review", "verify"}
 """Commands that need rendered frames, or all of a store, even with --dry-run."""
 
@@ -53,6 +56,8 @@ def require_parsed(line: str) -> None:
         return
     count = 2 if rest[0] == "export" else 1
     called = " ".join(rest[:count])
+    if called in OF_A_SAMPLE:
+        return
     assert called in ALL, f"{line}: there is no command {called!r}"
     command = command_named(called)
     inner = command.context_class(command, info_name=called, parent=context)

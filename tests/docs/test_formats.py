@@ -145,5 +145,6 @@ def test_the_tests_that_show_a_format_are_there(format: str) -> None:
     for row, names in SHOWN[format].items():
         for name in names:
             module, _, beginning = name.partition(":")
-            text = (ROOT / f"tests/mesh/test_{module}_files.py").read_text(encoding="utf-8")
+            (file,) = (ROOT / "tests").glob(f"**/test_{module}_files.py")
+            text = file.read_text(encoding="utf-8")
             assert f"def test_{beginning}" in text, f"{row}: {name}"

@@ -54,10 +54,10 @@ def _scene(path: Path) -> None:
     """Read glTF as `read_gltf` does, but in this process."""
     from pipeline.errors import MeshError
     from pipeline.mesh.file_surface import file_surface
-    from pipeline.mesh.gltf_arrays import SceneArrays
-    from pipeline.mesh.gltf_document import GltfDocument
-    from pipeline.mesh.gltf_scene import DefaultScene
     from pipeline.mesh.repair import repair_surface
+    from pipeline.plugins.interchange.gltf_arrays import SceneArrays
+    from pipeline.plugins.interchange.gltf_document import GltfDocument
+    from pipeline.plugins.interchange.gltf_scene import DefaultScene
     from render.base.input_files import parsing
 
     with parsing(path, "a scene", ""):
@@ -74,7 +74,7 @@ def _stage(path: Path) -> None:
     from pipeline.errors import MeshError
     from pipeline.mesh.file_surface import FileSurface
     from pipeline.mesh.repair import repair_surface
-    from pipeline.mesh.usd_reader import answer
+    from pipeline.plugins.interchange.usd_reader import answer
     from render.base.input_files import parsing
 
     with parsing(path, "a stage", ""):
@@ -91,9 +91,9 @@ def _fbx(path: Path) -> None:
     import json
 
     from pipeline.errors import MeshError
-    from pipeline.mesh.fbx_reader import answer
     from pipeline.mesh.file_surface import FileSurface
     from pipeline.mesh.repair import repair_surface
+    from pipeline.plugins.interchange.fbx_reader import answer
     from render.base.input_files import parsing
 
     with parsing(path, "FBX", ""):

@@ -20,11 +20,11 @@ from pipeline.plugins.interchange.exported_frame import ExportedFrame
 from pipeline.plugins.interchange.mesh_files import write_glb, write_obj, write_ply
 from render.scene.materials import LOOKS
 from render.scene.working_space import ACESCG
-from tests.mesh.fbx_writer import N, binary, box_geometry, layer, model, scene, text
-from tests.mesh.gltf_scenes import GltfScene, with_instances
-from tests.mesh.test_collada_files import BOX, document, faces
-from tests.mesh.test_meshopt import STREAMS
-from tests.mesh.test_threemf_files import corner, model_part, package
+from tests.plugins.interchange.fbx_writer import N, binary, box_geometry, layer, model, scene, text
+from tests.plugins.interchange.gltf_scenes import GltfScene, with_instances
+from tests.plugins.interchange.test_collada_files import BOX, document, faces
+from tests.plugins.interchange.test_meshopt import STREAMS
+from tests.plugins.interchange.test_threemf_files import corner, model_part, package
 
 FLOW = """\
 import math

@@ -12,16 +12,17 @@ from _pytest.mark import ParameterSet
 from pxr import Usd, UsdGeom, UsdUtils
 
 from pipeline.mesh import box, write_mesh
-from pipeline.mesh.read import FORMATS, model_files, read_surface
+from pipeline.mesh.mesh_formats import mesh_suffixes
+from pipeline.mesh.read import model_files, read_surface
 from pipeline.production.execution.project import Project
 from pipeline.production.request.keys import appearance
 from pipeline.shot import Shot
 from render.post.colour import view_exactly
-from tests.mesh.fbx_writer import N, binary, box_geometry, model, scene
-from tests.mesh.gltf_scenes import box_scene
-from tests.mesh.test_collada_files import document
-from tests.mesh.test_threemf_files import corner, model_part, package
 from tests.opened_files import opened_below
+from tests.plugins.interchange.fbx_writer import N, binary, box_geometry, model, scene
+from tests.plugins.interchange.gltf_scenes import box_scene
+from tests.plugins.interchange.test_collada_files import document
+from tests.plugins.interchange.test_threemf_files import corner, model_part, package
 from tests.sounds import sine, write_sound
 
 Maker = Callable[[Path, float], object]
@@ -91,7 +92,7 @@ MODELS: Mapping[str, Maker] = {
 
 
 def test_every_format_of_models_is_watched() -> None:
-    assert set(MODELS) == set(FORMATS)
+    assert set(MODELS) == set(mesh_suffixes())
 
 
 @pytest.mark.parametrize("suffix", _marked(MODELS, MODELS.keys() - {"usd", "usdc"}))

@@ -1,4 +1,4 @@
-"""Interchange: shots as USD and mesh files for other 3-D programs."""
+"""Interchange: models of other 3-D programs, and shots as USD and mesh files for them."""
 
 from pipeline.plugin import Command, Plugin
 
@@ -18,5 +18,16 @@ PLUGIN = Plugin(
         "stl": Command(
             "pipeline.plugins.interchange.export_commands:stl", "A mesh file of one frame, to be printed."
         ),
+    },
+    mesh_formats={
+        "glb": "pipeline.plugins.interchange.model_formats:GLTF",
+        "gltf": "pipeline.plugins.interchange.model_formats:GLTF",
+        "fbx": "pipeline.plugins.interchange.model_formats:FBX",
+        "dae": "pipeline.plugins.interchange.model_formats:COLLADA",
+        "3mf": "pipeline.plugins.interchange.model_formats:THREEMF",
+        "usd": "pipeline.plugins.interchange.model_formats:USD",
+        "usda": "pipeline.plugins.interchange.model_formats:USD",
+        "usdc": "pipeline.plugins.interchange.model_formats:USD",
+        "usdz": "pipeline.plugins.interchange.model_formats:USD",
     },
 )

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
-from pipeline.mesh.read import FORMATS, usual_up
+from pipeline.mesh.mesh_formats import format_of
+from pipeline.mesh.read import usual_up
 from pipeline.production.execution.project import Project
 from pipeline.production.maintenance.picture_sequences import shown_picture
 from pipeline.production.planning.plan import Plan
@@ -107,7 +108,7 @@ class TurntableRequest:
 
     @property
     def _is_of_file(self) -> bool:
-        return Path(self.subject).suffix.lower().lstrip(".") in FORMATS
+        return format_of(self.subject) is not None
 
     def _take(self, path: Path, of_file: bool, look: str | None) -> RenderRequest:
         subjects = self.project.request(path, self.quality).source.summary.subjects if look else ()

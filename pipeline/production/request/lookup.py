@@ -8,17 +8,15 @@ import shlex
 from pathlib import Path
 
 from pipeline.errors import MissingInputError, UsageError
+from pipeline.plugin import plugins
 from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, is_there, name_fault, shown
 from render.base.input_files import kind_of_path
 
 SHOTS = Path("shots")
 FILM = SHOTS / "film.yaml"
-MODELS = (
-    *(".obj", ".ply", ".stl", ".glb", ".gltf", ".off", ".fbx", ".dae", ".3mf"),
-    *(".usd", ".usda", ".usdc", ".usdz"),
-)
-"""Endings of `pipeline.mesh.read.FORMATS`, which takes long to import, for the message to one who names
-such a file in place of a shot.
+CORE_MODELS = ("obj", "ply", "stl", "off")
+"""Suffixes of model files that the core reads, as `pipeline.mesh.mesh_formats` has them, which takes long to
+import.
 """
 
 OTHER_MODELS = (
@@ -44,12 +42,16 @@ NO_SHOTS = (
 """The message of commands where nothing was begun yet."""
 
 
+def _is_model(name: str) -> bool:
+    return Path(name).suffix.lower().lstrip(".") in (*CORE_MODELS, *plugins().mesh_formats)
+
+
 def find_shot(name: str) -> Path:
     """Return the file of a shot: a path, or a name in `shots/`.
 
     Raises MissingInputError with the nearest names, UsageError for a name that frames cannot be called by.
     """
-    if Path(name).suffix.lower() in MODELS and not is_there(SHOTS / f"{name}.yaml"):
+    if _is_model(name) and not is_there(SHOTS / f"{name}.yaml"):
         own = re.sub(r"[^A-Za-z0-9_-]", "_", Path(name).stem)
         raise UsageError(
             f"{shown(name)} is a model, not a shot; flowsculpt new A010_{own} --model "

@@ -13,8 +13,8 @@ import OpenImageIO as oiio
 import pytest
 from pxr import Usd, UsdGeom
 
+from pipeline.mesh.mesh_formats import ScenePart
 from pipeline.mesh.read import read_surface, usual_up
-from pipeline.mesh.usd_files import StagePart
 from pipeline.production.execution.project import Project
 from pipeline.production.store.readers import read_npz
 from render.post.image import read_exr
@@ -163,7 +163,7 @@ def test_a_stage_that_blender_wrote_is_read_as_it_stands_there(tmp_path: Path) -
     assert result.is_file(), done.stdout + done.stderr
     with np.load(result) as arrays:
         points, faces = arrays["points"], int(arrays["faces"])
-    torus = read_surface(stage, part=StagePart("/scene/torus"))
+    torus = read_surface(stage, part=ScenePart("/scene/torus"))
     assert usual_up(stage) == "z" and torus.faces == faces and torus.repairs == ()
     assert np.allclose(torus.mesh.vertices, points, atol=1e-6)
     both = read_surface(stage)

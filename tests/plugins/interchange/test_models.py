@@ -299,7 +299,7 @@ def test_ranges_are_written_once_and_stills_refuse_them(root: Path, monkeypatch:
         names = [f"{NAME}.{n:04d}.{form}" for n in (2, 3)]
         code, words = commanded(root, "export", form, NAME, "-f", "2-3", "--json")
         assert code == 0 and json.loads(words)["written"] == names
-        code, words = commanded(root, "export", NAME, form, "-f", "2-3", "--json")
+        code, words = commanded(root, "export", form, NAME, "-f", "2-3", "--json")
         assert code == 0 and json.loads(words)["written"] == []
         assert all((folder / name).is_file() for name in names)
     for form in ("glb", "stl"):

@@ -349,7 +349,7 @@ def test_bad_requests_are_one_message(root, tmp_path, monkeypatch):
     code, words = commanded(root, "export", "usd", NAME, "-f", "5-9")
     assert code == 2 and "frames 7-9 are not in the shot, which has 1-6" in words
     monkeypatch.setitem(sys.modules, "pxr", None)
-    monkeypatch.setattr("pipeline.mesh.usd_files.find_spec", lambda name: None)
+    monkeypatch.setattr("pipeline.plugins.interchange.usd_files.find_spec", lambda name: None)
     code, words = commanded(root, "export", "usd", NAME)
     assert code == 4 and "need the package usd-core (209 MB), which is not installed" in words
     assert "-m pip install usd-core" in words

@@ -10,11 +10,11 @@ from typing import Any
 import opentimelineio
 from hypothesis import given, settings
 from pydantic import ValidationError
-from tests.plugins.versions.test_review_notes import WRONG
 
 from pipeline.plugins.review.review_notes import NotesDocument, as_data, merged, read_notes
 from tests.plugins.review.looker import Opened, downloaded
 from tests.plugins.review.note_cases import ATTACK, IDS, NOTES, TIMES, document, note, revision, stroke
+from tests.plugins.review.test_review_notes import WRONG
 
 
 def test_downloads_are_read_by_python_and_by_opentimelineio(

@@ -141,7 +141,7 @@ def test_verify_tells_what_of_a_version_is_not_what_was_published_and_mends_noth
     (frames.parent / f"{NAME}.mp4").unlink()
     facts = json.loads("{" + desk.command("--json", "verify")[1].partition("{")[2])
     assert [fact["frame"] for fact in facts["published"]] == [2, 3, None] and not facts["faulty"]
-    assert f"--from {desk.home / 'v001' / FILE} makes it again" in desk.command("--dry-run", "verify")[1]
+    assert f"reproduce {desk.home / 'v001' / FILE} makes it again" in desk.command("--dry-run", "verify")[1]
 
 
 def test_a_version_keeps_the_notes_that_its_shot_had(desk: Desk) -> None:

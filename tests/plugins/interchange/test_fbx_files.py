@@ -10,12 +10,23 @@ import numpy as np
 import pytest
 
 from pipeline.errors import MachineError, MeshError
-from pipeline.mesh import PolygonMesh, fbx_files
-from pipeline.mesh.fbx_reader import up_axis, visible_surface
+from pipeline.mesh import PolygonMesh
 from pipeline.mesh.read import model_files, read_surface, usual_up
 from pipeline.mesh.repair import repair_surface
+from pipeline.plugins.interchange import fbx_files
+from pipeline.plugins.interchange.fbx_reader import up_axis, visible_surface
 from pipeline.shot.model_template import model_template
-from tests.mesh.fbx_writer import CORNERS, SIDES, N, binary, box_geometry, layer, model, scene, text
+from tests.plugins.interchange.fbx_writer import (
+    CORNERS,
+    SIDES,
+    N,
+    binary,
+    box_geometry,
+    layer,
+    model,
+    scene,
+    text,
+)
 
 LINKED = [(2, 0), (1, 2)]
 """A geometry 1 of a node 2, which is below the root."""

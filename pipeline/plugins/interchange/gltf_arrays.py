@@ -8,8 +8,8 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import brief, reason_of
-from pipeline.mesh.gltf_document import MESHOPT, JsonObject
-from pipeline.mesh.gltf_scene import (
+from pipeline.plugins.interchange.gltf_document import MESHOPT, JsonObject
+from pipeline.plugins.interchange.gltf_scene import (
     FAN,
     INSTANCING,
     TRIANGLES,
@@ -18,7 +18,7 @@ from pipeline.mesh.gltf_scene import (
     rotations,
     translations,
 )
-from pipeline.mesh.meshopt import FILTERS, MODES
+from pipeline.plugins.interchange.meshopt import FILTERS, MODES
 
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}

@@ -21,7 +21,7 @@ from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError, shortened
 from pipeline.mesh.face_soup import FaceSoup
 from pipeline.mesh.file_surface import FileSurface, known_unit
-from pipeline.mesh.placed_meshes import PlacedMeshes, Polygons, bound_note, joined
+from pipeline.plugins.interchange.placed_meshes import PlacedMeshes, Polygons, bound_note, joined
 from pipeline.text_encoding import text_content
 from render.base.input_files import read_input, require_input
 from render.base.limited_process import MEMORY, allow_memory, serve

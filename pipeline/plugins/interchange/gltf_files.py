@@ -15,9 +15,9 @@ import numpy as np
 
 from pipeline.errors import MachineError, MissingInputError
 from pipeline.mesh.file_surface import FileSurface, file_surface
-from pipeline.mesh.gltf_arrays import SceneArrays
-from pipeline.mesh.gltf_document import MOST_BYTES, GltfDocument
-from pipeline.mesh.gltf_scene import DefaultScene
+from pipeline.plugins.interchange.gltf_arrays import SceneArrays
+from pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument
+from pipeline.plugins.interchange.gltf_scene import DefaultScene
 from render.base.input_files import require_input
 from render.base.limited_process import MEMORY, allow_memory, answer_of, serve
 from render.base.plural import plural
@@ -33,11 +33,6 @@ def require_draco() -> None:
             "glTF files with Draco data need the package DracoPy, which is not installed; install the extra "
             f"[models], or it alone for the Python of flowsculpt: {command_line('pip', 'install', 'DracoPy')}"
         )
-
-
-def is_gltf(path: Path) -> bool:
-    """Tell whether the suffix of a path names a format of glTF."""
-    return path.suffix.lower().lstrip(".") in GLTF_FORMATS
 
 
 class SceneFiles(NamedTuple):
@@ -81,7 +76,7 @@ def read_gltf(path: Path) -> FileSurface:
     if scene.needs_draco:
         require_draco()
     _buffer_files(scene)
-    answer = answer_of("pipeline.mesh.gltf_files", path)
+    answer = answer_of("pipeline.plugins.interchange.gltf_files", path)
     arrays = io.BytesIO(answer)
     points, faces = np.load(arrays, allow_pickle=False), np.load(arrays, allow_pickle=False)
     surface = file_surface(points, faces, base=None)

@@ -8,8 +8,8 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.errors import MeshError, brief, shortened
-from pipeline.mesh.placed_meshes import Polygons
-from pipeline.mesh.xml_elements import Element
+from pipeline.plugins.interchange.placed_meshes import Polygons
+from pipeline.plugins.interchange.xml_elements import Element
 from pipeline.text_encoding import number_fault
 
 _LINES = ("lines", "linestrips")

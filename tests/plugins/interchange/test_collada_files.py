@@ -9,9 +9,9 @@ import pytest
 
 from pipeline.errors import MeshError
 from pipeline.mesh import PolygonMesh
-from pipeline.mesh.collada_files import read_collada
 from pipeline.mesh.read import model_files, read_surface, usual_up
 from pipeline.mesh.repair import repair_surface
+from pipeline.plugins.interchange.collada_files import read_collada
 
 CORNERS = " ".join(f"{x} {y} {z}" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))
 QUADS = "0 1 3 2  4 6 7 5  0 4 5 1  2 3 7 6  0 2 6 4  1 5 7 3"

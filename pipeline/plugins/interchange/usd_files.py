@@ -15,6 +15,7 @@ from typing import Any
 
 from pipeline.errors import MachineError, MeshError, MissingInputError
 from pipeline.mesh.file_surface import FileSurface
+from pipeline.mesh.mesh_formats import ScenePart
 from render.base.disk_cache import cache_path, load_answer, store_answer
 from render.base.input_files import digest_of_file, joint_digest
 from render.base.limited_process import answer_of
@@ -23,6 +24,8 @@ from render.base.python_process import command_line
 USD_FORMATS = ("usd", "usda", "usdc", "usdz")
 
 PACKAGE, EXTRA = "usd-core", "usd"
+
+READER = "pipeline.plugins.interchange.usd_reader"
 
 _VERSION = 1
 """Goes up when `usd_reader.facts` answers otherwise about the same files."""
@@ -35,23 +38,6 @@ def require_usd() -> None:
             f"USD files need the package {PACKAGE} (209 MB), which is not installed; install the extra "
             f"[{EXTRA}], or it alone for the Python of flowsculpt: {command_line('pip', 'install', PACKAGE)}"
         )
-
-
-def is_usd(path: str | Path) -> bool:
-    """Tell whether the suffix of a path names a format of USD."""
-    return Path(path).suffix.lower().lstrip(".") in USD_FORMATS
-
-
-@dataclass(frozen=True)
-class StagePart:
-    """The part of a stage that is a model, and when.
-
-    prim       path of the prim whose meshes are read; None for the stage's default prim, or all of it
-    time_code  time of the stage; None for its first
-    """
-
-    prim: str | None = None
-    time_code: float | None = None
 
 
 @dataclass(frozen=True)
@@ -84,7 +70,7 @@ def stage_files(path: Path) -> StageFiles:
     stored: dict[str, str] = known.get("digests", {})
     if stored and all(_digest(Path(name)) == digest for name, digest in stored.items()):
         return StageFiles(known["up"], {Path(name): digest for name, digest in stored.items()})
-    answer, _ = _answer("facts", path, StagePart())
+    answer, _ = _answer("facts", path, ScenePart())
     digests = {path: own} | {Path(name): digest_of_file(Path(name)) for name in answer["files"]}
     store_answer(
         cached, {"up": answer["up"], "digests": {str(p.absolute()): digest for p, digest in digests.items()}}
@@ -92,7 +78,10 @@ def stage_files(path: Path) -> StageFiles:
     return StageFiles(answer["up"], {p.absolute(): digest for p, digest in digests.items()})
 
 
-def read_usd(path: Path, part: StagePart = StagePart()) -> FileSurface:
+_WHOLE = ScenePart()
+
+
+def read_usd(path: Path, part: ScenePart = _WHOLE) -> FileSurface:
     """Read the meshes of a stage as one surface, in the coordinates and units of the stage.
 
     Edges between meshes are creases, and so are the creases of each. Raises as `stage_files`, and MeshError
@@ -111,10 +100,10 @@ def _digest(path: Path) -> str:
         return ""
 
 
-def _answer(question: str, path: Path, part: StagePart) -> tuple[dict[str, Any], bytes]:
+def _answer(question: str, path: Path, part: ScenePart) -> tuple[dict[str, Any], bytes]:
     """Return what `usd_reader` answers: facts, and a packed surface."""
     options = json.dumps([part.prim, part.time_code])
-    head, _, content = answer_of("pipeline.mesh.usd_reader", path, question, options).partition(b"\n")
+    head, _, content = answer_of(READER, path, question, options).partition(b"\n")
     answer: dict[str, Any] = json.loads(head)
     if "missing" in answer:
         raise MissingInputError(f"{path}: {answer['missing']}")

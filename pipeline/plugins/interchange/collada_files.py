@@ -13,10 +13,10 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.errors import MeshError, shortened
-from pipeline.mesh.collada_meshes import numbers_in, read_geometry
 from pipeline.mesh.file_surface import FileSurface, known_unit
-from pipeline.mesh.placed_meshes import PlacedMeshes, Polygons, bound_note, joined
-from pipeline.mesh.xml_elements import Element, parse_elements
+from pipeline.plugins.interchange.collada_meshes import numbers_in, read_geometry
+from pipeline.plugins.interchange.placed_meshes import PlacedMeshes, Polygons, bound_note, joined
+from pipeline.plugins.interchange.xml_elements import Element, parse_elements
 from render.base.plural import plural
 
 MOST_NODES = 50_000

@@ -34,7 +34,7 @@ def read_fbx(path: Path) -> FileSurface:
     ParserError or MeshError where it cannot be read.
     """
     require_ufbx()
-    head, _, content = answer_of("pipeline.mesh.fbx_reader", path, "surface").partition(b"\n")
+    head, _, content = answer_of("pipeline.plugins.interchange.fbx_reader", path, "surface").partition(b"\n")
     if head:
         raise MeshError(json.loads(head)["fault"])
     return FileSurface.unpacked(content)
@@ -48,4 +48,4 @@ def up_of_fbx(path: Path, digest: str) -> str:
     Raises as `read_fbx`.
     """
     require_ufbx()
-    return answer_about_content("pipeline.mesh.fbx_reader", path, digest, PACKAGE, "up")
+    return answer_about_content("pipeline.plugins.interchange.fbx_reader", path, digest, PACKAGE, "up")

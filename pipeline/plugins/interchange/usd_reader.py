@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FlowsculptError, MeshError, MissingInputError, brief, suggestion
-from pipeline.mesh.placed_meshes import joined
-from pipeline.mesh.usd_meshes import StageMeshes
+from pipeline.plugins.interchange.placed_meshes import joined
+from pipeline.plugins.interchange.usd_meshes import StageMeshes
 from render.base.input_files import require_input
 from render.base.limited_process import MEMORY, allow_memory, serve
 

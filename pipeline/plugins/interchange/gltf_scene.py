@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import MeshError, brief
-from pipeline.mesh.gltf_document import MESHOPT, GltfDocument, JsonObject
+from pipeline.plugins.interchange.gltf_document import MESHOPT, GltfDocument, JsonObject
 
 DRACO, INSTANCING = "KHR_draco_mesh_compression", "EXT_mesh_gpu_instancing"
 _QUANTIZATION, _VISIBILITY = "KHR_mesh_quantization", "KHR_node_visibility"

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.arrays import AnyArray
-from pipeline.mesh.meshopt import FILTERS, MODES
+from pipeline.plugins.interchange.meshopt import FILTERS, MODES
 
 STREAMS: dict[str, dict[str, Any]] = {
     stream["name"]: stream | {"encoded": base64.b64decode(stream["encoded"])}

@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdUtils
 
 from pipeline.errors import FlowsculptError, MachineError, MeshError, MissingInputError, ShotError
-from pipeline.mesh import PolygonMesh, read_mesh, usd_files
-from pipeline.mesh.placed_meshes import joined
+from pipeline.mesh import PolygonMesh, read_mesh
+from pipeline.mesh.mesh_formats import ScenePart
 from pipeline.mesh.read import model_files, read_surface, usual_up
 from pipeline.mesh.repair import repair_surface
-from pipeline.mesh.usd_files import StagePart
-from pipeline.mesh.usd_meshes import StageMeshes
+from pipeline.plugins.interchange import usd_files
+from pipeline.plugins.interchange.placed_meshes import joined
+from pipeline.plugins.interchange.usd_meshes import StageMeshes
 from pipeline.shot import Model, read_shot
 from pipeline.shot.model_template import model_template
 
@@ -136,9 +137,9 @@ def test_only_active_visible_meshes_for_rendering_are_read(tmp_path: Path) -> No
     assert (read.vertices, read.faces, read.format) == (8, 6, "USDA")
     assert read.notes == ("prims that are no meshes are left out: 1 Sphere",)
     with pytest.raises(MeshError, match=r"its prim /World/hidden holds no mesh that is active, visible"):
-        read_surface(tmp_path / "a.usda", part=StagePart("/World/hidden"))
+        read_surface(tmp_path / "a.usda", part=ScenePart("/World/hidden"))
     with pytest.raises(MeshError, match=r"no prim /World/sean. Did you mean '/World/seen'"):
-        read_surface(tmp_path / "a.usda", part=StagePart("/World/sean"))
+        read_surface(tmp_path / "a.usda", part=ScenePart("/World/sean"))
 
 
 def test_holes_are_left_out_and_sharp_edges_are_creases() -> None:
@@ -162,14 +163,14 @@ def test_a_moving_stage_is_read_at_its_start_or_the_time_asked_for(tmp_path: Pat
         lift.Set(Gf.Vec3d(0.0, time, 0.0), time)
     stage.Save()
 
-    def height(part: StagePart | None = None) -> float:
+    def height(part: ScenePart | None = None) -> float:
         return float(read_surface(tmp_path / "a.usdc", part=part).mesh.bounds.mean(axis=0)[1])
 
     assert height() == 10.0
     stage.SetStartTimeCode(12.0)
     stage.SetEndTimeCode(20.0)
     stage.Save()
-    assert height() == 12.0 and height(StagePart(time_code=15.0)) == 15.0
+    assert height() == 12.0 and height(ScenePart(time_code=15.0)) == 15.0
 
 
 def test_a_shot_heeds_the_axis_and_follows_every_layer(tmp_path: Path) -> None:
