@@ -1,4 +1,4 @@
-"""`python -m benchmarks.start [--before DIR]`: what a machine spends before its first frame.
+"""`python -m benchmarks.start [--before DIR] [--runs]`: what a machine spends before and around its frames.
 
 CPU seconds of commands and of all processes that they start, by this code and by another checkout, DIR:
 
@@ -6,8 +6,14 @@ CPU seconds of commands and of all processes that they start, by this code and b
     kernels, shipped     the same on a node that finds them in a remote store, here a folder
     start of simulate    `task plan.json simulate` of a shot of two frames, kernels compiled: medians
     --version, --help    medians
+    status               of the same shot, rendered: median
+    simulate, one frame; render, one frame; render, 8 daily frames
+                         in a new root each time, of the same shot: medians
+    render, nothing to be done
+                         after one frame: median
 
-Compiled modules of Python are kept, as by set-up. Writes `benchmarks/out/start.json`.
+With `--runs` all but the first two, with the kernels of the user's cache. Compiled modules of Python are
+kept, as by set-up. Writes `benchmarks/out/start.json`.
 """
 
 from __future__ import annotations
@@ -17,17 +23,28 @@ import shutil
 import statistics
 import tempfile
 from argparse import ArgumentParser
+from collections.abc import Callable
 from pathlib import Path
+
+import platformdirs
 
 from benchmarks.report import Row, Target, keep, show
 
 CHECKOUT = Path(__file__).parents[1]
 
-REPEATS = 7
+REPEATS, RUNS = 7, 3
+"""Times that a start, and a run, is measured."""
+
+RUN = {
+    "simulate, one frame": ("simulate", "start", "-f", "1"),
+    "render, one frame": ("render", "start", "-f", "1"),
+    "render, 8 daily frames": ("render", "start", "-f", "1-8", "-q", "daily"),
+}
+"""Commands that are measured in a new root."""
 
 SHOT = """
 title: Start
-frames: 1-2
+frames: 1-8
 subject: {solid: box, size: [2, 2, 2]}
 resample: {max_edge_length: 0.075}
 flows:
@@ -47,6 +64,13 @@ class Tree:
         (folder / "shots").mkdir(parents=True)
         (folder / "shots/start.yaml").write_text(SHOT)
 
+    def use_kernels(self) -> None:
+        """Use the compiled kernels of the user's cache."""
+        (self.folder / "cache/flowsculpt").mkdir(parents=True)
+        for known in platformdirs.user_cache_path("flowsculpt").glob("*"):
+            if known.name != "planning":
+                (self.folder / "cache/flowsculpt" / known.name).symlink_to(known)
+
     def seconds(self, *words: str, cache: str = "cache") -> float:
         """Return the CPU seconds of a command and its processes, with a cache of a name."""
         environment = {
@@ -60,41 +84,47 @@ class Tree:
         assert status == 0, words
         return usage.ru_utime + usage.ru_stime
 
-    def simulate(self) -> float:
-        """Return the CPU seconds of a task that simulates two frames in a new root."""
+    def in_new_root(self, *words: str) -> float:
+        """Return the CPU seconds of a command in a new root."""
         shutil.rmtree(self.folder / "root", ignore_errors=True)
         (self.folder / "root").mkdir()
-        return self.seconds("--root", "root", "task", "plan.json", "simulate")
+        return self.seconds("--root", "root", *words)
+
+    def starts(self) -> dict[str, Callable[[], float]]:
+        """Return the measurements of starts. Those of a root come after one frame was rendered there."""
+        return {
+            "start of simulate": lambda: self.in_new_root("task", "plan.json", "simulate"),
+            "--version": lambda: self.seconds("--version"),
+            "--help": lambda: self.seconds("--help"),
+        }
+
+    def runs(self) -> dict[str, Callable[[], float]]:
+        """Return the measurements of runs, those in a root that was rendered to first."""
+        done = {
+            "render, nothing to be done": lambda: self.seconds("--root", "root", *RUN["render, one frame"]),
+            "status": lambda: self.seconds("--root", "root", "status"),
+        }
+        new = {what: lambda words=words: self.in_new_root(*words) for what, words in RUN.items()}
+        return {"render, one frame": new.pop("render, one frame"), **done, **new}
 
 
-def main(before: Path | None = None) -> list[Target]:
+def main(before: Path | None = None, all_kernels: bool = True) -> list[Target]:
     """Measure both checkouts; return the targets, where there are two."""
+    measured: dict[str, list[float]] = {}
     with tempfile.TemporaryDirectory() as name:
         trees = [Tree(CHECKOUT, Path(name, "now"))]
         trees += [Tree(before, Path(name, "before"))] if before is not None else []
         for tree in trees:
-            tree.seconds("export", "plan", "start")  # writes the compiled modules, and loads the disk's cache
-        kernels = [tree.seconds("doctor", "--prepare", cache="cold") for tree in trees]
-        store = Path(name, "store")
-        store.mkdir()
-        shipped: list[float] = []
-        for tree in trees[:1]:
-            tree.seconds("--store", str(store), "doctor", "--prepare", cache="cold")
-            shipped.append(tree.seconds("--store", str(store), "doctor", "--prepare", cache="node"))
+            if not all_kernels:
+                tree.use_kernels()
+            tree.seconds("export", "plan", "start", "-f", "1-2")  # loads the disk's cache, writes modules
+        if all_kernels:
+            measured = _kernels(trees, Path(name, "store"))
         for tree in trees:
-            (tree.folder / "cold").rename(tree.folder / "cache-of-kernels")
-            shutil.rmtree(tree.folder / "cache", ignore_errors=True)
-            (tree.folder / "cache-of-kernels").rename(tree.folder / "cache")
-            tree.simulate()
-        starts = {
-            "start of simulate": [tree.simulate for tree in trees],
-            "--version": [lambda tree=tree: tree.seconds("--version") for tree in trees],
-            "--help": [lambda tree=tree: tree.seconds("--help") for tree in trees],
-        }
-        measured = {"kernels, cold": kernels, "kernels, shipped": [shipped[0], *kernels[1:]]}
-        for what, calls in starts.items():
-            turns = [[call() for call in calls] for _ in range(REPEATS)]
-            measured[what] = [statistics.median(times) for times in zip(*turns, strict=True)]
+            for measure in {**tree.starts(), **tree.runs()}.values():
+                measure()
+        measured |= _medians([tree.starts() for tree in trees], REPEATS)
+        measured |= _medians([tree.runs() for tree in trees], RUNS)
     rows: list[Row] = []
     for what, (now, *others) in measured.items():
         rows.append({"what": what, "CPU s": now})
@@ -116,8 +146,32 @@ def main(before: Path | None = None) -> list[Target]:
     ]
 
 
+def _kernels(trees: list[Tree], store: Path) -> dict[str, list[float]]:
+    """Return what compiling all kernels takes, and what a node takes that finds them; all trees keep them."""
+    cold = [tree.seconds("doctor", "--prepare", cache="cold") for tree in trees]
+    store.mkdir()
+    now = trees[0]
+    now.seconds("--store", str(store), "doctor", "--prepare", cache="cold")
+    shipped = now.seconds("--store", str(store), "doctor", "--prepare", cache="node")
+    for tree in trees:
+        shutil.rmtree(tree.folder / "cache", ignore_errors=True)
+        (tree.folder / "cold").rename(tree.folder / "cache")
+    return {"kernels, cold": cold, "kernels, shipped": [shipped, *cold[1:]]}
+
+
+def _medians(calls: list[dict[str, Callable[[], float]]], repeats: int) -> dict[str, list[float]]:
+    """Return the median of each measurement by each tree, made in turns."""
+    turns = [[{what: call() for what, call in of_tree.items()} for of_tree in calls] for _ in range(repeats)]
+    return {
+        what: [statistics.median(turn[tree][what] for turn in turns) for tree in range(len(calls))]
+        for what in calls[0]
+    }
+
+
 if __name__ == "__main__":
     parser = ArgumentParser()
     parser.add_argument("--before", type=Path)
-    if targets := main(parser.parse_args().before):
+    parser.add_argument("--runs", action="store_true")
+    given = parser.parse_args()
+    if targets := main(given.before, not given.runs):
         show("Targets", [target.row for target in targets])
