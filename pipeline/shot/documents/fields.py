@@ -49,6 +49,15 @@ class Document(BaseModel):
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
+    @classmethod
+    def model_rebuild(cls, **given: Any) -> bool | None:
+        """Build what validates; not where a generic document is only given a type.
+
+        Pydantic builds the generic one too then, with the names that it passes; for most, nothing uses it.
+        """
+        is_given_type = given.get("_types_namespace") is not None and cls.__pydantic_fields_complete__
+        return None if is_given_type else super().model_rebuild(**given)
+
 
 def optional(description: str, **rules: Any) -> Any:
     """Return a `Field` that may be left out. If it has a unit, its description ends with (unit)."""

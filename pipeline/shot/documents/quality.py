@@ -72,6 +72,12 @@ class QualityDocument(Document):
 class QualitiesDocument(Document):
     example = "{final: {samples: 64}}"
 
-    draft: QualityDocument = Field(default=QualityDocument(), description="480×270, for looks while working")
-    daily: QualityDocument = Field(default=QualityDocument(), description="960×540, for review")
-    final: QualityDocument = Field(default=QualityDocument(), description="1920×1080, for delivery")
+    draft: QualityDocument = Field(
+        default=QualityDocument.model_construct(), description="480×270, for looks while working"
+    )
+    daily: QualityDocument = Field(
+        default=QualityDocument.model_construct(), description="960×540, for review"
+    )
+    final: QualityDocument = Field(
+        default=QualityDocument.model_construct(), description="1920×1080, for delivery"
+    )

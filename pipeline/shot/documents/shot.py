@@ -208,8 +208,12 @@ class ShotDocument(Document):
         "the shape of the pictures: an aspect or a size; by default 16:9, 1920×1080 in `final`"
     )
     look: LookField = Field("clay", description="the material, by name or spelt out")
-    smooth: SmoothDocument = Field(default=SmoothDocument(), description="curved patches over the triangles")
-    camera: CameraDocument = Field(default=CameraDocument(), description="framing finds distance and target")
+    smooth: SmoothDocument = Field(
+        default=SmoothDocument.model_construct(), description="curved patches over the triangles"
+    )
+    camera: CameraDocument = Field(
+        default=CameraDocument.model_construct(), description="framing finds distance and target"
+    )
     lights: LightsField = Field("studio", description="the light rig, by name or spelt out")
     light_groups: LightGroupsField = Field(
         "off", description="the light of emitters as layers: off, each, or groups of lights by name"
@@ -227,11 +231,12 @@ class ShotDocument(Document):
         "layers for compositing in finished frames, by the channel names of blender, arnold or nuke"
     )
     view: ViewDocument = Field(
-        default=ViewDocument(), description="a view of an OpenColorIO config; by default ACES 2.0"
+        default=ViewDocument.model_construct(),
+        description="a view of an OpenColorIO config; by default ACES 2.0",
     )
     working_space: Annotated[str, one_of(tuple(WORKING_SPACES), "working space")] = Field(
         REC709.name, description="linear colours in which light is computed and pictures are written"
     )
     quality: QualitiesDocument = Field(
-        default=QualitiesDocument(), description="settings that this shot replaces"
+        default=QualitiesDocument.model_construct(), description="settings that this shot replaces"
     )
