@@ -52,6 +52,10 @@ DEPLOYMENTS = ".snakemake/pip-deployments"
 FARM_PATIENCE = 90.0
 """Seconds that taking jobs back from a farm may take."""
 
+UNUSED = ("snakemake.report", "boto3", "requests")
+"""Modules for reports and for files at URLs, which take long to load. A run by the shipped profile for this
+machine has neither."""
+
 
 def snakefile() -> Path:
     """The checkout's Snakefile, or the one shipped in the wheel."""
@@ -213,6 +217,9 @@ def main(words: list[str]) -> None:
         watcher = threading.Thread(target=_leave_with, args=(os.getppid(), not is_local), daemon=True)
         watcher.start()
         sys.path_importer_cache[DEPLOYMENTS] = None  # Snakemake puts the folder into the search path
+        if is_local and not {*Profile.local().arguments} - {*words}:
+            for unused in UNUSED:  # as if they were not installed, which Snakemake allows
+                sys.modules[unused] = None  # type: ignore[assignment]
         from snakemake.cli import main as snakemake  # while the server loads
 
         python_process.distrust_working_folder()

@@ -1,8 +1,8 @@
 """The job server: a process that has imported what jobs need, and forks a process for each.
 
 Python, numba, the registries of compiled kernels and the documents of shot files take 1.2 seconds of CPU time
-to load, longer than many a job works. Jobs remain processes of their own: one that crashes, hangs or is
-killed takes no other along.
+to load, longer than many a job works. The server has what `flowsculpt` has loaded, and loads the rest. Jobs
+remain processes of their own: one that crashes, hangs or is killed takes no other along.
 
 Only on Linux, where forking a process that has loaded libraries is sound, and only on this machine. The
 server has one thread; it loads neither Mitsuba nor the denoiser, which start threads, nor does it run a
