@@ -21,6 +21,7 @@ from pipeline.kernels import compile_module
 from render.base.kernel_cache import SOURCES, imported_modules, kernel_modules
 
 PREPARED = (
+    "render.frame.feature_edges",
     "render.frame.fireflies",
     "render.frame.sample_sums",
     "render.movie.planes",

@@ -77,7 +77,7 @@ FRAME_CAMERA = PipelineStage(
 )
 RENDER = PipelineStage(
     "render",
-    version=7,
+    version=8,
     packages=("mitsuba", "drjit", "OpenImageIO"),
     doing="rendering",
     makes="raw",

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
 from render.frame.copy_counts import CopyCounts
+from render.frame.feature_edges import LIMITS, at_edges
 from render.frame.fireflies import FireflyFilter, find_fireflies, kept_fractions
 from render.frame.sample_sums import SampleSums
-from render.frame.tiles import Picture, PixelNumbers, TileMask, Tiles, noise_of_tiles, with_neighbours
+from render.frame.tiles import Picture, PixelNumbers, TileMask, Tiles, noise_of_tiles
 from render.scene.aovs import COVERAGE, DENOISER, Pixels
 from render.scene.light_groups import with_beauty
 from render.scene.quality import Quality
@@ -129,10 +130,16 @@ class Accumulator:
         return self._tiles.pixels(self._active)
 
     @property
-    def subject_pixels(self) -> PixelNumbers:
-        """The pixels of tiles in which a feature sample has met the subject, and of their neighbours."""
-        matte = self._planes["matte"].means()[:, 0]
-        return self._tiles.pixels(with_neighbours(self._tiles.means(matte) > 0.0))
+    def all_pixels(self) -> PixelNumbers:
+        """All pixels, tile by tile."""
+        return self._tiles.pixels(None)
+
+    @property
+    def edge_pixels(self) -> PixelNumbers:
+        """The pixels at edges of the features sampled so far, tile by tile."""
+        names = LIMITS.keys() & self._planes.keys()
+        edges = at_edges({name: self._pictures(name, np.float32) for name in names})
+        return self._tiles.ordered(edges.ravel())
 
     @property
     def has_converged(self) -> bool:

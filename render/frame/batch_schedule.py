@@ -11,8 +11,9 @@ and keeps batches of 4 samples or more.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from operator import attrgetter
 
 import numpy as np
@@ -40,9 +41,9 @@ FIRST_ROUND, STILL_ROUND, MOVING_ROUND = 4, 8, 32
 """Samples per pixel of each of the first two rounds, which adaptive sampling compares first; most of a round;
 and most with motion, where each round builds scenes."""
 
-FIRST_AUXILIARY = 16
-"""Auxiliary samples of each pixel in the first round of adaptive sampling. Only tiles with the subject take
-more: features of the stage hardly have noise."""
+FIRST_AUXILIARY, FIRST_MOVING_AUXILIARY = 4, 16
+"""Auxiliary samples of each pixel of a still picture, and of one with motion whose sampling is adaptive. Only
+pixels at edges of features take more: 3 to 15% of them."""
 
 _SAMPLE_SECONDS, _SCENE_SECONDS, _VERTEX_SECONDS = 0.8e-6, 0.06, 3e-6
 """CPU seconds of a path of clay, and of a motion sample: for itself, and for each vertex of the subject. They
@@ -69,7 +70,7 @@ class SampleBatch:
     first            samples per pixel of this kind before
     choice           (i, n): the pixels that choose the i-th of the n motion samples of a stratum. n is 1 for
                      all pixels
-    on_subject       True if tiles far from the subject are left out
+    at_edges         True if pixels without edges of features are left out
     ends_round       True if the samples of the beauty since the last batch that ended a round are spread over
                      the whole time
     """
@@ -79,7 +80,7 @@ class SampleBatch:
     samples: int
     first: int = 0
     choice: tuple[int, int] = (0, 1)
-    on_subject: bool = False
+    at_edges: bool = False
     ends_round: bool = False
 
 
@@ -191,8 +192,8 @@ def multijitter_rounds(quality: Quality, motion: float) -> list[Round]:
 def batch_schedule(quality: Quality, rounds: Sequence[Round]) -> list[SampleBatch]:
     """Return the batches of a frame in order: round by round, in each by time.
 
-    Auxiliary samples are taken in the first round. With adaptive sampling by tiles, those beyond
-    FIRST_AUXILIARY are taken in the second, on the subject.
+    Auxiliary samples are taken in the first round. With motion and adaptive sampling by tiles, those beyond
+    FIRST_MOVING_AUXILIARY are taken in the second.
     """
     batches: list[SampleBatch] = []
     first = 0
@@ -211,15 +212,22 @@ def batch_schedule(quality: Quality, rounds: Sequence[Round]) -> list[SampleBatc
 
 def _auxiliary_batches(quality: Quality, rounds: Sequence[Round]) -> list[list[SampleBatch]]:
     """Return the batches of auxiliary samples of the first round, and of the second if it has any."""
-    whole = quality.auxiliary_samples
-    if quality.noise_threshold is None or len(rounds) < 2 or not rounds[0].is_chosen:
-        return [_spread("auxiliary", rounds[0], whole)]
-    batches = _spread("auxiliary", rounds[0], min(whole, FIRST_AUXILIARY))
+    whole, first = quality.auxiliary_samples, rounds[0]
+    if first.is_chosen and len({time for each in rounds for time in each.times}) == 1:
+        cuts = [0, *(n for n in (FIRST_AUXILIARY, BATCH_SAMPLES) if n < whole), whole]
+        parts = [_spread("auxiliary", first, end - start, start) for start, end in pairwise(cuts)]
+        return [[*parts[0], *_at_edges(batch for part in parts[1:] for batch in part)]]
+    if not first.is_chosen or quality.noise_threshold is None or len(rounds) < 2:
+        return [_spread("auxiliary", first, whole)]
+    batches = _spread("auxiliary", first, min(whole, FIRST_MOVING_AUXILIARY))
     taken = max(batch.first + batch.samples for batch in batches)
     if taken >= whole:
         return [batches]
-    rest = _spread("auxiliary", rounds[1], whole - taken, taken)
-    return [batches, [replace(batch, on_subject=True) for batch in rest]]
+    return [batches, _at_edges(_spread("auxiliary", rounds[1], whole - taken, taken))]
+
+
+def _at_edges(batches: Iterable[SampleBatch]) -> list[SampleBatch]:
+    return [replace(batch, at_edges=True) for batch in batches]
 
 
 def _middles(count: int) -> list[float]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from render.frame.accumulator import Accumulator
 from render.frame.batch_schedule import SampleBatch, chosen_pixels, seed_of
 from render.frame.checkpoint import Checkpoint
-from render.frame.tiles import Picture
+from render.frame.tiles import Picture, PixelNumbers
 from render.mitsuba.scene import FrameScenes
 from render.scene.quality import Quality
 from render.scene.scene import MotionSample
@@ -135,12 +135,13 @@ class SampleBatches:
 
     def _render_features(self, batch: SampleBatch, tracer: Any, seed: int) -> None:
         """Render with the rays of the path tracer, or with Mitsuba's integrator."""
-        candidates = self.accumulator.subject_pixels if batch.on_subject else None
-        pixels = chosen_pixels(self._quality, batch, self._seed, candidates)
-        if pixels is not None and not len(pixels):
-            return
+        pixels: PixelNumbers | None = None
         if tracer.continues_sequence:
             seed = seed_of(self._seed, _SEED_WORDS["beauty"])
+            of_batch = self.accumulator.edge_pixels if batch.at_edges else self.accumulator.all_pixels
+            pixels = chosen_pixels(self._quality, batch, self._seed, of_batch)
+            if pixels is not None and not len(pixels):
+                return
             features = tracer.render(batch.samples, batch.first, seed, pixels)
         else:
             features = tracer.render(batch.samples, batch.first, seed)

@@ -75,17 +75,11 @@ class Tiles:
 
         Rays of a tile meet the same things, so this order is traced in less time than rows of the picture.
         """
-        if chosen is None:
-            return self._order
-        return self._order[chosen.ravel()[self.numbers[self._order]]]
+        return self._order if chosen is None else self.ordered(chosen.ravel()[self.numbers])
 
-
-def with_neighbours(chosen: TileMask) -> TileMask:
-    """Return chosen tiles and their eight neighbours."""
-    rows, columns = chosen.shape
-    padded = np.pad(chosen, 1)
-    shifted = [padded[y : y + rows, x : x + columns] for y in range(3) for x in range(3)]
-    return np.logical_or.reduce(shifted)
+    def ordered(self, chosen: NDArray[np.bool_]) -> PixelNumbers:
+        """Return chosen pixels (pixels,), tile by tile."""
+        return self._order[chosen[self._order]]
 
 
 def mean_with_neighbours(values: Picture) -> Picture:

@@ -37,7 +37,8 @@ class Quality:
     width, height      pixels
     samples            paths per pixel; the scalar variant rounds up to a rectangle: 4, 6, 9, 16, 64
     depth              most vertices of a path: 2 is direct light alone
-    auxiliary_samples  samples per pixel of albedo, normal, position and depth, whose only noise is at edges
+    auxiliary_samples  samples per pixel of albedo, normal, position and depth where these have edges; a still
+                       picture takes fewer elsewhere (`frame.batch_schedule`)
     fireflies          "keep" leaves them, "soft" spreads their light over the surroundings, "firm" removes it
     denoise            "off", or the denoiser's effort: "fast", "balanced" or "high"
     temporal_denoise   frames before and after that temporal denoising reprojects; 0 is off

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from render.base.errors import BadInputError
 from render.frame.accumulator import Accumulator
 from render.frame.sample_batches import ShutterInterval
-from render.frame.tiles import TILE, Tiles, noise_of_tiles, with_neighbours
+from render.frame.tiles import TILE, Tiles, noise_of_tiles
 from render.mitsuba.engine import Engine
 from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
@@ -123,12 +123,6 @@ def test_frames_of_mitsubas_integrators_stop_as_a_whole(error: float) -> None:
     assert sums.has_converged or len(sums.active_pixels) == 64 * 32
 
 
-def test_neighbours_of_a_tile_are_the_eight_around_it() -> None:
-    chosen = np.zeros((4, 5), dtype=bool)
-    chosen[0, 1] = True
-    assert np.argwhere(with_neighbours(chosen)).tolist() == [[r, c] for r in (0, 1) for c in (0, 1, 2)]
-
-
 def test_each_tile_is_the_picture_of_as_many_samples(rendered: Rendered, engine: Engine) -> None:
     if engine.variant == "scalar_rgb":
         pytest.skip("there the whole frame stops")
@@ -140,25 +134,6 @@ def test_each_tile_is_the_picture_of_as_many_samples(rendered: Rendered, engine:
         uniform = rendered(quality=replace(MOST, samples=count), aovs=("samples", "noise"))
         taken = frame["samples"] == count
         assert all(np.array_equal(frame[name][taken], uniform[name][taken]) for name in ("beauty", "noise"))
-
-
-def test_the_subject_takes_all_feature_samples_and_the_stage_sixteen(
-    rendered: Rendered, engine: Engine
-) -> None:
-    if engine.variant == "scalar_rgb":
-        pytest.skip("there all pixels take all of them")
-    frame, whole, least = (
-        rendered(quality=replace(SOME, auxiliary_samples=count, noise_threshold=threshold))["position"]
-        for count, threshold in ((48, SOME.noise_threshold), (48, None), (16, None))
-    )
-    tiles = Tiles.of(SOME)
-    matte = rendered(quality=SOME)["matte"]
-    near = with_neighbours(tiles.means(matte.ravel().astype(np.float64)) > 0.0)
-    on_subject = near.ravel()[tiles.numbers].reshape(matte.shape)
-    assert 0.1 < on_subject.mean() < 0.9
-    assert np.array_equal(frame[on_subject], whole[on_subject])
-    assert np.array_equal(frame[~on_subject], least[~on_subject])
-    assert not np.array_equal(least, whole)
 
 
 def test_the_measure_foretells_the_error(rendered: Rendered) -> None:
