@@ -25,14 +25,14 @@ from moto.s3.models import s3_backends
 
 from benchmarks.orchestration import CORES, command, fill, write_shots
 from benchmarks.report import Row, keep, show
+from pipeline.plugins.remote.remote_files import RemoteFiles
 from pipeline.production.execution.project import Project
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.digests import digest_of
 from pipeline.production.store.paths import STATE
-from pipeline.production.store.remote import RemoteStore
 from pipeline.production.store.store import Store
 from pipeline.production.store.uploads import upload_lacking
-from tests.production.store.s3 import BUCKET, CREDENTIALS, Proxy, serving
+from tests.plugins.remote.s3 import BUCKET, CREDENTIALS, Proxy, serving
 
 LATENCIES = (0.0, 0.05)
 """Seconds that a request takes longer."""
@@ -129,7 +129,7 @@ def transfer(proxy: Proxy) -> Iterator[Row]:
         keys = [f"{number:032x}" for number in range(FILES)]
         for key in keys:
             here.put("raw", key, lambda path: path.write_bytes(os.urandom(MEGABYTES * 1_000_000)))
-        RemoteStore.of(url).fault()  # connects
+        RemoteFiles.of(url).fault()  # connects
         begun = time.perf_counter()
         assert upload_lacking(Store(here.root, url)).sent == FILES
         sent = time.perf_counter()

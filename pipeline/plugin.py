@@ -53,6 +53,7 @@ class Plugin:
                the review page
     notes      function of a root and a shot that returns the file of its notes, which is published with
                the shot; empty bytes where there are none
+    remote_stores  an object that finds remote stores by their addresses: see `RemoteStores`
     """
 
     name: str
@@ -66,6 +67,7 @@ class Plugin:
     schemas: Mapping[str, str] = field(default_factory=dict)
     sequences: tuple[str, ...] = ()
     notes: str = ""
+    remote_stores: str = ""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from pipeline.cli.options import Common
 from pipeline.cli.other_words import require_readable, require_readable_path
 from pipeline.cli.output import print_error, print_warning, tell_of_store
 from pipeline.production.store.paths import require_store
-from pipeline.production.store.remote_url import VARIABLE, checked_url
+from pipeline.production.store.remote_store import VARIABLE, remote_stores
 from render.mitsuba.engine import available_cores
 
 INTERRUPTED = 130
@@ -104,7 +104,7 @@ class CommonOptions:
         require_readable_path(str(root))
         require_store(root)
         if given.store:
-            os.environ[VARIABLE] = checked_url(given.store)  # so do they
+            os.environ[VARIABLE] = remote_stores().checked(given.store)  # so do they
             tell_of_store(progress)
         return Common(
             json=given.json_,

@@ -102,7 +102,7 @@ def execute(common: Common, make_plan: Callable[[], Plan], preview: bool | None 
     outcome = run(planned, common.root, common.cores, watch, common.profile, patience, common.wait)
     remote = Store(common.root).remote
     for message in outcome.warnings:
-        if remote is None or message not in remote.requests.told:  # by this process, and printed
+        if remote is None or message not in remote.told:  # by this process, and printed
             print_warning(message)
     for failure in outcome.failures:
         print_error(_failure(failure))

@@ -49,7 +49,7 @@ class _StoreMessages(logging.Handler):
 
 def tell_of_store(progress: bool) -> None:
     """Print the warnings of the remote store from now on, and if `progress` is wanted, what it fetches."""
-    from pipeline.production.store.remote_requests import LOG
+    from pipeline.production.store.remote_store import LOG
 
     LOG.handlers = [_StoreMessages()]
     LOG.setLevel(logging.INFO if progress else logging.WARNING)

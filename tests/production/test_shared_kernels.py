@@ -2,9 +2,9 @@
 
 import pytest
 
+from pipeline.plugins.remote.remote_files import RemoteFiles
 from pipeline.production.planning.plan import Plan
-from pipeline.production.store.remote import RemoteStore
-from pipeline.production.store.remote_url import VARIABLE
+from pipeline.production.store.remote_store import VARIABLE
 from pipeline.production.store.shared_kernels import (
     fetch_kernels,
     has_kernels,
@@ -33,7 +33,7 @@ def machine(tmp_path, monkeypatch):
 def remote(tmp_path):
     """A remote store, in a folder."""
     (tmp_path / "store").mkdir()
-    return RemoteStore.of(f"file://{tmp_path / 'store'}")
+    return RemoteFiles.of(f"file://{tmp_path / 'store'}")
 
 
 @pytest.fixture

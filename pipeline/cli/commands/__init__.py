@@ -62,11 +62,6 @@ PLUGIN = Plugin(
             "Check every stored file and make damaged ones again.",
             "Maintain",
         ),
-        "push": Command(
-            "pipeline.cli.commands.push_command:push",
-            "Upload stored files that the remote store lacks.",
-            "Maintain",
-        ),
         "clean": Command(
             "pipeline.cli.commands.clean_command:clean", "Delete stored files that nothing needs.", "Maintain"
         ),

@@ -18,7 +18,7 @@ from pipeline.frames import FrameRange
 from pipeline.plugins.farm.kubernetes import SCRIPT, KubernetesJob
 from pipeline.plugins.farm.openjd import template
 from pipeline.production.planning.plan import Plan
-from pipeline.production.store.remote_url import store_url
+from pipeline.production.store.remote_store import store_url
 from render.base.atomic_write import atomic_write, disk_errors
 from render.scene.quality import DEFAULT_QUALITY
 

@@ -19,7 +19,7 @@ from typing import Any
 from pipeline.errors import UsageError
 from pipeline.plugins.farm.farm_steps import FarmStep, steps_of
 from pipeline.production.planning.plan import Plan
-from pipeline.production.store.remote_url import VARIABLE
+from pipeline.production.store.remote_store import VARIABLE
 from pipeline.production.store.store import key_of
 from render.base.plural import plural
 from render.base.serialise import to_plain

@@ -20,7 +20,7 @@ from pipeline.frames import FrameRange
 from pipeline.plugins.farm.farm_steps import FarmStep, steps_of
 from pipeline.plugins.farm.task_runner import do
 from pipeline.production.planning.plan import Plan
-from pipeline.production.store.remote_url import VARIABLE, checked_url
+from pipeline.production.store.remote_store import VARIABLE, remote_stores
 from render.base.python_process import command
 
 CHUNK = 8
@@ -143,7 +143,7 @@ def _written(numbers: Iterable[int]) -> str:
 def main(root: str, plan: str, store: str, *jobs: str) -> int:
     """Do jobs of a plan in a root, one after the other until one fails; `render:1-9:2` is every second."""
     if store:
-        os.environ[VARIABLE] = checked_url(store)
+        os.environ[VARIABLE] = remote_stores().checked(store)
     tasks = [f"{stage}{colon}{frames.replace(':', 'x')}" for stage, colon, frames in map(_parted, jobs)]
     return do(Path(root), Path(plan), tasks)
 

@@ -16,7 +16,7 @@ from pipeline.cli.output import exit_with, print_result, print_warning
 from pipeline.frames import FrameRange
 from pipeline.plugins.versions.reproduction import Comparison, Reproduction
 from pipeline.production.request.provenance import Provenance
-from pipeline.production.store.remote_url import VARIABLE
+from pipeline.production.store.remote_store import VARIABLE
 
 
 def reproduce(

@@ -27,8 +27,7 @@ from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import logs_of
 from pipeline.production.store.locks import lock_name
 from pipeline.production.store.paths import PLANS
-from pipeline.production.store.remote import RemoteStore
-from pipeline.production.store.remote_url import store_url
+from pipeline.production.store.remote_store import remote_stores, store_url
 from pipeline.production.store.shared_kernels import send_kernels
 from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write
@@ -227,7 +226,7 @@ class Plan:
     def write(self, path: Path) -> None:
         """Write the plan to a file, whole or not at all; upload the compiled kernels that workers need."""
         url = store_url()
-        plan = self if url is None else replace(self, kernels=send_kernels(RemoteStore.of(url)))
+        plan = self if url is None else replace(self, kernels=send_kernels(remote_stores().opened(url)))
         with atomic_write(path) as draft:
             draft.write_text(json.dumps(to_plain(plan)), encoding="utf-8")
 

@@ -25,7 +25,7 @@ from pipeline.production.store.event_log import Event, EventReader, logs_of
 from pipeline.production.store.locks import lock_name
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.processes import command_of, is_at_work
-from pipeline.production.store.remote_requests import LOG
+from pipeline.production.store.remote_store import LOG
 from render.base.atomic_write import atomic_write, machine_error
 
 HISTORY = STATE / "history"

@@ -13,7 +13,7 @@ import zipfile
 from pathlib import Path
 
 from pipeline.production.store.digests import DIGITS, digest_of
-from pipeline.production.store.remote import RemoteStore
+from pipeline.production.store.remote_store import RemoteStore
 from render.base.atomic_write import atomic_write
 from render.base.user_cache import kernel_homes
 

@@ -10,7 +10,7 @@ in the store's `tmp/`, flushed, made read-only and renamed into place. Its diges
 compared whenever the file is read: `digests.py`.
 
 Where a remote store is named, which several roots share, files that it has count as held, and are fetched
-when they are needed (`bring`); what is put here is uploaded: `remote.py`.
+when they are needed (`bring`); what is put here is uploaded: `remote_store.py`.
 """
 
 from __future__ import annotations
@@ -33,9 +33,7 @@ from typing import Any, TypeVar
 from pipeline.errors import FrameError, MachineError
 from pipeline.production.store.digests import CorruptFileError, Digests
 from pipeline.production.store.paths import STATE, STORE, SUFFIXES
-from pipeline.production.store.remote import SIDE_BY_SIDE, RemoteStore
-from pipeline.production.store.remote_requests import LOG
-from pipeline.production.store.remote_url import store_url
+from pipeline.production.store.remote_store import LOG, SIDE_BY_SIDE, RemoteStore, remote_stores, store_url
 from pipeline.production.store.uploads import upload
 from render.base.atomic_write import atomic_write, disk_errors
 from render.base.errors import CorruptImageError, FlowsculptError, MissingImageError
@@ -82,7 +80,7 @@ class Store:
     @property
     def remote(self) -> RemoteStore | None:
         """The remote store. Raises UsageError and MachineError for an address that cannot be used."""
-        return None if self.url is None else RemoteStore.of(self.url)
+        return None if self.url is None else remote_stores().opened(self.url)
 
     @property
     def scratch(self) -> Path:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from pipeline.production.store.digests import digest_of
 from pipeline.production.store.paths import STATE
-from pipeline.production.store.remote import SIDE_BY_SIDE
+from pipeline.production.store.remote_store import SIDE_BY_SIDE
 from render.base.atomic_write import disk_errors
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import Event, EventLog, EventReader
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.processes import start_of
-from pipeline.production.store.remote_requests import LOG
+from pipeline.production.store.remote_store import LOG
 from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write
 from render.base.work_clock import Timing, WorkClock, cpu_seconds

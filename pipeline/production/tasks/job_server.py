@@ -99,14 +99,14 @@ def _load_what_jobs_need() -> None:
     from numba.core.registry import cpu_target
 
     from pipeline.production.stages import STAGES
-    from pipeline.production.store.remote_url import load_package, store_url
+    from pipeline.production.store.remote_store import remote_stores, store_url
     from pipeline.production.tasks.worker import task_of
     from pipeline.shot import read_shot
 
     for stage in STAGES:
         task_of(stage)
     if url := store_url():
-        load_package(url)
+        remote_stores().load(url)
     read_shot("smallest.yaml", text=SMALLEST_SHOT)  # builds what validates the documents of shots
     cpu_target.typing_context.refresh()
     cpu_target.target_context.refresh()

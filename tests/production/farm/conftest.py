@@ -86,7 +86,7 @@ def on_slurm(project, slurm: Farm, monkeypatch: pytest.MonkeyPatch):
 @pytest.fixture
 def store(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """The address of an S3 store that every process finds."""
-    from tests.production.store.s3 import BUCKET, CREDENTIALS, serving  # a second, which few tests need
+    from tests.plugins.remote.s3 import BUCKET, CREDENTIALS, serving  # a second, which few tests need
 
     with serving() as server:
         for name, value in {**CREDENTIALS, "AWS_ENDPOINT_URL": server.url}.items():

@@ -10,9 +10,9 @@ import pytest
 
 from pipeline.errors import MachineError
 from pipeline.plugins.farm import task_runner as tasks
+from pipeline.plugins.remote import remote_files, remote_requests
 from pipeline.production.execution.project import Project
-from pipeline.production.store import remote, remote_requests
-from pipeline.production.store.remote_url import VARIABLE
+from pipeline.production.store.remote_store import VARIABLE
 from pipeline.production.store.store import Store
 
 NAME = "T010_tiny"
@@ -53,6 +53,6 @@ def test_a_task_whose_files_the_store_does_not_take_fails_until_it_does(tmp_path
     with pytest.raises(MachineError, match="it did not take 1 file, which other workers would miss"):
         tasks._upload_rest(tmp_path)
     share.mkdir()
-    remote._opened.cache_clear()
+    remote_files._opened.cache_clear()
     tasks._upload_rest(tmp_path)
     assert [path.suffix for path in share.rglob("*") if path.is_file()] == [".json"]

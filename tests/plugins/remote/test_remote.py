@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import FrameError, MachineError, UsageError
-from pipeline.production.store import remote, remote_requests, remote_url
-from pipeline.production.store.remote import RemoteStore
+from pipeline.plugins.remote import remote_address, remote_files, remote_requests
+from pipeline.plugins.remote.remote_files import RemoteFiles
+from pipeline.production.store.remote_store import VARIABLE
 from pipeline.production.store.store import Store
 from pipeline.production.store.uploads import lacking_names, missed_uploads, upload_lacking, upload_missed
 
@@ -20,10 +21,10 @@ OTHER = "cd" * 16
 @pytest.fixture(autouse=True)
 def nothing_is_remembered(monkeypatch):
     """Listings are made anew each time, and nothing is known of an earlier test's remote store."""
-    monkeypatch.setattr(remote, "LISTED_SECONDS", -1.0)
+    monkeypatch.setattr(remote_files, "LISTED_SECONDS", -1.0)
     monkeypatch.setattr(remote_requests, "PATIENCE", 0.2)
     monkeypatch.setattr(remote_requests, "FIRST_PAUSE", 0.05)
-    remote._opened.cache_clear()
+    remote_files._opened.cache_clear()
 
 
 @pytest.fixture
@@ -157,7 +158,7 @@ def test_a_share_that_is_not_mounted_is_told_once_and_filled_later(stores, share
     assert "no such bucket or folder" in said and "going on without it" in said
     assert missed_uploads(ours.root) == [("cameras", KEY), ("cameras", OTHER)]
     share.mkdir()
-    remote._opened.cache_clear()
+    remote_files._opened.cache_clear()
     assert upload_missed(ours) == (2, 0)
     assert missed_uploads(ours.root) == []
     assert theirs.bring("cameras", KEY) and theirs.bring("cameras", OTHER)
@@ -195,7 +196,7 @@ def test_a_full_disk_here_is_no_fault_of_the_remote_store(stores, monkeypatch, c
 def test_a_writer_that_is_killed_leaves_a_mark_and_the_next_run_uploads(stores, share, monkeypatch):
     ours, _ = stores
     with monkeypatch.context() as killed:
-        killed.setattr(RemoteStore, "_put", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        killed.setattr(RemoteFiles, "_put", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
         with pytest.raises(KeyboardInterrupt):
             fill(ours)
     assert missed_uploads(ours.root) == [("cameras", KEY)]
@@ -210,7 +211,7 @@ def test_a_marked_file_that_is_gone_or_damaged_meanwhile_is_not_sent(stores, sha
     damaged.chmod(0o644)
     damaged.write_bytes(b"damaged")
     share.mkdir()
-    remote._opened.cache_clear()
+    remote_files._opened.cache_clear()
     assert upload_missed(ours) == (0, 0)
     assert missed_uploads(ours.root) == [] and sent(share) == []
 
@@ -237,9 +238,9 @@ def test_other_files_in_the_folder_are_let_be(stores, share):
 
 
 def test_the_environment_names_the_remote_store_to_every_process(monkeypatch, tmp_path, url):
-    monkeypatch.setenv(remote_url.VARIABLE, url)
+    monkeypatch.setenv(VARIABLE, url)
     assert Store(tmp_path).url == url
-    monkeypatch.setenv(remote_url.VARIABLE, "")
+    monkeypatch.setenv(VARIABLE, "")
     assert Store(tmp_path).remote is None
 
 
@@ -262,19 +263,19 @@ def test_the_environment_names_the_remote_store_to_every_process(monkeypatch, tm
 )
 def test_an_address_that_cannot_be_one_is_told_in_one_line(given, said):
     with pytest.raises(UsageError, match=said) as raised:
-        remote_url.checked_url(given)
+        remote_address.checked_url(given)
     assert "secret" not in str(raised.value) and "\n" not in str(raised.value)
 
 
 def test_a_package_that_is_missing_is_named_with_the_command_that_installs_it(monkeypatch):
-    monkeypatch.setattr(remote_url, "find_spec", lambda module: None)
+    monkeypatch.setattr(remote_address, "find_spec", lambda module: None)
     with pytest.raises(MachineError, match=r"needs the package s3fs.*pip install s3fs"):
-        remote_url.checked_url("s3://bucket/show")
+        remote_address.checked_url("s3://bucket/show")
 
 
 def test_a_folder_is_an_address_from_wherever_jobs_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert remote_url.checked_url("my share") == f"file://{tmp_path}/my share"
+    assert remote_address.checked_url("my share") == f"file://{tmp_path}/my share"
 
 
 KEYS = [f"{number:x}" * 32 for number in range(4)]
@@ -288,7 +289,7 @@ ACTIONS = ["put", "holds", "bring", "evict", "cut", "alter", "delete", "upload"]
 def test_two_roots_that_share_a_remote_store_never_read_other_bytes(tmp_path_factory, steps):
     home = tmp_path_factory.mktemp("roots")
     (home / "share").mkdir()
-    remote._opened.cache_clear()
+    remote_files._opened.cache_clear()
     stores = [Store(home / name, f"file://{home}/share") for name in "ab"]
     undamaged: set[str] = set()
     for action, which, key in steps:

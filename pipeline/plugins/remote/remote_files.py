@@ -20,22 +20,20 @@ import re
 import threading
 import time
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from pathlib import Path
 
+from pipeline.plugins.remote.remote_address import checked_url, load_package, open_url
+from pipeline.plugins.remote.remote_requests import NO_FOLDER, RemoteRequests, UnreachableError
 from pipeline.production.store.digests import digest_of
-from pipeline.production.store.remote_requests import NO_FOLDER, RemoteRequests, UnreachableError
-from pipeline.production.store.remote_url import checked_url, open_url
+from pipeline.production.store.remote_store import SIDE_BY_SIDE
 from render.base.atomic_write import machine_error
 
 LISTED_SECONDS = 60.0
 """Seconds for which a listing counts: what others upload meanwhile is seen after these."""
-
-SIDE_BY_SIDE = 16
-"""Requests that are made at once."""
 
 _NAME = re.compile(r"([0-9a-f]{32})\.([0-9a-f]{32})\.\w+")
 
@@ -48,8 +46,8 @@ _LOCAL_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
 @dataclass(eq=False)
-class RemoteStore:
-    """The remote store at a checked address. One for each process and address: `RemoteStore.of`.
+class RemoteFiles:
+    """The remote store at a checked address. One for each process and address: `RemoteFiles.of`.
 
     requests  makes the requests to its file system
     home      its path there
@@ -64,12 +62,17 @@ class RemoteStore:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     @classmethod
-    def of(cls, url: str) -> RemoteStore:
+    def of(cls, url: str) -> RemoteFiles:
         """Return the remote store at an address, as the user gave it.
 
         Raises UsageError and MachineError for an address that cannot be used.
         """
         return _opened(url, os.getpid())
+
+    @property
+    def told(self) -> Collection[str]:
+        """The warnings that this process has logged."""
+        return self.requests.told
 
     # What it holds
 
@@ -231,12 +234,23 @@ class RemoteStore:
 
 
 @lru_cache
-def _opened(url: str, process: int) -> RemoteStore:
+def _opened(url: str, process: int) -> RemoteFiles:
     """Open the remote store of a process: connections do not outlive a fork."""
     checked = checked_url(url)
     files, home = open_url(checked)
-    return RemoteStore(checked, RemoteRequests(checked, files), home)
+    return RemoteFiles(checked, RemoteRequests(checked, files), home)
 
 
 def _digest_in(name: str) -> str:
     return name.split(".")[1]
+
+
+class RemoteAddresses:
+    """Finds remote stores by their addresses, for `pipeline.production.store.remote_store`."""
+
+    checked = staticmethod(checked_url)
+    opened = staticmethod(RemoteFiles.of)
+    load = staticmethod(load_package)
+
+
+STORES = RemoteAddresses()

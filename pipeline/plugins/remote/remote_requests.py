@@ -7,7 +7,6 @@ nothing is asked: whoever asks gets `UnreachableError` at once.
 from __future__ import annotations
 
 import errno
-import logging
 import random
 import re
 import threading
@@ -16,12 +15,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
+from pipeline.production.store.remote_store import LOG
 from render.base.errors import MachineError
 
 T = TypeVar("T")
-
-LOG = logging.getLogger("flowsculpt.store")
-"""Logger of warnings, which the command line and jobs pass on to the user."""
 
 PATIENCE = 5.0
 """Seconds for which a request that failed is tried again."""

@@ -7,11 +7,11 @@ import uuid
 
 import pytest
 
-from pipeline.production.store import remote, remote_requests, remote_url
-from pipeline.production.store.remote import RemoteStore
+from pipeline.plugins.remote import remote_address, remote_files, remote_requests
+from pipeline.plugins.remote.remote_files import RemoteFiles
 from pipeline.production.store.store import Store
 from pipeline.production.store.uploads import missed_uploads, upload_missed
-from tests.production.store.s3 import BUCKET, CREDENTIALS, Proxy
+from tests.plugins.remote.s3 import BUCKET, CREDENTIALS, Proxy
 
 KEYS = [f"{number:032x}" for number in range(40)]
 CONTENT = b"light\n" * 30000
@@ -20,11 +20,11 @@ CONTENT = b"light\n" * 30000
 @pytest.fixture(autouse=True)
 def quick(monkeypatch, s3: Proxy):
     """Listings are made anew each time, and tries follow each other quickly."""
-    monkeypatch.setattr(remote, "LISTED_SECONDS", -1.0)
+    monkeypatch.setattr(remote_files, "LISTED_SECONDS", -1.0)
     monkeypatch.setattr(remote_requests, "PATIENCE", 1.0)
     monkeypatch.setattr(remote_requests, "FIRST_PAUSE", 0.05)
-    monkeypatch.setattr(remote_url, "READ_SECONDS", 1.0)
-    remote._opened.cache_clear()
+    monkeypatch.setattr(remote_address, "READ_SECONDS", 1.0)
+    remote_files._opened.cache_clear()
 
 
 @pytest.fixture
@@ -56,10 +56,10 @@ def test_what_one_root_put_another_fetches_to_the_bit(stores):
 def test_many_keys_are_asked_for_in_few_requests_side_by_side(stores, s3: Proxy, monkeypatch):
     ours, theirs = stores
     keys = [f"{number * 2654435761 % 2**32:08x}" * 4 for number in range(60)]
-    monkeypatch.setattr(remote, "LISTED_SECONDS", 60.0)
+    monkeypatch.setattr(remote_files, "LISTED_SECONDS", 60.0)
     for key in keys:
         fill(ours, key)
-    remote._opened.cache_clear()
+    remote_files._opened.cache_clear()
     assert theirs.remote.fault() is None  # connects
     s3.seconds, s3.most_at_once = 0.2, 0
     s3.requests.clear()
@@ -89,7 +89,7 @@ def test_a_server_that_fails_for_long_fails_nobody_and_is_told_once(stores, s3: 
     assert not any(secret in said for secret in CREDENTIALS.values() if secret != "us-east-1")
     assert len(missed_uploads(ours.root)) == 5
     s3.fault = None
-    remote._opened.cache_clear()  # as in the next run
+    remote_files._opened.cache_clear()  # as in the next run
     assert upload_missed(ours) == (5, 0)
     assert theirs.bring("raw", KEYS[4]) and is_right(theirs, KEYS[4])
 
@@ -127,7 +127,7 @@ def test_what_is_damaged_on_the_way_is_never_used(stores, s3: Proxy, caplog, fau
     assert len(warnings(caplog)) == 1
     fill(theirs)
     s3.fault = None
-    remote._opened.cache_clear()
+    remote_files._opened.cache_clear()
     assert upload_missed(theirs).unsent == 0
     theirs.discard("raw", KEYS[0])
     assert theirs.bring("raw", KEYS[0]) and is_right(theirs)
@@ -136,7 +136,7 @@ def test_what_is_damaged_on_the_way_is_never_used(stores, s3: Proxy, caplog, fau
 def test_an_object_that_is_removed_after_it_was_listed_is_made_again(stores, monkeypatch, caplog):
     ours, theirs = stores
     fill(ours)
-    monkeypatch.setattr(remote, "LISTED_SECONDS", 60.0)
+    monkeypatch.setattr(remote_files, "LISTED_SECONDS", 60.0)
     assert theirs.holds("raw", KEYS[0])
     theirs.remote.requests.files.rm(theirs.remote.home, recursive=True)
     assert not theirs.bring("raw", KEYS[0]) and not theirs.holds("raw", KEYS[0])
@@ -148,7 +148,7 @@ def test_a_bucket_that_is_not_there_is_told_by_its_name(tmp_path, caplog):
     fill(store)
     (said,) = warnings(caplog)
     assert said.startswith("s3://nowhere/show: no such bucket or folder")
-    assert "no such bucket" in RemoteStore.of("s3://nowhere/show").fault()
+    assert "no such bucket" in RemoteFiles.of("s3://nowhere/show").fault()
 
 
 def test_without_credentials_the_message_says_so(stores, monkeypatch, caplog, tmp_path):

@@ -1,4 +1,4 @@
-"""The address of the remote store: read from the environment, checked, and opened as a file system.
+"""The address of the remote store: checked, and opened as a file system.
 
 Credentials are no part of it. Each file system finds them where its own tools do: S3 in `AWS_PROFILE`,
 `AWS_ACCESS_KEY_ID` or `~/.aws`, and the server in `AWS_ENDPOINT_URL`.
@@ -6,7 +6,6 @@ Credentials are no part of it. Each file system finds them where its own tools d
 
 from __future__ import annotations
 
-import os
 import re
 from contextlib import suppress
 from importlib.util import find_spec
@@ -17,9 +16,6 @@ from urllib.parse import urlsplit
 from pipeline.errors import MachineError, UsageError, suggestion
 from render.base.python_process import command_line
 
-VARIABLE = "FLOWSCULPT_STORE"
-"""The environment variable that holds the address. Processes and farms pass it on to their jobs."""
-
 OPTION = "--store"
 
 EXAMPLES = "s3://bucket/show, or a folder such as /mnt/share/show"
@@ -29,11 +25,6 @@ CONNECT_SECONDS = 5.0
 
 READ_SECONDS = 20.0
 """Seconds without a byte after which an answer counts as lost."""
-
-
-def store_url() -> str | None:
-    """Return the address of the remote store that the environment names, or None."""
-    return os.environ.get(VARIABLE) or None
 
 
 def checked_url(typed: str) -> str:

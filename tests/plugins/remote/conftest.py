@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.production.store.s3 import CREDENTIALS, Proxy, serving
+from tests.plugins.remote.s3 import CREDENTIALS, Proxy, serving
 
 
 @pytest.fixture(scope="session")

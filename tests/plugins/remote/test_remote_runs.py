@@ -9,11 +9,11 @@ import uuid
 
 import pytest
 
-from pipeline.production.store.remote_url import VARIABLE
+from pipeline.production.store.remote_store import VARIABLE
 from pipeline.production.store.uploads import missed_uploads
 from tests.conftest import QUALITY, commanded
+from tests.plugins.remote.s3 import BUCKET
 from tests.production.snakemake import snakemake
-from tests.production.store.s3 import BUCKET
 
 THREE = ("render", "T010_tiny", "-f", "1-3", "--scale", "10%")
 
