@@ -270,7 +270,8 @@ def _direct_light(
     weight = dr.select(sample.is_delta, 1.0, power_heuristic(sample.density, others))
     light = sample.light * reflected * weight
     active &= dr.any(light != 0.0)
-    active &= ~tracer.scene.ray_test(si.spawn_ray_to(sample.target), active)
+    occluders = tracer.scene if tracer.occluders is None else tracer.occluders
+    active &= ~occluders.ray_test(si.spawn_ray_to(sample.target), active)
     return dr.select(active, light, 0.0)
 
 

@@ -53,6 +53,7 @@ class PathTracer:
     caustic_sun    a `caustic_sun.CausticSun`, or None
     guide          directions of caustics at matt surfaces: a `caustic_guide.CausticGuide`, or None
     caustics       (H, W, 3 · groups) light that paths leave to photons, by `caustic_picture`, or None
+    occluders      a scene of all that can hide emitters; None is `scene`
     """
 
     scene: Any
@@ -67,6 +68,7 @@ class PathTracer:
     caustic_sun: Any = None
     guide: Any = None
     caustics: NDArray[np.float64] | None = None
+    occluders: Any = None
 
     @property
     def coverage_channels(self) -> int:

@@ -18,6 +18,7 @@ from render.integrator.light_sampler import LightSampler
 from render.integrator.sampled_emitters import sampled_emitters
 from render.mitsuba import emitters, materials
 from render.mitsuba.loading import load_scene
+from render.mitsuba.occluders import occluders
 from render.mitsuba.sensor import sensor
 from render.mitsuba.shapes import stage_shapes
 from render.scene.lights import LightRig
@@ -80,7 +81,8 @@ def path_tracer(
         tracer = replace(
             tracer, caustics=caustics, guide=_guide(tracer, samples) if caustics is None else None
         )
-    return replace(tracer, subsurface=walk)
+    hiding = occluders(lit, tracer.light_sampler, scene, samples)
+    return replace(tracer, subsurface=walk, occluders=hiding)
 
 
 def _path_tracer(
