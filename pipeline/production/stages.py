@@ -77,7 +77,7 @@ FRAME_CAMERA = PipelineStage(
 )
 RENDER = PipelineStage(
     "render",
-    version=8,
+    version=9,
     packages=("mitsuba", "drjit", "OpenImageIO"),
     doing="rendering",
     makes="raw",

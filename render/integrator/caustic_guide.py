@@ -205,9 +205,15 @@ def _cells(photons: Photons) -> tuple[NDArray[np.uint32], NDArray[np.float64], N
     """Return keys, light by direction, and irradiance of all cells, as of `CausticGuide.of`."""
     places = (photons.places - photons.middle) * (CELLS_PER_RADIUS / photons.radius)
     across, down, _ = _to_square(mi.Vector3f(np.ascontiguousarray(photons.directions.T)))
+    place = mi.Point3f(np.ascontiguousarray(places.T, dtype=np.float32))
+    keys_by_level = [_key(place, level) for level in range(len(LEVELS))]
+    dr.eval(across, down, keys_by_level)
     columns, rows = (np.minimum(np.array(each) * SIDE, SIDE - 1).astype(np.int64) for each in (across, down))
     bins = rows * SIDE + columns
-    parts = [_level(places, bins, photons.weights, level) for level in range(len(LEVELS))]
+    parts = [
+        _level(np.array(keys), bins, photons.weights, LEVELS[level])
+        for level, keys in enumerate(keys_by_level)
+    ]
     keys, counts, light, totals = (np.concatenate(each) for each in zip(*parts, strict=True))
     order = np.argsort(counts, kind="stable")
     area = (photons.radius / CELLS_PER_RADIUS) ** 2
@@ -215,21 +221,21 @@ def _cells(photons: Photons) -> tuple[NDArray[np.uint32], NDArray[np.float64], N
 
 
 def _level(
-    places: NDArray[np.float64], bins: NDArray[np.int64], weights: NDArray[np.float64], level: int
+    keys: NDArray[np.uint32], bins: NDArray[np.int64], weights: NDArray[np.float64], width: int
 ) -> tuple[NDArray[Any], ...]:
-    """Return keys, photons, light by direction, and light per finest cell of the cells of one level."""
-    keys, member, counts = np.unique(
-        np.asarray(_key(mi.Point3f(np.ascontiguousarray(places.T, dtype=np.float32)), level)),
-        return_inverse=True,
-        return_counts=True,
-    )
+    """Return keys, photons, light by direction, and light per finest cell of the cells of one level.
+
+    keys   (P,) of the cells of photons
+    width  of a cell, finest ones
+    """
+    keys, member, counts = np.unique(keys, return_inverse=True, return_counts=True)
     kept = counts >= MIN_PHOTONS
     number = np.cumsum(kept) - 1
     taken = kept[member]
     index = number[member[taken]] * _BINS + bins[taken]
     summed = np.bincount(index, weights[taken], int(kept.sum()) * _BINS)
     light = np.asarray(summed, dtype=np.float64).reshape(-1, SIDE, SIDE)
-    totals = light.sum(axis=(1, 2)) / LEVELS[level] ** 2
+    totals = light.sum(axis=(1, 2)) / width**2
     return keys[kept].astype(np.uint32), counts[kept], _blurred(light).reshape(-1, _BINS), totals
 
 

@@ -1,10 +1,10 @@
-"""Caustics of the sun that the lens sees on matt surfaces, as a picture: photons, each seen by the lens.
+"""Caustics that the lens sees on matt surfaces, as a picture: photons, each seen by the lens.
 
-From a matt surface few directions lead by way of mirrors or glass to the sun. From the sun all do, so such
-light is found from that end: photons go from the sun to the first matt surface, and from there to the lens
-(light tracing by Arvo, *Backward ray tracing*, 1986; with importance, Veach 1997). Their picture is added to
-that of the paths, which leave out the same light (`render.integrator.path`). Caustics seen in mirrors or
-through glass are left to the paths.
+From a matt surface few directions lead by way of mirrors or glass to the sun or a softbox. From these all do,
+so such light is found from that end: photons go from the emitter to the first matt surface, and from there to
+the lens (light tracing by Arvo, *Backward ray tracing*, 1986; with importance, Veach 1997). Their picture is
+added to that of the paths, which leave out the same light (`render.integrator.path`). Caustics seen in
+mirrors or through glass are left to the paths.
 
 Importing this imports Mitsuba, so an engine of a compiled variant must have been started.
 """
@@ -12,7 +12,7 @@ Importing this imports Mitsuba, so an engine of a compiled variant must have bee
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import drjit as dr
@@ -23,7 +23,16 @@ from numpy.typing import NDArray
 from render.integrator.caustic_sun import CausticSun
 from render.integrator.emitter_groups import EmitterGroups
 from render.integrator.light_sampler import LightSource
-from render.integrator.photons import caster_sphere, casters, disc_rays, followed
+from render.integrator.photons import (
+    Photons,
+    area_rays,
+    caster_sphere,
+    casters,
+    disc_rays,
+    followed,
+    photon_count,
+)
+from render.integrator.sky_sampler import Cone
 
 SAMPLES_PER_PHOTON = 4
 """Camera paths for each photon, which costs half as much as one."""
@@ -35,132 +44,261 @@ _TOGETHER = 1 << 19
 """Photons that are traced together, which bounds the memory."""
 
 _SIDE, _LEAST_DENSITY = 32, 0.3
-"""Rows and columns of the table of places on the sphere's disc, and its least density over the mean."""
+"""Rows and columns of the table of an emitter's photons, and its least density over the mean."""
 
 
-def can_draw(scene: Any) -> bool:
-    """Tell whether photons bring what paths would: where mirrors or glass are, but no rough glass.
+def can_draw(scene: Any, sources: Sequence[LightSource]) -> bool:
+    """Tell whether photons bring what paths would: from softboxes and the sun of daylight, where mirrors or
+    glass are, but no rough glass.
 
     Rough glass gives back the light that it would lose, by the direction of the path
     (`render.mitsuba.absorption`).
     """
     bsdfs = [shape.bsdf() for shape in casters(scene)]
-    return bool(bsdfs) and not any(
-        mi.has_flag(bsdf.flags(), mi.BSDFFlags.GlossyTransmission) for bsdf in bsdfs
+    is_rough = any(mi.has_flag(bsdf.flags(), mi.BSDFFlags.GlossyTransmission) for bsdf in bsdfs)
+    sampled = [source for source in sources if not source.is_rest]
+    are_known = all(
+        source.position is not None or isinstance(source.distribution, Cone) for source in sampled
     )
+    return bool(bsdfs) and bool(sampled) and are_known and not is_rough
+
+
+@dataclass(frozen=True, eq=False)
+class CausticPicture:
+    """Light that photons bring, and paths leave out.
+
+    radiance   (H, W, 3 · groups) by light group
+    softboxes  pointers to the emitters of photons
+    sun        whose photons are in the picture too, or None. Otherwise it has the light of all emitters that
+               next event estimation samples
+    """
+
+    radiance: NDArray[np.float64]
+    softboxes: Sequence[Any]
+    sun: CausticSun | None
+
+    def has(self, emitter: Any, direction: Any) -> Any:
+        """Tell whether photons bring the light of an emitter.
+
+        emitter    array of pointers
+        direction  unit vectors to it
+        """
+        found = mi.Bool(False) if self.sun is None else self.sun.is_on(direction)
+        for softbox in self.softboxes:
+            found |= emitter == softbox
+        return found
 
 
 def caustic_picture(
     scene: Any,
-    source: LightSource,
-    sun: CausticSun,
+    sources: Sequence[LightSource],
+    sun: CausticSun | None,
     groups: EmitterGroups,
     depth: int,
     samples: int,
     seed: int,
-) -> NDArray[np.float64]:
-    """Return the radiance (H, W, 3 · groups) of caustics of the sun, by light group.
+) -> tuple[CausticPicture, Photons]:
+    """Trace photons; return what the lens sees of them, and some of them for the guide.
 
-    scene    with mirrors or glass that `can_draw`
-    source   the sun in the light sampler
+    scene    with mirrors or glass, and sources, that `can_draw`
+    sources  of the light sampler
+    sun      of daylight, or None
     depth    most vertices of a path, the emitter's included
     samples  of all pixels together, by which photons are counted
     """
-    flags = [shape.bsdf().flags() for shape in casters(scene)]
-    kinds = [
-        kind
-        for kind in (mi.BSDFFlags.Delta, mi.BSDFFlags.GlossyReflection)
-        if any(mi.has_flag(each, kind) for each in flags)
-    ]
+    boxes = [source for source in sources if source.position is not None]
+    suns = [source for source in sources if isinstance(source.distribution, Cone)]
+    emissions: list[_Emission] = [_Softboxes(scene, boxes)] if boxes else []
+    if sun is not None:
+        emissions += [_Sunlight(scene, suns[0], sun, kind) for kind in _kinds(scene)]
     width, height = (int(side) for side in scene.sensors()[0].film().crop_size())
-    sums = np.zeros((3 * groups.count, width * height))
     total = max(FIRST_PART, samples // SAMPLES_PER_PHOTON)
-    light_of = _PhotonLight(scene, source, sun, groups, depth)
-    for kind in kinds:
-        random = np.random.default_rng((seed, int(kind)))
-        first = total // FIRST_PART
-        table = _focused([light_of.trace(kind, n, None, random, sums) for n in _parts(first)])
-        for count in _parts(total - first):
-            light_of.trace(kind, count, table, random, sums)
-    return np.ascontiguousarray(sums.T).reshape(height, width, -1) * (width * height / total)
+    sums = np.zeros((3 * groups.count, width * height))
+    kept = min(total, photon_count(samples)) if boxes else 0
+    tracer = _PhotonTracer(scene, groups, depth, sums, kept)
+    for number, emission in enumerate(emissions):
+        tracer.trace_all(emission, total, np.random.default_rng((seed, number)))
+    radiance = np.ascontiguousarray(sums.T).reshape(height, width, -1) * (width * height / total)
+    picture = CausticPicture(radiance, [source.emitter for source in boxes], sun)
+    return picture, tracer.photons()
 
 
-def _parts(count: int) -> list[int]:
-    """Return how many of `count` photons are traced together, launch by launch."""
-    return [min(_TOGETHER, count - begun) for begun in range(0, count, _TOGETHER)]
+def _kinds(scene: Any) -> list[Any]:
+    """Return the flags of what the first surface of sunlight may do."""
+    flags = [shape.bsdf().flags() for shape in casters(scene)]
+    kinds = mi.BSDFFlags.Delta, mi.BSDFFlags.GlossyReflection
+    return [kind for kind in kinds if any(mi.has_flag(each, kind) for each in flags)]
 
 
-def _focused(parts: Sequence[tuple[NDArray[np.float32], NDArray[np.float64]]]) -> NDArray[np.float32]:
-    """Return the density of places by results of `_PhotonLight.trace` with an even one."""
+def _parts(first: int, end: int) -> list[tuple[int, int]]:
+    """Return the numbers of photons that are traced together, launch by launch: the first and the end."""
+    return [(begun, min(begun + _TOGETHER, end)) for begun in range(first, end, _TOGETHER)]
+
+
+def _focused(
+    count: int, parts: Sequence[tuple[NDArray[np.float32], NDArray[np.float64]]]
+) -> NDArray[np.float32]:
+    """Return the density of places on `count` emitters, by results of `_PhotonTracer.trace` with an even
+    one."""
     places, luminance = (np.concatenate(each, axis=-1) for each in zip(*parts, strict=True))
-    column, row = np.minimum(places * _SIDE, _SIDE - 1).astype(np.int64)
-    square = np.bincount(row * _SIDE + column, luminance**2, _SIDE * _SIDE)
-    density = np.sqrt(square).reshape(_SIDE, _SIDE)
+    sides = np.array([[_SIDE * count], [_SIDE]])
+    column, row = np.minimum(places * sides, sides - 1).astype(np.int64)
+    square = np.bincount(row * sides[0, 0] + column, luminance**2, _SIDE * _SIDE * count)
+    density = np.sqrt(square).reshape(_SIDE, -1)
     density += _LEAST_DENSITY * density.mean() + 1e-30
     return np.asarray(density / density.mean(), dtype=np.float32)
 
 
-@dataclass(frozen=True, eq=False)
-class _PhotonLight:
-    """Photons of the sun, and what the lens sees of them. Fields are those of `caustic_picture`."""
+class _Emission:
+    """Photons of some emitters. Two numbers from 0 to 1, the place, give each an emitter and its aim.
+
+    count  emitters, side by side in the first number
+    first  Mitsuba's flags of what the first surface may do: another photon ends there
+    """
+
+    count: int
+    first: Any
+
+    def photons(self, place: Any, numbers: Any) -> tuple[Any, Any, Any, Any]:
+        """Return rays, their light, and pointers to the emitters and directions to them for `EmitterGroups`.
+
+        numbers  random ones
+        """
+        raise NotImplementedError
+
+
+class _Sunlight(_Emission):
+    """Photons of the sun. Smooth surfaces reflect a wider one, as they do for paths."""
+
+    count = 1
+
+    def __init__(self, scene: Any, source: LightSource, sun: CausticSun, first: Any) -> None:
+        self._sphere, self._source, self._sun, self.first = caster_sphere(scene), source, sun, first
+
+    def photons(self, place: Any, numbers: Any) -> tuple[Any, Any, Any, Any]:
+        source, u = self._source, mi.Point2f(numbers.next_float32(), numbers.next_float32())
+        towards, density = source.distribution.sample(u)
+        sky = dr.zeros(mi.SurfaceInteraction3f, dr.width(towards))
+        sky.wi = -towards
+        light = source.emitter.eval(sky) * (source.distribution.correction / density)
+        if self.first == mi.BSDFFlags.Delta:
+            towards = self._sun.spread(towards)
+        ray, area = disc_rays(towards, *self._sphere, place)
+        return ray, light * area, source.emitter, self._sun.direction
+
+
+class _Softboxes(_Emission):
+    """Photons of softboxes, each into the cone around all mirrors and glass."""
+
+    first = mi.BSDFFlags.All
+
+    def __init__(self, scene: Any, sources: Sequence[LightSource]) -> None:
+        self._sphere, self._sources, self.count = caster_sphere(scene), sources, len(sources)
+
+    def photons(self, place: Any, numbers: Any) -> tuple[Any, Any, Any, Any]:
+        across = place.x * self.count
+        number = dr.minimum(mi.UInt32(across), self.count - 1)
+        emitter = mi.EmitterPtr(self._sources[0].emitter)
+        for index, source in enumerate(self._sources):
+            emitter = dr.select(number == index, source.emitter, emitter)
+        aim = mi.Point2f(across - number, place.y)
+        on_box = mi.Point2f(numbers.next_float32(), numbers.next_float32())
+        ray, light = area_rays(emitter, *self._sphere, on_box, aim)
+        return ray, light * self.count, emitter, -ray.d
+
+
+@dataclass(eq=False)
+class _PhotonTracer:
+    """Traces photons to the lens. Fields are those of `caustic_picture`.
+
+    sums  (3 · groups, pixels) light that the lens sees of all photons
+    kept  photons of each emission that are kept for the guide, with the light of all
+    """
 
     scene: Any
-    source: LightSource
-    sun: CausticSun
     groups: EmitterGroups
     depth: int
+    sums: NDArray[np.float64]
+    kept: int
+    _landed: list[tuple[NDArray[Any], ...]] = field(default_factory=list)
+    _light: float = 0.0
+
+    def trace_all(self, emission: _Emission, total: int, random: np.random.Generator) -> None:
+        """Trace photons of an emission: a few that are spread evenly, and others where those lead to light
+        that the lens sees."""
+        first = total // FIRST_PART
+        table = _focused(
+            emission.count, [self.trace(emission, *part, None, random) for part in _parts(0, first)]
+        )
+        for part in _parts(first, total):
+            self.trace(emission, *part, table, random)
 
     def trace(
-        self, kind: Any, count: int, table: Any, random: np.random.Generator, sums: NDArray[np.float64]
+        self, emission: _Emission, first: int, end: int, table: Any, random: np.random.Generator
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Add the light of `count` photons to sums (3 · groups, pixels).
+        """Add the light of some photons of an emission to the sums.
 
-        Returns the places (2, P) on the disc, in the unit square, of photons that land, and the luminance of
-        each that the lens sees.
+        Returns the places (2, P) of photons that land, and the luminance of each that the lens sees.
 
-        kind   of the first surface: the sun that smooth ones reflect is wider, as it is for paths
-        table  density of places, or None for an even one
+        first, end  numbers of the photons in the emission
+        table       density of places, or None for an even one
         """
         numbers: Any = mi.PCG32(  # type: ignore[operator]  # Mitsuba's stubs say object
-            count, dr.opaque(mi.UInt64, int(random.integers(1 << 63)))
+            end - first, dr.opaque(mi.UInt64, int(random.integers(1 << 63)))
         )
         place, share = _places(numbers, table)
-        towards, light = self._emitted(numbers)
-        if kind == mi.BSDFFlags.Delta:
-            towards = self.sun.spread(towards)
-        ray, area = disc_rays(towards, *caster_sphere(self.scene), place)
-        limits = dr.opaque(mi.UInt32, self.depth), dr.opaque(mi.UInt32, int(kind))
-        dr.eval(ray, light, numbers, place)
-        index, ray, weight = followed(self.scene, ray, light * area * share, numbers, *limits)
+        ray, light, emitter, towards = emission.photons(place, numbers)
+        light *= share
+        emitted = mi.luminance(light)
+        dr.schedule(
+            place, emitter, emitted
+        )  # with the photons: each piece of compiled code takes milliseconds
+        limits = dr.opaque(mi.UInt32, self.depth), dr.opaque(mi.UInt32, int(emission.first))
+        index, last, weight = followed(self.scene, ray, light, numbers, *limits)
         if not dr.width(index):
             return np.zeros((2, 0), np.float32), np.zeros(0)
-        pixel, light = self._seen(ray, weight, random)
-        parts = self.groups.add(self.groups.zeros(), light, self.source.emitter, self.sun.direction)
+        si = self.scene.ray_intersect(last)
+        pixel, light = self._seen(si, last, weight, random)
+        if self.groups.count > 1 and dr.width(emitter) > 1:
+            emitter = dr.gather(mi.EmitterPtr, emitter, index)
+        parts = self.groups.add(self.groups.zeros(), light, emitter, towards)
         luminance, place = mi.luminance(light), dr.gather(mi.Point2f, place, index)
-        dr.eval(pixel, parts, luminance, place)
+        landed = si.p, last.d, mi.luminance(weight)
+        dr.eval(pixel, parts, luminance, place, landed)
+        self._keep(np.searchsorted(np.array(index), self.kept - first), *landed)
+        self._light += np.array(emitted)[: max(0, self.kept - first)].sum(dtype=np.float64) / max(
+            1, self.kept
+        )
         pixels = np.array(pixel)
-        for total, channel in zip(sums, (channel for part in parts for channel in part), strict=True):
+        for total, channel in zip(self.sums, (channel for part in parts for channel in part), strict=True):
             values = np.broadcast_to(np.array(channel, dtype=np.float64), pixels.shape)
             total += np.bincount(pixels, values, len(total))
         return np.array(place), np.array(luminance, dtype=np.float64)
 
-    def _emitted(self, numbers: Any) -> tuple[Any, Any]:
-        """Return directions to the sun's disc, and the irradiance of each."""
-        towards, density = self.source.distribution.sample(
-            mi.Point2f(numbers.next_float32(), numbers.next_float32())
+    def photons(self) -> Photons:
+        """Return the photons that were kept."""
+        middle, radius = caster_sphere(self.scene)
+        around = np.array(middle, dtype=np.float64).ravel(), float(radius[0])
+        empty = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32), np.zeros(0)
+        places, directions, weights = (
+            np.concatenate(part) for part in zip(empty, *self._landed, strict=True)
         )
-        sky = dr.zeros(mi.SurfaceInteraction3f, dr.width(towards))
-        sky.wi = -towards
-        light = self.source.emitter.eval(sky) * (self.source.distribution.correction / density)
-        return towards, light
+        return Photons(places, directions, weights, *around, self._light / (np.pi * around[1] ** 2))
 
-    def _seen(self, ray: Any, weight: Any, random: np.random.Generator) -> tuple[Any, Any]:
+    def _keep(self, count: np.intp, place: Any, direction: Any, light: Any) -> None:
+        """Keep the first photons of those that land."""
+        if not count:
+            return
+        places, directions, weights = (np.array(each)[..., :count] for each in (place, direction, light))
+        self._landed.append((places.T, -directions.T, weights.astype(np.float64) / self.kept))
+
+    def _seen(self, si: Any, ray: Any, weight: Any, random: np.random.Generator) -> tuple[Any, Any]:
         """Return the pixels that see where photons land, and the light that reaches the lens from there.
 
         ray     the last of each photon
         weight  light of each
         """
-        si, sensor = self.scene.ray_intersect(ray), self.scene.sensors()[0]
+        sensor = self.scene.sensors()[0]
         on_lens = mi.Point2f(random.random((2, dr.width(weight)), dtype=np.float32))
         seen, importance = sensor.sample_direction(si, on_lens, si.is_valid())
         active = si.is_valid() & dr.any(importance > 0.0)

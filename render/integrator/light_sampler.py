@@ -250,8 +250,8 @@ def _distributions(emitter: Any, described: SampledEmitter) -> tuple[Any, Any]:
     """Return the distributions of the bright part of a sky, or None, and of the rest."""
     from render.integrator import sky_sampler  # needs Mitsuba's variant
 
-    if described.sun is not None and not sky_sampler.is_map(emitter):
-        return sky_sampler.sun_and_sky(emitter, *described.sun)
+    if described.daylight is not None and not sky_sampler.is_map(emitter):
+        return sky_sampler.sun_and_sky(emitter, described.daylight)
     return sky_sampler.bright_and_rest(emitter)
 
 

@@ -2,7 +2,7 @@
 
 Path tracing with next event estimation and multiple importance sampling (Veach 1997). Until a path has left
 two matt surfaces all emitters are sampled, later one at each vertex. Some paths that leave a matt surface are
-guided to caustics (`render.integrator.caustic_guide`), or leave those of the sun to photons
+guided to caustics (`render.integrator.caustic_guide`), or leave these to photons
 (`render.integrator.caustic_picture`). Faint paths end by Russian roulette.
 
 Importing this imports Mitsuba, so an engine of a compiled variant must have been started.
@@ -75,7 +75,7 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
     kept = mi.Color3f(throughput)
     is_exit, after_matt, by_photons = mi.Bool(False), mi.Bool(False), mi.Bool(False)
     while dr.hint(active, label="path", exclude=[tracer, sampler, groups]):
-        bsdf = _bsdf(tracer, si, is_exit, active)
+        bsdf = _bsdf(tracer, si, is_exit, active & _is_guided(tracer, vertex, matt))
         is_matt = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Diffuse)
         by_photons &= ~is_matt
         radiance, counts = _sampled_light(
@@ -104,6 +104,11 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
         active &= next_si.is_valid() & (length + 1 < tracer.max_depth)
         si = next_si
     return radiance
+
+
+def _is_guided(tracer: PathTracer, vertex: Any, matt: Any) -> Any:
+    """Tell where the guide chooses directions: next to photons only at what mirrors and glass show."""
+    return mi.Bool(True) if tracer.caustics is None else (vertex > 0) & (matt == 0)
 
 
 def _bsdf(tracer: PathTracer, si: Any, is_exit: Any, active: Any) -> Any:
@@ -159,7 +164,7 @@ def _light_of_hit(
 
     pdf         density of the direction from `si`, unless a mirror or glass gave it (is_delta)
     after_matt  True for paths that left a matt surface before
-    by_photons  True for paths whose sunlight photons bring
+    by_photons  True for paths whose caustics photons bring
     counts      expected samples of each light source at `si`
     """
     hit = mi.DirectionSample3f(tracer.scene, next_si, si)
@@ -169,12 +174,11 @@ def _light_of_hit(
     if tracer.caustic_sun is not None:
         in_caustic = active & after_matt & is_delta & ~next_si.is_valid()
         direction, share = tracer.caustic_sun.widened(hit.d, in_caustic)
-        if tracer.caustics is not None:
-            is_sun = tracer.caustic_sun.is_on(direction)
-            weight = dr.select(by_photons & is_sun & ~next_si.is_valid(), 0.0, weight)
         weight *= share
         next_si = dr.copy(next_si)
         next_si.wi = dr.select(in_caustic, -direction, next_si.wi)
+    if tracer.caustics is not None:
+        weight = dr.select(by_photons & tracer.caustics.has(hit.emitter, direction), 0.0, weight)
     return weight * hit.emitter.eval(next_si, active), hit.emitter, direction
 
 
@@ -200,7 +204,7 @@ def _sampled_light(
     vertices, of one at later ones. Return it, and the expected samples of each light source.
 
     matt        matt surfaces that paths have left before
-    by_photons  True for paths whose sunlight photons bring
+    by_photons  True for paths whose caustics photons bring
     """
     light_sampler = tracer.light_sampler
     probabilities = light_sampler.probabilities(si)
@@ -209,13 +213,16 @@ def _sampled_light(
     is_all_possible = len(light_sampler) <= MAX_SAMPLED_TOGETHER
     are_all_sampled = is_all_possible & (matt < ALL_SAMPLED_VERTICES)
     counts = probabilities
+    wanted = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+    if tracer.caustics is not None and tracer.caustics.sun is None:
+        wanted &= ~by_photons
     if is_all_possible:
         counts = light_sampler.expected_samples(matt, are_all_sampled, probabilities)
-        first = active & are_all_sampled
+        first = wanted & are_all_sampled
         radiance = _all_direct_light(
             tracer, sampler, vertex, matt, si, bsdf, throughput, by_photons, radiance, first
         )
-    later = active & ~are_all_sampled
+    later = wanted & ~are_all_sampled
     choice, position = sampler.vertex_1d(vertex, EMITTER_CHOICE), sampler.vertex_2d(vertex, EMITTER_POSITION)
     sample = light_sampler.sample_one(si, probabilities, choice, position, later)
     light = throughput * _direct_light(tracer, si, bsdf, by_photons, sample, later)
@@ -262,9 +269,9 @@ def _direct_light(
     tracer: PathTracer, si: Any, bsdf: Any, by_photons: Any, sample: LightSample, active: Any
 ) -> Any:
     """Return the light of a sampled position on an emitter that a BSDF reflects, 0 where it is occluded."""
-    active = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+    active = mi.Bool(active)  # a copy: &= changes it in place
     if tracer.caustics is not None:
-        active &= ~(by_photons & tracer.caustic_sun.is_on(sample.direction))
+        active &= ~(by_photons & tracer.caustics.has(sample.emitter, sample.direction))
     reflected, bsdf_pdf = bsdf.eval_pdf(mi.BSDFContext(), si, si.to_local(sample.direction), active)
     others = sample.square - dr.square(sample.density) + dr.square(bsdf_pdf)
     weight = dr.select(sample.is_delta, 1.0, power_heuristic(sample.density, others))

@@ -52,7 +52,7 @@ class PathTracer:
     subsurface     random walks below the surfaces of subjects, or None
     caustic_sun    a `caustic_sun.CausticSun`, or None
     guide          directions of caustics at matt surfaces: a `caustic_guide.CausticGuide`, or None
-    caustics       (H, W, 3 · groups) light that paths leave to photons, by `caustic_picture`, or None
+    caustics       light that paths leave to photons: a `caustic_picture.CausticPicture`, or None
     occluders      a scene of all that can hide emitters; None is `scene`
     """
 
@@ -67,7 +67,7 @@ class PathTracer:
     subsurface: SubsurfaceWalk | SubsurfaceWalks | None = None
     caustic_sun: Any = None
     guide: Any = None
-    caustics: NDArray[np.float64] | None = None
+    caustics: Any = None
     occluders: Any = None
 
     @property
@@ -106,8 +106,8 @@ class PathTracer:
 
     def _add_caustics(self, picture: NDArray[np.float64], pixels: NDArray[np.integer[Any]] | None) -> None:
         """Add the light of photons to means (pixels, channels) over paths, as if each path had found it."""
-        assert self.caustics is not None
-        groups = self.caustics.reshape(-1, self.caustics.shape[-1])
+        radiance = self.caustics.radiance
+        groups = radiance.reshape(-1, radiance.shape[-1])
         groups = groups if pixels is None else groups[pixels]
         light = groups.reshape(len(groups), -1, 3).sum(axis=1)
         luminance = np.array(mi.luminance(mi.Color3f(light.T)), dtype=np.float64)

@@ -118,7 +118,8 @@ def _emitted(
         mi.Point2f(random.next_float32(), random.next_float32()),
     )
     if source.position is not None:
-        return _from_area(source, middle, radius, u, v)
+        ray, light = area_rays(source.emitter, middle, radius, u, v)
+        return ray, mi.luminance(light)
     if source.distribution is None:
         towards, light = -source.facing, source.strength
     else:
@@ -144,17 +145,23 @@ def disc_rays(towards: Any, middle: Any, radius: Any, position: Any) -> tuple[An
     return mi.Ray3f(origin, -towards), np.pi * radius * radius
 
 
-def _from_area(source: LightSource, middle: Any, radius: Any, u: Any, v: Any) -> tuple[Any, Any]:
-    """Return rays from places on a softbox into the cone around a sphere, and the light of each."""
-    place, _ = source.emitter.sample_position(0.0, u)
+def area_rays(emitter: Any, middle: Any, radius: Any, u: Any, v: Any) -> tuple[Any, Any]:
+    """Return rays from places on softboxes into the cones around a sphere, and the light (RGB) of each.
+
+    emitter  array of pointers to them
+    u, v     two numbers from 0 to 1 for each: of the place, and of the direction in the cone
+    """
+    place, area = emitter.sample_position(0.0, u)
     offset = middle - place.p
     distance = dr.norm(offset)
-    sine = dr.minimum(radius / distance, 1.0)
-    height = 1.0 - dr.safe_sqrt(1.0 - sine * sine)
+    sine = radius / distance
+    height = dr.select(sine < 1.0, 1.0 - dr.safe_sqrt(1.0 - sine * sine), 2.0)
     direction = mi.Frame3f(offset / distance).to_world(mi.warp.square_to_uniform_cone(v, 1.0 - height))
     cosine = dr.maximum(dr.dot(direction, place.n), 0.0)
     ray = mi.Ray3f(place.p + direction * (1e-4 * distance), direction)
-    return ray, mi.Float(source.strength * cosine * (2.0 * np.pi * height))
+    on_light = dr.zeros(mi.SurfaceInteraction3f, dr.width(u))
+    on_light.wi = mi.Vector3f(0.0, 0.0, 1.0)
+    return ray, mi.Color3f(emitter.eval(on_light) * (area * cosine * (2.0 * dr.pi * height)))
 
 
 @dr.syntax

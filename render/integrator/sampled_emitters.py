@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from render.base.serialise import Triple
 from render.scene.camera import unit
 from render.scene.lights import LightRig
+from render.scene.sky import Daylight
 
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
 
@@ -24,14 +25,14 @@ class SampledEmitter:
     strength  luminance times area, or irradiance of a distant light; None where it is unknown
     position  of its middle, scene units; None for a distant light
     facing    direction it shines to; None where `strength` is
-    sun       of daylight: the unit vector to it, and its angular diameter in radians
+    daylight  that it is, or None
     """
 
     name: str
     strength: float | None = None
     position: Triple | None = None
     facing: Triple | None = None
-    sun: tuple[Triple, float] | None = None
+    daylight: Daylight | None = None
 
 
 def sampled_emitters(lights: LightRig, to_scene: NDArray[np.float64]) -> list[SampledEmitter]:
@@ -47,7 +48,7 @@ def sampled_emitters(lights: LightRig, to_scene: NDArray[np.float64]) -> list[Sa
         facing = unit(turn @ sun.direction)
         sampled.append(SampledEmitter(f"sun{index}", float(_LUMA @ sun.irradiance), None, _triple(facing)))
     if lights.daylight:
-        sampled.append(SampledEmitter("sky", sun=(lights.daylight.direction, lights.daylight.width)))
+        sampled.append(SampledEmitter("sky", daylight=lights.daylight))
     elif lights.environment:
         sampled.append(SampledEmitter("sky"))
     return sampled

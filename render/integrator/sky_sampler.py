@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.serialise import Triple
+from render.scene.sky import Daylight
 
 MAX_COLUMNS, REST_COLUMNS = 2048, 128
 """Most columns of the table of bright directions, and columns of the table of the rest."""
@@ -128,8 +129,21 @@ def is_map(emitter: Any) -> bool:
     return "data" in mi.traverse(emitter)
 
 
-def sun_and_sky(emitter: Any, direction: Triple, width: float) -> tuple[Cone, Table]:
-    """Return the distributions of a sun's disc, and of the sky around it."""
+_latest: dict[Daylight, tuple[Cone, Table]] = {}
+"""Distributions of the latest daylight, which most frames of a shot share: to measure them takes as long as
+ten thousand paths."""
+
+
+def sun_and_sky(emitter: Any, daylight: Daylight) -> tuple[Cone, Table]:
+    """Return the distributions of a sun's disc, and of the sky around it. emitter: Mitsuba's daylight"""
+    if daylight not in _latest:
+        _latest.clear()
+        _latest[daylight] = _measured(emitter, daylight.direction, daylight.width)
+    return _latest[daylight]
+
+
+def _measured(emitter: Any, direction: Triple, width: float) -> tuple[Cone, Table]:
+    """Measure the distributions of daylight with a sun in a direction, `width` radians wide."""
     luminance = _luminance(emitter, REST_COLUMNS)
     near = _directions(REST_COLUMNS, slice(None)) @ np.array(direction) > math.cos(width / 2.0 + _GLARE)
     luminance[near] = luminance[~near].max()

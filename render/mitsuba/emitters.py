@@ -180,6 +180,7 @@ def _environment(environment: Environment) -> dict[str, Any]:
     }
 
 
+@lru_cache(maxsize=4)
 def daylight_exposure(daylight: Daylight) -> float:
     """Return the factor on Mitsuba's radiance.
 

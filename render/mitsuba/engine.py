@@ -14,6 +14,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -84,7 +85,13 @@ class Engine:
 
     def facts(self) -> dict[str, Any]:
         """Return the facts that a picture's header records."""
-        return {"variant": self.variant, "mitsuba": version("mitsuba")}
+        return {"variant": self.variant, "mitsuba": _mitsuba_version()}
+
+
+@cache
+def _mitsuba_version() -> str:
+    """Return the version that is installed, which takes a millisecond to find."""
+    return version("mitsuba")
 
 
 def _trust_compiled_code() -> None:

@@ -77,10 +77,7 @@ def path_tracer(
     if scene.stage.shadow_catcher:
         tracer = _with_catcher(tracer, scene, size, path)
     elif walk is None:
-        caustics = _caustics(tracer, scene, samples, seed)
-        tracer = replace(
-            tracer, caustics=caustics, guide=_guide(tracer, samples) if caustics is None else None
-        )
+        tracer = _with_caustics(tracer, scene, samples, seed)
     hiding = occluders(lit, tracer.light_sampler, scene, samples)
     return replace(tracer, subsurface=walk, occluders=hiding)
 
@@ -111,31 +108,24 @@ def _path_tracer(
     return PathTracer(scene, integrator, sampler, depth, hide, groups, shapes, caustic_sun=sun)
 
 
-def _guide(tracer: Any, samples: int) -> Any:
-    """Return the guide of a path tracer to caustics, or None where there are none."""
-    from render.integrator.caustic_guide import guide_of  # needs Mitsuba's variant
-    from render.integrator.photons import photon_count, trace_photons  # needs Mitsuba's variant
+def _with_caustics(tracer: Any, scene: Scene, samples: int, seed: int) -> Any:
+    """Return a path tracer that finds caustics: with a picture of those that the lens sees, and a guide to
+    others where softboxes shine.
 
-    count, depth = photon_count(samples), tracer.max_depth
-    photons = trace_photons(tracer.scene, tracer.light_sampler, tracer.caustic_sun, depth, count)
-    return photons and guide_of(photons)
-
-
-def _caustics(tracer: Any, scene: Scene, samples: int, seed: int) -> Any:
-    """Return the picture of the sun's caustics, or None where the guide finds them.
-
-    That is where softboxes shine too, through rough glass and materials written out for Mitsuba, and for
-    lenses that Mitsuba lacks.
+    The guide finds all where suns and environment maps shine, through rough glass and materials written out
+    for Mitsuba, and for lenses that Mitsuba lacks.
     """
-    from render.integrator.caustic_picture import can_draw, caustic_picture  # needs Mitsuba's variant
-    from render.integrator.sky_sampler import Cone
+    from render.integrator.caustic_guide import guide_of  # needs Mitsuba's variant
+    from render.integrator.caustic_picture import can_draw, caustic_picture
+    from render.integrator.photons import photon_count, trace_photons
 
-    sources, sun = tracer.light_sampler.sources, tracer.caustic_sun
-    is_sun_alone = sun is not None and isinstance(sources[0].distribution, Cone)
+    lit, light_sampler, sun, depth = tracer.scene, tracer.light_sampler, tracer.caustic_sun, tracer.max_depth
     is_described = any(isinstance(subject.material, MitsubaMaterial) for subject in scene.subjects)
-    if not is_sun_alone or is_described or isinstance(scene.camera, WideCamera) or not can_draw(tracer.scene):
-        return None
-    return caustic_picture(tracer.scene, sources[0], sun, tracer.groups, tracer.max_depth, samples, seed)
+    if is_described or isinstance(scene.camera, WideCamera) or not can_draw(lit, light_sampler.sources):
+        photons = trace_photons(lit, light_sampler, sun, depth, photon_count(samples))
+        return replace(tracer, guide=photons and guide_of(photons))
+    picture, photons = caustic_picture(lit, light_sampler.sources, sun, tracer.groups, depth, samples, seed)
+    return replace(tracer, caustics=picture, guide=guide_of(photons))
 
 
 def _with_catcher(tracer: Any, scene: Scene, size: tuple[int, int], path: dict[str, Any]) -> Any:

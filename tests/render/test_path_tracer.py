@@ -46,7 +46,7 @@ def built(sphere: Surface, engine: Engine) -> Callable[..., SceneRenderer]:
         lens = Camera((6.2, 1.9, 10.8), (3.0, -0.05, 2.0))
         stage = STAGES["cyclorama"]
         scene = Scene(moved, LOOKS[look], lights, stage, placement, lens)
-        return build_scene(scene, Quality(*SIZE, samples=1, depth=depth)).beauty
+        return build_scene(scene, Quality(*SIZE, samples=256, depth=depth)).beauty
 
     return build
 
