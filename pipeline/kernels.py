@@ -22,6 +22,7 @@ from numba.core import sigutils
 from numba.core.ccallback import CFunc
 from numpy.typing import NDArray
 
+from pipeline.errors import MachineError
 from render.base.kernel_cache import KernelCache, cached_kernel, use_kernel_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -136,11 +137,21 @@ def block_kernel(function: Callable[..., None]) -> BlockKernel:
 
 
 def compile_module(name: str) -> None:
-    """Compile every kernel of a module for its declared types, and the kernels that it calls."""
+    """Compile every kernel of a module for its declared types, and the kernels that it calls.
+
+    Those that only kernels call are compiled where a kernel that calls them is, and is not in the cache.
+    Raises MachineError where one could not be stored.
+    """
     importlib.import_module(name)
     for dispatcher, arguments in DECLARED:
-        if dispatcher.py_func.__module__ == name:
+        function = dispatcher.py_func
+        if function.__module__ == name and (name, function.__name__) not in KernelCache.inner:
             dispatcher.compile(arguments)  # a call finds in the cache what was filed under arguments alone
+            if not dispatcher._cache.is_stored(arguments, dispatcher.targetctx):
+                raise MachineError(
+                    f"{dispatcher._cache.cache_path}: compiled kernels cannot be stored there; "
+                    "free space on that disk, or set XDG_CACHE_HOME to a folder on another"
+                )
     for block in BLOCK_KERNELS:
         if block.module == name:
             _ = block.address  # asking for it compiles it

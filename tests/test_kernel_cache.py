@@ -72,8 +72,10 @@ def test_a_kernel_is_compiled_after_all_that_it_calls_and_once_for_all_its_calle
     code = BUILD.format(calls={called: set(), caller: {called}})
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
     subprocess.run([sys.executable, "-c", code], env=environment, check=True)
-    compiled = [path.name.rpartition("-")[0] for path in tmp_path.rglob("*.kernel")]
-    assert len(compiled) == len(set(compiled)) > 8
+    stored = [path for kind in ("kernel", "inner") for path in tmp_path.rglob(f"*.{kind}")]
+    compiled = [path.name.rpartition("-")[0] for path in stored]
+    assert len(compiled) == len(set(compiled))
+    assert {"load", "ring", "elliptic"} <= set(compiled), "two that Python calls, and one that ring calls"
 
 
 BUILD = """
@@ -379,3 +381,11 @@ def test_a_full_disk_costs_time_and_no_result(tmp_path):
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
     done = subprocess.run([sys.executable, file], env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_set_up_refuses_a_disk_that_takes_no_kernels(tmp_path):
+    code = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (10, resource.RLIM_INFINITY))\n"
+    code += PREPARE.format(module="pipeline.mesh.kernels.face_measures")
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert "MachineError" in done.stderr and "compiled kernels cannot be stored there" in done.stderr

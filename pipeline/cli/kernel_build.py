@@ -6,19 +6,18 @@ imports: its kernels then read theirs from the cache instead of compiling them o
 
 from __future__ import annotations
 
-import gc
+import ast
 import importlib
-import signal
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from graphlib import TopologicalSorter
-from multiprocessing import get_context
+from multiprocessing import forkserver, get_context
+from typing import TypeGuard
 
-from pipeline.cli.numba_shortcuts import take_shortcuts
 from pipeline.errors import MachineError
 from pipeline.kernels import compile_module
-from render.base.kernel_cache import SOURCES, imported_modules, kernel_modules
+from render.base.kernel_cache import DECORATORS, SOURCES, imported_modules, kernel_modules
 
 PREPARED = (
     "render.frame.feature_edges",
@@ -39,27 +38,38 @@ def build_kernels(calls: Mapping[str, set[str]], processes: int, advance: Callab
 
     Raises MachineError where a process is killed, as it is when memory runs out.
     """
+    context = get_context("forkserver")
+    context.set_forkserver_preload(["pipeline.cli.kernel_compiler"])
+    try:
+        with ProcessPoolExecutor(processes, context) as pool:
+            _build_all(calls, processes, pool, advance)
+    finally:
+        forkserver._forkserver._stop()  # type: ignore[attr-defined]  # else it keeps its memory while we live
+
+
+def _build_all(
+    calls: Mapping[str, set[str]], processes: int, pool: ProcessPoolExecutor, advance: Callable[[], None]
+) -> None:
     order = TopologicalSorter(calls)
     order.prepare()
     chain = _longest_chains(calls)
     ready: list[str] = []
     running: dict[Future[None], str] = {}
-    with ProcessPoolExecutor(processes, get_context("spawn"), _begin_process) as pool:
-        while order.is_active():
-            ready = sorted([*ready, *order.get_ready()], key=chain.__getitem__)
-            while ready and len(running) < processes:
-                unit = ready.pop()
-                running[pool.submit(_build, unit)] = unit
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                order.done(running.pop(future))
-                try:
-                    future.result()
-                except BrokenProcessPool:
-                    raise MachineError(
-                        "a process that compiles kernels was killed, as happens when memory runs out; "
-                        "run `flowsculpt -j 1 doctor --prepare`, which goes on from there with one process"
-                    ) from None
-                advance()
+    while order.is_active():
+        ready = sorted([*ready, *order.get_ready()], key=chain.__getitem__)
+        while ready and len(running) < processes:
+            unit = ready.pop()
+            running[pool.submit(_build, unit)] = unit
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            order.done(running.pop(future))
+            try:
+                future.result()
+            except BrokenProcessPool:
+                raise MachineError(
+                    "a process that compiles kernels was killed, as happens when memory runs out; "
+                    "run `flowsculpt -j 1 doctor --prepare`, which goes on from there with one process"
+                ) from None
+            advance()
 
 
 def kernel_calls() -> dict[str, set[str]]:
@@ -69,14 +79,38 @@ def kernel_calls() -> dict[str, set[str]]:
     return calls | {name: set() for name in PREPARED}
 
 
-def _begin_process() -> None:
-    """Leave Ctrl-C to the process that started this one, which then starts no further unit.
+def kernels_called_by_kernels() -> set[tuple[str, str]]:
+    """Return module and name of the kernels that Python does not call: no other code mentions their names.
 
-    What a compiler holds is needed to the end: only new objects are searched for garbage.
+    One that shares its name with something else is left out, which costs time and nothing more.
     """
-    gc.set_threshold(1_000_000, 100_000)
-    take_shortcuts()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    kernels: set[tuple[str, str]] = set()
+    mentioned: set[str] = set()
+    for package in ("pipeline", "render"):
+        for source in (SOURCES / package).rglob("*.py"):
+            module = ".".join(source.relative_to(SOURCES).with_suffix("").parts)
+            for statement in ast.parse(source.read_text(encoding="utf-8")).body:
+                if _is_kernel(statement):
+                    kernels.add((module, statement.name))
+                else:
+                    mentioned |= _names(statement)
+    return {(module, name) for module, name in kernels if name not in mentioned}
+
+
+def _is_kernel(statement: ast.stmt) -> TypeGuard[ast.FunctionDef]:
+    decorators = statement.decorator_list if isinstance(statement, ast.FunctionDef) else []
+    called = [node.func if isinstance(node, ast.Call) else node for node in decorators]
+    return any(isinstance(node, ast.Name) and node.id in DECORATORS for node in called)
+
+
+def _names(statement: ast.stmt) -> set[str]:
+    """Return the names that a statement mentions; of imports those that it gives other names."""
+    names: set[str] = set()
+    for node in ast.walk(statement):
+        match node:
+            case ast.Name(id=name) | ast.Attribute(attr=name) | ast.alias(name=name, asname=str()):
+                names.add(name)
+    return names
 
 
 def _build(unit: str) -> None:

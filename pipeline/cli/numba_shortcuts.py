@@ -1,31 +1,138 @@
 """Shortcuts through numba, for a process that does nothing but compile kernels.
 
-Numba's own Python takes more time than LLVM. A fifth of the whole goes to events around each call of LLVM, to
-comparing the options of functions, and to wrappers of numba's own functions. Compiled code stays the same.
+Most kernels are called by kernels alone, which link them in. These need no wrapper for Python and no machine
+code of their own: that and searching for garbage, sending events and resolving the same call again take numba
+40% of its time. The machine code of what Python calls stays the same.
+
+This replaces private parts of numba, of the versions that VERSIONS names: with others no shortcut is taken.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import cache
 from types import NoneType
 from typing import Any
 
-from numba.core import event, ir
+import numba
+from numba.core import base, codegen, event, ir
+from numba.core.compiler import CompileResult
 from numba.core.cpu import CPUContext
-from numba.core.targetconfig import TargetConfig
+from numba.core.dispatcher import Dispatcher
+from numba.core.targetconfig import ConfigStack, TargetConfig
+from numba.core.types.functions import BaseFunction
+
+from render.base.kernel_cache import KernelCache
+
+VERSIONS = ("0.68.",)
+"""What versions of numba begin with whose private parts these are."""
 
 _PLAIN = frozenset({bool, float, int, ir.Loc, NoneType, str})
 
 
-def take_shortcuts() -> None:
-    """Change numba in this process, from now on; once."""
+def take_shortcuts(inner: Collection[tuple[str, str]] = ()) -> None:
+    """Change numba in this process, from now on; once, and before numba compiles anything.
+
+    inner  module and name of kernels that only kernels call
+    """
+    if not numba.__version__.startswith(VERSIONS):
+        return
     event.start_event = event.end_event = _send_no_event
-    ir.Inst._rec_list_vars = _without_plain_values(ir.Inst._rec_list_vars)
+    _change(ir.Inst, "_rec_list_vars", _without_plain_values)
     TargetConfig.values = _option_values
     TargetConfig.__eq__, TargetConfig.__hash__ = _same_options, _option_hash
-    CPUContext.create_cpython_wrapper = _of_kernels(CPUContext.create_cpython_wrapper)
-    CPUContext.create_cfunc_wrapper = _of_kernels(CPUContext.create_cfunc_wrapper)
+    _change(BaseFunction, "get_call_type", _remembering)
+    base._has_loc = cache(base._has_loc)
+    KernelCache.inner = frozenset(inner)
+    codegen.JITCPUCodegen._library_class = _Library
+    _change(codegen.JITCPUCodegen, "set_env", _where_code_is)
+    for method in ("create_cpython_wrapper", "create_cfunc_wrapper", "get_executable"):
+        _change(CPUContext, method, _of_callable)
+    _change(Dispatcher, "add_overload", _without_inner)
+
+
+def _change(owner: type, method: str, change: Callable[[Any], Any]) -> None:
+    setattr(owner, method, change(getattr(owner, method)))
+
+
+class _Library(codegen.JITCodeLibrary):  # type: ignore[misc]  # numba has no types
+    """Compiled code that becomes machine code once the address of one of its functions is asked for."""
+
+    _has_code = False
+
+    def _optimize_functions(self, module: Any) -> None:
+        module.data_layout = self._codegen._data_layout
+        for function in module.functions:
+            if not function.is_declaration:
+                passes, builder = self._codegen._function_pass_manager()
+                passes.run(function, builder)
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        self._ensure_finalized()
+        if not self._has_code:
+            self._has_code = True
+            self._dynamic_globals.clear()  # found once more
+            super()._finalize_final_module()
+        return int(super().get_pointer_to_function(name))
+
+    def serialize_using_object_code(self) -> tuple[str, str, Any]:
+        return super().serialize_using_object_code() if self._has_code else self.serialize_using_bitcode()
+
+
+class _Uncallable:
+    """What stands for a compiled function that Python does not call."""
+
+
+def _of_callable(create: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a method that makes what Python needs to call a function, where Python calls it."""
+
+    def create_for_callable(context: Any, library: Any, function: Any, *others: Any, **options: Any) -> Any:
+        name = function.modname, function.qualname
+        if name in KernelCache.inner or function.modname.startswith("numba."):
+            return _Uncallable()
+        return create(context, library, function, *others, **options)
+
+    return create_for_callable
+
+
+def _where_code_is(set_env: Callable[[Any, str, Any], None]) -> Callable[[Any, str, Any], None]:
+    """Return a method that gives machine code the environment of its function, where there is such code."""
+
+    def set_environment(generator: Any, name: str, environment: Any) -> None:
+        if generator._engine.get_global_value_address(name):
+            set_env(generator, name, environment)
+
+    return set_environment
+
+
+def _without_inner(add: Callable[[Any, CompileResult], None]) -> Callable[[Any, CompileResult], None]:
+    """Return a method that lists what a function was compiled to, for calls by Python where it can be."""
+
+    def add_overload(dispatcher: Any, result: CompileResult) -> None:
+        if isinstance(result.entry_point, _Uncallable):
+            dispatcher.overloads[tuple(result.signature.args)] = result
+        else:
+            add(dispatcher, result)
+
+    return add_overload
+
+
+def _remembering(resolve: Callable[..., Any]) -> Callable[..., Any]:
+    """Return numba's search for the types of a call, which remembers what it has found for a function."""
+    found: dict[Any, Any] = {}
+
+    def get_call_type(function: Any, context: Any, args: Any, kws: Any) -> Any:
+        key = id(function), tuple(args), tuple(kws.items()), ConfigStack.top_or_none()
+        if key not in found:
+            found[key] = function, resolve(function, context, args, kws)  # lives on, and with it its id
+        return found[key][1]
+
+    return get_call_type
 
 
 def _send_no_event(*_: Any, **__: Any) -> None:
@@ -68,13 +175,3 @@ def _same_options(config: Any, other: object) -> bool:
 def _option_hash(config: Any) -> int:
     """Return a hash of the class; numba's is one of the names of all options, and no finer."""
     return hash(type(config))
-
-
-def _of_kernels(create: Callable[..., None]) -> Callable[..., None]:
-    """Return a method that creates wrappers of kernels, and none of numba's functions that kernels call."""
-
-    def create_for_kernel(context: Any, library: Any, function: Any, *others: Any, **options: Any) -> None:
-        if not function.modname.startswith("numba."):
-            create(context, library, function, *others, **options)
-
-    return create_for_kernel

@@ -62,7 +62,10 @@ _IMPORT = re.compile(
     re.M,
 )
 
-_KERNEL = re.compile(r"^@(kernel|block_kernel|higher_kernel|compiled|exact|fast)\b", re.M)
+DECORATORS = ("kernel", "block_kernel", "higher_kernel", "compiled", "exact", "fast")
+"""The names of decorators that make kernels."""
+
+_KERNEL = re.compile(rf"^@({'|'.join(DECORATORS)})\b", re.M)
 
 _DIGEST_BYTES = 32
 
@@ -126,6 +129,10 @@ class KernelCache(Cache):  # type: ignore[misc]  # numba has no types
     file counts as none. Processes may write one at once.
     """
 
+    inner: frozenset[tuple[str, str]] = frozenset()
+    """Kernels that only kernels call, by module and name, in a process that does nothing but compile: their
+    files hold what callers link in, no machine code, and no other process reads them."""
+
     def __init__(self, function: Callable[..., Any]) -> None:
         self._py_func = function
 
@@ -154,6 +161,11 @@ class KernelCache(Cache):  # type: ignore[misc]  # numba has no types
             with atomic_write(path, flush=False) as draft:
                 draft.write_bytes(hashlib.sha256(content).digest() + content)
 
+    def is_stored(self, signature: Any, target: Any) -> bool:
+        """Tell whether a folder holds a file for a signature. Raises OSError where there is no source."""
+        place = self._place(signature, target.codegen())
+        return any((folder / place).is_file() for folder in kernel_folders())
+
     def flush(self) -> None:
         """Forget nothing: the names of files hold all that they depend on."""
 
@@ -161,7 +173,8 @@ class KernelCache(Cache):  # type: ignore[misc]  # numba has no types
         """Return the file of a signature, relative to a folder of kernels. Raises OSError."""
         key = repr(self._index_key(signature, codegen))  # with the processor, and a digest of the function
         name = re.sub(r"\W", "", self._py_func.__name__)
-        file = f"{name}-{hashlib.sha256(key.encode()).hexdigest()[:24]}.kernel"
+        kind = "inner" if (self._py_func.__module__, self._py_func.__name__) in self.inner else "kernel"
+        file = f"{name}-{hashlib.sha256(key.encode()).hexdigest()[:24]}.{kind}"
         return Path(_folder_of(inspect.getfile(self._py_func)), file)
 
 

@@ -1,10 +1,18 @@
 """The process that compiles kernels takes shortcuts through numba, which must change nothing else."""
 
+import os
 import subprocess
 import sys
+from pathlib import Path
+
+import numba
+
+from pipeline.cli.kernel_build import kernels_called_by_kernels
+from pipeline.cli.numba_shortcuts import VERSIONS
+
+ROOT = Path(__file__).parents[2]
 
 COMPARED = """
-import re
 import numba
 import numpy as np
 from numba.core import ir
@@ -21,11 +29,10 @@ def variables():
     blocks = run_frontend(total).blocks.values()
     return [sorted(var.name for var in line.list_vars()) for block in blocks for line in block.body]
 
-def assembly():
+def results():
     compiled = numba.njit("f8(f8[::1])", error_model="numpy")(total)
-    assert compiled(np.array([1.0, 3.0])) == 5.0
-    text, = compiled.inspect_asm().values()
-    return re.findall(r"^\\t([a-z]\\w*)", text, re.M)
+    values = np.linspace(-3.0, 9.0, 1001) / 7.0
+    return [compiled(values[first:]).hex() for first in range(9)]
 
 def options():
     changed = Flags()
@@ -34,16 +41,78 @@ def options():
     unset.nrt = Flags().nrt
     return [flags.values() for flags in (Flags(), changed, unset)]
 
-before = variables(), options(), assembly()
+before = variables(), options(), results()
 take_shortcuts()
 assert any(before[0])
-assert (variables(), options(), assembly()) == before
+assert (variables(), options(), results()) == before
 unset = Flags()
 unset.nrt = Flags().nrt
 assert unset == Flags() and hash(unset) == hash(Flags())
 """
 
 
-def test_code_compiled_with_shortcuts_is_the_same() -> None:
+def test_code_compiled_with_shortcuts_has_the_same_results() -> None:
     run = subprocess.run([sys.executable, "-c", COMPARED], capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
+
+
+def test_the_shortcuts_know_the_version_of_numba_that_is_installed() -> None:
+    assert numba.__version__.startswith(VERSIONS), "look at each shortcut again, then at its kernels' speed"
+
+
+SUMS = """
+import numpy as np
+from render.base.kernel_cache import cached_kernel
+
+@cached_kernel
+def half(number):
+    return number / 2.0
+
+@cached_kernel
+def sum_of_halves(numbers):
+    total = 0.0
+    for number in numbers:
+        total += half(number)
+    return total
+
+def call():
+    return sum_of_halves(np.array([1.0, 4.0]))
+"""
+
+COMPILE_ONLY = """
+from pipeline.cli.numba_shortcuts import take_shortcuts
+take_shortcuts({("sums", "half")})
+import sums
+print(sums.call())
+try:
+    sums.half(3.0)
+except TypeError:
+    print("not called")
+"""
+
+USE = """
+import sums
+print(sums.call(), len(sums.sum_of_halves.stats.cache_hits), sums.half(3.0))
+"""
+
+
+def test_a_kernel_that_only_kernels_call_has_no_machine_code_until_python_calls_it(tmp_path: Path) -> None:
+    (tmp_path / "sums.py").write_text(SUMS)
+    caches = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": f"{tmp_path}:{ROOT}"}
+    said = []
+    for code in (COMPILE_ONLY, COMPILE_ONLY, USE):
+        command = [sys.executable, "-c", code]
+        run = subprocess.run(command, env={**os.environ, **caches}, capture_output=True, text=True)
+        assert run.returncode == 0, run.stderr
+        said.append(run.stdout.split("\n")[:-1])
+    assert said == [["2.5", "not called"], ["2.5", "not called"], ["2.5 1 1.5"]]
+    kinds = {path.name.split("-")[0]: path.suffix for path in sorted(tmp_path.rglob("*.inner"))}
+    assert kinds == {"half": ".inner"}
+
+
+def test_no_kernel_that_python_calls_counts_as_called_by_kernels_alone() -> None:
+    inner = kernels_called_by_kernels()
+    assert ("pipeline.resample.kernels.collapse", "collapse_queued") not in inner
+    assert ("pipeline.flow.kernels.streamlines", "advect") not in inner
+    assert ("pipeline.flow.kernels.adaptive", "advance_span") in inner
+    assert len(inner) > 100
