@@ -70,6 +70,7 @@ wheel: .venv/ready
 		XDG_CACHE_HOME=$(CURDIR)/dist/cache FLOWSCULPT_CPU=$$level $(BIN)/flowsculpt -j $(CORES) doctor --prepare && \
 		ls -d dist/cache/flowsculpt/kernels/*-$$level >/dev/null || exit 4; \
 	done
+	find dist/cache -name '*.inner' -delete
 	mv dist/cache/flowsculpt/kernels render/compiled
 	$(BIN)/python -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir dist .
 	rm -rf dist/cache render/compiled

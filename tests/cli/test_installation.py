@@ -95,7 +95,7 @@ def test_a_package_that_comes_first_in_the_search_path_is_named(environment, tmp
 
 
 def test_set_up_says_at_once_which_pythons_it_supports(tmp_path):
-    for name in ("Makefile", "pyproject.toml", "requirements.lock"):
+    for name in ("Makefile", "pyproject.toml", "requirements-pip.lock", "requirements.lock"):
         shutil.copy(ROOT / name, tmp_path)
     newer = tmp_path / "python3.14"
     program = "import sys; sys.version_info = (3, 14, 0); ${2#import sys; }"
