@@ -91,7 +91,8 @@ def _pack(archive: Path) -> None:
         zipfile.ZipFile(draft, "w", zipfile.ZIP_DEFLATED) as packed,
     ):
         for name, path in files.items():
-            packed.write(path, name)
+            info = zipfile.ZipInfo(name)  # without a time: the same kernels are the same archive everywhere
+            packed.writestr(info, path.read_bytes(), zipfile.ZIP_DEFLATED)
 
 
 def _unpack(archive: Path) -> None:
