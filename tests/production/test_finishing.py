@@ -8,6 +8,7 @@ import pytest
 from render.post.denoise import Features, denoise_light, denoiser_features
 from render.post.image import read_exr
 from render.scene.aovs import RenderedFrame
+from render.scene.light_groups import groups_in
 from tests.conftest import ProjectFolder
 
 
@@ -28,6 +29,15 @@ def unfiltered(raw: RenderedFrame, albedo: str = "albedo", normal: str = "normal
 def same(light: np.ndarray, expected: np.ndarray) -> bool:
     """Tell whether a finished file, in half floats, holds the expected light."""
     return np.array_equal(light, expected.astype(np.float16).astype(np.float32))
+
+
+def test_light_groups_are_finished_without_layers_for_compositing(project: ProjectFolder) -> None:
+    project.render("4", settings=("light_groups=each",))
+    (frame,) = project.frames()
+    finished = read_exr(frame)[0]
+    groups = groups_in(finished.arrays)
+    assert len(groups) > 1
+    assert same(finished["beauty"], np.sum([*groups.values()], axis=0))
 
 
 @pytest.mark.parametrize("shutter", ["0", "180"])

@@ -17,7 +17,7 @@ from pipeline.production.tasks.finished_frames import FinishedFrames
 from pipeline.production.tasks.job import Context
 from render.post.film_denoiser import FilmDenoiser, RawFrame
 from render.scene.aovs import DENOISER, Pixels, RenderedFrame
-from render.scene.light_groups import groups_in, with_beauty
+from render.scene.light_groups import groups_in, light_layers, with_beauty
 
 if TYPE_CHECKING:
     from pipeline.production.render_inputs.framing import Framing
@@ -99,7 +99,7 @@ class _Denoiser:
         """Return the layers of a raw picture that its finished frame needs."""
         if self.context.request.summary.layers is not None:
             return layers
-        names = {"alpha", "shadow", *groups_in(layers.arrays)} & layers.arrays.keys()
+        names = {"alpha", "shadow", *light_layers(layers.arrays)} & layers.arrays.keys()
         return RenderedFrame({name: layers[name] for name in names}, layers.facts)
 
 
