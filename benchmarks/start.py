@@ -140,7 +140,7 @@ def main(before: Path | None = None, all_kernels: bool = True) -> list[Target]:
             str(row["what"]),
             "CPU seconds, of before",
             float(row["share"]),
-            most=most.get(str(row["what"]), 1.0),
+            most=most.get(str(row["what"]), 1.05),
         )
         for row in rows
     ]
