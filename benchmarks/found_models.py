@@ -40,7 +40,7 @@ from pipeline.production.execution.project import Project
 from pipeline.production.maintenance.first_frame import FirstFrames
 from pipeline.production.maintenance.scene_rules import findings
 from pipeline.shot import read_shot
-from pipeline.shot.model_template import model_template
+from pipeline.shot.model_subjects import model_template
 from pipeline.shot.templates import shot_of_flow
 
 FLOWS = {

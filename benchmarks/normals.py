@@ -28,7 +28,7 @@ from pipeline.mesh.analytic_surfaces import AnalyticSurface, SphereSurface
 from pipeline.mesh.normals import carried_normals, tangents, trusted_normals, unit
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling
-from pipeline.shot.subject import Subject
+from pipeline.shot.subjects import Subject
 from pipeline.statistics import sizzle, surviving, undivided
 
 OUT = Path(__file__).parent / "out"

@@ -11,9 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from pipeline.shot.documents.film import FilmDocument
 from pipeline.shot.documents.reference import Schema, schema_of
-from pipeline.shot.documents.shot import ShotDocument
+from pipeline.shot.documents.shot_documents import FilmDocument, ShotDocument
 
 PAGE = Path(__file__).with_suffix(".md")
 

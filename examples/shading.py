@@ -12,7 +12,7 @@ from examples.drawing import INK
 from pipeline.arrays import AnyArray
 from pipeline.mesh import PolygonMesh, TriangleMesh, split_at_creases
 from pipeline.production.render_inputs.framing import Framing, frame_all
-from pipeline.shot.camera import View
+from pipeline.shot.camera_path import View
 from render.frame.render_frame import render_frame
 from render.mitsuba.engine import choose
 from render.post.colour import quantise, to_display

@@ -20,7 +20,7 @@ from pipeline.production.render_inputs.framing import Framing, frame_all
 from pipeline.production.render_inputs.shading import Shading, speeds
 from pipeline.production.render_inputs.view_geometry import BoundingSpheres
 from pipeline.shot import read_shot
-from pipeline.shot.camera import View
+from pipeline.shot.camera_path import View
 from pipeline.shot.shot import Shot
 from render.frame.render_frame import render_frame
 from render.graphics.typesetting import lettering

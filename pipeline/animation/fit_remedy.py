@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pipeline.shot import Motion
-from pipeline.shot.model_subject import Model
+from pipeline.shot.model_subjects import Model
 
 TYPICAL_EXTENT = 2.0
 """Units: the extent of the solids, for which flows have their defaults."""

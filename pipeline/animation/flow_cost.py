@@ -13,7 +13,7 @@ from pipeline.arrays import Points
 from pipeline.flow import Sequence, Streamlines, VelocityField
 from pipeline.flow.velocity import Sensitivity, sensitivity
 from pipeline.shot import Motion
-from pipeline.shot.model_subject import Model
+from pipeline.shot.model_subjects import Model
 
 SAMPLE = 1000
 """Vertices whose speeds are measured."""

@@ -1,21 +1,67 @@
-"""Output for the user: results on standard output, everything else on standard error."""
+"""Output for the user: results on standard output, everything else on standard error.
+
+Progress is bars where they can move, and lines of text in logs and pipes.
+"""
 
 from __future__ import annotations
 
 import json
 import logging
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from datetime import timedelta
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.console import Console, RenderableType
+from rich.progress import Progress, Task
 from rich.table import Table
 
+from pipeline.production.store.event_log import poll
 from render.base.atomic_write import disk_errors
 from render.base.plural import plural
+
+LINE_SECONDS = 10.0
+"""Time between two lines, and before the first: what is done sooner says nothing."""
+
+
+class ProgressLines(Progress):
+    """Tasks of which a line each is printed every LINE_SECONDS while they are under way."""
+
+    def __init__(self, console: Console) -> None:
+        super().__init__(disable=True, console=console)
+        self._polling, self._began = ExitStack(), time.monotonic()
+
+    def start(self) -> None:
+        self._began = time.monotonic()
+        self._polling.enter_context(poll(LINE_SECONDS, self._print, lambda message: None))
+
+    def stop(self) -> None:
+        self._polling.close()
+
+    def _print(self) -> None:
+        unfinished = [task for task in self.tasks if task.started and not task.finished]
+        begun = [task for task in unfinished if task.completed or task.fields.get("now")]
+        for task in begun or unfinished[:1]:
+            self.console.print(_line(task, time.monotonic() - self._began), soft_wrap=True)
+
+
+def _line(task: Task, seconds: float) -> str:
+    """`simulating: 12 of 72 after 0:00:40, frame 13 (45%, curl_noise)`"""
+    now, elapsed = task.fields.get("now"), timedelta(seconds=round(seconds))
+    line = f"{task.description}: {done_words(task, ' of ')} after {elapsed}"
+    return f"{line}, {now}" if now else line
+
+
+def done_words(task: Task, of: str) -> str:
+    """Return how many frames are done of all, or the share in percent where a task counts that."""
+    if task.fields.get("is_share"):
+        return f"{task.completed:.0%}"
+    return f"{int(task.completed)}{of}{task.total or 0:.0f}"
+
 
 if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
@@ -104,7 +150,7 @@ def frame_progress(*more: ProgressColumn, wanted: bool = True) -> Progress:
     Where standard error is no terminal, they are lines of text.
     """
     if wanted and not err.is_terminal:
-        from pipeline.cli.progress_lines import ProgressLines
+        from pipeline.cli.output import ProgressLines
 
         return ProgressLines(err)
     from rich.progress import (  # takes time to import, and most commands draw none

@@ -11,8 +11,7 @@ from typing import NamedTuple
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from pipeline.cli.output import duration, err, print_warning
-from pipeline.cli.progress_lines import ProgressLines, done_words
+from pipeline.cli.output import ProgressLines, done_words, duration, err, print_warning
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.time_left import TimeLeft
 from pipeline.production.stages import STAGES

@@ -11,16 +11,16 @@ from pydantic import ValidationError
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError, suggestion
 from pipeline.frames import FrameRange, FrameRate
-from pipeline.shot.documents.fields import is_number
-from pipeline.shot.documents.film import FilmDocument
-from pipeline.shot.documents.picture_shape import PictureShapeDocument
-from pipeline.shot.documents.sound import SUFFIXES
+from pipeline.shot.documents.field_types import is_number
+from pipeline.shot.documents.picture_documents import PictureShapeDocument
+from pipeline.shot.documents.shot_documents import FilmDocument
+from pipeline.shot.documents.sound_documents import SUFFIXES
 from pipeline.shot.shot import Card, Clip, Film, Shot
 from pipeline.shot.shot_reader import read_rate, read_shot
-from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, is_there, name_fault, shown
-from pipeline.shot.yaml.settings import OPTION
-from pipeline.shot.yaml.source import Problem, Where, YamlSource
-from pipeline.shot.yaml.validation import Checks, unforeseen, validated
+from pipeline.shot.yaml.document_validation import Checks, unforeseen, validated
+from pipeline.shot.yaml.inheritance import OPTION
+from pipeline.shot.yaml.named_files import DEFAULTS, is_edit, is_there, name_fault, shown
+from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from render.base.plural import plural
 from render.scene.projection import Projection
 

@@ -22,8 +22,7 @@ from pipeline.resample import Curvature, DistanceToCamera, Thresholds
 from pipeline.resample.creases import Region
 from pipeline.resample.thresholds import DEFAULT_ROUNDNESS
 from pipeline.shot.clock import Clock
-from pipeline.shot.copies import Copies, Mesh, bounding_sphere, repeated
-from pipeline.shot.subject import Solid, Subject
+from pipeline.shot.subjects import Copies, Mesh, Solid, Subject, bounding_sphere, repeated
 from render.base.serialise import OMIT_DEFAULT
 
 

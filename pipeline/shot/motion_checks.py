@@ -11,10 +11,10 @@ from pipeline.flow.easing import BEZIER
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
 from pipeline.shot.clock import Clock
-from pipeline.shot.documents.fields import is_number
+from pipeline.shot.documents.field_types import is_number
 from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.yaml.plain_text import dotted
-from pipeline.shot.yaml.source import Problem, Where, YamlSource
+from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from render.base.plural import plural
 
 AXIAL = {
@@ -33,7 +33,7 @@ _ANY = Clock(FrameRange.of([1]), FrameRate.of(24))
 """Stands in for the clock of a shot whose own has problems."""
 
 
-def keys(source: YamlSource, clock: Clock | None) -> Iterator[Problem]:
+def check_keys(source: YamlSource, clock: Clock | None) -> Iterator[Problem]:
     """Check that keys are frames or seconds, ascend, and lie within the shot, and the form of handles."""
     for where, mapping in source.mappings():
         inner = mapping.get("keys")
@@ -123,7 +123,7 @@ def _handle_fault(side: str, handle: Any, value: Any, clock: Clock) -> str | Non
     return None
 
 
-def directions(source: YamlSource) -> Iterator[Problem]:
+def check_directions(source: YamlSource) -> Iterator[Problem]:
     """Check that axes have a direction, and that flows with a direction have it across their axis."""
     for where, mapping in source.mappings():
         for name in ("axis", "direction", "normal"):
@@ -157,7 +157,7 @@ def _are_parallel(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
     return math.hypot(*cross) <= 1e-9 * math.hypot(*a) * math.hypot(*b)
 
 
-def tolerance(source: YamlSource) -> Iterator[Problem]:
+def check_tolerance(source: YamlSource) -> Iterator[Problem]:
     """Check that a tolerance stands beside the integrator that estimates errors."""
     if source.get("tolerance") is not None and source.get("integrator") != "adaptive":
         yield (
@@ -167,7 +167,7 @@ def tolerance(source: YamlSource) -> Iterator[Problem]:
         )
 
 
-def sounds(source: YamlSource) -> Iterator[Problem]:
+def check_sounds(source: YamlSource) -> Iterator[Problem]:
     """Check that flows follow sounds only where their time is the film's, which the sound has too."""
     if source.get("speed") in (None, 1):
         return
@@ -180,7 +180,7 @@ def sounds(source: YamlSource) -> Iterator[Problem]:
             )
 
 
-def ratio(source: YamlSource) -> Iterator[Problem]:
+def check_edge_length_ratio(source: YamlSource) -> Iterator[Problem]:
     """Check P13: with a minimum of half the maximum or more, splitting and collapsing undo each other."""
     longest, at_longest = _extreme(source, "max_edge_length", min)
     shortest, at_shortest = _extreme(source, "min_edge_length", max)
@@ -197,7 +197,7 @@ def ratio(source: YamlSource) -> Iterator[Problem]:
     )
 
 
-def bounds(source: YamlSource) -> Iterator[Problem]:
+def check_threshold_bounds(source: YamlSource) -> Iterator[Problem]:
     """Check that the finest edge is no longer than the coarsest."""
     for name in THRESHOLDS:
         for kind in BOUNDED:
@@ -210,7 +210,7 @@ def bounds(source: YamlSource) -> Iterator[Problem]:
                 )
 
 
-def splits(source: YamlSource) -> Iterator[Problem]:
+def check_splits(source: YamlSource) -> Iterator[Problem]:
     """Check that faces are split in four with chord placement only, at the middles of their edges."""
     placement = source.get("resample", "placement")
     polyhedra = source.get("resample", "method") == "polyhedra"
@@ -224,7 +224,7 @@ def splits(source: YamlSource) -> Iterator[Problem]:
     )
 
 
-def resample(source: YamlSource) -> Iterator[Problem]:
+def check_resample_entry(source: YamlSource) -> Iterator[Problem]:
     """Check that surfaces have the entry `resample`, and points have not."""
     subject = source.get("subject")
     kind = next((kind for kind in ("cloud", "net") if isinstance(subject, dict) and kind in subject), None)

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
 
-from pipeline.errors import suggestion
-from pipeline.shot.documents.fields import is_number
-from pipeline.shot.documents.lights import ENVIRONMENTS, softbox_name
+from pipeline.errors import UsageError, suggestion
+from pipeline.frames import FrameRange
+from pipeline.shot.documents.field_types import is_number
+from pipeline.shot.documents.light_documents import ENVIRONMENTS, softbox_name
+from pipeline.shot.documents.look_documents import check_bsdf
 from pipeline.shot.yaml.plain_text import listed
-from pipeline.shot.yaml.source import Problem, Where, YamlSource
+from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from render.scene.light_groups import BACKGROUND
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
@@ -29,7 +33,7 @@ _IS_OPEN = (
 )
 
 
-def clear_look(source: YamlSource) -> Iterator[Problem]:
+def check_clear_look(source: YamlSource) -> Iterator[Problem]:
     """Check that light does not enter a sheet, which is open and has no inside."""
     subject, look = source.get("subject"), source.get("look")
     name = look.get("material") if isinstance(look, dict) else look
@@ -50,7 +54,7 @@ def _clear_bsdfs(bsdf: Any, where: Where) -> Iterator[tuple[Where, str]]:
             yield from _clear_bsdfs(part, (*where, name))
 
 
-def measurable(source: YamlSource) -> Iterator[Problem]:
+def check_measured_look(source: YamlSource) -> Iterator[Problem]:
     """Check that a cloud shows its speed: stretch and area are of triangles."""
     subject, look = source.get("subject"), source.get("look")
     if not (isinstance(subject, dict) and "cloud" in subject):
@@ -67,7 +71,7 @@ def measurable(source: YamlSource) -> Iterator[Problem]:
         )
 
 
-def drawn_alone(source: YamlSource) -> Iterator[Problem]:
+def check_drawn_alone(source: YamlSource) -> Iterator[Problem]:
     """Check that no look which is drawn without lights stands among several subjects."""
     entries = source.get("subjects")
     if not isinstance(entries, dict):
@@ -80,7 +84,7 @@ def drawn_alone(source: YamlSource) -> Iterator[Problem]:
             yield where, f"look {name} is drawn without lights and shows one subject. Take another look."
 
 
-def camera(source: YamlSource) -> Iterator[Problem]:
+def check_camera(source: YamlSource) -> Iterator[Problem]:
     """Check that no two settings of a camera exclude each other, and that it is at most straight above."""
     written = source.get("camera")
     if not isinstance(written, dict):
@@ -105,7 +109,7 @@ def camera(source: YamlSource) -> Iterator[Problem]:
             )
 
 
-def wide_camera(source: YamlSource) -> Iterator[Problem]:
+def check_wide_camera(source: YamlSource) -> Iterator[Problem]:
     """Check that a camera has only what its projection has, and that look and AOVs suit a wide one."""
     written = source.get("camera")
     kind = written.get("projection") if isinstance(written, dict) else None
@@ -160,7 +164,7 @@ def _not_wide(source: YamlSource, kind: str) -> Iterator[Problem]:
         )
 
 
-def dimmed(source: YamlSource) -> Iterator[Problem]:
+def check_dimmed_lights(source: YamlSource) -> Iterator[Problem]:
     """Check that the lights whose intensity is set are there."""
     intensities, names = source.get("lights", "intensity"), _light_names(source.get("lights"))
     for name in intensities if names and isinstance(intensities, dict) else ():
@@ -168,7 +172,7 @@ def dimmed(source: YamlSource) -> Iterator[Problem]:
             yield ("lights", "intensity", name), f"{name} is no light here. {suggestion(str(name), names)}"
 
 
-def light_groups(source: YamlSource) -> Iterator[Problem]:
+def check_light_groups(source: YamlSource) -> Iterator[Problem]:
     """Check that the lights of light groups are there, each in one group, and that names differ."""
     groups, written = source.get("light_groups"), source.get("lights")
     names = _light_names(written)
@@ -247,7 +251,7 @@ def _shows_sky(lights: Any) -> bool:
     return _shows_sky(lights.get("rig"))
 
 
-def noise_threshold(source: YamlSource) -> Iterator[Problem]:
+def check_noise_threshold(source: YamlSource) -> Iterator[Problem]:
     """Check that a quality with a noise threshold has enough samples to stop at fewer."""
     for name, quality in QUALITIES.items():
         place = ("quality", name, "noise_threshold")
@@ -260,3 +264,98 @@ def noise_threshold(source: YamlSource) -> Iterator[Problem]:
                 f"{written} takes {samples} samples, too few to stop earlier; noise_threshold needs "
                 f"{MIN_ADAPTIVE_SAMPLES} or more. Write samples: 128 beside it.",
             )
+
+
+@dataclass(frozen=True)
+class _OverriddenSource:
+    """A shot file as it is for the frames of one override: `get` is that of `YamlSource`."""
+
+    source: YamlSource
+    index: int
+
+    @property
+    def path(self) -> Path:
+        return self.source.path
+
+    def has(self, *where: Any) -> bool:
+        """Tell whether the override has this value, or look or lights of which it is a part."""
+        whole = where[:1] if where[0] in ("look", "lights") else where
+        return self.source.get("overrides", self.index, *whole) is not None
+
+    def get(self, *where: Any) -> Any:
+        return (
+            self.source.get("overrides", self.index, *where) if self.has(*where) else self.source.get(*where)
+        )
+
+    def written_path(self, where: Where) -> Where:
+        return where
+
+
+def check_overrides(source: YamlSource) -> Iterator[Problem]:
+    """Check the frames of overrides, and their looks, lights and qualities as those of the shot."""
+    written = source.get("overrides")
+    taken: dict[int, int] = {}
+    for index, override in enumerate(written if isinstance(written, list) else ()):
+        if not isinstance(override, dict):
+            continue
+        yield from _overridden_frames(source, index, taken)
+        yield from _whole_shot_only(source, index)
+        seen = _OverriddenSource(source, index)
+        for check in (check_clear_look, check_bsdf, check_dimmed_lights, check_noise_threshold):
+            for where, text in check(cast(YamlSource, seen)):
+                if seen.has(*where):
+                    yield ("overrides", index, *where), text
+
+
+def _overridden_frames(source: YamlSource, index: int, taken: dict[int, int]) -> Iterator[Problem]:
+    """Check that frames are in the shot, and in no override before; note them in `taken`."""
+    where, text = ("overrides", index, "frames"), source.get("overrides", index, "frames")
+    if not isinstance(text, str | int) or isinstance(text, bool):
+        return  # the document reports it
+    try:
+        frames = FrameRange.parse(str(text))
+        whole = FrameRange.parse(str(source.get("frames")))
+    except UsageError as error:
+        yield where, str(error)
+        return
+    if outside := frames.outside(whole).numbers:
+        yield (
+            where,
+            f"frames {FrameRange.of(outside)} are not in the shot, which has {whole}. Write frames of it.",
+        )
+    if both := [number for number in frames if number in taken]:
+        yield (
+            where,
+            f"frames {FrameRange.of(both)} are in overrides.{taken[both[0]]} too; a frame has one override. "
+            "Take them out of one.",
+        )
+    taken.update(dict.fromkeys(frames, index))
+
+
+def _whole_shot_only(source: YamlSource, index: int) -> Iterator[Problem]:
+    """Check that an override has nothing that all frames of a shot share."""
+    where: Where = ("overrides", index)
+    if source.get(*where, "lights", "exposure") is not None:
+        yield (
+            (*where, "lights", "exposure"),
+            "exposure belongs to the display of the whole shot. Change the intensity of the lights.",
+        )
+    for quality in QUALITIES:
+        for setting in ("denoise", "temporal_denoise"):
+            if source.get(*where, "quality", quality, setting) is not None:
+                yield (
+                    (*where, "quality", quality, setting),
+                    f"{setting} belongs to the whole shot: denoising reads frames beside. Write it there.",
+                )
+    if source.get(*where, "lights") is not None and source.get("light_groups") not in (None, "off"):
+        yield (
+            (*where, "lights"),
+            "light_groups are layers that all frames have, of the same lights. Remove lights here, or "
+            "light_groups.",
+        )
+    look = source.get(*where, "look")
+    name = look.get("material") if isinstance(look, dict) else look
+    known = LOOKS.get(name) if isinstance(name, str) else None
+    if known is not None and (not known.is_lit or isinstance(known.pattern, Measure)):
+        what = "shows measures of the motion" if known.is_lit else "is drawn without lights"
+        yield (*where, "look"), f"look {name} {what}, which all frames of a shot share. Take another look."

@@ -15,7 +15,7 @@ from pipeline.errors import MeshError, UsageError, shortened, suggestion
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.control_net import Lattice, Net, sheet_net, torus_net, tube_net
 from pipeline.mesh.points import PointSet, on_surface, read_net, read_points, within
-from pipeline.shot.subject import Measure, Solid, Subject, measures_of
+from pipeline.shot.subjects import Measure, Solid, Subject, measures_of
 from render.base.serialise import NOT_PLAIN
 
 RADIUS = "radius"

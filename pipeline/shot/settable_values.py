@@ -1,13 +1,11 @@
-"""Everything in a shot that an editor can set: numbers, vectors, names and curves, with units and bounds.
-
-The paths are those of the shot file, so that an editor can say nothing that the file could not.
-"""
+"""The times of flows that have one of their own: by `speed`, or within `reversed` and `repeated`."""
 
 from __future__ import annotations
 
 import math
+import re
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -15,16 +13,145 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from pydantic import BaseModel
 
+from pipeline.arrays import Floats
+from pipeline.flow.keyframes import Keyframes
+from pipeline.flow.parameters import Curve
 from pipeline.shot.clock import Clock
-from pipeline.shot.documents.curves import KeyDocument, Keyed, OverTime, OverTimeTriple, curve_of
-from pipeline.shot.documents.fields import is_number
-from pipeline.shot.documents.shot import ShotDocument
-from pipeline.shot.flow_times import flow_frames
-from pipeline.shot.shot_reader import read_clock, with_speed
+from pipeline.shot.documents.curves import KeyDocument, Keyed, OverTime, OverTimeTriple, curve_of, is_changing
+from pipeline.shot.documents.field_types import is_number
+from pipeline.shot.documents.flow_entries import Entry, RepeatedDocument, ReversedDocument, seconds
+from pipeline.shot.documents.shot_documents import ShotDocument
+from pipeline.shot.shot_reader import read_clock, read_shot, with_speed
+from pipeline.shot.yaml.document_validation import ParseContext
 from pipeline.shot.yaml.inheritance import inherited
 from pipeline.shot.yaml.schema_walk import choices, field_names, members
-from pipeline.shot.yaml.source import Where, YamlSource
-from pipeline.shot.yaml.validation import ParseContext
+from pipeline.shot.yaml.yaml_source import Where, YamlSource
+
+
+def flow_frames(document: ShotDocument, clock: Clock) -> dict[Where, list[float]]:
+    """Return the time of flows at each frame of the shot, in frames, by the paths of what holds them.
+
+    Of several paths that a flow lies within, the longest tells its time; none where it goes by that of the
+    film. Within `repeated`, the time is that of the round.
+    """
+    first, fps = clock.frames.first, float(clock.rate.fps)
+    numbers = range(first, clock.frames.last + 1)
+    times = np.array([clock.flow_time(number) for number in numbers])
+    lists: dict[Where, Sequence[Entry]] = {("flows",): document.flows}
+    for name, subject in (document.subjects or {}).items():
+        lists["subjects", name, "flows"] = subject.flows
+    found: dict[Where, Floats] = {}
+    for where, flows in lists.items():
+        if clock.speed != 1.0:
+            found[where] = times
+        found |= _own_times(flows, where, times, clock)
+    return {where: np.round(first + own * fps, 4).tolist() for where, own in found.items()}
+
+
+def _own_times(
+    flows: Sequence[Entry], where: Where, times: Floats, clock: Clock
+) -> Iterator[tuple[Where, Floats]]:
+    """Yield the paths of compositions with a time of their own, and these times (N,), seconds."""
+    for index, entry in enumerate(flows):
+        name, chosen = next(iter(entry.model_fields_set)), entry.chosen
+        place, own = (*where, index, name), times
+        if isinstance(chosen, ReversedDocument):
+            whole = clock.duration if chosen.duration is None else seconds(chosen.duration, clock)
+            own = whole - times
+        elif isinstance(chosen, RepeatedDocument):
+            own = times % seconds(chosen.period, clock)
+        if own is not times:
+            yield place, own
+        if isinstance(chosen, list):
+            yield from _own_times(chosen, place, own, clock)
+        else:
+            inner: Any = getattr(chosen, "flows", None)
+            yield from _own_times(inner or [], (*place, "flows"), own, clock)
+
+
+SAMPLES = 16
+"""Samples of a curve in a frame."""
+
+
+@dataclass(frozen=True)
+class KeyedCurve:
+    """One parameter over the frames of its shot.
+
+    name    its path in the file: `flows.0.sum.1.vortex.strength`
+    unit    of its values in the file
+    frames  (T,) from the first to the last, with fractions
+    values  (T, K), three of them for a place
+    keys    (N, 1 + K): the frames at which keys are reached, and the values there
+    """
+
+    name: str
+    unit: str
+    frames: Floats
+    values: Floats
+    keys: Floats
+
+
+def curves_of(path: str | Path, settings: Iterable[str] = ()) -> list[KeyedCurve]:
+    """Return the curves of a shot in the order of its file. Raises what `read_shot` raises."""
+    path, settings = Path(path), tuple(settings)
+    shot = read_shot(path, settings=settings)
+    clock = shot.motion.clock
+    source = inherited(path, None, settings, None)
+    context = {"clock": clock, "parse_context": ParseContext(path.parent)}
+    document = ShotDocument.model_validate(source.data, context=context)
+    order = list(source.data)
+    curves = sorted(_changing(document, (), ""), key=lambda curve: order.index(curve[0][0]))
+    return [_curve(names, unit, value, clock) for names, unit, value in curves]
+
+
+def _changing(value: Any, names: tuple[str, ...], unit: str) -> Iterator[tuple[tuple[str, ...], str, Any]]:
+    """Yield path, unit and value of what changes over time within a part of a document."""
+    if is_changing(value):
+        yield names, unit, value
+    elif isinstance(value, BaseModel):
+        units = {p.name: p.doc.unit for p in getattr(value, "own", ())}
+        for name, field in type(value).model_fields.items():
+            if name in value.model_fields_set:
+                word = field.alias or name
+                inner = units.get(word) or _unit_of(field.description)
+                yield from _changing(getattr(value, name), (*names, word), inner)
+    elif isinstance(value, dict):
+        for name, item in value.items():
+            yield from _changing(item, (*names, str(name)), unit)
+    elif isinstance(value, list):
+        for i, item in enumerate(value):
+            yield from _changing(item, (*names, str(i)), unit)
+
+
+def _unit_of(description: str | None) -> str:
+    """Return the unit that stands in parentheses at the end of a description."""
+    match = re.search(r"\(([^()]*)\)$", description or "")
+    return match[1] if match else ""
+
+
+def _curve(names: tuple[str, ...], unit: str, value: Any, clock: Clock) -> KeyedCurve:
+    curve = curve_of(value, clock)
+    first, last = clock.frames.first, clock.frames.last
+    frames = np.linspace(first, last, SAMPLES * (last - first) + 1)
+    is_of_flow = names[0] == "flows" or (names[0], names[2:3]) == ("subjects", ("flows",))
+    time_of = clock.flow_time if is_of_flow else clock.time
+    times = np.array([time_of(float(frame)) for frame in frames])
+    values = np.array([curve.at(float(time)) for time in times])
+    return KeyedCurve(".".join(names), unit, frames, values, _keys(curve, frames, times))
+
+
+def _keys(curve: Curve, frames: Floats, times: Floats) -> Floats:
+    """Return the frames at which keys are reached: one, several where the flow's time turns back, or none."""
+    if not isinstance(curve, Keyframes):
+        return np.empty((0, 2))
+    rows = []
+    for time, value in zip(curve.times, curve.values, strict=True):
+        for i in np.flatnonzero((times[:-1] - time) * (times[1:] - time) <= 0.0):
+            step = times[i + 1] - times[i]
+            fraction = (time - times[i]) / step if step else 0.0
+            rows.append((round(float(frames[i] + fraction / SAMPLES), 6), *value))
+    return np.array(sorted(set(rows))) if rows else np.empty((0, 2))
+
 
 SECTIONS = (
     *("flows", "subject", "subjects", "resample", "camera", "shutter", "look", "lights", "stage", "smooth"),
@@ -88,7 +215,7 @@ class SettableShot(NamedTuple):
     """Values of a shot file that an editor shows, and the times of its flows.
 
     values       in the order of SECTIONS
-    flow_frames  see `pipeline.shot.flow_times.flow_frames`
+    flow_frames  see `pipeline.shot.settable_values.flow_frames`
     """
 
     clock: Clock

@@ -13,7 +13,7 @@ from typing import Any
 
 from pipeline.errors import UsageError, shortened, suggestion
 from pipeline.frames import FrameRange, FrameRate
-from pipeline.shot.camera import CameraPath, Shutter
+from pipeline.shot.camera_path import CameraPath, Shutter
 from pipeline.shot.motion import Motion
 from render.base.serialise import NOT_PLAIN
 from render.post.view import ACES, ColourView

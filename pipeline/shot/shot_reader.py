@@ -16,63 +16,66 @@ from pipeline.flow.parameters import ORIGIN
 from pipeline.flow.streamlines import DEFAULT_TOLERANCE
 from pipeline.frames import FrameRate
 from pipeline.mesh.control_net import PIECES
-from pipeline.shot import motion_checks, override_checks, picture_checks, subject_checks
-from pipeline.shot.camera import Shutter
+from pipeline.shot import motion_checks, picture_checks, subject_checks
+from pipeline.shot.camera_path import Shutter
 from pipeline.shot.clock import Clock, parse_frames, parse_rate
-from pipeline.shot.documents.bsdf import bsdf_problems
 from pipeline.shot.documents.curves import NumberField, number
-from pipeline.shot.documents.fields import vector
-from pipeline.shot.documents.look import look_of
-from pipeline.shot.documents.overrides import built_lights
+from pipeline.shot.documents.field_types import vector
+from pipeline.shot.documents.light_documents import StageDocument
+from pipeline.shot.documents.look_documents import check_bsdf, look_of
+from pipeline.shot.documents.picture_documents import built_lights
 from pipeline.shot.documents.resampling import ResampleDocument
-from pipeline.shot.documents.shot import ShotDocument
-from pipeline.shot.documents.sound import SoundDocument
-from pipeline.shot.documents.stage import StageDocument
-from pipeline.shot.documents.subject import (
+from pipeline.shot.documents.shot_documents import ShotDocument
+from pipeline.shot.documents.sound_documents import SoundDocument
+from pipeline.shot.documents.subject_documents import (
     CloudDocument,
     NetDocument,
     SubjectDocument,
     SubjectEntry,
     SubjectSettings,
 )
-from pipeline.shot.model_subject import Model
+from pipeline.shot.model_subjects import Model
 from pipeline.shot.motion import Motion
 from pipeline.shot.point_subjects import CloudOfFile, NetOfFile
 from pipeline.shot.shot import AovSelection, Picture, Shot, SoundTrack
-from pipeline.shot.subject import SeveralSubjects, Solid
-from pipeline.shot.subject_views import subject_views
+from pipeline.shot.subject_checks import subject_views
+from pipeline.shot.subjects import SeveralSubjects, Solid
+from pipeline.shot.yaml.document_validation import Checks, ParseContext, unforeseen, validated
 from pipeline.shot.yaml.inheritance import inherited
-from pipeline.shot.yaml.lookup import name_fault, shown
-from pipeline.shot.yaml.source import Problem, YamlSource
-from pipeline.shot.yaml.validation import Checks, ParseContext, unforeseen, validated
+from pipeline.shot.yaml.named_files import name_fault, shown
+from pipeline.shot.yaml.yaml_source import Problem, YamlSource
 from render.scene.lights import LightRig
 from render.scene.materials import Material
 from render.scene.quality import qualities_for
 from render.scene.stage import STAGES, Stage
 
 CHECKS = (
-    motion_checks.directions,
-    motion_checks.ratio,
-    motion_checks.bounds,
-    motion_checks.splits,
-    subject_checks.solid,
-    subject_checks.size,
-    subject_checks.stage,
-    picture_checks.clear_look,
-    picture_checks.measurable,
-    bsdf_problems,
-    picture_checks.camera,
-    picture_checks.wide_camera,
-    motion_checks.resample,
-    subject_checks.points,
-    motion_checks.tolerance,
-    motion_checks.sounds,
-    picture_checks.dimmed,
-    picture_checks.light_groups,
-    picture_checks.noise_threshold,
-    override_checks.overrides,
+    motion_checks.check_directions,
+    motion_checks.check_edge_length_ratio,
+    motion_checks.check_threshold_bounds,
+    motion_checks.check_splits,
+    subject_checks.check_solid,
+    subject_checks.check_solid_size,
+    subject_checks.check_stage,
+    picture_checks.check_clear_look,
+    picture_checks.check_measured_look,
+    check_bsdf,
+    picture_checks.check_camera,
+    picture_checks.check_wide_camera,
+    motion_checks.check_resample_entry,
+    subject_checks.check_points,
+    motion_checks.check_tolerance,
+    motion_checks.check_sounds,
+    picture_checks.check_dimmed_lights,
+    picture_checks.check_light_groups,
+    picture_checks.check_noise_threshold,
+    picture_checks.check_overrides,
 )
-FILE_CHECKS = (subject_checks.one_or_several, subject_checks.copies, picture_checks.drawn_alone)
+FILE_CHECKS = (
+    subject_checks.check_one_or_several,
+    subject_checks.check_copies,
+    picture_checks.check_drawn_alone,
+)
 """Checks beyond the form of single values. Each looks at the raw data, so that no mistake hides another.
 
 Those of CHECKS look at a file as if each of several subjects were its only one.
@@ -142,10 +145,10 @@ def _read(source: YamlSource, allow_code: bool) -> Shot:
 
 def _checked(checks: Checks, clock: Clock | None) -> list[Problem]:
     """Run the checks of a file with one subject; return the problems with files that are not there."""
-    checks.run(motion_checks.keys, clock)
+    checks.run(motion_checks.check_keys, clock)
     for check in CHECKS:
         checks.run(check)
-    return list(subject_checks.files(checks.source))
+    return list(subject_checks.check_files(checks.source))
 
 
 def _with_subjects(shot: Shot, document: ShotDocument, clock: Clock, folder: Path) -> Shot:

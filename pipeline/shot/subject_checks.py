@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,12 @@ from pipeline.errors import MeshError, MissingInputError, UsageError, shortened,
 from pipeline.mesh.control_net import LEAST, Lattice
 from pipeline.mesh.mesh_formats import names_parts
 from pipeline.mesh.points import read_net, read_points
-from pipeline.shot.documents.fields import LARGEST, is_number
+from pipeline.shot.documents.field_types import LARGEST, is_number
 from pipeline.shot.point_subjects import NETS, NetOfSolid, radii_of
-from pipeline.shot.subject import SOLIDS, Measure, Solid
-from pipeline.shot.yaml.lookup import is_there
-from pipeline.shot.yaml.source import Problem, Where, YamlSource
-from pipeline.shot.yaml.validation import missing_file
+from pipeline.shot.subjects import SOLIDS, Measure, Solid
+from pipeline.shot.yaml.document_validation import missing_file
+from pipeline.shot.yaml.named_files import is_there
+from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from render.base.input_files import digest_of_file
 from render.base.plural import indefinite, plural
 
@@ -43,7 +44,7 @@ _SETTINGS = {
 _MADE_FROM: Mapping[type, str] = {str: "a file", list: "rows", dict: "a solid"}
 
 
-def one_or_several(source: YamlSource) -> Iterator[Problem]:
+def check_one_or_several(source: YamlSource) -> Iterator[Problem]:
     """Check that the shot has a subject or subjects, and that their names can name files."""
     if not isinstance(source.data, dict):
         return
@@ -80,7 +81,7 @@ def _name_fault(name: Any) -> str | None:
     return None
 
 
-def copies(source: YamlSource) -> Iterator[Problem]:
+def check_copies(source: YamlSource) -> Iterator[Problem]:
     """Check that subjects with copies can be copied and have no other place, and that regions are bounded."""
     entries = source.get("subjects")
     for name, entry in entries.items() if isinstance(entries, dict) else ():
@@ -107,7 +108,7 @@ def copies(source: YamlSource) -> Iterator[Problem]:
                 )
 
 
-def files(source: YamlSource) -> Iterator[Problem]:
+def check_files(source: YamlSource) -> Iterator[Problem]:
     """Check that the subject's file is there and readable. These problems are missing inputs."""
     for kind in ("model", "cloud", "net"):
         name = source.get("subject", kind)
@@ -123,7 +124,7 @@ def files(source: YamlSource) -> Iterator[Problem]:
             yield ("subject", kind), str(error)
 
 
-def size(source: YamlSource) -> Iterator[Problem]:
+def check_solid_size(source: YamlSource) -> Iterator[Problem]:
     """Check that the size of a model is set once."""
     given = source.get("subject")
     if isinstance(given, dict) and {"model", "scale", "fit"} <= given.keys():
@@ -134,7 +135,7 @@ def size(source: YamlSource) -> Iterator[Problem]:
         )
 
 
-def stage(source: YamlSource) -> Iterator[Problem]:
+def check_stage(source: YamlSource) -> Iterator[Problem]:
     """Check that settings of USD stages are not given to models of other formats."""
     name = source.get("subject", "model")
     for setting in ("prim", "time_code"):
@@ -145,7 +146,7 @@ def stage(source: YamlSource) -> Iterator[Problem]:
             )
 
 
-def solid(source: YamlSource) -> Iterator[Problem]:
+def check_solid(source: YamlSource) -> Iterator[Problem]:
     """Check the measures of solids: the subject, what a cloud fills, and the shape of a net."""
     for where, kinds in (("subject",), SOLIDS), (("subject", "cloud"), SOLIDS), (("subject", "net"), NETS):
         given = source.get(*where)
@@ -205,7 +206,7 @@ def _contradictions(where: Where, name: str, given: dict[str, Any]) -> Iterator[
         yield where, f"{error}"
 
 
-def points(source: YamlSource) -> Iterator[Problem]:
+def check_points(source: YamlSource) -> Iterator[Problem]:
     """Check the settings and the points of a cloud or net."""
     for kind in _SETTINGS:
         written = source.get("subject", kind)
@@ -285,3 +286,90 @@ def _bad_rows(rows: list[Any]) -> Iterator[Problem]:
         Lattice(len(rows), len(rows[0]))
     except MeshError as error:
         yield where, str(error)
+
+
+OWN = ("place", "copies", "look", "flows", "resample")
+"""Settings of an entry of `subjects` that are no part of the subject itself."""
+
+OVERRIDING = ("look", "resample")
+"""Those that replace the shot's own."""
+
+
+@dataclass(frozen=True)
+class SubjectView:
+    """The file of a shot with one of its subjects.
+
+    source  its flows are those of the shot, then those of the subject
+    """
+
+    name: str
+    source: YamlSource
+    shared_flows: int
+    overridden: tuple[str, ...]
+
+    @classmethod
+    def of(cls, source: YamlSource, name: str) -> SubjectView:
+        """Return the view of an entry of `subjects`, which is a mapping."""
+        entry, shared = source.data["subjects"][name], source.get("flows")
+        overridden = tuple(setting for setting in OVERRIDING if setting in entry)
+        data = {setting: value for setting, value in source.data.items() if setting != "subjects"}
+        if {"cloud", "net"} & entry.keys():
+            data.pop("resample", None)  # that of the shot is for surfaces
+        data |= {setting: entry[setting] for setting in overridden}
+        data["subject"] = {setting: value for setting, value in entry.items() if setting not in OWN}
+        data["flows"] = [
+            flow for flows in (shared, entry.get("flows")) if isinstance(flows, list) for flow in flows
+        ]
+        count = len(shared) if isinstance(shared, list) else 0
+        view = cls(name, replace(source, data=data), count, overridden)
+
+        def moved(spots: dict[Where, Any]) -> dict[Where, Any]:
+            return {
+                there: spot for where, spot in spots.items() if (there := view._forward(where)) is not None
+            }
+
+        places, texts, others = (moved(spots) for spots in (source.places, source.texts, source.others))
+        return replace(
+            view, source=replace(view.source, places=places, texts=texts, others=others, problems=[])
+        )
+
+    def in_file(self, where: Where) -> Where:
+        """Return the path in the file of a path in the view."""
+        match where:
+            case ("subject", *rest):
+                return ("subjects", self.name, *rest)
+            case ("flows", int(index), *rest) if index >= self.shared_flows:
+                return ("subjects", self.name, "flows", index - self.shared_flows, *rest)
+            case (setting, *_) if setting in self.overridden:
+                return ("subjects", self.name, *where)
+        return where
+
+    def _forward(self, where: Where) -> Where | None:
+        """Return the path in the view of a path in the file; None for what the view lacks."""
+        match where:
+            case ("subjects", name, "flows", int(index), *rest) if name == self.name:
+                return ("flows", self.shared_flows + index, *rest)
+            case ("subjects", name, setting, *_) if name == self.name and setting in OWN:
+                return where[2:] if setting in OVERRIDING else None
+            case ("subjects", name, *rest) if name == self.name:
+                return ("subject", *rest)
+            case ("subjects", *_):
+                return None
+            case (setting, *_) if setting in self.overridden:
+                return None
+        return where
+
+    def problems(self, found: Sequence[Problem], source: YamlSource) -> list[Problem]:
+        """Return problems of the view as those of the file, which learns the spots within texts."""
+        for where, _ in found:
+            if where in self.source.places:
+                source.places.setdefault(self.in_file(where), self.source.places[where])
+        return [(self.in_file(where), text) for where, text in found]
+
+
+def subject_views(source: YamlSource) -> tuple[SubjectView, ...]:
+    """Return the views of a file with `subjects`; none of another, nor of entries that are no mappings."""
+    entries = source.get("subjects")
+    if not isinstance(entries, dict):
+        return ()
+    return tuple(SubjectView.of(source, name) for name, entry in entries.items() if isinstance(entry, dict))

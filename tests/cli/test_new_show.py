@@ -8,7 +8,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from pipeline.shot import read_film, read_shot
-from pipeline.shot.show_template import SHARED
+from pipeline.shot.templates import SHARED
 from tests.conftest import ProjectFolder
 
 OWN = """\

@@ -8,15 +8,15 @@ import time
 import pytest
 from rich.console import Console
 
-from pipeline.cli import progress_lines
-from pipeline.cli.progress_lines import ProgressLines
+from pipeline.cli import output
+from pipeline.cli.output import ProgressLines
 
 pytestmark = pytest.mark.quick
 
 
 def lines_of(seconds: float, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Return the lines that are printed within so many seconds, one each 0.05 s, of a frame in work."""
-    monkeypatch.setattr(progress_lines, "LINE_SECONDS", 0.05)
+    monkeypatch.setattr(output, "LINE_SECONDS", 0.05)
     text = io.StringIO()
     with ProgressLines(Console(file=text, width=40)) as progress:
         simulating = progress.add_task("simulating", total=72, now="")

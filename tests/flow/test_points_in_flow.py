@@ -20,7 +20,7 @@ from pipeline.mesh.control_net import Lattice, bspline_surface
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling, Solid
 from pipeline.shot.point_subjects import RADIUS, CloudInSolid, NetOfSolid
-from pipeline.shot.subject import Subject
+from pipeline.shot.subjects import Subject
 
 CLOUD = CloudInSolid(Solid.of("torus", {}), 200, "volume", 4, 0.02)
 NET = NetOfSolid.of("tube", {"length": 2.0}, 6, 8)

@@ -45,7 +45,7 @@ class Attempt:
 
 
 def _model(path: Path) -> None:
-    from pipeline.shot.model_subject import Model
+    from pipeline.shot.model_subjects import Model
 
     Model("", path=path, fit=2.0).build()
 
@@ -239,7 +239,7 @@ def _peak() -> int:
 
 def _work(connection: Any, folder: Path) -> None:
     """Read the files whose kinds and paths come in; the parent ends this process where it hangs."""
-    import pipeline.shot.model_subject  # noqa: F401  # compiled kernels stay in the user's cache
+    import pipeline.shot.model_subjects  # noqa: F401  # compiled kernels stay in the user's cache
     from render.base.kernel_cache import cache_folder
 
     kernels = str(cache_folder())

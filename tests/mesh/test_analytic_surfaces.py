@@ -19,7 +19,7 @@ from pipeline.mesh.analytic_surfaces import (
     TorusSurface,
 )
 from pipeline.shot import Solid
-from pipeline.shot.subject import SOLIDS as SOLID_KINDS
+from pipeline.shot.subjects import SOLIDS as SOLID_KINDS
 
 SOLIDS: dict[str, tuple[TriangleMesh, AnalyticSurface]] = {
     "sphere": (icosphere(12, 1.3), SphereSurface(1.3)),

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.mesh.points import on_surface, within
 from pipeline.shot.point_subjects import CloudInSolid
-from pipeline.shot.subject import SOLIDS, Solid
+from pipeline.shot.subjects import SOLIDS, Solid
 
 BOX = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
 

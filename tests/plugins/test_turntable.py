@@ -28,7 +28,7 @@ from pipeline.production.render_inputs.view_geometry import rotate_y
 from pipeline.production.request.keys import raw_key
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.turntable import TURNS, Turntable, TurntableAngle, framed_whole
-from pipeline.shot.camera import Lens, View
+from pipeline.shot.camera_path import Lens, View
 from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_png
 from render.scene.camera import Camera

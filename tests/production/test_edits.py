@@ -16,7 +16,7 @@ from pipeline.production.request.edit import Edit
 from pipeline.production.request.keys import FrameKeys
 from pipeline.production.request.lookup import edit_names, find_edit, find_shot, shot_names
 from pipeline.shot import read_film
-from pipeline.shot.yaml.lookup import is_edit
+from pipeline.shot.yaml.named_files import is_edit
 from render.movie.probe import probe_movie
 from tests.conftest import QUALITY
 from tests.production.snakemake import workflow

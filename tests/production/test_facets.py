@@ -13,7 +13,7 @@ from pipeline.mesh.normals import split_at_creases
 from pipeline.production.render_inputs.facets import LEAST, diced, pieces_without_facets
 from pipeline.production.render_inputs.framing import frame_all
 from pipeline.shot import read_shot
-from pipeline.shot.camera import View
+from pipeline.shot.camera_path import View
 from render.scene.quality import QUALITIES
 
 pytestmark = pytest.mark.quick

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.production.render_inputs.framing import FOOTING, STEADINESS, Framing, frame_all
 from pipeline.production.render_inputs.view_geometry import BoundingSpheres
-from pipeline.shot.camera import Lens, View
+from pipeline.shot.camera_path import Lens, View
 from render.base.serialise import from_plain, to_plain
 
 pytestmark = pytest.mark.quick

@@ -19,7 +19,7 @@ from pipeline.production.maintenance.first_frame import FirstFrame, FirstFrames,
 from pipeline.production.maintenance.scene_rules import findings, is_inside, rounded_up
 from pipeline.resample import Thresholds, resample
 from pipeline.shot import read_shot
-from pipeline.shot.model_template import model_template
+from pipeline.shot.model_subjects import model_template
 from tests.conftest import ProjectFolder, commanded
 
 pytestmark = pytest.mark.quick

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.production.render_inputs.framing import frame_all, with_stage_in_view
-from pipeline.shot.camera import View
+from pipeline.shot.camera_path import View
 from render.base.errors import BadInputError
 from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera

@@ -10,8 +10,7 @@ import pytest
 from pipeline.flow import EASINGS
 from pipeline.flow.regions import FALLOFF_TYPES
 from pipeline.shot import read_shot
-from pipeline.shot.documents.flows import FlowDocument
-from pipeline.shot.documents.regions import SHAPES
+from pipeline.shot.documents.flow_entries import SHAPES, FlowDocument
 
 PROJECT = Path(__file__).parents[2]
 PAGE = (PROJECT / "docs" / "choreography.md").read_text(encoding="utf-8")

@@ -10,18 +10,16 @@ from hypothesis import strategies as st
 
 from pipeline.shot import read_shot
 from pipeline.shot.documents import (
-    camera,
-    lights,
-    look,
+    camera_documents,
+    flow_entries,
+    light_documents,
+    look_documents,
     look_parts,
-    regions,
     resampling,
-    shot,
-    stage,
-    subject,
+    shot_documents,
+    subject_documents,
 )
-from pipeline.shot.documents.colours import linear_of
-from pipeline.shot.documents.fields import Document
+from pipeline.shot.documents.field_types import Document, linear_of
 
 TEXT = "title: A\nframes: 1-2\nsubject: {solid: box}\nresample: off\n"
 
@@ -60,7 +58,16 @@ def test_a_colour_of_srgb_is_the_same_as_its_linear_numbers(entry: str) -> None:
 def test_the_examples_of_messages_are_what_a_shot_can_have() -> None:
     from ruamel.yaml import YAML
 
-    modules = camera, lights, look, look_parts, regions, resampling, shot, stage, subject
+    modules = (
+        camera_documents,
+        flow_entries,
+        light_documents,
+        look_documents,
+        look_parts,
+        resampling,
+        shot_documents,
+        subject_documents,
+    )
     documents = {each for module in modules for each in vars(module).values() if isinstance(each, type)}
     with_example = [each for each in documents if issubclass(each, Document) and each.example]
     assert len(with_example) > 12

@@ -22,7 +22,7 @@ from pipeline.shot import read_shot
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.documents.reference import BEGIN, END, default_text, facts, markdown
-from pipeline.shot.yaml.validation import ParseContext
+from pipeline.shot.yaml.document_validation import ParseContext
 
 CLOCK = Clock(FrameRange.parse("1-24"), FrameRate.of(24))
 DOCS = Path(__file__).parents[2] / "docs"

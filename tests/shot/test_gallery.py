@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.shot import read_film, read_shot
 from pipeline.shot.yaml.inheritance import DEFAULTS
-from pipeline.shot.yaml.lookup import is_edit
+from pipeline.shot.yaml.named_files import is_edit
 
 PROJECT = Path(__file__).parents[2]
 SHOTS = sorted(

@@ -12,7 +12,7 @@ from pipeline.animation import animate
 from pipeline.errors import MeshError, ShotError
 from pipeline.mesh import TriangleMesh, icosphere, rod, write_mesh
 from pipeline.shot import Model, Shot, read_shot
-from pipeline.shot.model_template import model_template
+from pipeline.shot.model_subjects import model_template
 from pipeline.shot.motion import as_data
 from pipeline.shot.templates import shot_of_flow
 

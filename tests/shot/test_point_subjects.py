@@ -12,7 +12,7 @@ from pipeline.mesh import TriangleMesh, write_mesh
 from pipeline.mesh.control_net import PIECES, bspline_surface
 from pipeline.shot import read_shot
 from pipeline.shot.point_subjects import RADIUS, CloudInSolid, CloudOfFile, NetOfFile, NetOfRows, NetOfSolid
-from pipeline.shot.subject import Solid
+from pipeline.shot.subjects import Solid
 
 HEAD = "title: T\nframes: 1-3\n"
 BALL = "{solid: icosphere, radius: 2}"

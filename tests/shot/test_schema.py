@@ -15,7 +15,7 @@ from pipeline.errors import ShotError
 from pipeline.shot import read_shot
 from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.documents.reference import defaults_schema, film_schema, shot_schema
-from pipeline.shot.yaml.source import YamlSource
+from pipeline.shot.yaml.yaml_source import YamlSource
 
 HOME = Path(__file__).parents[2]
 SHOTS = sorted(path for path in (HOME / "shots").glob("*.yaml"))

@@ -10,7 +10,7 @@ import pytest
 from pydantic import BaseModel
 
 from pipeline.shot.documents.curves import Keyed, OverTime, OverTimeTriple
-from pipeline.shot.documents.shot import ShotDocument
+from pipeline.shot.documents.shot_documents import ShotDocument
 from pipeline.shot.settable_values import SECTIONS, SettableShot, settable_values
 
 SHOT = """\

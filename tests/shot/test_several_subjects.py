@@ -15,7 +15,7 @@ from pipeline.flow.regions import BoxRegion
 from pipeline.mesh import box, icosphere
 from pipeline.mesh.solids import six_sided_box
 from pipeline.shot import Shot, read_shot
-from pipeline.shot.copies import Copies, bounding_sphere, repeated
+from pipeline.shot.subjects import Copies, bounding_sphere, repeated
 
 SHOT = """\
 title: Two

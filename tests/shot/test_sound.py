@@ -12,7 +12,7 @@ import pytest
 from pipeline.errors import ShotError
 from pipeline.production.request.keys import mesh_keys
 from pipeline.shot import read_shot
-from pipeline.shot.keyed_curves import curves_of
+from pipeline.shot.settable_values import curves_of
 from pipeline.shot.shot import Shot
 from tests.sounds import RATE, sine, times, write_sound
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import MissingInputError, ShotError
-from pipeline.shot.yaml.lookup import is_edit
-from pipeline.shot.yaml.source import YamlSource
+from pipeline.shot.yaml.named_files import is_edit
+from pipeline.shot.yaml.yaml_source import YamlSource
 
 
 def source(folder: Path, text: str) -> YamlSource:

@@ -45,25 +45,27 @@ PLUGIN = Plugin(
             "Render",
         ),
         "status": Command(
-            "pipeline.cli.commands.status_command:status",
+            "pipeline.cli.commands.status_commands:status",
             "List which frames are done, stale and missing.",
             "Maintain",
         ),
         "why": Command(
-            "pipeline.cli.commands.why_command:why",
+            "pipeline.cli.commands.status_commands:why",
             "Explain why a frame would be rendered again.",
             "Maintain",
         ),
         "report": Command(
-            "pipeline.cli.commands.status_command:report", "Show where the time of a run went.", "Maintain"
+            "pipeline.cli.commands.status_commands:report", "Show where the time of a run went.", "Maintain"
         ),
         "verify": Command(
-            "pipeline.cli.commands.verify_command:verify",
+            "pipeline.cli.commands.store_commands:verify",
             "Check every stored file and make damaged ones again.",
             "Maintain",
         ),
         "clean": Command(
-            "pipeline.cli.commands.clean_command:clean", "Delete stored files that nothing needs.", "Maintain"
+            "pipeline.cli.commands.store_commands:clean",
+            "Delete stored files that nothing needs.",
+            "Maintain",
         ),
         "doctor": Command(
             "pipeline.cli.commands.doctor_command:doctor",

@@ -21,10 +21,19 @@ from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.request.lookup import FILM, SHOTS, find_shot, shot_names
 from pipeline.shot import read_shot
 from pipeline.shot.documents.flow_documents import DOCUMENTS
-from pipeline.shot.model_template import model_template
-from pipeline.shot.show_template import FIRST_SHOT, SHARED, show_files, without_shared
-from pipeline.shot.templates import FLOW_FILES, SCHEMA, presets, shot_of_flow, shot_of_shot
-from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, name_fault, text_of
+from pipeline.shot.model_subjects import model_template
+from pipeline.shot.templates import (
+    FIRST_SHOT,
+    FLOW_FILES,
+    SCHEMA,
+    SHARED,
+    presets,
+    shot_of_flow,
+    shot_of_shot,
+    show_files,
+    without_shared,
+)
+from pipeline.shot.yaml.named_files import DEFAULTS, is_edit, name_fault, text_of
 from render.base.atomic_write import atomic_write, disk_errors
 
 MODELS = "models"

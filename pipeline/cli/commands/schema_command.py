@@ -26,8 +26,8 @@ from pipeline.shot.documents.reference import (
     shot_schema,
 )
 from pipeline.shot.templates import usual_strength
-from pipeline.shot.yaml.lookup import DEFAULTS
-from pipeline.shot.yaml.source import YamlSource
+from pipeline.shot.yaml.named_files import DEFAULTS
+from pipeline.shot.yaml.yaml_source import YamlSource
 from render.base.atomic_write import atomic_write
 
 SCHEMAS = Path(".schema")

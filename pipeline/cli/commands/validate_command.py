@@ -23,9 +23,9 @@ from pipeline.production.maintenance.first_frame import FirstFrame, FirstFrames
 from pipeline.production.maintenance.scene_rules import findings
 from pipeline.production.request.lookup import NO_SHOTS, edit_names, find_edit, find_shot, shot_names
 from pipeline.shot import Shot, read_film, read_shot
-from pipeline.shot.subject_views import SubjectView, subject_views
+from pipeline.shot.subject_checks import SubjectView, subject_views
 from pipeline.shot.yaml.inheritance import inherited
-from pipeline.shot.yaml.source import YamlSource
+from pipeline.shot.yaml.yaml_source import YamlSource
 
 
 def validate(

@@ -44,7 +44,7 @@ from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import edit_names, find_edit
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.shot.yaml.lookup import is_edit
+from pipeline.shot.yaml.named_files import is_edit
 from render.base.plural import plural
 from render.graphics.burn_in import FIELDS, BurnIn
 from render.movie.codecs import ENCODES, encode_named

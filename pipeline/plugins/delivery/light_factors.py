@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import UsageError, shortened, suggestion
-from pipeline.shot.documents.colours import HEX_PATTERN, linear_of
-from pipeline.shot.yaml.inheritance import inherited
-from pipeline.shot.yaml.lookup import shown
+from pipeline.shot.documents.field_types import HEX_PATTERN, linear_of
+from pipeline.shot.yaml.inheritance import OPTION, inherited
+from pipeline.shot.yaml.named_files import shown
 from pipeline.shot.yaml.plain_text import in_yaml
-from pipeline.shot.yaml.settings import OPTION
 from render.base.serialise import Triple
 from render.scene.light_groups import BACKGROUND, LightGroup
 from render.scene.lights import LightRig

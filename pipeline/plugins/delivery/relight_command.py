@@ -28,7 +28,7 @@ from pipeline.production.request.crop_and_scale import options_of
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import writing
-from pipeline.shot.yaml.lookup import NAME, shown
+from pipeline.shot.yaml.named_files import NAME, shown
 from render.base.plural import plural
 from render.scene.quality import DEFAULT_QUALITY
 

@@ -20,11 +20,11 @@ from pipeline.errors import FlowsculptError, MissingInputError, ShotError, Usage
 from pipeline.shot.clock import Clock
 from pipeline.shot.settable_values import settable_values
 from pipeline.shot.shot_reader import read_clock, read_shot
-from pipeline.shot.yaml.edits import ValueEdit, edited, parsed
 from pipeline.shot.yaml.inheritance import inherited_files
-from pipeline.shot.yaml.lookup import text_of
+from pipeline.shot.yaml.named_files import text_of
 from pipeline.shot.yaml.plain_text import dotted
-from pipeline.shot.yaml.source import Where, YamlSource
+from pipeline.shot.yaml.text_edits import ValueEdit, edited, parsed
+from pipeline.shot.yaml.yaml_source import Where, YamlSource
 from render.base.atomic_write import atomic_write
 from render.base.exchanged_files import ChangedFileError
 from render.base.input_files import read_input

@@ -24,8 +24,8 @@ from pipeline.plugins.preview.trial_surfaces import CarriedPoints, built, with_s
 from pipeline.production.render_inputs.framing import AHEAD, Framing, frame_all, with_stage_in_view
 from pipeline.production.request.planning_cache import NO_CACHE
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.shot.yaml.edits import ValueEdit
-from pipeline.shot.yaml.source import Where
+from pipeline.shot.yaml.text_edits import ValueEdit
+from pipeline.shot.yaml.yaml_source import Where
 from render.post.image import jpeg_bytes
 from render.scene.camera import Camera
 from render.scene.measure import SPEED

@@ -9,7 +9,7 @@ from pathlib import Path
 from pipeline.plugins.review.review_notes import ReviewNote, as_text, merged, read_notes
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.paths import NOTES
-from pipeline.shot.yaml.lookup import is_there
+from pipeline.shot.yaml.named_files import is_there
 from render.base.atomic_write import atomic_write
 from render.base.exchanged_files import ChangedFileError
 

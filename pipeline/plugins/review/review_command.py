@@ -18,7 +18,7 @@ from pipeline.plugins.review.review_page import ReviewPage
 from pipeline.plugins.review.view_3d import HINT, three_js
 from pipeline.production.request.crop_and_scale import require_quality
 from pipeline.production.store.history import History
-from pipeline.shot.yaml.lookup import NAME
+from pipeline.shot.yaml.named_files import NAME
 from render.base.plural import plural
 from render.scene.quality import QUALITIES
 

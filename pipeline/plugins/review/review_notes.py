@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
 
 from pipeline.errors import MissingInputError, UsageError, brief
-from pipeline.shot.yaml.lookup import MOST_LETTERS, NAME, is_there
+from pipeline.shot.yaml.named_files import MOST_LETTERS, NAME, is_there
 from render.base.atomic_write import machine_error
 
 FORMAT = "flowsculpt notes"

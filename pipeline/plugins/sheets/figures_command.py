@@ -16,7 +16,7 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store
 from pipeline.shot import read_shot
-from pipeline.shot.keyed_curves import curves_of
+from pipeline.shot.settable_values import curves_of
 from render.graphics.plot import Curves, plot_panels
 from render.scene.quality import DEFAULT_QUALITY
 

@@ -22,7 +22,7 @@ from pipeline.production.maintenance.picture_sequences import SequenceGrid, Sequ
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import paths
-from pipeline.shot.yaml.lookup import shown
+from pipeline.shot.yaml.named_files import shown
 from render.graphics.contact_sheet import columns_for, fitted_sheet
 from render.movie.codecs import H264_8_BITS
 from render.movie.encode import write_movie

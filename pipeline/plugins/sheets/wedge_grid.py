@@ -10,7 +10,7 @@ from itertools import product
 
 from pipeline.errors import UsageError
 from pipeline.production.store.store import key_of
-from pipeline.shot.yaml.lookup import shown
+from pipeline.shot.yaml.named_files import shown
 
 OPTION = "--vary"
 MOST_CELLS = 100

@@ -10,10 +10,9 @@ from typing import Any
 
 from pipeline.errors import FlowsculptError
 from pipeline.production.request.shot_source import ShotSource
-from pipeline.shot.yaml.inheritance import inherited
+from pipeline.shot.yaml.inheritance import OPTION, inherited
 from pipeline.shot.yaml.plain_text import in_yaml
-from pipeline.shot.yaml.settings import OPTION
-from pipeline.shot.yaml.source import Where, YamlSource
+from pipeline.shot.yaml.yaml_source import Where, YamlSource
 
 MISSING = object()
 """Stands for a value that one of two data does not have."""

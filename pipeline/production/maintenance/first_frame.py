@@ -16,8 +16,8 @@ from pipeline.errors import FrameError
 from pipeline.mesh import TriangleMesh
 from pipeline.resample import Curvature, DistanceToCamera
 from pipeline.shot import Motion
-from pipeline.shot.model_subject import Model
-from pipeline.shot.subject import Solid
+from pipeline.shot.model_subjects import Model
+from pipeline.shot.subjects import Solid
 
 LARGEST_COMPUTED = 3_000_000
 """Vertices up to which the first frame is computed; a larger one is estimated by its area."""

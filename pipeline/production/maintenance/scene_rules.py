@@ -22,7 +22,7 @@ from pipeline.production.maintenance.flow_rules import (
 )
 from pipeline.production.render_inputs.framing import frame_all
 from pipeline.shot import Shot
-from pipeline.shot.model_subject import Model
+from pipeline.shot.model_subjects import Model
 
 SINGLE_PRECISION = 2.0**-24
 """The relative error of the positions that are rendered."""

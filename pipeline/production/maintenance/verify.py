@@ -22,7 +22,7 @@ from pipeline.production.store import readers
 from pipeline.production.store.digests import ALTERED, CorruptFileError
 from pipeline.production.store.paths import DIGESTS, NOTES, PUBLISHED, RENDERS, REPEATED, STATE, repeated
 from pipeline.production.store.store import Key, Store
-from pipeline.shot.yaml.lookup import is_there
+from pipeline.shot.yaml.named_files import is_there
 from render.base.atomic_write import machine_error
 from render.base.input_files import digest_of_file
 from render.movie.probe import probe_movie

@@ -31,7 +31,7 @@ from render.scene.stage import Stage, StagePlacement
 from render.scene.wide_camera import WideCamera
 
 if TYPE_CHECKING:
-    from pipeline.shot.camera import Lens, View, WideLens
+    from pipeline.shot.camera_path import Lens, View, WideLens
 
 STEADINESS = 10
 """Frames to either side over which the camera is smoothed: even; at 24 a second, about an eye's patience."""

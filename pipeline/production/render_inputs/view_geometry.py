@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats
 
 if TYPE_CHECKING:
-    from pipeline.shot.camera import View
+    from pipeline.shot.camera_path import View
 
 DOWN = (0.0, -1.0, 0.0)
 

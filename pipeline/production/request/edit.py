@@ -18,7 +18,7 @@ from pipeline.production.request.shot_source import ShotSummary, spare_modules
 from pipeline.production.stages import FILM
 from pipeline.production.store import paths
 from pipeline.production.store.store import Key, key_of
-from pipeline.shot.yaml.lookup import text_of
+from pipeline.shot.yaml.named_files import text_of
 from render.base.serialise import to_plain
 
 if TYPE_CHECKING:

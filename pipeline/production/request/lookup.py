@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pipeline.errors import MissingInputError, UsageError
 from pipeline.plugin import plugins
-from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, is_there, name_fault, shown
+from pipeline.shot.yaml.named_files import DEFAULTS, is_edit, is_there, name_fault, shown
 from render.base.input_files import kind_of_path
 
 SHOTS = Path("shots")

@@ -29,7 +29,7 @@ from render.scene.quality import QUALITIES, Quality
 
 if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
     from pipeline.shot import Shot
-    from pipeline.shot.camera import View
+    from pipeline.shot.camera_path import View
     from pipeline.shot.shot import AovSelection, Picture
     from render.scene.projection import Projection
 

@@ -18,7 +18,7 @@ from pipeline.production.request.audio import AudioTrack
 from pipeline.production.request.planning_cache import NO_CACHE, PlanningCache
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Key, key_of
-from pipeline.shot.yaml.lookup import DEFAULTS, is_there, text_of
+from pipeline.shot.yaml.named_files import DEFAULTS, is_there, text_of
 from render.base.input_files import digest_of_file, require_input
 from render.base.serialise import NOT_PLAIN
 from render.scene.quality import QUALITIES

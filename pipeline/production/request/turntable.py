@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pipeline.shot.camera import View
+    from pipeline.shot.camera_path import View
 
 TURNS = ("object", "lights")
 """The turns of a turntable, in their order."""

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from pipeline.shot.yaml.validation import as_finding, finding
+from pipeline.shot.yaml.document_validation import as_finding, finding
 from pipeline.text_encoding import as_utf8
 from render.base.input_files import read_input
 

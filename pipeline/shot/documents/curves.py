@@ -14,7 +14,7 @@ from pipeline.flow.parameters import Curve, Number, Values, VectorParameter
 from pipeline.flow.sound_curve import SoundCurve
 from pipeline.formula import TIME, Expression, FormulaError
 from pipeline.shot.clock import TIME_PATTERN, Clock
-from pipeline.shot.documents.fields import (
+from pipeline.shot.documents.field_types import (
     MAPPING_IS_SECOND,
     ByForm,
     Document,
@@ -31,9 +31,9 @@ from pipeline.shot.documents.fields import (
     optional,
     vector,
 )
-from pipeline.shot.documents.sound import SUFFIXES, FromSound, FromSoundTriple
+from pipeline.shot.documents.sound_documents import SUFFIXES, FromSound, FromSoundTriple
+from pipeline.shot.yaml.document_validation import bad_curve, bad_value
 from pipeline.shot.yaml.plain_text import in_yaml
-from pipeline.shot.yaml.validation import bad_curve, bad_value
 
 T = TypeVar("T")
 
@@ -45,7 +45,7 @@ ExtrapolationName = Annotated[str, one_of(get_args(Extrapolation), "extrapolatio
 
 
 def _require_handle(value: Any) -> Any:
-    """Refuse what is no [time, value]; `motion_checks.keys` says more of it where it can."""
+    """Refuse what is no [time, value]; `motion_checks.check_keys` says more of it where it can."""
     is_pair = isinstance(value, list) and len(value) == 2 and isinstance(value[0], int | float | str)
     away = value[1] if is_pair else None
     if value is not None and not all(map(is_number, away if isinstance(away, list) else [away])):
@@ -63,7 +63,7 @@ BezierHandle = Annotated[
         maxItems=2,
     ),
 ]
-"""[time, value] away from a key; `motion_checks.keys` checks its form."""
+"""[time, value] away from a key; `motion_checks.check_keys` checks its form."""
 
 
 class KeyDocument(Document, Generic[T]):
@@ -79,7 +79,7 @@ KeyValue = Annotated[T | KeyDocument[T], MAPPING_IS_SECOND]
 
 
 class Keyed(Document, Generic[T]):
-    """`{ease: sine_in_out, keys: {1: 0, 20: 4}, after: loop}`; `motion_checks.keys` checks the times."""
+    """`{ease: sine_in_out, keys: {1: 0, 20: 4}, after: loop}`; `check_keys` checks the times."""
 
     keys: Annotated[dict[Any, KeyValue[T]], SchemaKeywords(propertyNames={"pattern": TIME_PATTERN})] = Field(
         min_length=1, description="values by their times: frames, or seconds as 0.5s"

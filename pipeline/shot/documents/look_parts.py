@@ -7,12 +7,13 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
-from pipeline.shot.documents.colours import HEX_PATTERN, Colour, parsed_colour
-from pipeline.shot.documents.fields import (
+from pipeline.shot.documents.field_types import (
     DEGREE,
+    HEX_PATTERN,
     ORIGIN,
     Axis,
     ByForm,
+    Colour,
     Degrees,
     Document,
     Positive,
@@ -25,10 +26,11 @@ from pipeline.shot.documents.fields import (
     is_written_number,
     one_of,
     optional,
+    parsed_colour,
     require_three,
     vector,
 )
-from pipeline.shot.yaml.validation import ParseContext, as_finding, bad_value, finding
+from pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
 from render.base.errors import RenderError
 from render.scene.materials import Absorption, Relief, Subsurface
 from render.scene.measure import COLOUR_MAPS, KINDS, Measure

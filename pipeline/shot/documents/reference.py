@@ -19,11 +19,9 @@ from pipeline.errors import UsageError, suggestion
 from pipeline.flow import VelocityField
 from pipeline.flow.flow import PythonFlow
 from pipeline.flow.parameters import Parameter, summary
-from pipeline.shot.documents.film import FilmDocument
-from pipeline.shot.documents.flow_documents import DOCUMENTS
-from pipeline.shot.documents.flow_parameters import FlowParameters, description_of
-from pipeline.shot.documents.flows import FlowDocument, VelocityDocument
-from pipeline.shot.documents.shot import ShotDocument
+from pipeline.shot.documents.flow_documents import DOCUMENTS, FlowParameters, description_of
+from pipeline.shot.documents.flow_entries import FlowDocument, VelocityDocument
+from pipeline.shot.documents.shot_documents import FilmDocument, ShotDocument
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

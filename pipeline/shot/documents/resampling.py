@@ -28,7 +28,7 @@ from pipeline.shot.documents.curves import (
     place,
     within,
 )
-from pipeline.shot.documents.fields import (
+from pipeline.shot.documents.field_types import (
     DEGREE,
     MAPPING_IS_SECOND,
     ByForm,
@@ -41,9 +41,9 @@ from pipeline.shot.documents.fields import (
     one_of,
     optional,
 )
-from pipeline.shot.documents.sound import FromSound
+from pipeline.shot.documents.sound_documents import FromSound
 from pipeline.shot.motion import Resampling
-from pipeline.shot.yaml.validation import bad_value
+from pipeline.shot.yaml.document_validation import bad_value
 
 HardAngle = Annotated[float, Field(gt=0, lt=180)]
 _ANGLES = Bounds(math.ulp(0.0), math.nextafter(180.0, 0.0), "above 0 and below 180")

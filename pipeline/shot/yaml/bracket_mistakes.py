@@ -14,7 +14,7 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from pipeline.shot.yaml.syntax import HEX_COLOUR, quoted
+from pipeline.shot.yaml.syntax_errors import HEX_COLOUR, quoted
 
 Pair = tuple[Node, Node]
 Mistake = tuple[Node, str]

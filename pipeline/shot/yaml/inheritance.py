@@ -1,21 +1,180 @@
 """Inheritance: a shot file over the shots that it extends, these over the defaults, and settings on top.
 
 Mappings merge. Everything else replaces, also a mapping that defines another kind of thing: other keys, a
-formula, another subject, another shape of the picture. Every value keeps its position.
+formula, another subject, another shape of the picture. Every value keeps its position. A setting of the
+command line, `flows.0.vortex.strength=2`, replaces or adds a value and is its place in messages.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import copy
+import re
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import MissingInputError, ShotError, suggestion
-from pipeline.shot.yaml.lookup import DEFAULTS, is_there, shown, text_of
-from pipeline.shot.yaml.settings import with_settings
-from pipeline.shot.yaml.source import Where, YamlSource
+from pipeline.errors import MissingInputError, ShotError, UsageError, brief, shortened, suggestion
+from pipeline.shot.clock import Clock, parse_frames, parse_rate
+from pipeline.shot.yaml.misplaced_names import SPELT_OUT
+from pipeline.shot.yaml.named_files import DEFAULTS, is_there, shown, text_of
+from pipeline.shot.yaml.plain_text import in_yaml
+from pipeline.shot.yaml.syntax_errors import HEX_COLOUR, quoted
+from pipeline.shot.yaml.yaml_source import Where, YamlSource
 from render.scene.quality import FORMER_NAMES
+
+OPTION = "--set"
+
+_FORM = re.compile(r"\s*([^=\s]+?)\s*=(.*)", re.DOTALL)
+_OTHER_FORM = re.compile(r"([\w.]+)(?:: *| +)(\S+)")
+"""A setting with a colon or a space in place of =."""
+
+_FRAME = re.compile(r"[+-]?\d+(\.\d+)?")
+_TIME = re.compile(r"[+-]?\d+\.\d+s?")
+
+
+def with_settings(source: YamlSource, settings: Iterable[str]) -> YamlSource:
+    """Return the source with settings that replace or add values; later ones win.
+
+    A value is YAML, as in the file. Mappings on the way to it are added where they are missing, but for flows
+    and keys, which have to be there.
+    Under `keys` a time is one name, also with a decimal point: `keys.0.5s=2`; a new one is sorted in. Raises
+    ShotError, with the setting in place of a line, where one has no form or no place in the shot; the
+    document checks its value.
+    """
+    for setting in settings:
+        source = _set(source, setting)
+    return source
+
+
+def _set(source: YamlSource, setting: str) -> YamlSource:
+    place = f"{OPTION} {brief(setting)}"
+    for former, name in FORMER_NAMES.items():
+        setting = re.sub(rf"^(\s*quality\.){former}\b", rf"\1{name}", setting)
+    match = _FORM.fullmatch(setting)
+    if not match:
+        other = _OTHER_FORM.fullmatch(setting)
+        meant = f"{other[1]}={other[2]}" if other else "name=value, such as flows.0.twist.amount=90"
+        if re.fullmatch(r"[a-z_]+(\.\w+)+", setting):
+            meant = f"{setting}=VALUE, without a space"
+        raise ShotError(f"{place}: this is no setting. Write {meant}.")
+    if (joined := re.sub(r"[/\[\]]+\.?", ".", match[1]).strip(".")) != match[1]:
+        raise ShotError(f"{place}: points join the names. Write {joined}={match[2]}.")
+    if match[1].split(".")[0] == "extends":
+        raise ShotError(
+            f"{place}: only a file can say what its shot extends; settings come on top of both. "
+            "Write extends there, or set the values themselves."
+        )
+    try:
+        value = YamlSource.read(Path(OPTION), _yaml_of(match[2].strip())).data
+    except ShotError:
+        raise ShotError(
+            f"{place}: {shortened(match[2])} is not YAML. Quote it for the shell, and look at its brackets."
+        ) from None
+    data = copy.deepcopy(source.data)
+    where = _put(data, match[1].split("."), value, place)
+    _sort_keys(source, data, where)
+    new = [where[:i] for i in range(1, len(where) + 1) if i == len(where) or where[:i] not in source.places]
+    kept = source.without_places(lambda path: path[: len(where)] == where)
+    places = {**kept.places, **dict.fromkeys(new, (0, 0))}
+    return replace(kept, data=data, places=places, others={**kept.others, **dict.fromkeys(new, place)})
+
+
+def _yaml_of(text: str) -> str:
+    """Return the value of a setting as YAML: nothing is null, and a colour is no comment."""
+    return quoted(text) if HEX_COLOUR.fullmatch(text) else text or "null"
+
+
+def _put(data: Any, steps: list[str], value: Any, place: str) -> Where:
+    """Put a value where the steps lead, and return its path with the keys as they are in the data."""
+    where: Where = ()
+    holder, steps = data, list(steps)
+    while steps:
+        name = ".".join(map(str, where)) or "the shot"
+        step = _take(steps, holder, in_keys=where[-1:] == ("keys",))
+        if isinstance(holder, list):
+            if not step.isdigit() or int(step) >= len(holder):
+                raise ShotError(f"{place}: {name} has no item {step}. {_items(name, holder, step, steps)}")
+            key: Any = int(step)
+        elif isinstance(holder, dict):
+            key = _key(holder, step)
+            if steps and key not in holder:
+                if holder and ("keys" in where or any(isinstance(part, int) for part in where)):
+                    raise ShotError(f"{place}: {name} has no {step}. {_hint(where, step, holder)}")
+                holder[key] = {}
+            if steps and holder[key] is None:
+                holder[key] = {}
+        else:
+            remedy = f"Set {name} as a whole"
+            if len(where) == 1 and where[0] in SPELT_OUT and isinstance(holder, str) and not steps:
+                own = SPELT_OUT[where[0]]
+                rest = f"{own}: {holder}, {step}: …" if step != own else f"{own}: …"
+                remedy = f"Write {name}={{{rest}}}"
+            raise ShotError(f"{place}: {name} is {in_yaml(holder)}, which holds no {step}. {remedy}.")
+        where = (*where, key)
+        if not steps:
+            if where[:-1] == ("picture",):  # aspect and size exclude each other
+                holder.clear()
+            holder[key] = value
+        else:
+            holder = holder[key]
+    return where
+
+
+def _items(name: str, holder: list[Any], step: str, steps: list[str]) -> str:
+    """Return the items that a list has, or the path to the one that a step names."""
+    first = [next(iter(item), "") if isinstance(item, dict) else "" for item in holder]
+    if step in first:
+        return f"Write {'.'.join([name, str(first.index(step)), step, *steps])}."
+    numbered = [f"{i} ({word})" if word else str(i) for i, word in enumerate(first)]
+    return f"There are: {', '.join(numbered)}." if holder else "It is empty."
+
+
+def _hint(where: Where, step: str, holder: dict[Any, Any]) -> str:
+    """Return the names that exist; times get no did-you-mean."""
+    if where[-1] == "keys":
+        return f"There are: {', '.join(map(str, holder))}. Set a new key as a whole."
+    return suggestion(step, map(str, holder))
+
+
+def _take(steps: list[str], holder: Any, in_keys: bool) -> str:
+    """Remove the next name from the steps and return it: under `keys` two steps, if together they are a time.
+
+    `keys.17.1` is the second number of key 17 if that is a list, and otherwise key 17.1.
+    """
+    joined = ".".join(steps[:2])
+    if in_keys and isinstance(holder, dict) and len(steps) > 1 and _TIME.fullmatch(joined):
+        item = holder.get(_key(holder, steps[0]))
+        if _key(holder, joined) in holder or not isinstance(item, list | dict):
+            del steps[:2]
+            return joined
+    return steps.pop(0)
+
+
+def _key(holder: dict[Any, Any], step: str) -> Any:
+    """Return the key of a mapping that is written like a step, or else a new one."""
+    new: Any = step
+    if _FRAME.fullmatch(step):
+        new = float(step) if "." in step else int(step)
+    return next((name for name in holder if str(name) == step), new)
+
+
+def _sort_keys(source: YamlSource, data: Any, where: Where) -> None:
+    """Sort a new key in among the others, if those ascend and all are times."""
+    if "keys" not in where[:-1]:
+        return
+    holder = data
+    for step in where[: where.index("keys")]:
+        holder = holder[step]
+    try:
+        clock = Clock(parse_frames(data["frames"]), parse_rate(data.get("rate")))
+    except (UsageError, KeyError, TypeError):
+        return  # the file's own checks report these
+    times = {key: clock.seconds(key) for key in holder["keys"]}
+    known = [time for time in times.values() if time is not None]
+    if len(known) == len(times) and known[:-1] == sorted(known[:-1]):
+        holder["keys"] = dict(sorted(holder["keys"].items(), key=lambda item: times[item[0]] or 0.0))
+
 
 KIND_NAMES = frozenset({"keys", "formula", "curvature", "camera", "solid", "model", "cloud", "net", "bsdf"})
 """Names that define the kind of their mapping: one that has any of them replaces the inherited mapping."""

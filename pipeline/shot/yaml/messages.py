@@ -11,9 +11,9 @@ from pydantic_core import ErrorDetails
 
 from pipeline.shot.yaml.plain_text import dotted, in_yaml, shown
 from pipeline.shot.yaml.schema_walk import field_names, members, models_at, models_in, types_at, types_in_list
-from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from pipeline.shot.yaml.synonyms import as_name
 from pipeline.shot.yaml.unknown_names import unknown_names
+from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from render.base.plural import plural
 
 _BOUNDS = {

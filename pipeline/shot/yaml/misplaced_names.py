@@ -19,7 +19,7 @@ from pipeline.shot.yaml.schema_walk import (
     types_at,
     types_in_list,
 )
-from pipeline.shot.yaml.source import Problem, Where, YamlSource
+from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 
 SPELT_OUT = {"look": "material", "lights": "rig", "stage": "kind"}
 """Entries that are a name or a mapping, and what the name is called in the mapping."""

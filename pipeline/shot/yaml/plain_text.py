@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from pipeline.errors import brief, shortened
-from pipeline.shot.yaml.source import Where
+from pipeline.shot.yaml.yaml_source import Where
 
 MOST_CHARACTERS = 100
 """Longest value that a message writes out."""

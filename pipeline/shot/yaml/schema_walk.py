@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel
 
-from pipeline.shot.yaml.source import Where
+from pipeline.shot.yaml.yaml_source import Where
 
 Models = list[type[BaseModel]]
 

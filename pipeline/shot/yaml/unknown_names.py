@@ -26,7 +26,6 @@ from pipeline.shot.yaml.schema_walk import (
     types_at,
     without_tags,
 )
-from pipeline.shot.yaml.source import Where, YamlSource
 from pipeline.shot.yaml.synonyms import (
     FLOW_REMEDIES,
     REMEDIES,
@@ -36,6 +35,7 @@ from pipeline.shot.yaml.synonyms import (
     as_name,
     synonym,
 )
+from pipeline.shot.yaml.yaml_source import Where, YamlSource
 
 _NAMED_BY = ("type", "name", "flow", "kind")
 """Words under which other formats have the name of a thing that a shot has as a key."""

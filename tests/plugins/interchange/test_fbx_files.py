@@ -15,7 +15,7 @@ from pipeline.mesh.read import model_files, read_surface, usual_up
 from pipeline.mesh.repair import repair_surface
 from pipeline.plugins.interchange import fbx_files
 from pipeline.plugins.interchange.fbx_reader import up_axis, visible_surface
-from pipeline.shot.model_template import model_template
+from pipeline.shot.model_subjects import model_template
 from tests.plugins.interchange.fbx_writer import (
     CORNERS,
     SIDES,

@@ -12,8 +12,7 @@ from pydantic import BeforeValidator, ConfigDict, Field
 from pipeline.mesh.control_net import LEAST
 from pipeline.mesh.read import model_files
 from pipeline.shot.clock import Clock
-from pipeline.shot.copies import MOST_COPIES, Copies
-from pipeline.shot.documents.fields import (
+from pipeline.shot.documents.field_types import (
     DEGREE,
     MAPPING_IS_SECOND,
     ORIGIN,
@@ -27,11 +26,10 @@ from pipeline.shot.documents.fields import (
     one_of,
     optional,
 )
-from pipeline.shot.documents.flows import DASHES, FlowDocument
-from pipeline.shot.documents.look import LookField
-from pipeline.shot.documents.regions import RegionDocument
+from pipeline.shot.documents.flow_entries import DASHES, FlowDocument, RegionDocument
+from pipeline.shot.documents.look_documents import LookField
 from pipeline.shot.documents.resampling import ResampleField
-from pipeline.shot.model_subject import Model
+from pipeline.shot.model_subjects import Model
 from pipeline.shot.point_subjects import (
     MOST_POINTS,
     NETS,
@@ -43,8 +41,8 @@ from pipeline.shot.point_subjects import (
     NetOfRows,
     NetOfSolid,
 )
-from pipeline.shot.subject import SOLIDS, Solid
-from pipeline.shot.yaml.validation import bad_value
+from pipeline.shot.subjects import MOST_COPIES, SOLIDS, Copies, Solid
+from pipeline.shot.yaml.document_validation import bad_value
 from render.base.input_files import digest_of_file
 
 CLOSED = {"none": (False, False), "rows": (True, False), "columns": (False, True), "both": (True, True)}
@@ -52,7 +50,7 @@ CLOSED = {"none": (False, False), "rows": (True, False), "columns": (False, True
 
 
 def _measures_by_solid(schema: dict[str, Any]) -> None:
-    """Add the measures of each solid to the JSON Schema, as `subject_checks.solid` checks them."""
+    """Add the measures of each solid to the JSON Schema, as `subject_checks.check_solid` checks them."""
     every = {measure for kind in SOLIDS.values() for measure in kind.measures}
     schema["allOf"] = [
         {

@@ -18,9 +18,9 @@ from pydantic_core import PydanticCustomError
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, reason_of
 from pipeline.mesh.read import model_files
 from pipeline.shot.yaml.bracket_mistakes import LOST
-from pipeline.shot.yaml.lookup import is_folder, is_there, shown
 from pipeline.shot.yaml.messages import problems_of
-from pipeline.shot.yaml.source import Problem, Where, YamlSource
+from pipeline.shot.yaml.named_files import is_folder, is_there, shown
+from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from render.base.input_files import digest_of_file, kind_of_path
 
 MOST_PROBLEMS = 50

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, model_
 
 from pipeline.flow.sound_curve import Envelope, SoundCurve
 from pipeline.shot.clock import Clock
-from pipeline.shot.documents.fields import (
+from pipeline.shot.documents.field_types import (
     MAPPING_IS_SECOND,
     ByForm,
     Document,
@@ -19,8 +19,8 @@ from pipeline.shot.documents.fields import (
     one_of,
 )
 from pipeline.shot.shot import SoundTrack
+from pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value
 from pipeline.shot.yaml.plain_text import in_yaml
-from pipeline.shot.yaml.validation import ParseContext, as_finding, bad_value
 from render.base.input_files import digest_of_file
 
 BANDS = {"all": (20.0, 20000.0), "bass": (20.0, 250.0), "mid": (250.0, 4000.0), "high": (4000.0, 20000.0)}

@@ -23,8 +23,8 @@ from ruamel.yaml.scanner import RoundTripScanner
 
 from pipeline.errors import ShotError
 from pipeline.shot.yaml.bracket_mistakes import LOST, Mistake, lost_colour, meant_items, meant_pairs
-from pipeline.shot.yaml.lookup import MOST_BYTES, text_of
-from pipeline.shot.yaml.syntax import syntax_fault
+from pipeline.shot.yaml.named_files import MOST_BYTES, text_of
+from pipeline.shot.yaml.syntax_errors import syntax_fault
 
 TOO_LARGE = 10**300
 """Whole numbers from here on count as infinite, as decimal numbers do that no float can hold."""

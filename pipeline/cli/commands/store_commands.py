@@ -1,20 +1,22 @@
-"""The command `verify`: check every file that was written."""
+"""The commands `verify` and `clean`, which check and delete stored files."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Annotated, NamedTuple, TypeVar
 
 import typer
 
 from pipeline.cli.execution import execute
 from pipeline.cli.options import Common, Settings, project_of
-from pipeline.cli.output import print_error, print_result, print_warning, progress_bars
+from pipeline.cli.output import print_error, print_result, print_warning, progress_bars, size
 from pipeline.errors import MachineError
+from pipeline.production.maintenance.clean import collect_garbage
 from pipeline.production.maintenance.known_requests import begun_films, begun_requests, last_requests
 from pipeline.production.maintenance.repair import evict, remedy, repairs
 from pipeline.production.maintenance.verify import (
@@ -37,6 +39,39 @@ from pipeline.production.store.event_log import RUNS
 from pipeline.production.store.locks import exclusive
 from pipeline.production.store.store import Store
 from render.base.plural import plural
+
+
+def clean(
+    common: Common,
+    keep: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Keep the files of the last N runs of each shot.")
+    ] = 2,
+    settings: Settings = None,
+) -> None:
+    """Delete stored files that nothing needs, and free the disk.
+
+    Kept are files that today's shots need, at every quality begun so far, files that renders/ shows, and
+    those of the last runs, so that undoing an edit renders nothing. `flowsculpt clean --dry-run` says how
+    much would be freed; `flowsculpt clean --keep 0` frees the most. Nothing is ever deleted from the remote
+    store (--store).
+    """
+    project = project_of(common, settings)
+    requests = list(begun_requests(project, print_warning))
+    with nullcontext() if common.dry_run else exclusive(common.root):
+        done = collect_garbage(project.store, requests, keep, common.dry_run)
+    verb = "Would free" if common.dry_run else "Freed"
+    freed = f"{size(done.freed)} in {plural(len(done.removed), 'file')}"
+    words = f"{verb} {freed}, and {'keep' if common.dry_run else 'kept'} {plural(done.kept, 'file')}."
+    if done.linked:
+        words += f" {plural(done.linked, 'copy', 'copies')} in renders/ became links to the store."
+    facts = {
+        "removed": len(done.removed),
+        "freed_bytes": done.freed,
+        "kept": done.kept,
+        "linked": done.linked,
+    }
+    print_result(words, facts, common.json)
+
 
 File = TypeVar("File", StoredFile, ShownFile, PublishedFile)
 

@@ -7,7 +7,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator, mod
 
 from pipeline.errors import UsageError
 from pipeline.flow.parameters import Number, VectorParameter, number_at, vector_at
-from pipeline.shot.camera import EYE_DISTANCE, FULL_FRAME, CameraPath, Shutter
+from pipeline.shot.camera_path import EYE_DISTANCE, FULL_FRAME, CameraPath, Shutter
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import (
     ABOVE_0,
@@ -27,7 +27,7 @@ from pipeline.shot.documents.curves import (
     sampled_frames,
     within,
 )
-from pipeline.shot.documents.fields import (
+from pipeline.shot.documents.field_types import (
     DEGREE,
     ByForm,
     Document,
@@ -39,8 +39,8 @@ from pipeline.shot.documents.fields import (
     one_of,
     optional,
 )
-from pipeline.shot.documents.sound import FromSound, FromSoundTriple
-from pipeline.shot.yaml.validation import bad_curve, finding
+from pipeline.shot.documents.sound_documents import FromSound, FromSoundTriple
+from pipeline.shot.yaml.document_validation import bad_curve, finding
 from render.scene.projection import KINDS, Projection
 
 SAFE_AREAS = {"action": 0.035, "title": 0.05}
@@ -219,7 +219,7 @@ def _focus(value: Any, clock: Clock) -> Number | VectorParameter | None:
 
 
 def _has_times(clock: Clock, *values: Any) -> bool:
-    """Tell whether all keys are times; `motion_checks.keys` reports those that are none."""
+    """Tell whether all keys are times; `motion_checks.check_keys` reports those that are none."""
     return all(None not in map(clock.seconds, value.keys) for value in values if isinstance(value, Keyed))
 
 

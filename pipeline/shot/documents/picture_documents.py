@@ -1,0 +1,256 @@
+"""The entries `picture`, `quality` and `overrides`: shape and cost of pictures, some frames."""
+
+import dataclasses
+import math
+import re
+from collections.abc import Callable
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+
+from pipeline.errors import shortened
+from pipeline.frames import FrameRange
+from pipeline.shot.documents.field_types import (
+    MAPPING_IS_SECOND,
+    ByForm,
+    Document,
+    SchemaKeywords,
+    is_number,
+    is_written_number,
+    one_of,
+    optional,
+)
+from pipeline.shot.documents.light_documents import LightsDocument, require_rig
+from pipeline.shot.documents.look_documents import LookField, look_of
+from pipeline.shot.shot import FrameOverride
+from pipeline.shot.yaml.document_validation import bad_value, finding
+from pipeline.shot.yaml.plain_text import in_yaml
+from render.scene.lights import LIGHTS, LightRig
+from render.scene.quality import BATCH_SAMPLES, MOST_TEMPORAL_FRAMES, Quality, even, final_size
+
+NARROWEST, WIDEST = 0.2, 5.0
+"""Limits of an aspect: automatic framing and the stages are made for these."""
+
+SMALLEST, LARGEST = 64, 16384
+"""Limits of a side of `final`, pixels: H.264 and H.265 go no further."""
+
+_RATIO = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(?:[:/]\s*(\d+(?:\.\d*)?|\.\d+)\s*)?")
+_PIXELS = re.compile(r"\s*(\d+)\s*[x×*]\s*(\d+)\s*")
+_USUAL = 'Write "9:16", "1:1" or 2.39.'
+
+
+def _aspect(value: Any) -> Any:
+    """Parse `9:16`, `9/16` or a number as width over height."""
+    if isinstance(value, str) and (match := _RATIO.fullmatch(value)):
+        width, height = float(match[1]), float(match[2] or 1.0)
+        value = width / height if height else math.inf  # out of range
+    elif isinstance(value, str) and (match := _PIXELS.fullmatch(value)):
+        raise bad_value(f"these are pixels. Write size: [{match[1]}, {match[2]}] in place of aspect.")
+    elif isinstance(value, list) and len(value) == 2 and all(is_number(each) and each > 0 for each in value):
+        if min(value) >= SMALLEST:
+            raise bad_value(f"these are pixels. Write size: {in_yaml(value)} in place of aspect.")
+        raise bad_value(f'aspect is one value. Write "{value[0]}:{value[1]}".')
+    elif not is_number(value):
+        raise bad_value(f"{shortened(in_yaml(value))} is not an aspect, width to height. {_USUAL}")
+    if not NARROWEST <= value <= WIDEST:
+        raise bad_value(f"{value:.4g} is out of range, 1:5 to 5:1. {_USUAL}")
+    return float(value)
+
+
+def _size(value: Any) -> Any:
+    """Refuse what is not an even width and height, with one that is."""
+    if isinstance(value, str) and (match := _PIXELS.fullmatch(value)):
+        raise bad_value(f"a size is a list. Write [{match[1]}, {match[2]}].")
+    if not (isinstance(value, list) and len(value) == 2 and all(map(is_number, value))):
+        raise bad_value(
+            f"{shortened(in_yaml(value))} is not a size, width and height in pixels. Write [1080, 1920]."
+        )
+    if not all(SMALLEST <= side <= LARGEST for side in value):
+        raise bad_value(
+            f"{in_yaml(value)} is out of range, {SMALLEST} to {LARGEST} pixels a side. Write [1080, 1920]."
+        )
+    if any(side % 2 for side in value):
+        raise bad_value(
+            f"{in_yaml(value)} is not even, and movies need even sides. Write {list(map(even, value))}."
+        )
+    width, height = map(int, value)
+    if not NARROWEST <= width / height <= WIDEST:
+        raise bad_value(f"[{width}, {height}] is out of range, 1:5 to 5:1. Write [1080, 1920].")
+    return [width, height]
+
+
+Aspect = Annotated[
+    Any,
+    BeforeValidator(_aspect),
+    SchemaKeywords(
+        anyOf=[
+            {"type": "number", "minimum": NARROWEST, "maximum": WIDEST},
+            {"type": "string", "pattern": f"^{_RATIO.pattern}$"},
+        ]
+    ),
+]
+Side = Annotated[int, Field(ge=SMALLEST, le=LARGEST), SchemaKeywords(multipleOf=2)]
+Size = Annotated[list[Side], BeforeValidator(_size), Field(min_length=2, max_length=2)]
+
+
+class PictureShapeDocument(Document):
+    """The shape of all pictures of a shot, or of an edit: an aspect, or the pixels of `final`."""
+
+    example = '{aspect: "9:16"}'
+
+    aspect: Aspect | None = optional(
+        'width to height, such as "9:16" or 2.39; the shorter side stays 270, 540 or 1080 pixels'
+    )
+    size: Size | None = optional(
+        "width and height in `final`, even numbers; `daily` has half of them, `draft` a quarter (pixels)"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _is_a_mapping(cls, value: Any) -> Any:
+        """Refuse a bare shape, with the name that it needs."""
+        if isinstance(value, str | list) or is_number(value):
+            is_ratio = is_number(value) or (isinstance(value, str) and _RATIO.fullmatch(value))
+            pixels = list(map(int, re.findall(r"\d{2,}", in_yaml(value))))
+            size = {"size": pixels} if len(pixels) == 2 else {"aspect": "9:16"}
+            shape = {"aspect": value} if is_ratio else size
+            raise finding(f"picture must be a mapping. Write picture: {in_yaml(shape)}.")
+        return value
+
+    @model_validator(mode="after")
+    def _has_one(self) -> Self:
+        if self.aspect is not None and self.size is not None:
+            raise finding("picture has both aspect and size, and a size has an aspect. Remove one of them.")
+        return self
+
+    @property
+    def final(self) -> tuple[int, int] | None:
+        """Width and height of pictures of `final`, pixels; None for the usual ones."""
+        if self.size is not None:
+            width, height = self.size
+            return width, height
+        return None if self.aspect is None else final_size(self.aspect)
+
+
+def _check_samples(samples: int) -> int:
+    if samples > BATCH_SAMPLES and samples % BATCH_SAMPLES:
+        raise bad_value(
+            f"{samples} samples do not divide into batches of {BATCH_SAMPLES}. "
+            f"Write up to {BATCH_SAMPLES}, or a multiple of it."
+        )
+    return samples
+
+
+Samples = Annotated[
+    int,
+    Field(ge=1, le=65536),
+    AfterValidator(_check_samples),
+    SchemaKeywords(anyOf=[{"maximum": BATCH_SAMPLES}, {"multipleOf": BATCH_SAMPLES}]),
+]
+
+
+NoiseThreshold = Annotated[
+    Annotated[float, Field(gt=0, le=1)] | Annotated[str, one_of(("off",), "noise threshold")],
+    ByForm(lambda value: isinstance(value, str) and not is_written_number(value)),
+]
+
+
+class QualityDocument(Document):
+    """Settings of one quality that this shot replaces."""
+
+    example = "{samples: 64}"
+
+    samples: Samples | None = optional("for each pixel: up to 16, or a multiple of it")
+    auxiliary_samples: Samples | None = optional(
+        "of albedo, normal and depth, which guide the denoiser, for each pixel"
+    )
+    depth: Annotated[int, Field(ge=2, le=100)] | None = optional("longest path of light, in vertices")
+    fireflies: Literal["keep", "soft", "firm"] | None = optional(
+        "single pixels far too bright: keep them, spread their light (soft), or remove it (firm)"
+    )
+    denoise: Literal["off", "fast", "balanced", "high"] | None = optional("effort of the denoiser")
+    temporal_denoise: Annotated[int, Field(ge=0, le=MOST_TEMPORAL_FRAMES)] | None = optional(
+        "frames before and after that the temporal denoiser reads; 0 is off (frames)"
+    )
+    noise_threshold: NoiseThreshold | None = optional(
+        "noise at which a part of the picture needs no more samples, such as 0.04, or `off`"
+    )
+
+    def build(self, quality: Quality) -> Quality:
+        """Return a quality with these settings."""
+        settings = self.model_dump(exclude_none=True)
+        if self.noise_threshold == "off":
+            settings["noise_threshold"] = None
+        return dataclasses.replace(quality, **settings)
+
+
+class QualitiesDocument(Document):
+    example = "{final: {samples: 64}}"
+
+    draft: QualityDocument = Field(
+        default=QualityDocument.model_construct(), description="480×270, for looks while working"
+    )
+    daily: QualityDocument = Field(
+        default=QualityDocument.model_construct(), description="960×540, for review"
+    )
+    final: QualityDocument = Field(
+        default=QualityDocument.model_construct(), description="1920×1080, for delivery"
+    )
+
+
+LightsField = Annotated[
+    Annotated[str, one_of(LIGHTS, "light rig")] | LightsDocument,
+    MAPPING_IS_SECOND,
+    BeforeValidator(require_rig),
+]
+
+
+def built_lights(lights: str | LightsDocument) -> LightRig:
+    """Return the light rig of parsed lights."""
+    return LIGHTS[lights] if isinstance(lights, str) else lights.build()
+
+
+def _as_text(value: Any) -> Any:
+    """Return a single frame as the range that it is."""
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+OverriddenFrames = Annotated[str, BeforeValidator(_as_text)]
+
+
+class OverrideDocument(Document):
+    """A look, lights and a quality of some frames, in place of the shot's; see `picture_checks`."""
+
+    example = "{frames: 40-60, look: glaze}"
+
+    frames: OverriddenFrames = Field(description="as in 40-60, or 12,40-60")
+    look: LookField | None = optional("the material of these frames, in place of the shot's")
+    lights: LightsField | None = optional("their light rig, in place of the shot's, with its exposure")
+    quality: QualitiesDocument | None = optional(
+        "settings that they replace: samples, auxiliary_samples, depth, fireflies, noise_threshold"
+    )
+
+    @model_validator(mode="after")
+    def _has_one(self) -> Self:
+        if self.look is None and self.lights is None and self.quality is None:
+            raise finding(
+                "an override changes nothing without look, lights or quality. Write one of them, or remove "
+                "the override."
+            )
+        return self
+
+    def build(self, grouped: Callable[[LightRig], LightRig]) -> FrameOverride:
+        """Return the override; `grouped` gives lights the light groups of the shot."""
+        qualities = self.quality.model_dump(exclude_none=True) if self.quality else {}
+        return FrameOverride(
+            frames=FrameRange.parse(self.frames),
+            look=None if self.look is None else look_of(self.look),
+            lights=None if self.lights is None else grouped(built_lights(self.lights)),
+            qualities={name: _settings(settings) for name, settings in qualities.items() if settings},
+        )
+
+
+def _settings(written: dict[str, Any]) -> dict[str, Any]:
+    """Return settings as `Quality` has them."""
+    off = {"noise_threshold": None} if written.get("noise_threshold") == "off" else {}
+    return {**written, **off}
