@@ -306,7 +306,7 @@ def test_two_processes_give_the_same_bits(
     variant: str, sphere: Surface, picture: RenderedFrame, engine: Engine, tmp_path: Path
 ) -> None:
     if variant == "llvm_ad_rgb" and engine.variant != variant:
-        variant = engine.variant  # no libLLVM here: the scalar variant is asked twice
+        pytest.skip("there is no libLLVM here")
     np.savez(tmp_path / "in.npz", vertices=sphere.vertices, normals=sphere.normals, faces=sphere.faces)
     found = []
     for threads in ("1", "2"):

@@ -71,12 +71,15 @@ def test_a_shot_of_each_flow_comes_to_its_end(flow: str, tmp_path: Path) -> None
     assert np.ptp(last.vertices, axis=0).max() < 8.0
 
 
-@each
+def _needs_a_preset(flow: str) -> bool:
+    """Tell whether only a preset can choose a flow's file, formulas or curve."""
+    return flow == "attraction" or any(p["required"] and not p["keyed"] for p in facts(flow)["parameters"])
+
+
+@pytest.mark.parametrize("flow", [flow for flow in DOCUMENTS if not _needs_a_preset(flow)])
 def test_flows_without_a_preset_are_set_up_by_their_parameters(
     flow: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if any(p["required"] and not p["keyed"] for p in facts(flow)["parameters"]) or flow == "attraction":
-        return  # a file, formulas or a curve are for the table to choose
     monkeypatch.setattr("pipeline.shot.templates.presets", dict)
     read_shot(tmp_path / "a.yaml", shot_of_flow(flow, "a"))
 
