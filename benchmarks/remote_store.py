@@ -30,8 +30,8 @@ from pipeline.production.execution.project import Project
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.digests import digest_of
 from pipeline.production.store.paths import STATE
+from pipeline.production.store.remote_store import upload_lacking
 from pipeline.production.store.store import Store
-from pipeline.production.store.uploads import upload_lacking
 from tests.plugins.remote.s3 import BUCKET, CREDENTIALS, Proxy, serving
 
 LATENCIES = (0.0, 0.05)

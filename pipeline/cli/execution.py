@@ -15,8 +15,7 @@ from pipeline.plugin import plugins
 from pipeline.production.execution.recovery import PATIENCE
 from pipeline.production.execution.run import Outcome, run
 from pipeline.production.maintenance.run_report import RunReport
-from pipeline.production.planning.estimate import Estimate, estimate
-from pipeline.production.planning.forecast import Forecast
+from pipeline.production.planning.estimate import Estimate, Forecast, estimate
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import FORMS
 from pipeline.production.stages import STAGES

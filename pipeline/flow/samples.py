@@ -2,18 +2,275 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
-from collections.abc import Iterator
+import lzma
+import math
+import struct
+import zlib
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, NoReturn
+from xml.etree import ElementTree
 
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
 from pipeline.errors import FlowsculptError, UsageError, reason_of
-from pipeline.flow.sample_files import MAX_BYTES, read_npz, read_vtk, require_size
+from pipeline.npz import Archive
 from render.base.input_files import read_input
+
+MAX_BYTES = 8 << 30
+"""Memory for the samples of a field, or of a sequence."""
+
+
+def require_size(file: Path, lengths: Iterable[int], most: int = MAX_BYTES) -> None:
+    """Raise UsageError where float64 velocities on axes of these lengths take more than `most` bytes."""
+    wanted = 24 * math.prod(lengths)
+    if wanted > most:
+        raise UsageError(f"{file}: {_size(wanted)} of velocities are too many; {_size(most)} are the most")
+
+
+def _size(count: int) -> str:
+    return f"{count >> 30} GiB" if count >> 30 else f"{count} bytes"
+
+
+NAMES = ("x", "y", "z", "t", "velocity")
+
+
+def read_npz(file: Path, content: bytes, most: int = MAX_BYTES) -> tuple[list[AnyArray], AnyArray, AnyArray]:
+    """Return arrays x, y, z; times; and velocity (T, X, Y, Z, 3), (X, Y, Z, 3) in a file without t.
+
+    most  bytes of all arrays as float64; checked by their headers before anything is unpacked
+
+    Raises UsageError where an array is missing or they are too large, and the errors of zipfile and numpy.
+    """
+    archive = Archive(content)
+    missing = [name for name in NAMES if name != "t" and name not in archive.names]
+    if missing:
+        known = ", ".join(sorted(archive.names)) or "nothing"
+        raise UsageError(
+            f"{file}: array {missing[0]} is missing; a field has x, y, z and velocity. There are: {known}."
+        )
+    names = [name for name in NAMES if name in archive.names]
+    headers = [archive.header(name) for name in names]
+    wide = (math.prod(header.shape) * max(1, -(-header.dtype.itemsize // 8)) for header in headers)
+    require_size(file, [-(-sum(wide) // 3)], most)
+    arrays = {name: archive.array(name) for name in names}
+    velocity = arrays["velocity"]
+    return (
+        [arrays[name] for name in "xyz"],
+        arrays.get("t", np.zeros(1)),
+        velocity if "t" in arrays else velocity[None],
+    )
+
+
+_TYPES = {
+    **{
+        f"{sign}Int{bits}": f"{code}{bits // 8}"
+        for sign, code in (("", "i"), ("U", "u"))
+        for bits in (8, 16, 32, 64)
+    },
+    "Float32": "f4",
+    "Float64": "f8",
+}
+
+_DECOMPRESSORS: dict[str, Callable[[], Any]] = {
+    "vtkZLibDataCompressor": zlib.decompressobj,
+    "vtkLZMADataCompressor": lambda: lzma.LZMADecompressor(memlimit=256 << 20),
+}
+
+_MOST_A_BYTE = {None: 1, "vtkZLibDataCompressor": 1032, "vtkLZMADataCompressor": 8000}
+"""Numbers that a byte of a file holds at most, by its compressor; even data are packed so densely."""
+
+_LONGEST_AXIS = 1 << 20
+"""The most numbers on an axis of a rectilinear grid."""
+
+
+def read_vtk(
+    file: Path, content: bytes, array: str | None = None, most: int = MAX_BYTES
+) -> tuple[list[Floats], Floats]:
+    """Return three axes, and velocities (1, X, Y, Z, 3), of a file in one piece with point data.
+
+    most  bytes of the velocities; checked by the extent before anything is unpacked
+
+    Raises UsageError where it is no such file, and the errors of the parsers of its parts.
+    """
+    grid = _Grid.of(file, content)
+    axes = grid.axes(most)
+    shape = tuple(len(axis) for axis in reversed(axes))
+    require_size(file, shape, most)
+    count = math.prod(shape)
+    values = grid.numbers(grid.velocities(array), 3 * count)
+    if values.size != 3 * count:
+        grid.fail(f"there are {values.size} numbers for {count} points of three components each")
+    return axes, values.astype(np.float64).reshape(1, *shape, 3).transpose(0, 3, 2, 1, 4)
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """The parts of a file.
+
+    size      bytes of the file
+    head      the XML elements, without appended bytes
+    piece     the only piece
+    appended  the bytes after the underscore, base64 or raw
+    """
+
+    file: Path
+    size: int
+    head: ElementTree.Element
+    piece: ElementTree.Element
+    appended: bytes
+
+    @classmethod
+    def of(cls, file: Path, content: bytes) -> _Grid:
+        text, mark, rest = content.partition(b"<AppendedData")
+        body = rest[rest.find(b"_") + 1 :] if mark else b""
+        encoding = b'raw"' if b"raw" in rest[: rest.find(b"_")] else b'base64"'
+        try:
+            closing = b'<AppendedData encoding="' + encoding + b"/></VTKFile>" if mark else b""
+            head = ElementTree.fromstring(text + closing)
+        except ElementTree.ParseError as error:
+            raise UsageError(
+                f"{file}: it is no XML ({error}); a VTK file is written by VTK or ParaView"
+            ) from None
+        pieces = head.findall("*/Piece")
+        kind = head.get("type", "")
+        if head.tag != "VTKFile" or kind not in ("ImageData", "RectilinearGrid"):
+            raise UsageError(
+                f"{file}: its type is {kind or head.tag}; a field is ImageData or RectilinearGrid"
+            )
+        if len(pieces) != 1:
+            raise UsageError(
+                f"{file}: it has {len(pieces)} pieces; a field is read from one. Save it as one."
+            )
+        end = body.rfind(b"</AppendedData")
+        return cls(file, len(content), head, pieces[0], body[:end] if end >= 0 else body)
+
+    def fail(self, fact: str) -> NoReturn:
+        raise UsageError(f"{self.file}: {fact}; save it again from VTK or ParaView, with point data")
+
+    def axes(self, most: int) -> list[Floats]:
+        if self.head.get("type") == "RectilinearGrid":
+            named = self.piece.find("Coordinates")
+            arrays = [] if named is None else named.findall("DataArray")
+            if len(arrays) != 3:
+                self.fail(f"it has {len(arrays)} axes under Coordinates instead of three")
+            return [self.numbers(element, _LONGEST_AXIS).astype(np.float64) for element in arrays]
+        image = self.head.find("ImageData")
+        assert image is not None, "its piece was found there"
+        extent = self._row(self.piece, "Extent", 6, None).tolist()
+        if not all(end.is_integer() for end in extent):
+            self.fail(f"Extent is {self.piece.get('Extent')!r} and must be 6 whole numbers")
+        ends = [(int(extent[k]), int(extent[k + 1]) + 1) for k in (0, 2, 4)]
+        lengths = [max(1, end - begin) for begin, end in ends]
+        require_size(self.file, lengths, most)
+        if 3 * math.prod(lengths) > _MOST_A_BYTE.get(self.head.get("compressor"), 1) * self.size:
+            self.fail(f"Extent is {self.piece.get('Extent')!r}, more points than {self.size} bytes can hold")
+        origin, spacing = self._row(image, "Origin", 3, "0 0 0"), self._row(image, "Spacing", 3, "1 1 1")
+        direction = self._row(image, "Direction", 9, "1 0 0 0 1 0 0 0 1")
+        if not np.array_equal(direction, np.eye(3).ravel()):
+            self.fail("its axes are rotated (Direction), and only grids along x, y and z are read")
+        return [origin[k] + spacing[k] * np.arange(*ends[k], dtype=np.float64) for k in range(3)]
+
+    def velocities(self, array: str | None) -> ElementTree.Element:
+        data = self.piece.find("PointData")
+        vectors = [] if data is None else [e for e in data if e.get("NumberOfComponents") == "3"]
+        wanted = array or (data.get("Vectors") if data is not None else None)
+        matches = [element for element in vectors if wanted is None or element.get("Name") == wanted]
+        if len(matches) != 1:
+            names = ", ".join(element.get("Name", "?") for element in vectors) or "none"
+            what = f"no array {wanted} of" if wanted and not matches else "not one array of"
+            raise UsageError(
+                f"{self.file}: there is {what} three components at its points. There are: {names}."
+            )
+        return matches[0]
+
+    def numbers(self, element: ElementTree.Element, most: int) -> AnyArray:
+        """Return the values of a DataArray, flat; of compressed ones hardly more than `most` are unpacked."""
+        kind = _TYPES.get(element.get("type", ""))
+        if kind is None:
+            self.fail(f"{element.get('type')} is no type of numbers")
+        if element.get("format") == "ascii":
+            return np.array((element.text or "").split(), dtype=kind)
+        order = ">" if self.head.get("byte_order") == "BigEndian" else "<"
+        try:
+            content = self._bytes(element, order, most * np.dtype(kind).itemsize)
+            return np.frombuffer(content, dtype=order + kind)
+        except UsageError:
+            raise
+        except Exception as error:  # decompressors raise anything
+            self.fail(f"array {element.get('Name')} cannot be read ({error})")
+
+    def _bytes(self, element: ElementTree.Element, order: str, most: int) -> bytes:
+        if element.get("format") == "appended":
+            text = self.appended[int(element.get("offset", "0")) :]
+            appended = self.head.find("AppendedData")
+            is_base64 = appended is not None and appended.get("encoding") == "base64"
+        else:
+            text, is_base64 = (element.text or "").strip().encode(), True
+        code = order + ("Q" if self.head.get("header_type") == "UInt64" else "I")
+        compressor = self.head.get("compressor")
+        return (
+            _decoded(text, is_base64, code)
+            if compressor is None
+            else self._decompressed(text, is_base64, code, compressor, most)
+        )
+
+    def _decompressed(self, text: bytes, is_base64: bool, code: str, compressor: str, most: int) -> bytes:
+        """Decompress blocks: a header of count, size, last size and compressed sizes, then the blocks."""
+        if compressor not in _DECOMPRESSORS:
+            self.fail(f"it is compressed by {compressor}, and only {' and '.join(_DECOMPRESSORS)} are read")
+        size = struct.calcsize(code)
+        (count,) = struct.unpack(code, _take(text, is_base64, 0, size))
+        sizes = np.frombuffer(_take(text, is_base64, 0, (3 + count) * size), dtype=code)[3:]
+        start = _length(is_base64, (3 + count) * size)
+        compressed = _take(text[start:], is_base64, 0, int(sizes.sum()))
+        ends = np.cumsum(sizes).tolist()
+        blocks: list[bytes] = []
+        for length, end in zip(sizes.tolist(), ends, strict=True):
+            unpacker = _DECOMPRESSORS[compressor]()
+            blocks.append(unpacker.decompress(compressed[end - length : end], most + 1))
+            most -= len(blocks[-1])
+            if most < 0:
+                raise ValueError("it holds more numbers than the grid has points")
+            if not unpacker.eof:
+                raise ValueError("a compressed block is truncated")
+        return b"".join(blocks)
+
+    def _row(self, element: ElementTree.Element, name: str, count: int, default: str | None) -> Floats:
+        text = element.get(name, default)
+        try:
+            row = np.array((text or "").split(), np.float64)
+        except ValueError:
+            row = np.empty(0)
+        if len(row) != count or not np.isfinite(row).all():
+            self.fail(f"{name} is {text!r} and must be {count} numbers")
+        return row
+
+
+def _decoded(text: bytes, is_base64: bool, code: str) -> bytes:
+    """Return the bytes after a header with their length."""
+    size = struct.calcsize(code)
+    (length,) = struct.unpack(code, _take(text, is_base64, 0, size))
+    return _take(text, is_base64, size, length)
+
+
+def _take(text: bytes, is_base64: bool, first: int, count: int) -> bytes:
+    """Return bytes `first` to `first + count` of base64 text, or of raw bytes."""
+    content = base64.b64decode(text[: _length(is_base64, first + count)]) if is_base64 else text
+    if len(content) < first + count:
+        raise ValueError(f"{first + count} bytes are announced and {len(content)} exist")
+    return content[first : first + count]
+
+
+def _length(is_base64: bool, count: int) -> int:
+    """Return the length of `count` bytes in the file."""
+    return -(-count // 3) * 4 if is_base64 else count
+
 
 FORMATS = (".vti", ".vtr", ".npz")
 

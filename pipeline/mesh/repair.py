@@ -15,15 +15,12 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import MeshError
-from pipeline.mesh.duplicate_faces import cut_repeats, find_duplicates
-from pipeline.mesh.face_soup import FaceSoup
+from pipeline.mesh.face_soup import FaceSoup, MergedSurface, cut_repeats, find_duplicates, merge_coincident
 from pipeline.mesh.file_surface import FileSurface
-from pipeline.mesh.merging import MergedSurface, merge_coincident
 from pipeline.mesh.polygon_mesh import PolygonMesh
-from pipeline.mesh.side_links import detached_corners, link_sides
 from pipeline.mesh.triangle_mesh import edge_keys
 from pipeline.mesh.validation import twin_corners, validate
-from pipeline.mesh.winding import Winding, find_winding
+from pipeline.mesh.winding import Winding, detached_corners, find_winding, link_sides
 
 _DANGLING = 0.01
 """Area of a single face at the edge of others over that of the surface: up to this it is dropped."""

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from pipeline.arrays import AnyArray
 from pipeline.errors import MeshError
 from pipeline.mesh import PolygonMesh, TriangleMesh, icosphere, require, torus, validate
+from pipeline.mesh.face_soup import merge_coincident
 from pipeline.mesh.file_surface import FileSurface, file_surface
-from pipeline.mesh.merging import merge_coincident
 from pipeline.mesh.read import read_surface
 from pipeline.mesh.repair import RepairedSurface, repair_surface
 

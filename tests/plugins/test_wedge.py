@@ -14,7 +14,7 @@ from pipeline.errors import UsageError
 from pipeline.plugins.sheets.wedge import Wedge
 from pipeline.plugins.sheets.wedge_grid import Grid, Variation
 from pipeline.production.execution.project import Project
-from pipeline.production.planning import planned_jobs
+from pipeline.production.planning import planner
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.variants import avoid
 from render.movie.probe import probe_movie
@@ -237,9 +237,9 @@ def test_a_simulation_that_was_shared_has_the_bits_of_one_that_was_not(desk: Des
     (tmp_path / "shots").mkdir()
     (tmp_path / "shots" / f"{NAME}.yaml").write_text(SHOT)
     folders = []
-    for many in (planned_jobs.MIN_SHARED, 1000):
+    for many in (planner.MIN_SHARED, 1000):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(planned_jobs, "MIN_SHARED", many)
+            patch.setattr(planner, "MIN_SHARED", many)
             root = tmp_path / str(many)
             root.mkdir()
             wedge = Wedge(

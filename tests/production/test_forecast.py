@@ -11,7 +11,7 @@ import pytest
 
 from pipeline.production.execution.project import Project
 from pipeline.production.maintenance.why import explain
-from pipeline.production.planning.forecast import Forecast
+from pipeline.production.planning.estimate import Forecast
 from pipeline.production.planning.frame_states import KnownPictures, mesh_states, picture_states
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.store.event_log import EventReader

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.planned_jobs import MAX_BATCH, MIN_BATCH, MIN_LAST_BATCH, batches
+from pipeline.production.planning.planner import MAX_BATCH, MIN_BATCH, MIN_LAST_BATCH, batches
 from pipeline.production.stages import STAGES, forced_with
 from pipeline.production.store.event_log import EventLog
 from pipeline.production.store.paths import EVENTS

@@ -13,7 +13,7 @@ from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import FrameStates, is_in_words, selected
-from pipeline.production.planning.planned_jobs import MAX_BATCH, batches
+from pipeline.production.planning.planner import MAX_BATCH, batches
 from pipeline.production.store.event_log import EventLog
 from pipeline.production.store.history import History
 from pipeline.production.store.paths import EVENTS

@@ -23,8 +23,7 @@ from pipeline.cli.options import (
 from pipeline.cli.output import duration, err
 from pipeline.errors import UsageError
 from pipeline.plugin import named, plugins
-from pipeline.production.planning.estimate import estimate, typical_seconds
-from pipeline.production.planning.forecast import Forecast
+from pipeline.production.planning.estimate import Forecast, estimate, typical_seconds
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import FILM, SHOTS, find_edit, shot_names
 from pipeline.production.request.render_request import FORMS

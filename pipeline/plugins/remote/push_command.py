@@ -6,9 +6,8 @@ from pipeline.cli.options import Common
 from pipeline.cli.output import exit_with, print_result
 from pipeline.errors import MachineError, UsageError
 from pipeline.production.store.locks import writing
-from pipeline.production.store.remote_store import VARIABLE
+from pipeline.production.store.remote_store import VARIABLE, lacking_names, upload_lacking
 from pipeline.production.store.store import Store
-from pipeline.production.store.uploads import lacking_names, upload_lacking
 from render.base.plural import plural
 
 

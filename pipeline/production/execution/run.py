@@ -20,9 +20,9 @@ from pipeline.production.store.event_log import Event, EventLog, EventReader
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.processes import start_of
+from pipeline.production.store.remote_store import upload_missed
 from pipeline.production.store.store import Store
 from pipeline.production.store.unfinished import remove_checkpoints, sweep
-from pipeline.production.store.uploads import upload_missed
 from render.base.atomic_write import disk_errors
 from render.base.work_clock import cpu_seconds
 

@@ -1,23 +1,71 @@
-"""Estimates of a plan: time from what earlier frames took, disk space from how large they became."""
+"""The forecast of a plan, and estimates of it.
+
+A forecast is the frames that a run makes, as far as known before cameras are framed. Time is estimated from
+what earlier frames took, disk space from how large they became.
+"""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from pipeline.production.planning.frame_states import KnownPictures
 from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.planning.timings import SHARED_STAGES, statistics_in
 from pipeline.production.request.crop_and_scale import base_of, pixels
+from pipeline.production.request.render_request import FORMS
 from pipeline.production.store.history import History
 from pipeline.production.store.store import Store
 from render.base.plural import plural
 from render.scene.quality import DEFAULT_QUALITY, QUALITIES, Quality
+
+_KINDS = {"render": "raw", "finish": "frame", **{form: form for form in FORMS}}
+"""Kinds of files by the stage that makes them, of pictures one by one."""
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """A plan without the frames that its jobs will find.
+
+    plan      with the jobs that make something, or perhaps do
+    unframed  frames by stage that are made only if their camera moves
+    """
+
+    plan: Plan
+    unframed: Mapping[str, tuple[int, ...]]
+
+    @classmethod
+    def of(cls, plan: Plan, store: Store) -> Forecast:
+        """Return the forecast of a plan. Frames that are made again by force are all made."""
+        known: dict[int, KnownPictures] = {}
+        unframed: defaultdict[str, list[int]] = defaultdict(list)
+        jobs = []
+        for job in plan.jobs:
+            place = job.requests[0]
+            if job.stage in _KINDS and job.stage not in plan.force:
+                if place not in known:
+                    request = plan.requests[place]
+                    known[place] = KnownPictures(request, store, request.requested)
+                if not known[place].is_framed:
+                    held = {n: known[place].holds(_KINDS[job.stage], n) for n in job.frames}
+                    unframed[job.stage] += [n for n, is_held in held.items() if is_held is None]
+                    job = replace(job, frames=tuple(n for n, is_held in held.items() if not is_held))
+            if job.frames:
+                jobs.append(job)
+        return cls(replace(plan, jobs=tuple(jobs)), {stage: tuple(n) for stage, n in unframed.items() if n})
+
+    @cached_property
+    def certain(self) -> Mapping[str, int]:
+        """The number of frames by stage that are made for certain."""
+        counts = self.plan.frame_counts()
+        return {stage: n for stage in counts if (n := counts[stage] - len(self.unframed.get(stage, ())))}
+
 
 _FRAMES = 100
 """The most frames of one kind that are read."""

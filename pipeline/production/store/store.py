@@ -33,8 +33,14 @@ from typing import Any, TypeVar
 from pipeline.errors import FrameError, MachineError
 from pipeline.production.store.digests import CorruptFileError, Digests
 from pipeline.production.store.paths import STATE, STORE, SUFFIXES
-from pipeline.production.store.remote_store import LOG, SIDE_BY_SIDE, RemoteStore, remote_stores, store_url
-from pipeline.production.store.uploads import upload
+from pipeline.production.store.remote_store import (
+    LOG,
+    SIDE_BY_SIDE,
+    RemoteStore,
+    remote_stores,
+    store_url,
+    upload,
+)
 from render.base.atomic_write import atomic_write, disk_errors
 from render.base.errors import CorruptImageError, FlowsculptError, MissingImageError
 from render.base.plural import plural

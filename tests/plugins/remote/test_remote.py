@@ -10,9 +10,14 @@ from hypothesis import strategies as st
 from pipeline.errors import FrameError, MachineError, UsageError
 from pipeline.plugins.remote import remote_address, remote_files, remote_requests
 from pipeline.plugins.remote.remote_files import RemoteFiles
-from pipeline.production.store.remote_store import VARIABLE
+from pipeline.production.store.remote_store import (
+    VARIABLE,
+    lacking_names,
+    missed_uploads,
+    upload_lacking,
+    upload_missed,
+)
 from pipeline.production.store.store import Store
-from pipeline.production.store.uploads import lacking_names, missed_uploads, upload_lacking, upload_missed
 
 KEY = "ab" * 16
 OTHER = "cd" * 16

@@ -12,7 +12,7 @@ from pipeline.errors import MachineError, MissingInputError, UsageError
 from pipeline.production.execution.project import Project
 from pipeline.production.execution.snakemake import _words, complaint
 from pipeline.production.planning.plan import Job, Plan
-from pipeline.production.planning.planned_jobs import batches
+from pipeline.production.planning.planner import batches
 from pipeline.production.planning.profile import SIDE_BY_SIDE, Profile
 from pipeline.production.planning.timings import (
     LEAST_MIB,
