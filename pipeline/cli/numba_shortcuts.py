@@ -85,7 +85,7 @@ class _Library(codegen.JITCodeLibrary):  # type: ignore[misc]  # numba has no ty
 
 
 class _Uncallable:
-    """What stands for a compiled function that Python does not call."""
+    """A placeholder for a compiled function that Python does not call."""
 
 
 def _of_callable(create: Callable[..., Any]) -> Callable[..., Any]:

@@ -234,7 +234,7 @@ def inverse(move: Callable[[Points], Points], points: Points, name: str) -> Poin
             return starts
     where = ", ".join(f"{x:.4g}" for x in points[active[0]])
     raise FrameError(
-        f"flow {name} cannot be undone at ({where}): it folds the space there within a frame. "
+        f"flow {name} cannot be undone at ({where}): it folds space there within a frame. "
         "Lower its strength or widen its falloff."
     )
 

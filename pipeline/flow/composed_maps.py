@@ -95,7 +95,7 @@ class Repeated(_Ordered):
 
     def __post_init__(self) -> None:
         if not (self.period > 0 and math.isfinite(self.period)):
-            raise UsageError(f"a period of {self.period:g} s has no rounds; it must be above 0, such as 1 s")
+            raise UsageError(f"period is {self.period:g} s; it must be above 0, such as 1 s")
 
     def steps(self, time: float, dt: float) -> Iterator[FlowStep]:
         """Yield the steps of all rounds. Raises FrameError where they are more than MAX_ROUNDS."""

@@ -67,6 +67,7 @@ def _check(event: str, arguments: tuple[Any, ...]) -> None:
     if path in files or path.endswith(_CODE) or path.startswith(_system()) or not Path(path).is_file():
         return
     raise FrameError(
-        f"{flow}: it opens {path}, which its shot does not name, so changes of it would change no frame. "
+        f"{flow}: it opens {path}, which its shot does not name, so changes to it would not update any "
+        "frame. "
         f"Write reads: [{Path(path).name}], with its folder, beside function."
     )

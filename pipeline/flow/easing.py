@@ -112,7 +112,7 @@ def kinks(name: str) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class Handle:
-    """The control point beside a key, relative to it.
+    """The control point of a key, relative to it.
 
     seconds  0 or more right of the key, 0 or less left of it
     values   as many as the key has

@@ -93,7 +93,7 @@ class PythonFlow(Flow):
     """A function `points, time, dt -> points` of a Python file, run only with permission.
 
     digest   SHA-256 of the file, for keys; the modules it imports do not count
-    allowed  tells whether the file may run; otherwise every step fails
+    allowed  True if the file may run; otherwise every step fails
     reads    digests of the files that it may open
     files    their paths
     """
@@ -135,8 +135,9 @@ class PythonFlow(Flow):
     def advice(self) -> str:
         """Advice on how to make it faster."""
         return (
-            f"flow {self.name} runs in Python; a formula is compiled and runs on all cores. Where that is "
-            "too slow write it as one, or decorate the function with numba.njit(cache=True)."
+            f"flow {self.name} runs in Python; if that is too slow, write it as a formula, which is "
+            "compiled and runs "
+            "on all cores, or decorate the function with numba.njit(cache=True)."
         )
 
 
@@ -172,7 +173,7 @@ def _function(path: Path, digest: str, name: str) -> Displacement:
     """Return a function of a file with that digest. Raises FrameError."""
     function: Displacement | None = getattr(_module(path, digest), name, None)
     if not callable(function):
-        raise FrameError(f"{path}: it defines no function {name}; correct the name in the shot")
+        raise FrameError(f"{path}: it does not define function {name}; correct the name in the shot")
     return function
 
 

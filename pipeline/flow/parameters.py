@@ -147,7 +147,7 @@ class Parameter:
     """One parameter of a flow.
 
     form      number and vector may be keyed; constant and point are the same without keys
-    positive  tells whether it must be above 0
+    positive  True if it must be above 0
     bounds    further limits
     default   as in code; dataclasses.MISSING where it has none
     choices   the words of a choice

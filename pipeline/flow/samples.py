@@ -134,9 +134,7 @@ class _Grid:
             closing = b'<AppendedData encoding="' + encoding + b"/></VTKFile>" if mark else b""
             head = ElementTree.fromstring(text + closing)
         except ElementTree.ParseError as error:
-            raise UsageError(
-                f"{file}: it is no XML ({error}); a VTK file is written by VTK or ParaView"
-            ) from None
+            raise UsageError(f"{file}: not XML ({error}); a VTK file is written by VTK or ParaView") from None
         pieces = head.findall("*/Piece")
         kind = head.get("type", "")
         if head.tag != "VTKFile" or kind not in ("ImageData", "RectilinearGrid"):
@@ -193,7 +191,7 @@ class _Grid:
         """Return the values of a DataArray, flat; of compressed ones hardly more than `most` are unpacked."""
         kind = _TYPES.get(element.get("type", ""))
         if kind is None:
-            self.fail(f"{element.get('type')} is no type of numbers")
+            self.fail(f"{element.get('type')} is not a type of numbers")
         if element.get("format") == "ascii":
             return np.array((element.text or "").split(), dtype=kind)
         order = ">" if self.head.get("byte_order") == "BigEndian" else "<"
@@ -248,7 +246,7 @@ class _Grid:
         except ValueError:
             row = np.empty(0)
         if len(row) != count or not np.isfinite(row).all():
-            self.fail(f"{name} is {text!r} and must be {count} numbers")
+            self.fail(f"{name} is {text!r}; it must be {count} numbers")
         return row
 
 
@@ -263,7 +261,7 @@ def _take(text: bytes, is_base64: bool, first: int, count: int) -> bytes:
     """Return bytes `first` to `first + count` of base64 text, or of raw bytes."""
     content = base64.b64decode(text[: _length(is_base64, first + count)]) if is_base64 else text
     if len(content) < first + count:
-        raise ValueError(f"{first + count} bytes are announced and {len(content)} exist")
+        raise ValueError(f"{first + count} bytes are announced, but {len(content)} exist")
     return content[first : first + count]
 
 
@@ -342,7 +340,8 @@ def _read(files: tuple[Path, ...], array: str | None, interval: float) -> Sample
         others, _, part, digest = _read_file(file, array)
         if part.shape[1:] != first.shape[1:] or any(map(_differ, axes, others)):
             raise UsageError(
-                f"{file}: its grid is not that of {files[0].name}; all files of a sequence share one"
+                f"{file}: its grid differs from that of {files[0].name}; all files of a sequence share one "
+                "grid"
             )
         _require_one_time(file, part)
         velocity[k] = part[0]
@@ -354,13 +353,13 @@ def _read_file(file: Path, array: str | None) -> tuple[tuple[Floats, Floats, Flo
     """Return axes, times and velocities of a file, and the digest of the parsed bytes."""
     if file.suffix.lower() not in FORMATS:
         raise UsageError(
-            f"{file}: {file.suffix or 'no suffix'} is no format of fields; use {', '.join(FORMATS)}"
+            f"{file}: {file.suffix or 'no suffix'} is not a format of fields; use {', '.join(FORMATS)}"
         )
     content, times = read_input(file, MAX_BYTES), np.zeros(1)
     if file.suffix.lower() == ".npz":
         if array is not None:
             raise UsageError(
-                f"{file}: array {array} does not apply; in .npz it is velocity. Leave array out."
+                f"{file}: array {array} does not apply; in .npz the array is velocity. Leave out array."
             )
         with reading(file, "an archive of arrays, as numpy.savez writes one"):
             axes, times, velocity = read_npz(file, content, MAX_BYTES)
@@ -376,7 +375,7 @@ def _read_file(file: Path, array: str | None) -> tuple[tuple[Floats, Floats, Flo
 
 def _require_one_time(file: Path, velocity: Floats) -> None:
     if len(velocity) > 1:
-        raise UsageError(f"{file}: it holds several times; a sequence has one a file. Name one file.")
+        raise UsageError(f"{file}: it has several times; a sequence has one per file. Name one file.")
 
 
 def _differ(one: Floats, other: Floats) -> bool:

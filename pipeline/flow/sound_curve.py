@@ -128,6 +128,6 @@ class SoundCurve(Curve):
         return [0.0, *(self.start + i * interval for i in range(first, end)), last]
 
     def integral(self, time: float) -> float:
-        """Return the integral of the first value from 0 to a time, exact but for rounding."""
+        """Return the integral of the first value from 0 to a time, exact to rounding."""
         heard = self.envelope.integral(time - self.start) - self.envelope.integral(-self.start)
         return self.base[0] * time + self.gain[0] * heard

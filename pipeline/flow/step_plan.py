@@ -38,7 +38,7 @@ class StepPlan(NamedTuple):
              often a point may halve it, and its tables (see `kernels.streamlines.advect`)
     spans    float64 (S, 3): seconds, tolerance and maximum step of each sub-step
     owners   keep the memory at the addresses in the tables
-    halved   tells whether points may halve the sub-steps
+    halved   True if points may halve the sub-steps
     """
 
     opcodes: Indices
@@ -102,7 +102,7 @@ class StepPlan(NamedTuple):
         return out
 
     def _calls(self, count: int, activity: str) -> Iterator[slice]:
-        """Yield the points of each compiled call. The first call is small, and its time tells the next size.
+        """Yield the points of each compiled call. The first call is small; its time decides the next size.
 
         Calls hold whole blocks, at least one for each thread, and move points as a single call would.
         """

@@ -51,7 +51,7 @@ class Halving(NamedTuple):
 
     deepest   halvings at most
     resolved  halvings for whose sub-steps there are tables
-    parts     tables a sub-step, beside the first: at its middle and end, or its quarters
+    parts     tables per sub-step after the first: at its middle and end, or its quarters
     """
 
     deepest: int = 0
@@ -60,7 +60,7 @@ class Halving(NamedTuple):
 
     @property
     def tables(self) -> int:
-        """Tables for each sub-step before halving, beside the first."""
+        """Tables for each sub-step before halving, after the first."""
         return self.parts << self.resolved
 
 

@@ -183,7 +183,7 @@ class SheetSurface(AnalyticSurface):
 class RepeatedSurface(AnalyticSurface):
     """Copies of a surface, or the one surface moved.
 
-    middles  (N, 3) of the spheres around the copies, none of which touch
+    middles  (N, 3) of the spheres around the copies, which do not touch
     offsets  (N, 3) from the surface to its copies
     """
 

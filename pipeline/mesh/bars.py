@@ -42,7 +42,7 @@ class BarLattice(AnalyticSurface):
         positive("size, spacing and thickness", np.array([*self.size, self.spacing, self.thickness]))
         if self.spacing <= self.thickness:
             raise UsageError(
-                f"spacing {self.spacing:g} must be above thickness {self.thickness:g}, or the bars meet"
+                f"spacing {self.spacing:g} must be above thickness {self.thickness:g}, or the bars touch"
             )
         for length in self.size:
             if length != self.thickness and length <= 2 * self.thickness:
@@ -102,7 +102,7 @@ class BarLattice(AnalyticSurface):
     def _nearest(self, points: Points) -> tuple[Points, Vectors]:
         """Return the nearest points (N, 3), and the normals there.
 
-        Bars go straight through, so the nearest place is beside the nearest crossing, on one of 30
+        Bars go straight through, so the nearest place is next to the nearest crossing, on one of 30
         rectangles: the four sides of each half bar, and an end where there is none.
         """
         node = np.stack([self._nearest_crossing(points, axis) for axis in range(3)], axis=1)

@@ -64,7 +64,8 @@ class Lattice:
         """Return the lattice of an `as_array`. Raises MeshError for other arrays."""
         if numbers.shape != (4,):
             raise MeshError(
-                f"a net has shape {numbers.shape}; it must be 4 numbers: rows, columns and what is closed"
+                f"a net has shape {numbers.shape}; it must be 4 numbers: rows, columns, and whether each is "
+                "closed"
             )
         rows, columns, around, across = numbers.tolist()
         return cls(rows, columns, (bool(around), bool(across)))

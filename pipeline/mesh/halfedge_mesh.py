@@ -218,7 +218,7 @@ class _Columns:
         for name, values in attributes.items():
             if values.dtype.kind not in "fiub" or values.dtype.itemsize > 8:
                 raise MeshError(
-                    f"attribute {name!r} holds {values.dtype}; resampling carries real numbers only"
+                    f"attribute {name!r} holds {values.dtype}; resampling supports only real numbers"
                 )
             if not np.isfinite(values).all():
                 raise MeshError(f"attribute {name!r} holds values that are not finite; replace them")
@@ -257,7 +257,7 @@ def _tags_of(mesh: TriangleMesh) -> AnyArray:
     missing = ~np.isin(edge_keys(mesh.creases), edge_keys(mesh.ends_of(np.flatnonzero(tagged))))
     if missing.any():
         a, b = mesh.creases[missing][0]
-        raise MeshError(f"crease {a}-{b} is no edge of the mesh; creases name two vertices of one edge")
+        raise MeshError(f"crease {a}-{b} is not an edge of the mesh; creases name two vertices of one edge")
     return tagged.view(np.uint8)
 
 

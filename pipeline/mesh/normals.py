@@ -1,7 +1,7 @@
 """Normals: of faces, of vertices split at creases (Gouraud; P39), and carried through a flow.
 
 Under a map with the Jacobian J, tangents go to J t and normals to the direction of cof(J) n = det(J) J⁻ᵀ n,
-which is (J t₁) × (J t₂) for t₁ × t₂ = n. J t is differenced: two points beside each vertex go with it.
+which is (J t₁) × (J t₂) for t₁ × t₂ = n. J t is differenced: two points next to each vertex move with it.
 """
 
 from __future__ import annotations

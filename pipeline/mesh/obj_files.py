@@ -124,7 +124,8 @@ class _Wavefront:
             self.coordinates += map(float, words[1:4])
             if len(words) == 5 and float(words[4]) != 1.0:
                 raise MeshError(
-                    "its fourth number is a weight, as of rational curves; a vertex of faces has none. "
+                    "its fourth number is a weight, which belongs to rational curves, not to vertices of "
+                    "faces. "
                     "Export it without weights."
                 )
         except ValueError:
@@ -202,7 +203,7 @@ class _Wavefront:
             case b"t" if words[1:2] == [b"crease"]:
                 self.tagged += _creases(words)
             case b"call":
-                raise MeshError("other files that a file calls are not read. Export it as one file.")
+                raise MeshError("files that this file calls are not read. Export it as one file.")
             case _ if name in _LEFT_OUT:
                 self.left_out[name] += 1
 
@@ -227,7 +228,7 @@ class _Wavefront:
             f"{plural(count, *_LEFT_OUT[name])} ({name.decode()})" for name, count in self.left_out.items()
         ]
         found = " and ".join(counts)
-        return (f"{found} left out: a surface is made of faces (f)",) if found else ()
+        return (f"{found} left out: only faces (f) make a surface",) if found else ()
 
 
 def _creases(words: list[bytes]) -> list[tuple[int, int]]:

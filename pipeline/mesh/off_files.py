@@ -42,7 +42,7 @@ class _Layout(NamedTuple):
     def of(cls, prefixes: bytes, dimension: int) -> _Layout:
         """Return the layout. Raises MeshError for vertices that are not in space."""
         if dimension != 3:
-            raise MeshError(f"its vertices have {dimension} dimensions (nOFF); only those of 3 are read")
+            raise MeshError(f"its vertices have {dimension} dimensions (nOFF); only 3 are read")
         beside = sum(width for mark, width in ((b"ST", 2), (b"C", 4), (b"N", 3)) if mark in prefixes)
         return cls(b"4" in prefixes, dimension, beside)
 
@@ -82,7 +82,9 @@ def read_object_file(content: bytes) -> FileSurface:
         head[0] = [*([keyword[2]] if keyword[2] else []), *head[0][1:]]
     dimension, vertices, faces, start = _counts(head, b"n" in prefixes)
     if min(vertices, faces) < 0 or max(vertices, faces) > len(content):
-        raise ValueError(f"its header promises {vertices} vertices and {faces} faces; they do not fit in it")
+        raise ValueError(
+            f"its header promises {vertices} vertices and {faces} faces; the file is too short for them"
+        )
     layout = _Layout.of(prefixes, dimension)
     if is_one_row:
         return _read_words(head[start:], layout, vertices, faces)

@@ -88,8 +88,8 @@ def read_polygon_file(content: bytes) -> FileSurface:
         faces = faces.joined(_triangles_of(_corners(_STRIPS, tables[_STRIPS], restarts=True)))
     if not len(faces.lengths) and _rows(tables, _GRID):
         raise MeshError(
-            f"it holds a grid of ranges as a scanner made it ({_GRID}), and no faces. "
-            "Export it as faces from the scanner's program."
+            f"it has a scanner's grid of ranges ({_GRID}) and no faces. Export faces from the scanner's "
+            "program."
         )
     return polygon_surface(vertex_positions(tables), faces.offsets, faces.values.reshape(-1))
 
@@ -193,7 +193,7 @@ def _header(lines: list[bytes]) -> tuple[str, list[_Element]]:
             case ["format", name, *_]:
                 order = _ORDERS.get(name, "")
                 if not order:
-                    raise ValueError(f"its format {name[:40]} is none of {', '.join(_ORDERS)}")
+                    raise ValueError(f"its format {name[:40]} is not one of {', '.join(_ORDERS)}")
             case ["element", name, rows] if rows.isdecimal() and all(e.name != name for e in elements):
                 elements.append(_Element(name, int(rows), []))
             case ["property", *_] if not elements:

@@ -46,7 +46,7 @@ def read_points(path: str | Path) -> PointSet:
     path = Path(path)
     points = read_by_suffix(path, _READERS, "a file of points")
     if not len(points.points):
-        raise MeshError(f"{path}: it holds no points; a cloud needs at least one")
+        raise MeshError(f"{path}: it has no points; a cloud needs at least one")
     if points.points.ndim != 2 or points.points.shape[1] != 3:
         raise MeshError(f"{path}: its points have shape {points.points.shape}; they must be (N, 3)")
     _require_finite(path, points.points)
@@ -72,7 +72,7 @@ def read_net(path: str | Path, columns: int | None = None) -> Floats:
         grid = points
     else:
         if columns is None:
-            raise MeshError(f"{path}: its points stand in one list; say how many make a row, as columns")
+            raise MeshError(f"{path}: its points are one list; write columns, the number of points in a row")
         if not len(points) or len(points) % columns:
             raise MeshError(
                 f"{path}: {plural(len(points), 'point')} cannot make rows of {columns}; correct columns"
@@ -122,7 +122,8 @@ def _xyz(content: bytes) -> PointSet:
         row = b" ".join(words).replace(b",", b" ").split()
         if len(row) < 3 or len(row) != len(rows[0] if rows else row):
             raise ValueError(
-                f"point {len(rows)} has {plural(len(row), 'number')}; all need the same, three at least"
+                f"point {len(rows)} has {plural(len(row), 'number')}; all need the same number, at least "
+                "three"
             )
         if fault := number_fault(row):
             raise ValueError(f"line {line}: {fault}")
@@ -137,7 +138,7 @@ def _arrays(content: bytes) -> PointSet:
     name = next((name for name in _POINTS if name in archive.names), None)
     if name is None:
         known = ", ".join(sorted(archive.names)) or "nothing"
-        raise MeshError(f"it holds no array {' or '.join(_POINTS)}. There are: {known}.")
+        raise MeshError(f"it has no array {' or '.join(_POINTS)}. There are: {known}.")
     points = archive.array(name).astype(np.float64)
     if points.ndim not in (2, 3):
         raise MeshError(f"its {name} have shape {points.shape}; they must be (N, 3)")

@@ -199,7 +199,7 @@ def _check_faces(offsets: AnyArray, corners: AnyArray, vertices: int) -> None:
     if len(small):
         f = int(small[0])
         raise MeshError(
-            f"face {f} has {plural(int(offsets[f + 1] - offsets[f]), 'corner')}; a polygon has three at least"
+            f"face {f} has {plural(int(offsets[f + 1] - offsets[f]), 'corner')}; a polygon has at least three"
         )
     require_existing(corners, vertices)
 

@@ -95,7 +95,7 @@ def read_surface(path: str | Path, repair: bool = True, part: ScenePart | None =
     loaded = read_by_suffix(path, readers, "a mesh format", mesh_suffixes())
     if len(loaded.corners) == 0:
         rest = "".join(f"; {note}" for note in loaded.notes)
-        raise MeshError(f"{path}: it holds no faces; a surface needs at least one triangle{rest}")
+        raise MeshError(f"{path}: it has no faces; a surface needs at least one triangle{rest}")
     _require_cuttable(path, loaded)
     try:
         mesh, repairs = repair_surface(loaded, repair)

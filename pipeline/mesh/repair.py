@@ -52,7 +52,7 @@ def repair_surface(surface: FileSurface, repair: bool = True) -> RepairedSurface
         mesh, soup, origin = _separate(soup, faults)
         problem = _problem(mesh)
     if faults.lines and not repair:
-        raise MeshError(f"{'; '.join(faults.faults)}. Write repair: on, or mend the model.")
+        raise MeshError(f"{'; '.join(faults.faults)}. Write repair: on, or repair the model.")
     if problem is not None:
         raise MeshError(f"it cannot be repaired: {problem}")
     creases = [_between_groups(mesh, surface.groups[soup.faces]), _tagged(mesh, origin, merged, surface)]

@@ -72,7 +72,7 @@ def torus(
     positive("radius and tube_radius", np.array([radius, tube_radius, edge_length]))
     if tube_radius >= radius:
         raise UsageError(
-            f"tube_radius {tube_radius:g} must be below radius {radius:g}, or the ring meets itself"
+            f"tube_radius {tube_radius:g} must be below radius {radius:g}, or the ring intersects itself"
         )
     around = max(6, math.ceil(2 * math.pi * tube_radius / (edge_length * math.sqrt(0.75))))
     angle = 2 * math.pi * np.arange(around) / around
@@ -92,7 +92,9 @@ def rod(
     if caps not in ("round", "flat"):
         raise UsageError(f"caps {caps!r} must be 'round' or 'flat'")
     if caps == "round" and length < 2 * radius:
-        raise UsageError(f"length {length:g} leaves no room for round caps of radius {radius:g}; take 'flat'")
+        raise UsageError(
+            f"length {length:g} leaves no room for round caps of radius {radius:g}; write 'flat'"
+        )
     step = edge_length * math.sqrt(0.75)
     if caps == "round":
         turns = max(2, math.ceil(0.5 * math.pi * radius / step))

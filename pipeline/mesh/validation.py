@@ -101,7 +101,7 @@ def _points_problem(mesh: TriangleMesh) -> str | None:
 
 def _vertices_problem(vertices: Points, faces: int) -> str | None:
     if not faces:
-        return "there are no faces; a surface needs at least one"
+        return "the mesh has no faces; a surface needs at least one"
     wrong = np.logical_not(np.isfinite(vertices).all(axis=1))
     if not wrong.any():
         return None
@@ -127,15 +127,15 @@ def _edges_problem(mesh: TriangleMesh, twin: Indices) -> str | None:
     faces = np.flatnonzero((mesh.faces == a).any(axis=1) & (mesh.faces == b).any(axis=1))
     corners = np.sort(mesh.faces[faces], axis=1)
     if len(np.unique(corners, axis=0)) < len(corners):
-        return f"among faces {_listed(faces)}, at edge {a}-{b}, one stands twice; remove duplicates"
+        return f"among faces {_listed(faces)}, at edge {a}-{b}, one is there twice; remove duplicates"
     return _edge_problem(a, b, faces, crowded=fault == CROWDED)
 
 
 def _edge_problem(a: int, b: int, faces: AnyArray, crowded: bool) -> str:
     if crowded:
         return (
-            f"edge {a}-{b} has {len(faces)} faces ({_listed(faces)}); it may have two at most: "
-            "split the mesh there"
+            f"edge {a}-{b} has {len(faces)} faces ({_listed(faces)}); it may have at most two: split the "
+            "mesh there"
         )
     return f"faces {_listed(faces)} run along edge {a}-{b} the same way; reverse one of them"
 
@@ -180,7 +180,7 @@ def _polygon_repeats_problem(mesh: PolygonMesh) -> str | None:
     if not repeated.any():
         return None
     c = _first(repeated)
-    return f"face {owners[c]} names vertex {corners[c]} twice; cut it in two there"
+    return f"face {owners[c]} names vertex {corners[c]} twice; split it in two there"
 
 
 def _side_keys(mesh: PolygonMesh) -> tuple[AnyArray, AnyArray]:
@@ -239,9 +239,7 @@ def _polygon_fans_problem(mesh: PolygonMesh, twin: AnyArray) -> str | None:
 
 
 def _two_parts(vertex: int) -> str:
-    return (
-        f"vertex {vertex} joins two parts of the surface by a point only; give each part a vertex of its own"
-    )
+    return f"vertex {vertex} joins two parts of the surface at a single point; give each part its own vertex"
 
 
 def _first(flags: AnyArray) -> int:

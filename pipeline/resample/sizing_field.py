@@ -47,7 +47,7 @@ class DistanceToCamera:
         if not 0 < self.field_of_view < math.pi:
             raise UsageError(f"field_of_view {self.field_of_view:g} must lie between 0 and pi radians")
         if not (self.pixels > 0 and self.width > 0):
-            raise UsageError(f"{self.pixels:g} pixels of {self.width:g} are no size; both must be above 0")
+            raise UsageError(f"{self.pixels:g} pixels of a width of {self.width:g}: both must be above 0")
 
     def __call__(self, mesh: TriangleMesh) -> Floats:
         """Return edge lengths (V,), scene units."""

@@ -95,7 +95,9 @@ class Thresholds:
     def numbers(self) -> tuple[float, float, float]:
         """Maximum, minimum (scene units), hard angle (radians). Raises UsageError where one is a function."""
         if self.active:
-            raise UsageError("active thresholds are no three numbers; ask for their fields over a mesh")
+            raise UsageError(
+                "active thresholds are functions, not three numbers; use their fields over a mesh"
+            )
         return cast(tuple[float, float, float], self._three)
 
     def hard_angles(self, mesh: TriangleMesh) -> float | Floats:

@@ -179,7 +179,7 @@ def check_light_groups(source: YamlSource) -> Iterator[Problem]:
     if groups not in (None, "off") and (look := _drawn_look(source)):
         yield (
             ("light_groups",),
-            f"look {look} is drawn without lights, so it has no light groups. Remove light_groups, or take "
+            f"look {look} is drawn without lights, so it has no light groups. Remove light_groups, or use "
             "another look.",
         )
     if not (isinstance(groups, dict) and names):

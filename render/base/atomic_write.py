@@ -22,7 +22,7 @@ _LETTERS = 40
 """Letters of a file's name in the name of its draft: file systems limit names, mostly to 255 bytes."""
 
 REMEDIES = {
-    errno.ENOSPC: "the disk is full; free some space and run again, nothing done is lost",
+    errno.ENOSPC: "the disk is full; free some space and run again; finished work is kept",
     errno.EDQUOT: "the disk quota is used up; free some space or ask for more",
     errno.EFBIG: "the file is larger than this process may write; raise `ulimit -f`",
     errno.EROFS: "the file system is read-only; choose another folder (--root)",
@@ -31,8 +31,8 @@ REMEDIES = {
     errno.ENOTDIR: "a file stands where a folder should be; choose another folder",
     errno.EEXIST: "a file stands where a folder should be; choose another folder",
     errno.EISDIR: "a folder stands where a file should be; move it away",
-    errno.EIO: "the disk reports an error; check it, and `flowsculpt verify` what was made",
-    errno.ESTALE: "the network folder has gone away; mount it again",
+    errno.EIO: "the disk reports an error; check it, then run `flowsculpt verify`",
+    errno.ESTALE: "the network folder is no longer mounted; mount it again",
     errno.ELOOP: "links point at each other; remove one of them",
     errno.ENAMETOOLONG: "the name is too long for this file system; choose a shorter one",
 }
@@ -55,9 +55,9 @@ def atomic_write(
     Missing folders are made. The temporary path has the suffix of `path`. Threads, processes and hosts may
     write one path at once: the last one wins.
 
-    draft    temporary path, on the file system of `path`; by default a hidden file beside it
+    draft    temporary path, on the file system of `path`; by default a hidden file next to it
     flush    write through to the disk first, so that `path` survives a power failure; caches need not
-    is_same  tells whether the file at a path is what was read from `path`: others' changes are not lost then
+    is_same  returns True if the file at a path is still the one that was read: others' changes are kept
 
     Raises MachineError where the operating system refuses, and ChangedFileError where `is_same` is false.
     Where the file is only a cache, suppress MachineError.

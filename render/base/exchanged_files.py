@@ -26,7 +26,7 @@ class ChangedFileError(Exception):
 def replace_unchanged(draft: Path, path: Path, is_same: Callable[[Path], bool]) -> None:
     """Rename a draft to `path`.
 
-    is_same  tells whether the file at a path, or its absence, is what was read from `path`
+    is_same  returns True if the file at a path, or its absence, is still what was read from `path`
 
     Raises ChangedFileError where it is not, and OSError; `path` then has what others have written.
     """

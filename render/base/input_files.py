@@ -55,7 +55,7 @@ def require_input(path: Path, most: int = MOST_BYTES) -> int:
     try:
         size = path.stat().st_size
     except FileNotFoundError:
-        raise MissingInputError(f"{path}: there is no such file; check the path") from None
+        raise MissingInputError(f"{path}: file not found; check the path") from None
     except (OSError, ValueError) as error:
         raise _unreadable(path, error) from None
     if size > most:
@@ -145,4 +145,4 @@ def _unreadable(path: Path, error: Exception) -> FlowsculptError:
     if isinstance(error, OSError) and error.errno in (errno.EIO, errno.ESTALE):
         return machine_error(path, error, "read")
     reason = error.strerror if isinstance(error, OSError) else str(error)
-    return MissingInputError(f"{path}: it cannot be read ({reason}); look at its permissions")
+    return MissingInputError(f"{path}: it cannot be read ({reason}); check its permissions")

@@ -98,7 +98,7 @@ def use_kernel_cache() -> None:
     """
     numba.config._config_fname = ""  # see `import_numba_elsewhere`; numba looks again when it compiles
     if numba.config.DISABLE_JIT:
-        raise MachineError("NUMBA_DISABLE_JIT is set, and flowsculpt runs compiled kernels; unset it")
+        raise MachineError("NUMBA_DISABLE_JIT is set, but flowsculpt needs compiled kernels; unset it")
     if cpu_level() != HOST:
         numba.config.CPU_NAME, numba.config.CPU_FEATURES = cpu_level(), ""
     numba.config.CACHE_DIR = str(_written_folder())
@@ -123,7 +123,7 @@ def cpu_level() -> str:
 
 
 class KernelCache(Cache):  # type: ignore[misc]  # numba has no types
-    """What is compiled of one kernel: a file for each of its types, with the digest of its content.
+    """The compiled files of one kernel: one for each of its types, with the digest of its content.
 
     Files are pickles, which run as code: they are read from folders that nobody else may write to. A damaged
     file counts as none. Processes may write one at once.

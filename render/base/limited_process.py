@@ -66,7 +66,7 @@ def answer_about_content(module: str, path: Path, digest: str, library: str, *op
 
     digest   of the file's content
     library  the package that reads it; another version is asked again
-    options  what else the module is told
+    options  further arguments of the module
 
     Raises as `answer_of`.
     """
@@ -97,7 +97,7 @@ def serve(answer: Callable[..., bytes]) -> None:
 
 
 def allow_memory(count: int) -> None:
-    """Set the bytes that this process may take beside what it has now."""
+    """Set the bytes that this process may take in addition to what it has now."""
     with suppress(ImportError, OSError, ValueError):  # systems differ in what they can limit
         import resource
 

@@ -159,7 +159,7 @@ def import_numba_elsewhere() -> None:
 
 
 def environment_of_others() -> dict[str, str]:
-    """Return the environment for a program of the user, which may be a Python script beside its modules."""
+    """Return the environment for a program of the user, such as a Python script with modules next to it."""
     given = dict(os.environ)
     if not sys.flags.safe_path:
         given.pop(SAFE_PATH, None)

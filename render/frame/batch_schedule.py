@@ -25,10 +25,10 @@ MAX_STEP = 1.0
 """Pixels that a point of the subject may move between two motion samples of all pixels."""
 
 MAX_CHOSEN_STEP = 1.5
-"""Pixels between two motion samples of which each pixel chooses one."""
+"""Pixels between two motion samples if each pixel chooses one of them."""
 
 MAX_MOTION_SAMPLES = 16
-"""Most motion samples with multijitter, and those that are affordable whatever they cost."""
+"""Most motion samples with multijitter, and the number that is always affordable."""
 
 MIN_SAMPLES = 4
 """Least samples per pixel of a motion sample with multijitter, where the frame has at least twice as many.

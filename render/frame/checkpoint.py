@@ -32,7 +32,7 @@ class Checkpoint:
     path     the file; its name must say everything that decides the picture
     draft    temporary file on the same file system
     warn     is called with a message, once per fault; a frame never fails by its checkpoint
-    urgent   tells whether the process is about to end
+    urgent   True if the process is about to end
     seconds  least time between two checkpoints
     resumed  sample batches that `load` has read
     """
@@ -50,7 +50,7 @@ class Checkpoint:
         self._due = time.monotonic() + self.seconds
 
     def load(self) -> dict[str, NDArray[Any]] | None:
-        """Return the stored state, of which `done` is the number of batches, or None.
+        """Return the stored state, with the number of batches as `done`, or None.
 
         A damaged file is reported by `warn` and removed.
         """
@@ -76,7 +76,7 @@ class Checkpoint:
                 np.savez(file, allow_pickle=False, **state())  # a path would be given another suffix
         except MachineError as error:
             self._refused = True
-            self.warn(f"{error}; if interrupted, its picture starts anew")
+            self.warn(f"{error}; if interrupted, its picture starts again")
         spent = time.monotonic() - now
         self._due = now + spent + max(self.seconds, MIN_WORK * spent)
 

@@ -27,7 +27,7 @@ from render.base.kernel_cache import compiled
 Picture = NDArray[np.float64]
 
 BRIGHT_FACTOR = 3.0
-"""Brightness of a pixel, over the third brightest of its eight neighbours, up to which it is no firefly."""
+"""Brightness of a pixel, over the third brightest of its eight neighbours, above which it is a firefly."""
 
 RELIABLE_COUNT = 8.0
 """Samples in the neighbourhood, of the brightness of a pixel's brightest, with which all its light is kept;

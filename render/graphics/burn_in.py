@@ -58,7 +58,7 @@ class BurnIn:
     def __post_init__(self) -> None:
         for field in self.fields:
             if field not in FIELDS:
-                raise BadInputError(f"{field!r} is nothing to burn in. {suggestion(field, FIELDS)}")
+                raise BadInputError(f"{field!r} cannot be burnt in. {suggestion(field, FIELDS)}")
 
     @classmethod
     def parse(cls, text: str) -> BurnIn:

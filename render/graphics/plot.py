@@ -94,7 +94,9 @@ def plot_panels(title: str, panels: Sequence[Panel], fps: float, path: Path) -> 
     Raises BadInputError for another ending or no panels, MachineError where the disk refuses.
     """
     if path.suffix.lower() not in ENDINGS:
-        raise BadInputError(f"{path}: a page of curves can be {', '.join(ENDINGS)}; end its name so")
+        raise BadInputError(
+            f"{path}: a page of curves can be {', '.join(ENDINGS)}; end its name with one of these"
+        )
     if not panels:
         raise BadInputError("a page of no curves is not possible")
     import matplotlib as mpl
@@ -174,7 +176,7 @@ def _draw_curves(axes: Axes, curves: Curves) -> None:
 
 
 def _label(axes: Axes, text: str, value: float, points: float, **style: Any) -> None:
-    """Write a text beside a panel at the height of a value, some points from its right edge."""
+    """Write a text next to a panel at the height of a value, some points from its right edge."""
     place: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
     axes.annotate(text, (1.0, value), xytext=(points, 0), va="center", **place, **style)
 

@@ -118,5 +118,5 @@ def cut_short(text: str, font: str, size: int, max_width: float, spacing: float 
 def _ink_width(text: str, size: int, font: str) -> int:
     box = oiio.ImageBufAlgo.text_size(text, size, font)
     if not box.defined:
-        raise BadInputError(f"there is no font {font!r}; try DroidSans or DroidSerif")
+        raise BadInputError(f"font {font!r} not found; try DroidSans or DroidSerif")
     return int(box.xend - box.xbegin)

@@ -35,7 +35,7 @@ class EmitterGroups:
     """The groups of the emitters of a scene. Emitters of no group belong to the last.
 
     count       sums of a path: as many as groups, 1 without groups
-    are_wanted  True if the light of each group is wanted beside that of all
+    are_wanted  True if the light of each group is wanted besides that of all
     """
 
     def __init__(

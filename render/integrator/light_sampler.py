@@ -57,7 +57,7 @@ class LightSource:
     described     the emitter
     emitter       pointer to it
     distribution  a `sky_sampler.Cone` or `sky_sampler.Table`, or None for Mitsuba's way
-    is_rest       True for the rest of a sky beside its bright part
+    is_rest       True for the rest of a sky, without its bright part
     """
 
     def __init__(

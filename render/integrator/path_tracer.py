@@ -46,7 +46,7 @@ class PathTracer:
     integrator     Mitsuba's, which is used only to look past hidden emitters
     max_depth      vertices of a path, the emitter's included
     hide_emitters  True if the lens sees neither emitters nor the sky
-    groups         light groups, each of which gets a sum of its own; by default one of all emitters
+    groups         light groups, each with its own sum; by default one of all emitters
     objects        shapes whose coverage of the pixel is measured
     catcher        a shape that is not seen, but the shadows on it; or None
     subsurface     random walks below the surfaces of subjects, or None

@@ -110,7 +110,7 @@ class SubsurfaceWalks:
 
 
 def single_scattering_albedo(colour: Any) -> Any:
-    """Return the albedo of a medium of which a thick flat body reflects the colour (Chiang et al. 2016)."""
+    """Return the albedo of a medium whose thick flat body reflects the colour (Chiang et al. 2016)."""
     return 1.0 - dr.exp(colour * (-5.09406 + colour * (2.61188 - 4.31805 * colour)))
 
 

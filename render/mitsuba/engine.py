@@ -113,7 +113,7 @@ def choose(prefer: Sequence[str] | None = None, threads: int = 0) -> Engine:
     order = tuple(prefer) if prefer else DEFAULT_ORDER
     for variant in order:
         if variant not in VARIANTS:
-            raise BadInputError(f"{variant!r} is no renderer; it can be {', '.join(VARIANTS)}")
+            raise BadInputError(f"{variant!r} is not a renderer; it can be {', '.join(VARIANTS)}")
     refused: list[str] = []
     for variant in order:
         libraries: list[LibLlvm | None] = [*llvm.candidates()] if variant == "llvm_ad_rgb" else [None]
@@ -148,7 +148,7 @@ def provide_llvm() -> None:
                 raise MachineError(f"{package} does not work here")
             print(f"libLLVM {library.version or ''} unpacked from {package}: fast rendering on this machine")
     except MachineError as error:
-        print(f"No libLLVM fetched ({error}): rendering works without, at about half the speed")
+        print(f"No libLLVM fetched ({error}): rendering works without it, at about half the speed")
 
 
 def works(variant: str, library: LibLlvm | None = None) -> bool:

@@ -114,7 +114,7 @@ def provision(folder: Path, time_limit: float = TIME_LIMIT) -> str:
 
 @contextmanager
 def _temporary_folder(folder: Path) -> Iterator[Path]:
-    """Yield a temporary folder beside `folder`, after removing those of killed runs."""
+    """Yield a temporary folder next to `folder`, after removing those of killed runs."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         for leftover in folder.parent.glob(f"{folder.name}.tmp*"):

@@ -1,4 +1,4 @@
-"""What can hide softboxes: all shapes but a cyclorama around everything. Needs a started engine.
+"""Occluders of softboxes: all shapes except a cyclorama around everything. Needs a started engine.
 
 A cyclorama is convex. Where the lens and all emitters are within it, it never comes between an emitter and
 what paths reach. Its large triangles lengthen the search for others: rays to emitters that leave it out save

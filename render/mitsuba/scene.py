@@ -234,11 +234,11 @@ def _drawn(scene: Scene, size: tuple[int, int], quality: Quality, aovs: Collecti
     if scene.others:
         raise BadInputError(
             "a look that is drawn without lights shows one subject, and the scene has "
-            "several. Take other looks"
+            "several. Use other looks"
         )
     if scene.lights.groups:
         raise BadInputError(
-            "the look is drawn without lights, so it has no light groups. Remove light_groups, or take "
+            "the look is drawn without lights, so it has no light groups. Remove light_groups, or use "
             "another look"
         )
     surface = surface_of(scene.subjects[0])

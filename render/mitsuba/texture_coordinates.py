@@ -3,7 +3,7 @@
 The first coordinate is the phase of a pattern, the position across scratches, or the first coordinate of a
 texture. The second is 1 on the subject and 0 elsewhere, so that its mean over a pixel is the matte. The
 second coordinate of a texture is added to it, scaled down so far that it does not show in the matte, and so
-is the position along scratches, of which Mitsuba makes tangents.
+is the position along scratches, from which Mitsuba makes tangents.
 """
 
 from __future__ import annotations

@@ -68,7 +68,7 @@ def path_tracer(
         if scene.stage.shadow_catcher:
             raise BadInputError(
                 "a shadow catcher needs a compiled variant of Mitsuba and a look other than smoke. Remove "
-                "shadow_catcher from the stage, or read what flowsculpt doctor says of libLLVM"
+                "shadow_catcher from the stage, or see what flowsculpt doctor says about libLLVM"
             )
         return None
     shapes = list(scene.objects.values())

@@ -63,7 +63,7 @@ def band_level(file: Path, digest: str, low: float, high: float) -> BandLevel:
     answer = json.loads(text)
     if low >= answer["rate"] / 2:
         raise BadInputError(
-            f"{file}: it has {answer['rate']} samples a second, so it holds nothing above "
+            f"{file}: it has {answer['rate']} samples a second, so it has nothing above "
             f"{answer['rate'] / 2:g} Hz, and the band begins at {low:g} Hz; lower the band"
         )
     levels = np.array(answer["steps"], dtype=np.float64) * (answer["highest"] / STEPS)

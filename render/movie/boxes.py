@@ -1,6 +1,6 @@
 """Boxes of MP4 and QuickTime movies (ISO/IEC 14496-12): change a movie's index after it was written.
 
-A box is a size, a kind of four letters and content. The index, the box `moov`, tells where in the file the
+A box is a size, a kind of four letters and content. The index, the box `moov`, says where in the file the
 pictures are. Where it stands before them and grows, they move, and their positions in it are renewed.
 """
 

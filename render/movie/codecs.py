@@ -151,7 +151,7 @@ MEANT = {
     "x264": "h264",
     "x265": "h265",
 }
-"""Words for formats of movies, and the deliverables that are proposed for them."""
+"""Words for movie formats, and the deliverables that are suggested for them."""
 
 
 def movie_encode(bits: int) -> Encode:
@@ -167,7 +167,7 @@ def encode_named(name: str) -> Encode:
         meant = MEANT.get(name.lower().lstrip("."))
         close = f"Did you mean {meant!r}?" if meant else suggestion(name, ENCODES)
         known = "" if close.startswith("There are") else f" There are: {', '.join(ENCODES)}."
-        raise BadInputError(f"{shortened(name)} is no deliverable. {close}{known}")
+        raise BadInputError(f"{shortened(name)} is not a deliverable. {close}{known}")
     return ENCODES[name]
 
 

@@ -48,7 +48,7 @@ class MovieFacts:
 def probe_movie(path: Path) -> MovieFacts:
     """Decode every frame of a movie and return its facts. Raises MissingImageError or CorruptImageError."""
     if not path.is_file():
-        raise MissingImageError(f"{path}: there is no such movie")
+        raise MissingImageError(f"{path}: movie not found")
     try:
         if path.suffix == ".webp":
             return _probe_webp(path)
@@ -58,7 +58,7 @@ def probe_movie(path: Path) -> MovieFacts:
 
 
 def _probe(path: Path) -> MovieFacts:
-    """Read a movie with imageio. It tells no colours: they are read from the stream that it opened."""
+    """Read a movie with imageio. It has no colours: they are read from the stream that it opened."""
     movie: Any
     with iio.imopen(path, "r", plugin="pyav") as movie:
         stream, codec = movie._video_stream, movie._video_stream.codec_context

@@ -1,8 +1,8 @@
-"""Layers for compositing: what a finished frame holds beside its light, computed from the raw AOVs.
+"""Layers for compositing: what a finished frame has besides its light, computed from the raw AOVs.
 
 Raw AOVs are means over the pixel, so at outlines they mix the subject with what is behind it. A subject at
 distance 6 before a wall at 20 is nothing at 13: depth, position and motion vectors of such a pixel are those
-of its greater part, taken from the pixels beside it that show nothing else.
+of its greater part, taken from neighbouring pixels that show nothing else.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class LayerInputs:
     size       width and height of the whole picture, pixels
     stage      around the subject
     materials  names of materials by object, where the names differ
-    copies     the number of copies by object, of objects of which there are several
+    copies     the number of copies by object, for objects with several
     """
 
     view: Viewpoint

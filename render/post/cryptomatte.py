@@ -50,7 +50,7 @@ def id_bits(name: str) -> int:
 
 @dataclass(frozen=True, eq=False)
 class RankedCoverage:
-    """Coverage of pixels by objects of which there are too many for a plane each.
+    """Coverage of pixels by objects that are too many for a plane each.
 
     names    of all objects; object 1 is the first
     numbers  (K, H, W) of the objects that a pixel shows; 0 for none

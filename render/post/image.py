@@ -54,7 +54,7 @@ def write_exr(
     standard: Mapping[str, str] | None = None,
     convention: str | None = None,
 ) -> None:
-    """Write a frame's AOVs to one EXR; `header` becomes `flowsculpt:` entries beside the frame's own facts.
+    """Write a frame's AOVs to one EXR; `header` becomes `flowsculpt:` entries besides the frame's own facts.
 
     precision   half or float by AOV, where it differs from `AOVS`
     attributes  attributes of the OpenEXR standard; those of its colours are written always
@@ -244,7 +244,7 @@ def _header(spec: Any) -> dict[str, Any]:
 def _read(path: Path, read: Callable[[Any], T]) -> T:
     """Return what `read` returns of an opened picture; where that fails, of a copy of it in memory."""
     if not path.is_file():
-        raise MissingImageError(f"{path}: there is no such picture")
+        raise MissingImageError(f"{path}: picture not found")
     try:
         with _opened(path, path) as file:
             return read(file)
@@ -258,7 +258,7 @@ def _read_copy(path: Path, read: Callable[[Any], T]) -> T:
     OpenEXR leaves entries of a header out, without a word, where a read of it is interrupted.
     """
     if not path.is_file():
-        raise MissingImageError(f"{path}: there is no such picture")
+        raise MissingImageError(f"{path}: picture not found")
     try:
         with copied_to_memory(path) as copy, _opened(copy, path) as file:
             return read(file)
@@ -325,4 +325,4 @@ def _check_whole(temporary: Path, path: Path) -> None:
         _read(temporary, lambda file: _pixels(file, path, oiio.UNKNOWN))
     except (CorruptImageError, MissingImageError) as error:
         reason = str(error).removeprefix(f"{path}: ").removesuffix("; make it again")
-        raise cannot_write(path, temporary, f"what was written {reason}") from error
+        raise cannot_write(path, temporary, f"the written file {reason}") from error

@@ -30,10 +30,10 @@ POSITION_TOLERANCE = 2.5
 """Pixels by which a reprojected point may lie beside the expected one."""
 
 NOISE_LEFT = 0.5
-"""Noise that may be left after denoising, as a fraction of what was removed."""
+"""Noise that may be left after denoising, as a fraction of the noise removed."""
 
 MIN_SPREAD = 0.004
-"""The share of a light below which a difference is never taken for a change."""
+"""The share of a light below which a difference is never treated as a change."""
 
 MOST_SHARE = 3.0
 """Most of what denoising may have changed of a pixel, over the mean around it, to count as noise."""

@@ -100,7 +100,7 @@ def view_of(
         space = next((name for name in LINEAR_REC709 if name in spaces), None)
         if space is None:
             raise BadInputError(
-                f"{config} does not say which of its spaces is linear Rec.709, which pictures are in. "
+                f"{config} does not say which of its spaces is linear Rec.709, the space of our pictures. "
                 f"Name it as space; there are {', '.join(list(dict.fromkeys(spaces.values()))[:12])}."
             )
     _require_known("space", space, list(spaces), config)
@@ -117,12 +117,12 @@ def _read(config: str, digest: str) -> Any:
             answer_about_content("render.post.view", Path(config), digest, "OpenImageIO")
         except ParserError as error:
             raise BadInputError(
-                f"{config}: it cannot be read as an OpenColorIO config ({error}); mend it, or name another"
+                f"{config}: it cannot be read as an OpenColorIO config ({error}); correct it, or name another"
             ) from None
     opened = oiio.ColorConfig(config)
     if not opened.getNumDisplays():
         raise BadInputError(
-            f"{config} is no OpenColorIO config with a display ({last_message(opened)}); "
+            f"{config} is not an OpenColorIO config with a display ({last_message(opened)}); "
             f"name a file, or a built-in config such as {DEFAULT_CONFIG}"
         )
     return opened

@@ -109,11 +109,11 @@ class Measure:
         """Return the measured numbers (V,). Raises BadInputError where the surface lacks what they need."""
         if self.of == "speed":
             if SPEED not in surface.attributes:
-                raise BadInputError("look shows speed, and the surface does not say how fast its points go")
+                raise BadInputError("look shows speed, but the surface has no velocities")
             return np.asarray(surface.attributes[SPEED], dtype=np.float64).reshape(-1)
         rest = surface.require_rest(f"look shows {self.of}")
         if not len(surface.faces):
-            raise BadInputError(f"look shows {self.of}, which is measured on triangles; a cloud has none")
+            raise BadInputError(f"look shows {self.of}, which needs triangles; clouds support only speed")
         longest, shortest = principal_stretches(rest, surface.vertices, surface.faces)
         measured = longest if self.of == "stretch" else longest * shortest
         return at_vertices(measured, surface)

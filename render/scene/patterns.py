@@ -64,7 +64,7 @@ class Pigment:
             raise BadInputError(f"pigment has scale {self.scale} and axis {self.axis}; neither may be zero")
         if self.turbulence < 0.0 or self.octaves < 1:
             raise BadInputError(
-                f"pigment has turbulence {self.turbulence} and {self.octaves} octaves; 0 and 1 are the least"
+                f"pigment has turbulence {self.turbulence} and {self.octaves} octaves; the least are 0 and 1"
             )
         for name in ("softness", "share"):
             if not 0.0 <= getattr(self, name) <= 1.0:

@@ -171,7 +171,7 @@ class OpenedPicture:
         try:
             return choose_layer(parts, (views,) if isinstance(views, str) else tuple(views))
         except ValueError as error:
-            raise self._refusal(f"{error}; write the layer alone, such as by oiiotool --ch") from None
+            raise self._refusal(f"{error}; write only that layer, for example with oiiotool --ch") from None
 
     def _require_readable(self) -> None:
         """Raise BadInputError for pixels that are not flat, not red, green and blue, or not shown."""
@@ -188,7 +188,7 @@ class OpenedPicture:
         left, top, width, height = self.display
         across = min(left + width, spec.x + spec.width) - max(left, spec.x)
         if min(across, min(top + height, spec.y + spec.height) - max(top, spec.y)) <= 0:
-            raise self._refusal("none of its pixels are in its display window; write it again")
+            raise self._refusal("its display window is empty; write it again")
 
     def _refusal(self, reason: str) -> BadInputError:
         return BadInputError(f"{self.path}: {reason}")

@@ -63,12 +63,12 @@ def choose_layer(parts: Sequence[ExrPart], views: Sequence[str] = ()) -> Layer:
         names = list(dict.fromkeys(name or "/".join(suffixes) for (name, _), suffixes in groups.items()))
         listed = ", ".join(reason_of(ValueError(name)) for name in names[:_MOST_NAMED])
         listed += " and more" if len(names) > _MOST_NAMED else ""
-        raise ValueError(f"it holds the layers {listed}, and none is the default or called beauty")
+        raise ValueError(f"it holds the layers {listed}, but neither a default layer nor one called beauty")
     return chosen
 
 
 def _only_channel(parts: Sequence[ExrPart]) -> Layer | None:
-    """Return the only channel of a file, or the one that it has beside its alpha."""
+    """Return the only channel of a file, or its only one besides alpha."""
     places = [(index, k) for index, part in enumerate(parts) for k in range(len(part.channels))]
     shown = [(index, k) for index, k in places if parts[index].channels[k].lower() not in ("a", "alpha")]
     if len(places) > 2 or (len(places) == 2 and len(shown) != 1):

@@ -72,7 +72,7 @@ class Projection:
     def directions(self, places: ArrayLike) -> Floats:
         """Return the unit directions (…, 3) that places (…, 2) of a wide picture show.
 
-        NaN where the picture is black: beside the circle of a dome.
+        NaN where the picture is black: outside of the circle of a dome.
         """
         x, y = np.moveaxis(np.asarray(places, dtype=np.float64), -1, 0)
         if self.kind == "dome":

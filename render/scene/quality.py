@@ -65,7 +65,7 @@ class Quality:
         for name in ("samples", "auxiliary_samples"):
             if (count := getattr(self, name)) > BATCH_SAMPLES and count % BATCH_SAMPLES:
                 raise BadInputError(
-                    f"{count} {name} do not divide into batches of {BATCH_SAMPLES}; take {BATCH_SAMPLES}, "
+                    f"{count} {name} do not divide into batches of {BATCH_SAMPLES}; use {BATCH_SAMPLES}, "
                     f"{2 * BATCH_SAMPLES}, {4 * BATCH_SAMPLES}, …"
                 )
         self._check_threshold()
@@ -84,7 +84,7 @@ class Quality:
             x0, y0, x1, y1 = self.crop
             if not (0 <= x0 < x1 <= self.width and 0 <= y0 < y1 <= self.height):
                 raise BadInputError(
-                    f"crop {x0},{y0},{x1},{y1} is no part of {self.width} × {self.height} pixels"
+                    f"crop {x0},{y0},{x1},{y1} is not within {self.width} × {self.height} pixels"
                 )
 
     def _check_threshold(self) -> None:
@@ -171,7 +171,7 @@ def even(pixels: float) -> int:
 
 
 DEFAULT_QUALITY = "draft"
-"""The quality of every command that names none."""
+"""The default quality of all commands."""
 
 FORMER_NAMES = {"preview": "draft"}
 """Former names of qualities, which shot files, scripts and versions may still use."""

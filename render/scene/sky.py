@@ -145,12 +145,12 @@ def read_map(path: str, digest: str) -> Pixels:
     height, width = pixels.shape[:2]
     if width != 2 * height:
         raise BadInputError(
-            f"{path}: it is {width} × {height} pixels; a map of all directions is twice as wide as high"
+            f"{path}: it is {width} × {height} pixels; a map of all directions must be twice as wide as high"
         )
     require_finite(pixels, path)
     if pixels.min() < 0.0:
         row, column = np.argwhere(pixels.min(axis=2) < 0.0)[0]
-        raise BadInputError(f"{path}: pixel {column}, {row} is below 0; light is not. Clamp it at 0")
+        raise BadInputError(f"{path}: pixel {column}, {row} is below 0; light must not be. Clamp it at 0")
     return _averaged(pixels if stated is None else linear_pixels(pixels, stated, path))
 
 
@@ -163,7 +163,7 @@ def _pixels(path: str) -> tuple[Pixels, StatedSpace | None]:
                 f"light has 3, in an {_WRITABLE}"
             )
         if picture.is_cube:
-            raise BadInputError(f"{path}: it has the faces of a cube; write it as latitude and longitude")
+            raise BadInputError(f"{path}: it is a cube map; write it as latitude and longitude")
         stated = picture.stated_space()
         if not (picture.is_float and is_linear(stated)):
             space = stated.name if stated else "integers, display values"

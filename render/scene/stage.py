@@ -119,7 +119,7 @@ class Stage:
         if self.kind not in KINDS:
             raise BadInputError(f"stage is {self.kind!r}; it can be {', '.join(KINDS)}")
         if self.shadow_catcher and self.kind == "none":
-            raise BadInputError("stage none has no floor that could catch shadows; take ground or cyclorama")
+            raise BadInputError("stage none has no floor to catch shadows; use ground or cyclorama")
         if min(self.floor, self.sweep) <= 0.0 or not 0.0 < self.steepness <= math.pi / 2.0:
             raise BadInputError("a cyclorama's floor and sweep must be above 0, its steepness in 0° … 90°")
         if not (self.width >= 8.0 * BEVEL and self.height >= 8.0 * BEVEL):

@@ -117,8 +117,8 @@ def require_camera_outside(surface: Surface, camera: Camera) -> None:
     if abs(winding_number(surface, origin)) >= INSIDE:
         place = ", ".join(f"{x:.4g}" for x in camera.origin)
         raise BadInputError(
-            f"the camera is inside the sculpture, at {place}; it sees nothing but its back. Move the camera "
-            "away, or aim it from farther off"
+            f"the camera is inside the sculpture, at {place}; it sees only the inside. Move the camera "
+            "farther away"
         )
 
 
@@ -185,7 +185,7 @@ def ribbons(surface: Surface, wireframe: Wireframe, camera: Camera, pixels: int)
 
 
 def outlines(faces: NDArray[np.int32], pieces: int) -> NDArray[np.int32]:
-    """Return the edges (E, 2) of the original triangles, of which each was cut into pieces² consecutive
+    """Return the edges (E, 2) of the original triangles, each cut into pieces² consecutive
     faces.
 
     Edges of the original belong to one piece of their triangle, edges between pieces to two.

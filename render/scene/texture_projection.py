@@ -53,7 +53,7 @@ class TextureProjection:
         if not self.scale > 0.0 or self.repeats < 1 or (self.axis and math.hypot(*self.axis) < 1e-12):
             raise BadInputError(
                 f"projection has scale {self.scale}, {self.repeats} repeats and axis {self.axis}; a scale is "
-                "above 0, repeats are 1 or more, and an axis has a length"
+                "above 0, repeats are 1 or more, and an axis must not be zero"
             )
 
     @property

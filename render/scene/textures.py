@@ -21,7 +21,7 @@ WIDEST = 4096
 """Pixels along a side that are kept of a texture; finer ones are averaged."""
 
 SPACES = ("srgb", "linear", "data")
-"""Short names of colour spaces: display values, linear Rec.709, and numbers that are no colour."""
+"""Short names of colour spaces: display values, linear Rec.709, and numbers that are not colours."""
 
 _LINEAR = "lin_rec709_scene"
 """The name of linear Rec.709 in OpenColorIO's own config."""
@@ -115,8 +115,9 @@ def require_finite(pixels: NDArray[np.floating], path: str) -> None:
     if len(bad):
         row, column = bad[0]
         raise BadInputError(
-            f"{path}: pixel {column}, {row} and {len(bad) - 1} others are not finite; mend the file, with "
-            "oiiotool --fixnan box3 for one"
+            f"{path}: pixel {column}, {row} and {len(bad) - 1} others are not finite; repair the file, for "
+            "example "
+            "with oiiotool --fixnan box3"
         )
 
 
@@ -127,7 +128,7 @@ def require_space(space: str | None) -> None:
     by_lower_case = {name.lower(): name for name in (*_names(), *SPACES)}
     close = get_close_matches(space.lower(), by_lower_case, 1)
     hint = f"Did you mean {by_lower_case[close[0]]!r}?" if close else f"Write one of {', '.join(SPACES)}."
-    raise BadInputError(f"space {space!r} is none that OpenColorIO's {DEFAULT_CONFIG} knows. {hint}")
+    raise BadInputError(f"space {space!r} is unknown to OpenColorIO's {DEFAULT_CONFIG}. {hint}")
 
 
 @cache

@@ -25,7 +25,7 @@ class WideCamera(Camera):
     sculpture; it has no influence on the picture.
 
     wide          the projection
-    eye_distance  between the eyes of a stereo camera, scene units. Each stands half of it beside the origin,
+    eye_distance  between the eyes of a stereo camera, scene units. Each is half of it away from the origin,
                   whichever way a pixel looks: parallax is full straight ahead, and fades to the sides
     """
 

@@ -172,7 +172,7 @@ def test_a_new_shot_of_a_model_is_good_at_once_and_tells_what_was_repaired(proje
 @pytest.mark.parametrize(
     ("model", "more", "code", "says"),
     [
-        ("nothing.obj", [], 3, "nothing.obj: there is no such file"),
+        ("nothing.obj", [], 3, "nothing.obj: file not found"),
         ("a.obj", ["--from", NAME], 2, f"--from {NAME} is no flow"),
         ("a.txt", [], 2, "not a mesh format"),
         ("a.gltf", [], 2, "export a GLB"),

@@ -103,7 +103,7 @@ def test_a_dry_run_writes_nothing(project):
 @pytest.mark.parametrize(
     ("words", "code", "says"),
     [
-        (("no.obj", "o.ply", "--max-edge-length", "1"), 3, "no.obj: there is no such file"),
+        (("no.obj", "o.ply", "--max-edge-length", "1"), 3, "no.obj: file not found"),
         (("box.obj", "o.fbx", "--max-edge-length", "1"), 2, "use one of ply, obj"),
         (("box.obj", "o.ply", "--max-edge-length", "1", "--min-edge-length", "0.7"), 2, "70%"),
         (("box.obj", "o.ply", "--max-edge-length", "1", "--placement", "curvd"), 2, "Did you mean 'curved'?"),

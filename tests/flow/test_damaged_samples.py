@@ -93,7 +93,7 @@ DAMAGED: dict[str, tuple[Callable[[Path], Path], str]] = {
     ),
     "nan extent": (
         lambda f: image(f / "a.vti", 'Piece Extent="0 3', 'Piece Extent="0 nan'),
-        "Extent is '0 nan 0 3 0 3' and must be 6 numbers",
+        "Extent is '0 nan 0 3 0 3'; it must be 6 numbers",
     ),
     "half extent": (
         lambda f: image(f / "a.vti", 'Piece Extent="0 3', 'Piece Extent="0 2.5'),

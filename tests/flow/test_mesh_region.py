@@ -162,5 +162,5 @@ def test_a_surface_that_holds_nothing_is_refused() -> None:
         ClosedSurface.of(sheet((1.0, 1.0), 0.25), "leaf")
     crossed = joined(icosphere(1, 1.0), icosphere(1, 1.0))
     pinched = TriangleMesh(crossed.vertices[: len(crossed.vertices) // 2], crossed.faces % 12)
-    with pytest.raises(MeshError, match="one stands twice; remove duplicates"):
+    with pytest.raises(MeshError, match="one is there twice; remove duplicates"):
         ClosedSurface.of(pinched)

@@ -101,7 +101,7 @@ WRONG = {
         "def f(p, t, dt):\n    return p + float('inf')\n",
         "moved vertex 0 from .*points must stay finite",
     ),
-    "other name": ("def g(p, t, dt):\n    return p\n", "it defines no function f"),
+    "other name": ("def g(p, t, dt):\n    return p\n", "it does not define function f"),
     "no Python": ("def f(p, t, dt)\n", r"SyntaxError: expected ':' .*\(line 1\)"),
     "import": ("import nowhere_to_be_found\n", r"ModuleNotFoundError: .*\(line 1\)"),
     "arguments": ("def f(p):\n    return p\n", "TypeError: .*takes points"),

@@ -161,13 +161,13 @@ def test_what_is_no_archive_or_not_there_or_of_another_grid_is_told(tmp_path: Pa
     (tmp_path / "a.npz").write_text("hello")
     with pytest.raises(UsageError, match="cannot be read as an archive"):
         read_samples((tmp_path / "a.npz",))
-    with pytest.raises(MissingInputError, match=r"gone\.npz: there is no such file"):
+    with pytest.raises(MissingInputError, match=r"gone\.npz: file not found"):
         read_samples((tmp_path / "gone.npz",))
     (tmp_path / "a.csv").write_text("1")
-    with pytest.raises(UsageError, match=r"no format of fields; use \.vti, \.vtr, \.npz"):
+    with pytest.raises(UsageError, match=r"not a format of fields; use \.vti, \.vtr, \.npz"):
         read_samples((tmp_path / "a.csv",))
     files = save(tmp_path / "b.npz"), save(tmp_path / "c.npz", (2 * X, Y, Z))
-    with pytest.raises(UsageError, match=r"c.npz: its grid is not that of b.npz"):
+    with pytest.raises(UsageError, match=r"c.npz: its grid differs from that of b.npz"):
         read_samples(files)
 
 
@@ -281,7 +281,7 @@ def changed(file: Path, old: str, new: str) -> Path:
 
 
 WRONG = {
-    "no XML": ("</VTKFile>", "", "it is no XML"),
+    "not XML": ("</VTKFile>", "", "not XML"),
     "unstructured": ('type="ImageData"', 'type="UnstructuredGrid"', "its type is UnstructuredGrid"),
     "too few points": ('Piece Extent="-2 2', 'Piece Extent="-2 1', "360 numbers for 96 points"),
     "turned": ("Origin=", 'Direction="0 1 0 1 0 0 0 0 1" Origin=', "its axes are rotated"),
@@ -294,7 +294,7 @@ WRONG = {
         "compressed by vtkLZ4DataCompressor",
     ),
     "cut short": ('"binary">', '"binary">////', "array u cannot be read .*bytes are announced"),
-    "spacing": ('Spacing="0.5 1 2"', 'Spacing="0.5 one 2"', "Spacing is '0.5 one 2' and must be 3 numbers"),
+    "spacing": ('Spacing="0.5 1 2"', 'Spacing="0.5 one 2"', "Spacing is '0.5 one 2'; it must be 3 numbers"),
 }
 
 

@@ -63,7 +63,7 @@ def _scene(path: Path) -> None:
     with parsing(path, "a scene", ""):
         surface = file_surface(*SceneArrays(DefaultScene.of(GltfDocument.read(path))).surface(), base=None)
         if not len(surface.corners):
-            raise MeshError("it holds no faces")
+            raise MeshError("it has no faces")
         repair_surface(surface).mesh.triangulated()
 
 
@@ -103,7 +103,7 @@ def _fbx(path: Path) -> None:
             raise MeshError(json.loads(head)["fault"])
         surface = FileSurface.unpacked(content)
         if not len(surface.corners):
-            raise MeshError("it holds no faces")
+            raise MeshError("it has no faces")
         repair_surface(surface).mesh.triangulated()
 
 

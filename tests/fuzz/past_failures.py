@@ -224,7 +224,9 @@ PAST_FAILURES = (  # one line each, however long
         _ply(f"{_VERTICES}\n{_FACES.format(1, 'int')}", "0 " * 20_000 + "1" * 20_000),
         "has 20000 digits",
     ),
-    PastFailure("model", "counts.off", _bytes("OFF\n99999999999 -1 0\n0 0 0\n"), "do not fit in it"),
+    PastFailure(
+        "model", "counts.off", _bytes("OFF\n99999999999 -1 0\n0 0 0\n"), "the file is too short for them"
+    ),
     PastFailure("model", "damaged.stl", _bytes(b"solid " + bytes(range(256)) * 3), "has no STL header"),
     PastFailure("model", "huge.obj", _bytes(TRIANGLE.replace("v 1", "v 1e300")), "which is too large"),
     PastFailure(
@@ -267,7 +269,7 @@ PAST_FAILURES = (  # one line each, however long
         "stage",
         "missing.usda",
         _bytes(_usda('def "A" (references = @./gone.usda@) { }')),
-        "gone.usda: there is no such file",
+        "gone.usda: file not found",
     ),
     PastFailure(
         "stage",
@@ -285,7 +287,7 @@ PAST_FAILURES = (  # one line each, however long
         "stage",
         "network.usda",
         _bytes(_usda('def "A" (references = @http://127.0.0.1:9/a.usda@) { }')),
-        "there is no such file",
+        "file not found",
     ),
     PastFailure(
         "stage", "self.usda", _bytes(_usda('def "A" (references = @./self.usda@</A>) { }')), "do not compose"
@@ -344,13 +346,13 @@ PAST_FAILURES = (  # one line each, however long
         "stage",
         "clips.usda",
         _bytes(_clips("dictionary default = { asset[] assetPaths = [@./gone.usdc@] }")),
-        "gone.usdc: there is no such file",
+        "gone.usdc: file not found",
     ),
     PastFailure(
         "stage",
         "template.usda",
         _bytes(_clips('dictionary default = { string templateAssetPath = "./a.#.usd" }')),
-        "names its value clips by a template",
+        "uses a template for its value clips",
     ),
     PastFailure("stage", "number.usda", _bytes(_clips("int default = 3")), "/A: its value clips are no"),
     PastFailure("stage", "crowd.usda", _bytes(_crowd(60_000)), "it has over 50000 prims"),
@@ -371,9 +373,9 @@ PAST_FAILURES = (  # one line each, however long
         "view",
         "deep.ocio",
         _bytes("roles: " + "[" * 100_000),
-        "is no OpenColorIO config",
+        "is not an OpenColorIO config",
     ),
-    PastFailure("view", "long.ocio", _bytes("x: {src: %s}" % ("a" * 3000)), "is no OpenColorIO config"),
+    PastFailure("view", "long.ocio", _bytes("x: {src: %s}" % ("a" * 3000)), "is not an OpenColorIO config"),
     PastFailure("flow", "minus.py", _bytes("-" * 100_000 + "1"), "this is not Python"),
     PastFailure("flow", "brackets.py", _bytes("(" * 100_000), "this is not Python"),
     PastFailure("flow", "sum.py", _bytes("+".join("1" * 50_000)), "this is not Python"),

@@ -117,7 +117,7 @@ def test_vertices_stay_bit_for_bit_and_normals_are_the_faces_own() -> None:
 @pytest.mark.parametrize(
     ("size", "spacing", "thickness", "fact"),
     [
-        ((2.0, 2.0, 2.0), 0.1, 0.2, "bars meet"),
+        ((2.0, 2.0, 2.0), 0.1, 0.2, "bars touch"),
         ((2.0, 2.0, 0.15), 0.6, 0.1, "more than twice"),
         ((2.0, 2.0, 0.05), 0.6, 0.1, "more than twice"),
         ((2.0, 2.0, math.nan), 0.6, 0.1, "positive"),

@@ -111,7 +111,7 @@ def test_what_else_a_file_shows_is_noted(tmp_path: Path, more: str, note: str) -
     surface = read(tmp_path / "a.obj", OBJ + more)
     require_brick(surface)
     assert note in surface.warnings[0]
-    with pytest.raises(MeshError, match="holds no faces") as error:
+    with pytest.raises(MeshError, match="has no faces") as error:
         read(tmp_path / "a.obj", OBJ.partition("f")[0] + more)
     assert note in str(error.value)
 
@@ -129,7 +129,7 @@ def test_what_else_a_file_shows_is_noted(tmp_path: Path, more: str, note: str) -
             "line 8: byte .* is NUL, so the file is not text, or was not written whole",
         ),
         ("v 2 3 1", "v 2 3", "line 8: v 2 3: vertex 8 has 2 coordinates, not 3"),
-        ("v 2 3 1", "call other.obj", "line 8: call other.obj: other files that a file calls are not read"),
+        ("v 2 3 1", "call other.obj", "line 8: call other.obj: files that this file calls are not read"),
         ("f 1 ", "f -9 ", "line 9: .*-9 counts back beyond the first of 8 vertices"),
         ("f 1 ", "f 1.5 ", "line 9: .*1.5 is not an integer"),
     ],

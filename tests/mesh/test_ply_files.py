@@ -171,7 +171,7 @@ GRID = "element range_grid 2\nproperty list uchar int vertex_indices\n"
 @pytest.mark.parametrize(
     ("content", "fault"),
     [
-        (text(VERTEX + GRID, rows(POINTS) + "1 0\n0\n"), "a grid of ranges as a scanner made it"),
+        (text(VERTEX + GRID, rows(POINTS) + "1 0\n0\n"), "a scanner's grid of ranges"),
         (
             text(VERTEX + FACE.replace("vertex_indices", "corners")),
             "its header gives face no list of vertex_ind",
@@ -184,7 +184,7 @@ GRID = "element range_grid 2\nproperty list uchar int vertex_indices\n"
         ),
         (
             text().replace("ascii", "binary"),
-            "its format binary is none of ascii, binary_little_endian, binary",
+            "its format binary is not one of ascii, binary_little_endian, binary",
         ),
         (text().replace("element face 6", "element face six"), "its header has the line element face six"),
         (text().replace("element face 6", "element face 6 7"), "its header has the line element face 6 7"),

@@ -72,7 +72,7 @@ WILD = np.where(np.arange(21).reshape(7, 3) == 9, np.nan, POINTS)
     ("name", "content", "message"),
     [
         ("a.xyz", "", "a.xyz: the file is empty. Copy or export it again."),
-        ("a.xyz", "# none\n", "a.xyz: it holds no points; a cloud needs at least one"),
+        ("a.xyz", "# none\n", "a.xyz: it has no points; a cloud needs at least one"),
         ("a.xyz", "0 0 1\n0 0\n", "a.xyz: cannot be read as XYZ .point 1 has 2 numbers"),
         ("a.xyz", "0 0 1\n0 0 one\n", "a.xyz: cannot be read as XYZ .line 2: one is not a number"),
         ("a.xyz", "x,y,z\n0,0,1\n", "a.xyz: cannot be read as XYZ .line 1: x is not a number"),
@@ -85,7 +85,7 @@ WILD = np.where(np.arange(21).reshape(7, 3) == 9, np.nan, POINTS)
         ("a.xyz", "0 0 1\n0 0 1D3\n", "line 2: 1D3 is not a number"),
         ("a.xyz", "0 0 1\n0 0 1\0\n", "line 2: byte 11 is NUL"),
         ("a.xyz", "0 0 1\n0 nan 1\n0 inf 1\n", r"a.xyz: point 1 is not finite .and 1 more.; coordinates"),
-        ("a.obj", "# nothing\n", "a.obj: it holds no points"),
+        ("a.obj", "# nothing\n", "a.obj: it has no points"),
         ("a.ply", "no header", "a.ply: cannot be read as PLY .it has no PLY header"),
         (
             "a.ply",
@@ -93,10 +93,10 @@ WILD = np.where(np.arange(21).reshape(7, 3) == 9, np.nan, POINTS)
             "no x, y and z",
         ),
         ("a.npz", "no archive", "a.npz: cannot be read as NPZ"),
-        ("a.npz", bad(size=SIZES), "a.npz: it holds no array points or vertices. There are: size."),
+        ("a.npz", bad(size=SIZES), "a.npz: it has no array points or vertices. There are: size."),
         ("a.npz", bad(points=POINTS[:, :2]), r"a.npz: its points have shape .7, 2.; they must be .N, 3."),
         ("a.npz", bad(points=np.float64(1)), r"a.npz: its points have shape ..; they must be .N, 3."),
-        ("a.npz", bad(points=np.empty((0, 3))), "a.npz: it holds no points"),
+        ("a.npz", bad(points=np.empty((0, 3))), "a.npz: it has no points"),
         ("a.npz", bad(points=WILD), r"a.npz: point 3 is not finite .and 0 more."),
         ("a.npz", bad(points=np.array(["a", "b"])), "a.npz: cannot be read as NPZ"),
         ("a.las", "x", "a.las: .las is not a file of points; use one of ply, xyz, npz, obj"),
@@ -115,7 +115,7 @@ def test_a_bad_file_of_points_is_told_in_one_line(
 
 
 def test_a_file_that_is_not_there_is_a_missing_input(tmp_path: Path) -> None:
-    with pytest.raises(MissingInputError, match="there is no such file"):
+    with pytest.raises(MissingInputError, match="file not found"):
         read_points(tmp_path / "a.ply")
 
 
@@ -142,7 +142,7 @@ def test_a_net_reads_as_rows_from_a_grid_or_a_list(tmp_path: Path) -> None:
         (
             GRID.reshape(-1, 3),
             None,
-            "a.npz: its points stand in one list; say how many make a row, as columns",
+            "a.npz: its points are one list; write columns, the number of points in a row",
         ),
         (GRID.reshape(-1, 3), 6, "a.npz: 20 points cannot make rows of 6; correct columns"),
         (GRID[..., :2], None, r"a.npz: its points have shape .4, 5, 2.; they must be .rows, columns, 3."),

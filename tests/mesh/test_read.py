@@ -40,7 +40,7 @@ def test_a_scene_is_joined_into_one_mesh(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_is_a_missing_input(tmp_path: Path) -> None:
-    with pytest.raises(MissingInputError, match=r"nothing\.obj: there is no such file"):
+    with pytest.raises(MissingInputError, match=r"nothing\.obj: file not found"):
         read_mesh(tmp_path / "nothing.obj")
 
 

@@ -38,7 +38,7 @@ FAULTS = {
     "vertex 4 belongs to no face": ([*CORNERS, (9, 9, 9)], TETRAHEDRON),
     "has 3 faces": ([*CORNERS, (1, 1, 1)], [*TETRAHEDRON, (0, 1, 4)]),
     "the same way": (CORNERS, [*TETRAHEDRON[:3], (0, 2, 3)]),
-    "stands twice": (CORNERS, [*TETRAHEDRON, TETRAHEDRON[0]]),
+    "is there twice": (CORNERS, [*TETRAHEDRON, TETRAHEDRON[0]]),
     "on its back": (CORNERS[:3], [(0, 1, 2), (0, 2, 1)]),
     "vertex 0 joins two parts": (
         [*CORNERS, (-1, 0, 0), (0, -1, 0), (0, 0, -1)],

@@ -135,7 +135,7 @@ def test_the_coverage_of_the_subject_is_the_alpha(there):
 def test_nothing_to_deliver_is_told(project, monkeypatch):
     monkeypatch.chdir(project.path)
     fresh = Project(project.path, cores=1)
-    with pytest.raises(FrameError, match=r"none of its frames could be made.* the first failed: no light"):
+    with pytest.raises(FrameError, match=r"none of its frames could be made.* the first error: no light"):
         shot_source(fresh.asked(NAME, QUALITY), fresh.store, {(NAME, 1): "no light"})
 
 
@@ -161,12 +161,12 @@ def test_a_film_says_of_every_frame_where_it_comes_from(there):
 @pytest.mark.parametrize(
     ("words", "code", "says"),
     [
-        (("--as", "prores"), 2, "'prores' is no deliverable. Did you mean 'prores4444'?"),
-        (("--as", ","), 2, "names no deliverable"),
-        (("--burn-in", "fraem"), 2, "'fraem' is nothing to burn in. Did you mean 'frame'?"),
+        (("--as", "prores"), 2, "'prores' is not a deliverable. Did you mean 'prores4444'?"),
+        (("--as", ","), 2, "is not a deliverable"),
+        (("--burn-in", "fraem"), 2, "'fraem' cannot be burnt in. Did you mean 'frame'?"),
         (("--slate", "haed"), 2, "Did you mean 'head'?"),
         (("-f", "9"), 2, "frame 9 is not in the shot, which has 1-6"),
-        (("--sound", "none.wav"), 3, "none.wav: there is no such file"),
+        (("--sound", "none.wav"), 3, "none.wav: file not found"),
         (("-o", "shots/film.yaml"), 4, "a file stands where a folder should be"),
     ],
 )

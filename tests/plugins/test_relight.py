@@ -84,7 +84,7 @@ def test_frames_finished_with_layers_and_relit_ones_are_delivered_and_reviewed(r
     with av.open(str(relit.path / movie)) as file:  # frame 2 is relit for it
         assert all(not picture.to_ndarray(format="rgb24").any() for picture in file.decode(video=0))
     code, words = commanded(relit.path, "deliver", NAME, *SIZE, "--relit", "dusky")
-    assert code == 3 and "there are no relit frames dusky at draft.scale10. There are: dark" in words
+    assert code == 3 and "relit frames dusky at draft.scale10. There are: dark" in words
 
     code, words = commanded(relit.path, "review", NAME, "--json")
     faults = json.loads(words[words.index("{") :])["not_as_asked_for"]
@@ -107,7 +107,7 @@ def test_the_shot_file_can_say_the_same(relit: ProjectFolder) -> None:
     words = relight(relit, "--set", "lights.warm=1.5", "--set", "lights={intensity: {sky: 2}}", "--dry-run")[
         1
     ]
-    assert "no finished frame 1-2" in words  # a setting of the shot gives other frames
+    assert "frame 1-2 is not finished" in words  # a setting of the shot gives other frames
     words = relight(relit, "--set", "lights.warm=1.5")[1]
     assert "write lights: {rig: studio, intensity: {key: 1.5, back: 1.5}} in shots/T010_tiny.yaml" in words
 
@@ -118,7 +118,10 @@ def test_the_shot_file_can_say_the_same(relit: ProjectFolder) -> None:
         ({"sky": HALF, "background": HALF}, "write lights: {rig: daylight, intensity: {sky: 0.5}}"),
         ({"sky": HALF}, "in shot.yaml. Only relit frames can show a sky brighter or darker than its light."),
         ({"background": (2.0, 1.0, 1.0)}, "Only relit frames can show"),
-        ({"sun": (2.0, 1.0, 1.0)}, "sun: daylight and an hdri keep their colours; write softboxes or a sky"),
+        (
+            {"sun": (2.0, 1.0, 1.0)},
+            "sun: the colour of daylight and of an hdri cannot be set; write softboxes or a sky",
+        ),
     ],
 )
 def test_a_sky_is_seen_as_bright_as_it_shines(factors: dict, words: str, tmp_path: Path) -> None:
@@ -134,15 +137,20 @@ def test_a_sky_is_seen_as_bright_as_it_shines(factors: dict, words: str, tmp_pat
     [
         (("--set", "lights.wram=2"), 2, "has no light group wram. Did you mean 'warm'?"),
         (("--set", "lights.key=2"), 2, "has no light group key. It is in group warm: set lights.warm."),
-        (("--set", "lights.rim=bright"), 2, "'bright' is no factor from 0 to 1e6. Write a number"),
-        (("--set", "lights.rim=-1"), 2, "'-1' is no factor"),
-        (("--set", "lights.intensity.rim=2"), 2, "Set a factor on the light that is rendered: lights.rim=2"),
+        (("--set", "lights.rim=bright"), 2, "'bright' is not a factor from 0 to 1e6. Write a number"),
+        (("--set", "lights.rim=-1"), 2, "'-1' is not a factor"),
+        (
+            ("--set", "lights.intensity.rim=2"),
+            2,
+            "Scale the rendered light by a factor instead: lights.rim=2",
+        ),
         ((), 2, "no light is set. Write, for example, --set lights.warm=1.4; the light groups of"),
         (("--set", "lights.rim=2", "--name", "a b"), 2, "--name a b: the name of a version consists of"),
         (
             ("--set", "lights.rim=2", "-f", "2-3", *SIZE[:4]),
             3,
-            "no finished frame 3 at draft.scale10 to relight. Render first: flowsculpt render T010_tiny "
+            "frame 3 is not finished at draft.scale10, so it cannot be relit. Render it first: flowsculpt "
+            "render T010_tiny "
             "-q draft --scale 10% --set 'layers=nuke' -f 3",
         ),
         (

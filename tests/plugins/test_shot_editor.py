@@ -199,7 +199,7 @@ def test_a_file_changed_meanwhile_is_not_overwritten_and_its_edits_not_undone(sh
         lambda: editor.edit(state["digest"], [ValueEdit("set", ("camera", "elevation"), 30)]),
         lambda: editor.undo(state["digest"]),
     ):
-        with pytest.raises(StaleError, match="changed meanwhile; nothing was written"):
+        with pytest.raises(StaleError, match="changed in the meantime; nothing was written"):
             change()
     assert shot.read_text() == other
     state = editor.state()
@@ -352,7 +352,7 @@ def test_a_value_that_the_command_line_sets_is_not_edited(shot: Path) -> None:
     editor = ShotEditor(shot, ("camera.elevation=50",))
     state = editor.state()
     assert {tuple(v["where"]): v["value"] for v in state["values"]}["camera", "elevation"] == 50
-    with pytest.raises(ShotError, match=r"--set camera\.elevation=50: this replaces camera\.elevation"):
+    with pytest.raises(ShotError, match=r"--set camera\.elevation=50: this overrides camera\.elevation"):
         editor.edit(state["digest"], [ValueEdit("set", ("camera", "elevation"), 3)])
 
 

@@ -74,7 +74,7 @@ def test_any_cut_of_shots_keeps_its_frames(cuts, tmp_path_factory):
 @pytest.mark.parametrize(
     ("parts", "told"),
     [
-        ((clip("A011", 1, 5),), "A011 is no shot"),
+        ((clip("A011", 1, 5),), "A011 is not a shot"),
         ((clip("A010", 1, 5), otio.schema.Gap(duration=time(12))), "it is a Gap"),
         ((clip("A010", 1, 5), otio.schema.Stack("two")), "it is a Stack"),
         ((), "0 tracks of pictures"),
@@ -99,14 +99,14 @@ def test_an_edit_written_by_hand_is_not_replaced(tmp_path):
     edit.target.write_text(edit.text())
     assert edit.text() == edit.target.read_text()
     edit.target.write_text("title: Mine\n")
-    with pytest.raises(UsageError, match="is there already, and not from cut"):
+    with pytest.raises(UsageError, match="already exists and was not made from cut"):
         edit.text()
 
 
 @pytest.mark.parametrize(
     ("content", "kind", "told"),
     [
-        (None, MissingInputError, "there is no such file"),
+        (None, MissingInputError, "file not found"),
         ("{", ShotError, "cannot be read"),
         ("[1]", ShotError, "cut|read|holds"),
     ],

@@ -104,7 +104,7 @@ def test_the_first_of_two_locks_is_given_back_where_the_second_is_refused(tmp_pa
 
 
 def test_what_removes_files_works_alone_and_names_who_is_at_work(tmp_path: Path) -> None:
-    at_work, removes = "at work here: A at draft by ", "removes files from the store: "
+    at_work, removes = "is writing here: A at draft by ", "removes files from the store: "
     with (
         writing(tmp_path),
         making(tmp_path, names("A")),

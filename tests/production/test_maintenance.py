@@ -66,7 +66,7 @@ def test_verify_makes_frames_of_a_scale_again_and_says_how_a_curve_sheet_is(fini
     damage(curves)
     done = finished.run("verify")
     assert done.code == 1 and "2 files are damaged, and 1 not made again" in done.out
-    assert f"{frame.relative_to(finished.path)}: is not what was written" in done.err
+    assert f"{frame.relative_to(finished.path)}: differs from what the run wrote" in done.err
     assert f"{curves.relative_to(finished.path)}: flowsculpt curves {NAME} makes it again" in done.err
     assert frame.read_bytes() == whole
     assert finished.call("curves", NAME).code == 0

@@ -184,12 +184,12 @@ def test_a_job_that_was_killed_held_its_core_to_the_end(tmp_path: Path) -> None:
 
 
 def test_a_run_that_left_no_log_is_told_with_those_that_did(tmp_path: Path) -> None:
-    with pytest.raises(MissingInputError, match="no run has left a log"):
+    with pytest.raises(MissingInputError, match="no runs logged yet"):
         named_run(tmp_path, None)
     log(tmp_path, "20260101-1")
     log(tmp_path, "20260102-2")
     assert named_run(tmp_path, None) == "20260102-2"
-    with pytest.raises(MissingInputError, match="'x'; the last ones are 20260101-1, 20260102-2"):
+    with pytest.raises(MissingInputError, match="'x' not found; the latest are 20260101-1, 20260102-2"):
         named_run(tmp_path, "x")
 
 

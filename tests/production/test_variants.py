@@ -69,7 +69,7 @@ def test_a_gpu_that_crashed_on_a_shot_is_left_alone_for_it(tmp_path: Path, machi
 
 def test_another_variant_that_crashed_is_not_replaced_behind_the_users_back(tmp_path: Path) -> None:
     avoid(tmp_path, NAME, "scalar_rgb", "scalar_rgb crashed")
-    with pytest.raises(MachineError, match="scalar_rgb crashed; leave --variant out"):
+    with pytest.raises(MachineError, match="scalar_rgb crashed; leave out --variant"):
         variant_for(tmp_path, NAME, "scalar_rgb")
 
 

@@ -78,7 +78,9 @@ CASES = [
     Case(
         "a key after the frame",
         (
-            "its camera is framed again, for meshes differ from frame 5 on; if that stays, so does the frame",
+            "its camera is framed again, for meshes differ from frame 5 on; if that turns out the same, the "
+            "frame is "
+            "reused",
             f"{SHOT}:6: flows.0.twist.amount.keys.6: 60 → 90",
         ),
         ("6: 60", "6: 90"),

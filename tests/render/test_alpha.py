@@ -73,5 +73,5 @@ def test_a_shadow_catcher_asks_for_a_path_tracer(sphere, engine):
 
 
 def test_without_a_floor_no_shadow_can_be_caught():
-    with pytest.raises(BadInputError, match="take ground or cyclorama"):
+    with pytest.raises(BadInputError, match="use ground or cyclorama"):
         replace(STAGES["none"], shadow_catcher=True)

@@ -101,5 +101,5 @@ def test_a_bad_file_is_refused_with_its_name_and_the_reason(how: str, tmp_path: 
 
 def test_a_band_above_half_of_the_sample_rate_is_refused(tmp_path: Path) -> None:
     path = write_sound(tmp_path / "a.wav", sine(400, 0.5, rate=8000), 8000)
-    with pytest.raises(BadInputError, match="8000 samples a second, so it holds nothing above 4000 Hz"):
+    with pytest.raises(BadInputError, match="8000 samples a second, so it has nothing above 4000 Hz"):
         level_of(path, 4000, 20000)

@@ -87,7 +87,7 @@ def test_numbers_stand_still_while_they_count() -> None:
 
 
 def test_an_unknown_field_is_told() -> None:
-    with pytest.raises(BadInputError, match=r"'tiemcode' is nothing to burn in. Did you mean 'timecode'\?"):
+    with pytest.raises(BadInputError, match=r"'tiemcode' cannot be burnt in. Did you mean 'timecode'\?"):
         BurnIn.parse("shot,tiemcode")
     assert BurnIn.parse("all").fields == FIELDS
     assert BurnIn.parse("frame, shot").fields == ("frame", "shot")

@@ -110,7 +110,7 @@ def test_a_part_is_the_same_to_the_last_bit_again(rendered: Callable[..., Render
 
 @pytest.mark.parametrize("crop", [(0, 0, 0, 5), (5, 0, 4, 5), (0, 0, 49, 5), (-1, 0, 5, 5)])
 def test_a_part_must_be_one(crop: tuple[int, int, int, int]) -> None:
-    with pytest.raises(BadInputError, match="is no part of 48 × 27 pixels"):
+    with pytest.raises(BadInputError, match="is not within 48 × 27 pixels"):
         Quality(48, 27, samples=4, depth=3, crop=crop)
 
 

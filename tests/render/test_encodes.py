@@ -227,7 +227,7 @@ def test_frames_are_let_go_while_others_come(encode: Encode, tmp_path: Path) -> 
 
 
 def test_an_unknown_encode_is_told() -> None:
-    with pytest.raises(BadInputError, match=r"'prores' is no deliverable. Did you mean 'prores4444'\?"):
+    with pytest.raises(BadInputError, match=r"'prores' is not a deliverable. Did you mean 'prores4444'\?"):
         encode_named("prores")
     with pytest.raises(BadInputError, match="There are: review, phone"):
         encode_named("xyz")
@@ -329,7 +329,7 @@ def test_a_beginning_can_be_left_out(tone: Path) -> None:
 
 
 def test_what_is_no_sound_is_told(tmp_path: Path) -> None:
-    with pytest.raises(MissingInputError, match="there is no such file"):
+    with pytest.raises(MissingInputError, match="file not found"):
         next(blocks(Sound(tmp_path / "a.wav"), Fraction(1)))
     (tmp_path / "b.wav").write_bytes(b"not a sound")
     with pytest.raises(BadInputError, match="cannot be read as sound"):

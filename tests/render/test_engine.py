@@ -105,7 +105,7 @@ def test_nothing_that_works_is_the_machines_fault(empty_cache: Path, monkeypatch
 
 
 def test_an_unknown_renderer_is_named() -> None:
-    with pytest.raises(BadInputError, match="'povray' is no renderer"):
+    with pytest.raises(BadInputError, match="'povray' is not a renderer"):
         choose(["povray"])
 
 

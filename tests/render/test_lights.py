@@ -179,7 +179,7 @@ def _spoilt(name: str) -> np.ndarray:
     [
         ("nan", "pixel 5, 3 and 0 others are not finite"),
         ("negative", "pixel 9, 7 is below 0"),
-        ("shape", "it is 63 × 32 pixels; a map of all directions is twice as wide as high"),
+        ("shape", "it is 63 × 32 pixels; a map of all directions must be twice as wide as high"),
         ("grey", "a picture of 1 channels in openexr"),
     ],
 )

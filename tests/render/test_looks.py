@@ -139,7 +139,7 @@ def test_the_matte_does_not_show_what_stands_beside_it(rendered: Rendered, at_re
         (lambda: Absorption(WHITE, depth=0.0), "depth 0.0"),
         (lambda: Diffuse(WHITE).with_values(absorption=SLAB), "does not heed absorption"),
         (lambda: BrushedMetal(WHITE).with_values(pigment=Pigment("layers", (WHITE, WHITE))), "one colour"),
-        (lambda: BrushedMetal(WHITE, grain=(0.0, 0.0, 0.0)), "an axis has a length"),
+        (lambda: BrushedMetal(WHITE, grain=(0.0, 0.0, 0.0)), "an axis must not be zero"),
     ],
 )
 def test_what_no_look_can_be_is_told(wrong: Callable[[], object], told: str) -> None:

@@ -96,7 +96,7 @@ def test_perceptual_maps_grow_lighter_all_the_way(name: str) -> None:
 
 
 def test_what_cannot_be_measured_is_told(sphere: Surface) -> None:
-    with pytest.raises(BadInputError, match="how fast its points go"):
+    with pytest.raises(BadInputError, match="the surface has no velocities"):
         Measure("speed").phases(sphere)
     with pytest.raises(BadInputError, match="has no rest positions"):
         Measure("stretch").phases(sphere)

@@ -59,7 +59,7 @@ def test_after_another_surface_at_rest_a_frame_has_the_same_bits_as_one_resumed(
 
 
 def test_a_state_without_faces_cannot_be_resumed() -> None:
-    with pytest.raises(UsageError, match="holds no faces"):
+    with pytest.raises(UsageError, match="has no faces"):
         Resampler.from_state({"vertices": np.eye(3)}, THRESHOLDS)
 
 

@@ -70,7 +70,7 @@ def test_any_callable_will_do_for_each_of_the_three() -> None:
     x, y, _ = BALL.vertices.T
     assert fields.flags.c_contiguous and fields.dtype == np.float64
     np.testing.assert_allclose(fields, np.stack([1 + x**2, np.full_like(x, 0.2), 0.5 + 0.1 * y], axis=1))
-    with pytest.raises(UsageError, match="no three numbers"):
+    with pytest.raises(UsageError, match="not three numbers"):
         _ = active.numbers
 
 

@@ -247,7 +247,7 @@ def test_a_map_that_is_none_is_told_at_its_line(tmp_path: Path) -> None:
     write_map(tmp_path / "nan.exr", 8, spoilt=True)
     for name, fault in {
         "text": "it cannot be read as a picture",
-        "square": "16 × 16 pixels; a map of all directions is twice as wide as high",
+        "square": "16 × 16 pixels; a map of all directions must be twice as wide as high",
         "nan": "pixel 2, 1 and 0 others are not finite",
     }.items():
         found = told(tmp_path, f"lights: {{hdri: {name}.exr}}")

@@ -106,7 +106,7 @@ def test_a_faulty_model_is_repaired_and_told_unless_repair_is_off(tmp_path: Path
     assert list(subject.notes) == [], "the file has not been read yet"
     subject.build()
     assert "wound against their neighbours" in subject.notes[0]
-    with pytest.raises(MeshError, match=r"wound against their neighbours.*\. Write repair: on, or mend"):
+    with pytest.raises(MeshError, match=r"wound against their neighbours.*\. Write repair: on, or repair"):
         shot_of(tmp_path, ", repair: off", wrong).motion.mesh_at_rest()
 
 

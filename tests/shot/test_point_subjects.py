@@ -95,7 +95,7 @@ def test_the_surface_of_a_net_is_fine_unless_the_shot_says_otherwise(folder: Pat
 @pytest.mark.parametrize(
     ("subject", "message"),
     [
-        ("{cloud: empty.xyz, radius: 1}", "3:11: empty.xyz: it holds no points; a cloud needs at least one"),
+        ("{cloud: empty.xyz, radius: 1}", "3:11: empty.xyz: it has no points; a cloud needs at least one"),
         ("{cloud: gone.ply, radius: 1}", "3:11: cloud file gone.ply is not there; it is looked for"),
         ("{cloud: wild.npz, radius: 1}", "3:11: wild.npz: point 0 is not finite (and 3 more); coordinates"),
         (

@@ -115,7 +115,7 @@ def test_a_sound_that_ends_early_or_is_silent_is_noted(tones: Path) -> None:
         ({"band": "[250, 20]"}, "is empty; the first frequency must be below the second. Write .20, 250."),
         ({"band": "[100, 105]"}, "is 5 Hz wide; a band must have 10 Hz or more. Write .90, 115."),
         ({"band": "[100]"}, "is no band; a band is .from, to. in Hz"),
-        ({"band": "[30000, 40000]"}, "holds nothing above 24000 Hz, and the band begins at 30000 Hz"),
+        ({"band": "[30000, 40000]"}, "has nothing above 24000 Hz, and the band begins at 30000 Hz"),
         ({"band": "low"}, "'low' is no band"),
         ({"attack": "-1"}, "attack is -1; it must be at least 0"),
         ({"normalise": "rms"}, "'rms' is no normalisation"),

@@ -62,7 +62,7 @@ def test_an_alias_within_itself_is_told_not_followed(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_is_a_missing_input(tmp_path: Path) -> None:
-    with pytest.raises(MissingInputError, match=r"nowhere\.yaml: there is no such file"):
+    with pytest.raises(MissingInputError, match=r"nowhere\.yaml: file not found"):
         YamlSource.read(tmp_path / "nowhere.yaml")
 
 

@@ -85,7 +85,7 @@ WRONG = [
     ("formula: [x, y, x / (2 - 2) + log(0)]", "6:35: log(0) is -inf; a formula must be finite."),
     (
         "sampled: {file: w_01.npz, array: u}",
-        "array u does not apply; in .npz it is velocity. Leave array out.",
+        "array u does not apply; in .npz the array is velocity. Leave out array.",
     ),
     ("sampled: {file: fast.npz}", "is 1e+200; samples must be finite, and at most 1e12."),
     (
@@ -126,7 +126,7 @@ WRONG = [
     ("wind: {through: [[0, 0, 0], [0, 0, 0]]}", "twice in a row"),
     ("sampled: {file: gone.vti}", "file gone.vti is not there"),
     ("sampled: {file: gone_*.vti}", "no file matches gone_*.vti"),
-    ("sampled: {file: t.obj}", ".obj is no format of fields"),
+    ("sampled: {file: t.obj}", ".obj is not a format of fields"),
     ("sampled: {file: bad.npz}", "array y is missing"),
     ("sampled: {file: w_01.npz, outside: mirror}", "it must be 'clamp', 'zero' or 'repeat'"),
     (
@@ -138,7 +138,7 @@ WRONG = [
     ("attraction: {mesh: /dev/zero}", "file /dev/zero is a device; it must be a regular file"),
     (
         "sampled: {file: /proc/self/me*}",
-        "/proc/self/mem: no suffix is no format of fields; use .vti, .vtr, .npz",
+        "/proc/self/mem: no suffix is not a format of fields; use .vti, .vtr, .npz",
     ),
     (f"sampled: {{file: {'n' * 5000}.npz}}", "file nnnn"),
     (f"python: {{file: {'n' * 5000}, function: f}}", "is not there; it is looked for beside the shot file"),

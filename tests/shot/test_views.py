@@ -95,8 +95,8 @@ def test_the_files_of_a_config_decide_and_not_where_they_lie(folder, tmp_path_fa
         ("view: {config: studio.ocio}", "does not say which of its spaces is linear Rec.709"),
         ("view: {config: studio.ocio, space: LINEER}", "has no space 'LINEER'."),
         ("view: {config: none.ocio}", "file none.ocio is not there"),
-        ("view: {config: a.yaml}", "a.yaml is no OpenColorIO config with a display"),
-        ("view: {config: ocio://nonsense}", "ocio://nonsense is no OpenColorIO config with a display"),
+        ("view: {config: a.yaml}", "a.yaml is not an OpenColorIO config with a display"),
+        ("view: {config: ocio://nonsense}", "ocio://nonsense is not an OpenColorIO config with a display"),
     ],
 )
 def test_a_view_that_is_not_there_is_told_in_one_line(folder, said, message):

@@ -70,7 +70,7 @@ class Target:
 
     @classmethod
     def points(cls, points: Points) -> Target:
-        """Return a target of points (P, 3), the nearest of which attracts."""
+        """Return a target of points (P, 3); the nearest one attracts."""
         return cls.of(np.repeat(np.asarray(points, np.float64)[:, None], 3, axis=1))
 
     @classmethod

@@ -3,7 +3,7 @@
 Source: Barr, *Global and Local Deformations of Solid Primitives*, SIGGRAPH 84. P3.
 
 Each is a family of maps D(a) that form a group: D(b) D(a)⁻¹ is again of the family. Between two frames
-the flow applies D(amount after) D(amount before)⁻¹, which (but for a bend) needs no inverse. So a keyed
+the flow applies D(amount after) D(amount before)⁻¹, which needs no inverse, except for a bend. So a keyed
 deformation equals the closed form at every frame, keeps what other flows did to the subject meanwhile, and
 has no integration error.
 """
@@ -109,7 +109,7 @@ class Stretch(Deformation):
 
 
 class _Directed(Deformation):
-    """A deformation with a direction, of which the part across the axis counts."""
+    """A deformation with a direction; only its part across the axis counts."""
 
     direction: Vector
 

@@ -7,7 +7,7 @@ block of points. A field adds its velocity; brackets make compositions part of t
     OPEN … CLOSE_…      the same, with a factor inside a region, another outside, and a falloff between
     PLACE … UNPLACE     the fields between see points in a transformed frame; velocities are transformed back
 
-Brackets nest to any depth. The numbers of a field are listed beside its equation.
+Brackets nest to any depth. The numbers of a field are listed with its equation.
 
 Points are handled `BLOCK` at a time, coordinates apart, in one flat scratch array small enough for the
 nearest cache. A *level* is six runs of BLOCK numbers: x, y, z of the points and u, v, w of their velocities

@@ -169,7 +169,7 @@ def advect(
             finer sub-steps take the nearest. Of a deformation, which no span of a halved plan is, the row
     spans   (S, 3): seconds of each span; the largest error, of halved spans, and the maximum step, in scene
             units
-    halved  tells whether each point halves the spans for itself; else each span is one fixed sub-step
+    halved  True if each point halves the spans for itself; else each span is one fixed sub-step
 
     x becomes NaN where a fixed sub-step exceeds the maximum step, and where a point is not finite; it is
     infinite where a point would need finer sub-steps.

@@ -1,4 +1,4 @@
-"""Normals of faces, of vertices split at creases, and of points beside vertices that a flow has moved."""
+"""Normals of faces, of vertices split at creases, and of points next to vertices that a flow has moved."""
 
 from __future__ import annotations
 

@@ -92,19 +92,19 @@ def deliver(
     `flowsculpt deliver A010_cube --as review,prores4444 -q final --burn-in all` writes two files to
     renders/A010_cube/final/deliver; `flowsculpt deliver film --as h265 --slate head` the film with a slate.
     Files that are up to date are kept. Failed frames are shown as cards that state the reason.
-    `flowsculpt deliver A010_cube -q final --relit key1.4` encodes what `relight` made, and relights frames
-    that it did not.
+    `flowsculpt deliver A010_cube -q final --relit key1.4` encodes frames of `relight`, and relights missing
+    ones.
 
-    Movies of spherical and VR180 shots have tags by which YouTube, VLC and players of headsets show them
-    around the viewer, and names that end with _360 or _180_LR, which many players go by.
+    Movies of spherical and VR180 shots have tags with which YouTube, VLC and headset players show them around
+    the viewer, and names that end with _360 or _180_LR, which many players rely on.
 
     review: H.264 of intra frames, to step through · phone: H.264 of 8 bits, for phones and social networks ·
     h264, h265: 10 bits · prores4444: with the subject's alpha · av1: for the web · ffv1: lossless, for the
     archive · webp: for pages.
     """
     if slate is not None:
-        require_one_of(slate, SLATES, f"--slate {slate}: a slate goes to the head or apart.")
-    words = words_of(forms, f"--as {forms!r} names no deliverable. There are: {', '.join(ENCODES)}.")
+        require_one_of(slate, SLATES, f"--slate {slate}: a slate goes at the head or apart.")
+    words = words_of(forms, f"--as {forms!r} is not a deliverable. There are: {', '.join(ENCODES)}.")
     order = DeliveryOptions(
         encodes=tuple(encode_named(word) for word in words),
         slate=slate,

@@ -42,7 +42,7 @@ class DeliveryOptions:
     slate    one of SLATES; None for no slate
     burn_in  facts over the frames; None for none
     audio    replaces the film's own sound
-    folder   of the files; by default beside the frames
+    folder   of the files; by default next to the frames
     """
 
     encodes: tuple[Encode, ...]

@@ -294,7 +294,8 @@ def _lost(numbered: Sequence[tuple[FrameReader, int]]) -> tuple[str, ...]:
         reader, number = lost[0]
         raise FrameError(
             f"{reader.request.name}: none of its frames could be made, so there is nothing to deliver; the "
-            f"first failed: {reader.reason(number)}"
+            "first "
+            f"error: {reader.reason(number)}"
         )
     by_shot: dict[str, list[int]] = {}
     for reader, number in lost:

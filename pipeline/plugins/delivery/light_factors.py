@@ -27,7 +27,7 @@ _FACTOR = re.compile(r"\s*lights\.(\w+)\s*=(.*)", re.DOTALL)
 _INTENSITY = re.compile(r"\s*lights\.intensity(?:\.(\w+))?\s*=(.*)", re.DOTALL)
 
 _OF_SHOT = ("exposure", "hdri", "rig", "softboxes", "turn", "visible")
-"""Names under `lights` in a shot file that are no lights."""
+"""Names under `lights` in a shot file that are not lights."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,9 @@ class LightSettings:
         for setting in settings:
             if match := _INTENSITY.fullmatch(setting):
                 raise UsageError(
-                    f"{OPTION} {setting}: an intensity is of the shot, whose frames would be rendered "
-                    f"anew. Set a factor on the light that is rendered: lights.{match[1] or 'key'}={match[2]}"
+                    f"{OPTION} {setting}: an intensity belongs to the shot; changing it renders frames "
+                    "again. Scale "
+                    f"the rendered light by a factor instead: lights.{match[1] or 'key'}={match[2]}"
                 )
             match = _FACTOR.fullmatch(setting)
             if match and match[1] not in _OF_SHOT:
@@ -86,7 +87,7 @@ def _parsed(name: str, text: str) -> Triple:
         numbers = []
     if len(numbers) not in (1, 3) or not all(math.isfinite(n) and 0.0 <= n <= MAX_FACTOR for n in numbers):
         raise UsageError(
-            f"{OPTION} lights.{name}: {shortened(text)} is no factor from 0 to 1e6. Write a number, "
+            f"{OPTION} lights.{name}: {shortened(text)} is not a factor from 0 to 1e6. Write a number, "
             f"lights.{name}=1.4, or a colour, lights.{name}=1,0.8,0.6 or 'lights.{name}=#ffd0a0'"
         )
     red, green, blue = numbers * (3 // len(numbers))
@@ -133,8 +134,9 @@ def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Map
             words.append(f"write lights: {in_yaml(rig)} in {shown(path)}")
     if refused:
         words.append(
-            f"{', '.join(refused)}: daylight and an hdri keep their colours; write softboxes or a sky with a "
-            "radiance of that colour"
+            f"{', '.join(refused)}: the colour of daylight and of an hdri cannot be set; write softboxes or "
+            "a sky "
+            "with a radiance of that colour"
         )
     sentences = ["To render with these lights, " + "; ".join(words) + "."] if words else []
     if len({_factor_on(light, lights, factors) for light in ("sky", BACKGROUND)} - {None}) > 1:

@@ -1,4 +1,4 @@
-"""The command `relight`: mix the light groups of finished frames anew."""
+"""The command `relight`: mix the light groups of finished frames again."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ def relight(
 
     The shot needs light groups: write `light_groups: each` in its file and render it once. Then
     `flowsculpt relight A010_cube -q daily --set lights.key=1.4 --set lights.rim=1,0.8,0.6` writes frames and
-    a movie to renders/A010_cube/daily/relight/key1.4_rim1-0.8-0.6: the light that rendering gives, through
-    the same view. At its end it tells what to write in the shot file to render with these lights.
+    a movie to renders/A010_cube/daily/relight/key1.4_rim1-0.8-0.6: the same light as a render, through
+    the same view. At the end it prints what to write in the shot file to render with these lights.
     """
     given = LightSettings.of(settings or ())
     project = project_of(common, given.of_shot, allow_code, variant)
@@ -78,8 +78,9 @@ def relight(
     relit = RelitFrames(project.as_finished(request), project.store, factors, version)
     if missing := relit.missing():
         raise MissingInputError(
-            f"{request.name}: there is no finished frame {missing} at {request.quality_name} to relight. "
-            f"Render first: {_command('render', relit.request)} -f {missing}"
+            f"{request.name}: frame {missing} is not finished at {request.quality_name}, so it cannot be "
+            "relit. "
+            f"Render it first: {_command('render', relit.request)} -f {missing}"
         )
     count = plural(len(relit.numbers), "frame")
     facts: dict[str, Any] = {"path": str(relit.movie_path), "frames": relit.numbers, "factors": factors}
@@ -93,7 +94,7 @@ def relight(
     for fault in faults:
         print_error(fault)
     if faults:
-        words = f"{plural(len(faults), 'frame')} could not be relit, so there is no movie."
+        words = f"{plural(len(faults), 'frame')} could not be relit, so no movie was made."
     else:
         facts["permanent"] = permanent(path, given.of_shot, lights, factors)
         words = f"{relit.movie_path}: {count}, {made} relit in {seconds:.0f} s.\n{facts['permanent']}"

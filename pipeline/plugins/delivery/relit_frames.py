@@ -204,9 +204,9 @@ def relit_version(request: RenderRequest, store: Store, name: str) -> RelitFrame
             told.add(tuple((group, tuple(f)) for group, f in read_header(path).get("relit", {}).items()))
     if not told:
         names = relit_names(request, store.root)
-        there = f"There are: {', '.join(names)}" if names else "flowsculpt relight makes such"
+        there = f"There are: {', '.join(names)}" if names else "flowsculpt relight makes them"
         raise MissingInputError(
-            f"{request.name}: there are no relit frames {name} at {request.quality_name}. {there}"
+            f"{request.name} has no relit frames {name} at {request.quality_name}. {there}"
         )
     if len(told) > 1:
         raise FrameError(

@@ -64,7 +64,7 @@ class ImportedEdit:
         first = _FIRST_LINE.format(name=self.file.name)
         if self.target.exists() and not self.target.read_text(encoding="utf-8").startswith(first):
             raise UsageError(
-                f"{self.target} is there already, and not from {self.file.name}; rename one of the two"
+                f"{self.target} already exists and was not made from {self.file.name}; rename one of the two"
             )
         rate = self._rate
         written: dict[str, Any] = {"title": self._timeline.name or self.file.stem}
@@ -98,7 +98,8 @@ class ImportedEdit:
         tracks = [track for track in self._timeline.video_tracks() if len(list(track.find_clips()))]
         if len(tracks) != 1:
             raise ShotError(
-                f"{shown(self.file)}: it has {len(tracks)} tracks of pictures; an edit has one. Flatten them."
+                f"{shown(self.file)}: it has {len(tracks)} tracks of pictures; an edit has one picture "
+                "track. Flatten them."
             )
         return tracks[0]
 
@@ -178,7 +179,7 @@ class ImportedEdit:
         known = next((name for name in names if name in self.shots), None)
         if known is None:
             named = next((name for name in names if name), "a clip without a name")
-            raise UsageError(f"{named} is no shot in {self.folder}. {suggestion(named, self.shots)}")
+            raise UsageError(f"{named} is not a shot in {self.folder}. {suggestion(named, self.shots)}")
         return known
 
     def _sound(self) -> Mapping[str, Any]:
@@ -202,7 +203,8 @@ class ImportedEdit:
         moved = next((clip for clip in of_shots if not self._is_under_its_picture(clip)), None)
         if moved is not None:
             raise self._refused(
-                f"{moved.name} is not where shot {_facts(moved)['shot']} has it; an edit has the sounds of "
+                f"{moved.name} is not where shot {_facts(moved)['shot']} has it; an edit has the "
+                "sounds of "
                 "its shots as they are. Move it back, or mix the sounds down to one file."
             )
         if len(own) > 1:
@@ -243,7 +245,7 @@ class ImportedEdit:
 
 
 def _facts(clip: Any) -> Mapping[str, Any]:
-    """Return what our export wrote beside the sound of a clip; nothing for clips of other programs."""
+    """Return what our export wrote with the sound of a clip; nothing for clips of other programs."""
     found = clip.metadata.get("flowsculpt", {})
     return found if isinstance(found, Mapping) else {}
 

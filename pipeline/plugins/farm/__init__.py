@@ -8,7 +8,7 @@ PLUGIN = Plugin(
     commands={
         "task": Command(
             "pipeline.plugins.farm.task_command:task",
-            "Do a part of a shot's plan, as a worker of a render manager.",
+            "Run part of a shot's plan, as a worker of a render manager.",
             "Render",
         ),
     },

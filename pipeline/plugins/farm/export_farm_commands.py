@@ -39,7 +39,7 @@ def plan(
     frames: Frames = None,
     quality: Quality = DEFAULT_QUALITY,
 ) -> None:
-    """Write a plan, whose parts `flowsculpt task` does on the workers of any render manager.
+    """Write a plan for `flowsculpt task`, which does parts of it on the workers of any render manager.
 
     `flowsculpt export plan A010_cube -o plan.json` freezes the shot as it is now. Tasks skip what is already
     rendered.
@@ -95,7 +95,7 @@ def kubernetes(
     names: Names,
     options: PictureOptions,
     image: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The container image of the pods. It is needed.")
+        str | None, typer.Option(metavar="NAME", help="The container image of the pods. Required.")
     ] = None,
     output: Annotated[Path, output_option("Write to this folder. Default: kubernetes.", "DIR")] = Path(
         "kubernetes"

@@ -225,8 +225,8 @@ def _name(step: FarmStep, digest: str) -> str:
 
 _SCRIPT = """\
 #!/bin/sh
-# Have a Kubernetes cluster do the jobs of this folder, one level after the other: sh run.sh [-n NAMESPACE]
-# Called again, it goes on where it was. To try failed jobs again, delete them first: kubectl delete -f FILE
+# Run the jobs of this folder in a Kubernetes cluster, one level after the other: sh run.sh [-n NAMESPACE]
+# Run it again to continue where it stopped. To retry failed jobs, delete them first: kubectl delete -f FILE
 set -eu
 cd "$(dirname "$0")"
 kubectl "$@" apply -f {plan}
@@ -239,7 +239,7 @@ for file in {files}; do
             -o jsonpath='{states}')
         if failed=$(echo "$states" | grep -w Failed); then
             echo "$failed" >&2
-            echo "kubectl logs -l job-name=NAME says why. What follows $file is not begun." >&2
+            echo "kubectl logs -l job-name=NAME says why. Files after $file were not started." >&2
             exit 1
         fi
         echo "$states" | grep -qvw Complete || break

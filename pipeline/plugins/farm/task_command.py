@@ -30,7 +30,7 @@ def task(
         str | None,
         typer.Option(
             metavar="I/N",
-            help="Do the part I, from 0 on, of N parts of the frames, as a task of an array job: 0/8.",
+            help="Do part I of N of the frames, I counted from 0, as a task of an array job does: 0/8.",
         ),
     ] = None,
 ) -> None:
@@ -42,11 +42,11 @@ def task(
     `flowsculpt task plan.json assemble`. In an array job of eight tasks, `flowsculpt task plan.json render
     --part 0/8` is the first.
 
-    Workers without a disk in common share a remote store: with --store, each needs the plan and an empty root
-    of its own, fetches what its task reads, and uploads what it makes.
+    Workers without a shared disk share a remote store: with --store, each needs only the plan and an empty
+    root, fetches the files its task reads, and uploads those it makes.
 
-    Tasks lock no shot. What is done already is found in the store, so a task may be called again after it
-    was killed. docs/farm.md has the lines for OpenCue, Deadline and Tractor.
+    Tasks lock no shot, and skip what the store has, so a killed task can be run again. docs/farm.md has the
+    lines for OpenCue, Deadline and Tractor.
     """
     if common.dry_run:
         print_result(f"{plan}: {plural(len(tasks), 'task')} would be done.", {"tasks": tasks}, common.json)

@@ -39,8 +39,9 @@ class Part:
         number, _, count = text.partition("/")
         if not (number.isdecimal() and count.isdecimal() and int(number) < int(count)):
             raise UsageError(
-                f"--part {text}: it is no part of a whole; write its number, from 0 on, and how many there "
-                "are, such as 0/8 for the first of eight"
+                f"--part {text}: not a part; write its number, counted from 0, and how many parts there "
+                "are, such as "
+                "0/8 for the first of eight"
             )
         return cls(int(number), int(count))
 
@@ -86,8 +87,9 @@ def _require_versions(plan: Plan) -> None:
     ]
     if others:
         raise MachineError(
-            f"{platform.node()} has {', '.join(others)}: where it was planned, what it makes would count as "
-            "missing. Install the same version of flowsculpt and its packages on both, from requirements.lock"
+            f"{platform.node()} has {', '.join(others)}: its results would count as missing where the plan "
+            "was made. "
+            "Install the same version of flowsculpt and its packages on both, from requirements.lock"
         )
 
 
@@ -96,8 +98,8 @@ def _upload_rest(root: Path) -> None:
     store = Store(root)
     if unsent := upload_missed(store).unsent:
         raise MachineError(
-            f"{store.url}: it did not take {plural(unsent, 'file')}, which other workers would miss; "
-            "do the task again once it answers: what is made stays in this root"
+            f"{store.url}: it did not accept {plural(unsent, 'file')}, which other workers would miss; "
+            "run the task again once it answers; the files stay in this root"
         )
 
 
@@ -119,7 +121,7 @@ def _plan(file: Path) -> Plan:
             f"{file}: this worker does not see the plan ({error.strerror}); flowsculpt export plan writes one"
         ) from None
     except (ValueError, KeyError, TypeError, AttributeError):
-        raise UsageError(f"{file}: it is no plan; flowsculpt export plan SHOT writes one") from None
+        raise UsageError(f"{file}: not a plan; flowsculpt export plan SHOT writes one") from None
 
 
 def _jobs(plan: Plan, file: Path, tasks: Sequence[str], part: Part | None) -> Iterator[str]:
@@ -131,7 +133,8 @@ def _jobs(plan: Plan, file: Path, tasks: Sequence[str], part: Part | None) -> It
         chosen, frames = _named(plan, file, task)
         if part is not None and chosen[0].stage not in BY_FRAMES:
             raise UsageError(
-                f"--part: {task} is one task; only {' and '.join(BY_FRAMES)} are done in parts. Leave it out"
+                f"--part: {task} cannot be divided; only {' and '.join(BY_FRAMES)} are done in parts. Leave "
+                "it out"
             )
         if not frames and part is None:
             yield from (job.name for job in chosen)

@@ -45,7 +45,7 @@ def read_collada(content: bytes) -> FileSurface:
     scene.add_all()
     if not scene.placed.parts:
         others = f" Left out: {scene.left_out_words}." if scene.left_out else ""
-        raise MeshError(f"it holds no mesh.{others} Export the model as meshes.")
+        raise MeshError(f"it has no mesh.{others} Export the model as meshes.")
     return joined(scene.placed.parts, scene.notes())._replace(unit=_unit(root))
 
 
@@ -141,7 +141,7 @@ class _Scene:
             if ("controller", _identifier(mover, "source")) not in self._named:
                 return self._target(mover, "geometry", "source")
             controller = self._target(mover, "controller", "source")
-        raise MeshError(f"line {instance.line}: its controller moves no geometry")
+        raise MeshError(f"line {instance.line}: its controller has no geometry")
 
     def _add_geometry(self, geometry: Element, matrix: Floats) -> None:
         mesh = geometry.first("mesh")
@@ -159,8 +159,9 @@ class _Scene:
         address = element.attributes.get(attribute, "").strip()
         if not address.startswith("#") and ("#" in address or "." in address):
             raise MeshError(
-                f"line {element.line}: it refers to {shortened(address)}, in a file that is not read. "
-                "Export the model as one file."
+                f"line {element.line}: it refers to {shortened(address)}, in another file, which is not "
+                "read. Export "
+                "the model as one file."
             )
         target = self._named.get((kind, _identifier(element, attribute)))
         if target is None:
@@ -216,7 +217,8 @@ def _transform(element: Element) -> Floats:
             matrix[3, :3] = values[:3]
         case _:
             raise MeshError(
-                f"line {element.line}: a node is placed by skew, which is not read. Export it as a matrix."
+                f"line {element.line}: a node has a skew transform, which is not supported. Export it as a "
+                "matrix."
             )
     return matrix
 

@@ -41,8 +41,8 @@ def usd(
     """Write the sculpture with its motion, camera and lights as a USD stage.
 
     `flowsculpt export usd A010_cube` writes renders/A010_cube/usd/A010_cube.usda, which Houdini, Blender and
-    usdview open, and a clip for each frame: the mesh with velocities, normals and rest positions. What is
-    missing is simulated first. The second time only clips that changed are written. It needs the package
+    usdview open, and a clip for each frame: the mesh with velocities, normals and rest positions. Missing
+    frames are simulated first. Later exports write only clips that changed. It needs the package
     usd-core; see docs/interchange.md.
     """
     project = options.project(common)
@@ -50,7 +50,7 @@ def usd(
     if asked.source.subject:
         raise UsageError(
             f"--subject {asked.source.subject}: a USD stage holds all subjects of {asked.name}, each as a "
-            "prim. Leave --subject out"
+            "prim. Leave out --subject"
         )
     require_usd()
     folder = output.absolute() if output else common.root / asked.folders.home / "usd"
@@ -115,7 +115,7 @@ def stl(
         float, typer.Option(min=1.0, max=10_000.0, metavar="MM", help="The longest side, millimetres.")
     ] = LONGEST_SIDE,
 ) -> None:
-    """Write an STL file of one frame's mesh, to be printed; report its volume and its thinnest wall.
+    """Write an STL file of one frame's mesh for 3-D printing; report its volume and thinnest wall.
 
     `flowsculpt export stl A010_cube -f 40 --size 120` writes a model 120 mm long.
     """

@@ -22,7 +22,7 @@ def require_ufbx() -> None:
     if find_spec(PACKAGE) is None:
         raise MachineError(
             f"FBX files need the package {PACKAGE} (4 MB), which is not installed; "
-            f"pip install 'flowsculpt[{EXTRA}]', or it alone for the Python of flowsculpt: "
+            f"pip install 'flowsculpt[{EXTRA}]', or only the package, for the Python of flowsculpt: "
             f"{command_line('pip', 'install', PACKAGE)}"
         )
 

@@ -140,8 +140,8 @@ def visible_surface(content: bytes) -> FileSurface:
     others = ", ".join(plural(count, kind, _PLURALS.get(kind, "")) for kind, count in left_out.items())
     if not meshes.parts:
         raise MeshError(
-            f"it holds no visible mesh.{f' Left out: {others}.' if others else ''} "
-            "Convert what it holds to meshes in the program that made it."
+            f"it has no visible mesh.{f' Left out: {others}.' if others else ''} "
+            "Convert its objects to meshes in the program that made it."
         )
     notes = [f"left out: {others}; convert or show it in the program that made it"] if others else []
     if bound:
@@ -149,7 +149,7 @@ def visible_surface(content: bytes) -> FileSurface:
     if cages:
         notes.append(
             f"{plural(cages, 'mesh', 'meshes')} would be smoothed by subdivision, which is not done here; "
-            "subdivide in the program that made the file to have it smooth"
+            "to make it smooth, subdivide it in the program that made the file"
         )
     return joined(meshes.parts, notes)._replace(unit=known_unit(scene.settings.unit_meters))
 

@@ -91,8 +91,9 @@ class SceneArrays:
         values, accessor = self._elements(index, part.place, "VEC3")
         if values.dtype == np.uint32:  # floats under a wrong name, or no positions
             raise ValueError(
-                f"{accessor.place} of {part.place} has positions of componentType 5125, which glTF has for "
-                "indices alone"
+                f"{accessor.place} of {part.place} has positions of componentType 5125, which glTF allows "
+                "only for "
+                "indices"
             )
         return _as_floats(values, accessor)
 
@@ -166,7 +167,9 @@ class SceneArrays:
         """Return where a part is: matrices (N, 4, 4), one for each copy of it."""
         instances = part.node.extension(INSTANCING)
         if part.is_skinned and instances is not None:
-            raise ValueError(f"{part.node.place} has a skin and instances, which are not read together")
+            raise ValueError(
+                f"{part.node.place} has a skin and instances, a combination that is not supported"
+            )
         if part.is_skinned:
             return np.eye(4)[None]
         own = self.scene.matrix(part.number)

@@ -31,7 +31,8 @@ def require_draco() -> None:
     if find_spec("DracoPy") is None:
         raise MachineError(
             "glTF files with Draco data need the package DracoPy, which is not installed; install the extra "
-            f"[models], or it alone for the Python of flowsculpt: {command_line('pip', 'install', 'DracoPy')}"
+            "[models], "
+            f"or only the package, for the Python of flowsculpt: {command_line('pip', 'install', 'DracoPy')}"
         )
 
 
@@ -86,14 +87,14 @@ def read_gltf(path: Path) -> FileSurface:
 def _notes(scene: DefaultScene) -> Iterator[str]:
     """Yield lines to tell the user about what is not read as other programs show it."""
     if not (scene.parts or scene.skipped) and scene.document.root.items("meshes"):
-        yield "no node that its default scene shows has a mesh with triangles"
+        yield "no node of its default scene has a mesh with triangles"
     if scene.skipped:
         there = "is" if scene.skipped == 1 else "are"
         yield f"{plural(scene.skipped, 'primitive')} of points or lines {there} left out"
     if scene.morphed:
         yield (
             f"the morph targets of {plural(scene.morphed, 'primitive')} are not applied, though their weights"
-            " are not 0; apply them in the program that made the file, where they should show"
+            " are not 0; if they should show, apply them in the program that made the file"
         )
 
 

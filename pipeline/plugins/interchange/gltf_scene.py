@@ -110,7 +110,9 @@ class DefaultScene:
             above = "the scene" if parent is None else f"node {parent}"
             node = self.document.item("nodes", number, above)
             if number in self._parents:
-                raise ValueError(f"node {number} is below itself or below two nodes; a node has one parent")
+                raise ValueError(
+                    f"node {number} is its own ancestor or has two parents; a node has one parent"
+                )
             self._parents[number] = parent
             visibility = node.extension(_VISIBILITY)
             is_shown = is_shown and (visibility is None or visibility.values.get("visible") is not False)

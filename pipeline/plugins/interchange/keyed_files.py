@@ -1,4 +1,4 @@
-"""A folder of exported files, and the JSON file beside them that tells what each was made from."""
+"""A folder of exported files, and the JSON file that records what each was made from."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class KeyedFiles:
 
 
 def _read(path: Path) -> dict[str, dict[str, Any]]:
-    """Return what the JSON file says; nothing where it is not there, or damaged: all is then written anew."""
+    """Return what the JSON file says; nothing if it is missing or damaged: all is then written again."""
     try:
         noted = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -33,7 +33,7 @@ def decode_attributes(data: bytes, count: int, stride: int) -> AnyArray:
     if stride % 4 or not 4 <= stride <= 256:
         raise ValueError(f"its elements have {stride} bytes; they may have 4, 8, … to 256")
     if data[:1] not in (b"\xa0", b"\xa1"):
-        raise ValueError("it does not begin as a compressed attribute")
+        raise ValueError("it does not begin like a compressed attribute")
     channels = stride // 4 if data[0] & 1 else 0
     tail = len(data) - stride - channels
     end = len(data) - max(stride + channels, 24 if channels else 32)
@@ -160,7 +160,7 @@ def _summed(deltas: AnyArray, baseline: AnyArray, mode: int) -> AnyArray:
 def decode_indices(data: bytes, count: int, stride: int) -> AnyArray:
     """Decode a sequence of indices; return uint16 or uint32 (count,). Raises ValueError."""
     if data[:1] not in (b"\xd0", b"\xd1"):
-        raise ValueError("it does not begin as a compressed sequence of indices")
+        raise ValueError("it does not begin like a compressed sequence of indices")
     numbers, last = _numbers(data, 1, len(data) - 4), [0, 0]
     indices = np.empty(count, np.uint32)
     for k in range(count):
@@ -175,7 +175,7 @@ def decode_triangles(data: bytes, count: int, stride: int) -> AnyArray:
     if count % 3:
         raise ValueError(f"it has {count} indices; those of triangles come in threes")
     if data[:1] not in (b"\xe0", b"\xe1"):
-        raise ValueError("it does not begin as compressed triangles")
+        raise ValueError("it does not begin like compressed triangles")
     triangles, end = count // 3, len(data) - 16
     if end < 1 + triangles:
         raise _ended()
@@ -210,7 +210,7 @@ def _numbers(data: bytes, at: int, end: int) -> Iterator[int]:
 
 
 def _present(entry: T | None) -> T:
-    """Return an entry of a queue, all of which are None at first. Raises ValueError for such a one."""
+    """Return an entry of a queue. Raises ValueError if it is still None."""
     if entry is None:
         raise ValueError("it names an edge or a vertex before there is one")
     return entry

@@ -22,10 +22,10 @@ from pipeline.production.store.store import Key, Store, key_of
 from render.base.serialise import to_plain
 
 SEQUENCES = ("ply", "obj")
-"""Forms of which a range of frames may be written."""
+"""Formats that can hold a range of frames."""
 
 STILLS = ("glb", "stl")
-"""Forms that hold a still."""
+"""Formats that hold one frame."""
 
 MODELS = (*SEQUENCES, *STILLS)
 

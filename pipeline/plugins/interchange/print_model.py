@@ -58,12 +58,10 @@ class PrintReport:
         size = " × ".join(f"{side:.1f}" for side in self.size)
         words = f"{size} mm, {self.volume / 1000.0:.4g} cm³, {self.triangles} triangles, closed."
         if self.thinnest is not None:
-            words += (
-                f" By estimate its thinnest wall has {self.thinnest:.2g} mm, and a hundredth of its faces"
-            )
+            words += f" Its thinnest wall is about {self.thinnest:.2g} mm, and 1% of its faces"
             words += f" have less than {self.thin:.2g} mm below them."
         if self.crossings:
-            words += f" {self.crossings} pairs of faces pass through each other; let the slicer unite them."
+            words += f" {self.crossings} pairs of faces pass through each other; let the slicer merge them."
         return words
 
     def as_data(self) -> dict[str, Any]:

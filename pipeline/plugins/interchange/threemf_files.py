@@ -99,7 +99,7 @@ def read_threemf(content: bytes) -> FileSurface:
         for item in part.items:
             package.add(item, root, np.eye(4), 0)
     if not package.placed.parts:
-        raise MeshError("; ".join(["its build places no triangles", *package.notes()]) + ". Export it again.")
+        raise MeshError("; ".join(["its build has no triangles", *package.notes()]) + ". Export it again.")
     return joined(package.placed.parts, package.notes())._replace(unit=_UNITS[part.unit])
 
 
@@ -139,7 +139,7 @@ class _Package:
         if info.file_size > min(MOST_BYTES, max(_SMALL, _MOST_PACKED * info.compress_size)):
             raise MeshError(
                 f"its part {shortened(name)} unpacks from {size_of(info.compress_size)} to "
-                f"{size_of(info.file_size)}, which no model does"
+                f"{size_of(info.file_size)}, which no model file does"
             )
         with self.archive.open(info) as file:
             return file.read(info.file_size)
@@ -162,7 +162,7 @@ class _Package:
             raise MeshError(f"{name}: its unit is {part.unit}, and that of the package {root.unit}")
         found = part.objects.get(reference.object_id)
         if found is None:
-            raise MeshError(f"{place}: there is no object {shortened(reference.object_id)} in {name}")
+            raise MeshError(f"{place}: {name} has no object {shortened(reference.object_id)}")
         if found.kind in _SUPPORTS:
             self.left_out["support"] += 1
             return

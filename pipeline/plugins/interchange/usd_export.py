@@ -95,8 +95,9 @@ class UsdExport:
         framings = self.request.framings(self.store)
         if framings is None:
             raise FrameError(
-                f"{self.request.name} has no cameras, which depend on all its frames, so no stage is "
-                "written; correct the frames that fail, or export those that are there as ply or obj"
+                f"{self.request.name} has no cameras, which depend on all its frames, so no stage was "
+                "written; fix "
+                "the frames that fail, or export the existing ones as ply or obj"
             )
         return framings
 

@@ -36,7 +36,8 @@ def require_usd() -> None:
     if find_spec("pxr") is None:
         raise MachineError(
             f"USD files need the package {PACKAGE} (209 MB), which is not installed; install the extra "
-            f"[{EXTRA}], or it alone for the Python of flowsculpt: {command_line('pip', 'install', PACKAGE)}"
+            f"[{EXTRA}], or only the package, for the Python of flowsculpt: "
+            f"{command_line('pip', 'install', PACKAGE)}"
         )
 
 

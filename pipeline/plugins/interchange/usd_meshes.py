@@ -35,7 +35,7 @@ class StageMeshes:
     """
 
     time: Usd.TimeCode
-    placed: PlacedMeshes = field(default_factory=lambda: PlacedMeshes("read fewer by prim"))
+    placed: PlacedMeshes = field(default_factory=lambda: PlacedMeshes("select fewer with prim"))
     cages: int = 0
     omitted: Counter[str] = field(default_factory=Counter)
     _read: dict[str, Polygons] = field(default_factory=dict)
@@ -83,7 +83,7 @@ class StageMeshes:
         """Count prims that are visited. Raises MeshError for too many."""
         self._prims += prims
         if self._prims > MOST_PRIMS:
-            raise MeshError(f"it has over {MOST_PRIMS} prims with its instances; read fewer by prim")
+            raise MeshError(f"it has over {MOST_PRIMS} prims with its instances; select fewer with prim")
 
     def _add_prim(self, prim: Usd.Prim, to_stage: Floats, depth: int) -> None:
         """Add a prim, which lies on the stage by a matrix (4, 4)."""
@@ -159,10 +159,10 @@ class StageMeshes:
             meshes, asks = plural(self.cages, "mesh", "meshes"), "asks" if self.cages == 1 else "ask"
             lines.append(
                 f"{meshes} {asks} to be subdivided by subdivisionScheme, which is not done here; "
-                "subdivide in the program that made the stage to have it smooth"
+                "to make it smooth, subdivide it in the program that made the stage"
             )
         if self.omitted:
-            lines.append(f"prims that are no meshes are left out: {self.omitted_words}")
+            lines.append(f"left out, as they are not meshes: {self.omitted_words}")
         return lines
 
 

@@ -76,7 +76,7 @@ def _load_usd() -> None:
 class StageLayers:
     """The files of a stage, found without composing it.
 
-    files  absolute paths of the layers beside the stage's own
+    files  absolute paths of all layers except the stage itself
     size   of all layers, bytes
     """
 
@@ -120,7 +120,7 @@ def _layers_named_in(name: str) -> Iterator[str]:
 
     layer = Sdf.Layer.FindOrOpen(name)
     if layer is None:
-        raise ValueError(f"{Path(name).name} is no layer of USD")
+        raise ValueError(f"{Path(name).name} is not a USD layer")
     for asset in (*layer.GetCompositionAssetDependencies(), *_clips_of(layer)):
         if asset:
             yield layer.ComputeAbsolutePath(asset)
@@ -137,9 +137,12 @@ def _clips_of(layer: Sdf.Layer) -> Iterator[str]:
         sets = spec.GetInfo("clips") if spec is not None and spec.HasInfo("clips") else {}
         for clips in sets.values():
             if not isinstance(clips, dict):
-                raise MeshError(f"{path}: its value clips are no dictionary")
+                raise MeshError(f"{path}: its value clips are not a dictionary")
             if clips.get("templateAssetPath"):
-                raise MeshError(f"{path} names its value clips by a template. Flatten the stage at a frame.")
+                raise MeshError(
+                    f"{path} uses a template for its value clips, which is not supported. "
+                    "Flatten the stage at one frame."
+                )
             yield from (asset.path for asset in clips.get("assetPaths") or ())
             manifest = clips.get("manifestAssetPath")
             if manifest is not None:

@@ -87,9 +87,7 @@ def limited_parser(
         nonlocal depth
         depth += 1
         if depth > _DEEPEST:
-            raise MeshError(
-                f"line {parser.CurrentLineNumber}: over {_DEEPEST} elements lie within each other"
-            )
+            raise MeshError(f"line {parser.CurrentLineNumber}: elements are nested over {_DEEPEST} deep")
         start(name, attributes)
 
     def closed(name: str) -> None:
@@ -100,7 +98,7 @@ def limited_parser(
     def refuse(name: str, *_: object) -> NoReturn:
         raise MeshError(
             f"line {parser.CurrentLineNumber}: it declares the entity {name[:40]!r}; entities are not read. "
-            "Write their text in their place."
+            "Write out their text instead."
         )
 
     parser = expat.ParserCreate()

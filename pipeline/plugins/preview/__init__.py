@@ -8,7 +8,7 @@ PLUGIN = Plugin(
     commands={
         "preview": Command(
             "pipeline.plugins.preview.preview_command:preview",
-            "Draw a shot in seconds, without a path tracer; or follow its edits live.",
+            "Draw a shot in seconds, without a path tracer, or live while you edit.",
             "Look",
         ),
     },

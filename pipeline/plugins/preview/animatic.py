@@ -206,7 +206,7 @@ def framings_of(
 ) -> Mapping[int, Framing]:
     """Return camera and stage of frames that the stream has played.
 
-    For all frames of a shot they are the render's own, but for the rounding of points to float32. For some
+    For all frames of a shot they are the render's own, except for rounding of points to float32. For some
     frames they depend on these alone.
     """
     return dict(framings_while(request, stream, numbers, numbers))

@@ -84,7 +84,7 @@ def _process(root: Path, *words: str) -> Iterator[None]:
         for line in lines:
             err.print(line.rstrip())
         if (code := process.wait()) and not is_ending.is_set():
-            err.print(f"first pictures are left out: the process that makes them ended with {code}")
+            err.print(f"first pictures are left out: the process that draws them exited with {code}")
 
     reading = threading.Thread(target=print_lines, args=(process.stdout,), daemon=True)
     reading.start()

@@ -104,7 +104,7 @@ def serving(feed: LiveFeed, port: int = 0, actions: Mapping[str, Action] | None 
 
 
 class _Server(ThreadingHTTPServer):
-    """A thread for each connection, of which each has one request and PATIENCE seconds to send it."""
+    """A thread for each connection, which has one request and PATIENCE seconds to send it."""
 
     daemon_threads = True
     request_queue_size = MOST_CONNECTIONS
@@ -182,7 +182,7 @@ class _Handler(BaseHTTPRequestHandler):
         if name is None:
             return
         if self.headers.get("Origin") not in self._origins():
-            self.send_error(403, "only the page itself may change anything")
+            self.send_error(403, "only the page itself may make changes")
         elif name not in self._actions:
             self.send_error(404)
         elif (asked := self._body()) is not None:

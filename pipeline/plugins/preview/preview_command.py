@@ -57,11 +57,14 @@ def preview(
         typer.Option(
             "--burn-in",
             metavar="FIELDS",
-            help="Write over the picture: all, or some of shot,frame,timecode,key.",
+            help="Burn into the picture: all, or some of shot,frame,timecode,key.",
         ),
     ] = None,
     live: Annotated[
-        bool, typer.Option("--live", help="Open a page that shows the shot, follows its edits and edits it.")
+        bool,
+        typer.Option(
+            "--live", help="Open a page that shows the shot, follows edits of its file and edits it."
+        ),
     ] = False,
     watch: Annotated[
         bool, typer.Option("--watch", help="Draw again whenever the shot file is saved, until Ctrl-C.")
@@ -85,8 +88,8 @@ def preview(
     renders/film/preview.
 
     `flowsculpt preview A010_cube --live` opens a page on this machine that shows frames while they are
-    simulated. Values, keys, camera and flows are edited there, which writes the shot file. After each edit,
-    also one of a text editor, simulation goes on from the first frame that changed. Ctrl-C ends it.
+    simulated. You can edit values, keys, camera and flows there, which changes the shot file. After each
+    edit, also in a text editor, simulation resumes at the first frame that changed. Ctrl-C ends it.
     """
     if at is not None and frames is not None:
         raise UsageError("--at is for a still and --frames for a movie; give one of them")
@@ -99,7 +102,7 @@ def preview(
     if names_edit(shot):
         if at is not None or frames is not None or live or watch:
             raise UsageError(
-                f"{shot} is an edit, which is drawn whole; --at, -f, --live and --watch are for shots"
+                f"{shot} is an edit, which is always drawn whole; --at, -f, --live and --watch are for shots"
             )
         edit, requests = options.project(common).edit(DEFAULT_QUALITY, find_edit(shot), variant="none")
         _draw_film(common, edit, [Sketch(each, flow, edges, fields) for each in requests], output)

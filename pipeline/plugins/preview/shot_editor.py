@@ -55,7 +55,7 @@ class Step:
 
 @dataclass(eq=False)
 class ShotEditor:
-    """Edits one shot file; safe to use from several threads, of which one writes at a time.
+    """Edits one shot file; safe to use from several threads; one writes at a time.
 
     path        the shot file
     settings    values of the command line, which replace those of the file and cannot be edited
@@ -106,7 +106,7 @@ class ShotEditor:
         return self._move(digest, self._undone, self._done, "redo")
 
     def trial(self, digest: str, edits: Sequence[ValueEdit]) -> str:
-        """Return the text with edits and write nothing. Raises what `edit` raises, but for the disk."""
+        """Return the text with edits and write nothing. Raises what `edit` raises, except disk errors."""
         with self._lock:
             before = self._current(digest)
         return self._edited(before, edits, verify=False)
@@ -125,7 +125,9 @@ class ShotEditor:
         for setting in self.settings:
             given = setting.partition("=")[0].strip()
             if name == given or name.startswith(f"{given}.") or given.startswith(f"{name}."):
-                raise ShotError(f"--set {setting}: this replaces {name} of the file. Start again without it.")
+                raise ShotError(
+                    f"--set {setting}: this overrides {name} of the file. Start again without it."
+                )
         for depth, step in enumerate(edit.where):
             is_within = isinstance(step, int) or "keys" in edit.where[:depth]
             if is_within and source.get(*edit.where[:depth]) is None:
@@ -163,8 +165,9 @@ class ShotEditor:
 
     def _stale(self) -> StaleError:
         return StaleError(
-            f"{self.path}: the file was changed meanwhile; nothing was written. The page shows it as it "
-            "is now: edit it again."
+            f"{self.path}: the file has changed in the meantime; nothing was written. The page shows the "
+            "new file: "
+            "edit again."
         )
 
     def _forget_others(self, text: str) -> None:

@@ -70,5 +70,5 @@ def _note_frame(session: LiveSession, asked: Mapping[str, Any]) -> None:
 def _text(asked: Mapping[str, Any], name: str, default: str | None = None) -> str:
     value = asked.get(name, default)
     if not isinstance(value, str) or len(value) > 100:
-        raise UsageError(f"{name} must be a text of at most 100 characters")
+        raise UsageError(f"{name} must be text of at most 100 characters")
     return value

@@ -58,9 +58,9 @@ CHANGES = {
 """Changes by the entries of a shot. Other entries of one of several subjects change that subject."""
 
 WORDS = {
-    Change.PICTURE: "Small until you let go",
-    Change.MESH: "As it was: the mesh is made anew when you let go",
-    Change.FLOW: "Approximate: moved by the change of the flow, not simulated yet",
+    Change.PICTURE: "Drawn small until you let go",
+    Change.MESH: "Unchanged: the mesh is rebuilt when you let go",
+    Change.FLOW: "Approximate: moved by the change of flow, not simulated yet",
     Change.SUBJECT: "Approximate: a coarse subject, not simulated yet",
 }
 

@@ -1,4 +1,4 @@
-"""Surfaces of edits that are not simulated: moved by the change of a flow, or built anew and carried there.
+"""Surfaces of edits that are not simulated: moved by the change of a flow, or rebuilt and carried there.
 
 A frame depends on all frames before it, and these cannot be simulated while somebody drags. Where the flow
 changes, the vertices of the known frame are moved by how far the old flow and the new one carry points of the
@@ -36,7 +36,7 @@ MOST_CARRIED, LEAST_CARRIED = 500, 60
 """Points that are carried: the more vertices, the fewer."""
 
 MOST_BUILT = 3000
-"""Vertices of a subject that is built anew, about, and those that are carried each by itself."""
+"""Approximate vertices of a subject that is rebuilt, and of one whose vertices are carried individually."""
 
 
 def carried_to(motion: Motion, points: Points, number: int) -> Points:

@@ -15,7 +15,7 @@ def push(common: Common) -> None:
     """Upload stored files that the remote store lacks, such as those made before there was one.
 
     Runs upload what they make, and what an earlier run could not. `flowsculpt push --store s3://bucket/show`
-    uploads the rest; `--dry-run` counts it. A damaged file is left out: `flowsculpt verify` repairs it.
+    uploads the rest; `--dry-run` counts the files. `flowsculpt verify` repairs damaged files first.
     """
     store = Store(common.root)
     if store.remote is None:

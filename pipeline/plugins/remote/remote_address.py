@@ -37,7 +37,7 @@ def checked_url(typed: str) -> str:
     text = typed.strip()
     where = f"{OPTION} {_without_password(text)}"
     if not text.isprintable() or not text:
-        raise UsageError(f"{OPTION} {typed!r}: is empty or holds control characters; write {EXAMPLES}")
+        raise UsageError(f"{OPTION} {typed!r}: is empty or contains control characters; write {EXAMPLES}")
     scheme, separator, rest = text.partition("://")
     if not separator:
         return f"file://{_folder(text, where)}"
@@ -78,14 +78,15 @@ def _check_host(text: str, where: str) -> None:
         raise UsageError(f"{where}: cannot be parsed ({error}); write {EXAMPLES}") from None
     if has_password:
         raise UsageError(
-            f"{where}: it holds a password, which would end up in logs; leave it out, and give credentials "
-            "to the file system's own settings (docs/farm.md)"
+            f"{where}: it contains a password, which would end up in logs; leave it out, and put "
+            "credentials in the "
+            "file system's own settings (docs/farm.md)"
         )
     bucket = rest.partition("/")[0]
     if scheme in _BUCKETS and not re.fullmatch(r"[\w.-]+|arn:[\w:.-]+", bucket, re.ASCII):
         raise UsageError(
             f"{where}: {bucket!r} cannot name a bucket; names have letters, digits, . and -. "
-            "A server of your own is named by AWS_ENDPOINT_URL"
+            "Set AWS_ENDPOINT_URL for a server of your own"
         )
     if scheme in ("file", "local") and not rest.startswith("/"):
         raise UsageError(f"{where}: an absolute path must follow, as in file:///mnt/share/show")

@@ -147,7 +147,8 @@ class RemoteFiles:
                         return _digest_in(name)
                 else:
                     self.requests.warn(
-                        f"{self.url}: {kind}/{name[0]}/{name} is not what was stored: it is left alone, and "
+                        f"{self.url}: {kind}/{name[0]}/{name} differs from the stored file: it is not used, "
+                        "and is "
                         "replaced once it is made again"
                     )
                 self._bad.add(name)

@@ -107,7 +107,7 @@ class RemoteRequests:
             self._silent_until = time.monotonic() + self._silence
             self._silence = min(2.0 * self._silence, MAX_SILENT_SECONDS)
         self.warn(
-            f"{self.url}: {fault}; going on without it. What is made stays here, and the next run uploads it"
+            f"{self.url}: {fault}; continuing without it. New files stay here, and the next run uploads them"
         )
 
     def warn(self, message: str) -> None:
@@ -119,7 +119,7 @@ class RemoteRequests:
         LOG.warning(message)
 
 
-NO_FOLDER = "no such bucket or folder; make it, and mind the spelling"
+NO_FOLDER = "no such bucket or folder; create it, and check the spelling"
 
 _FAULTS: tuple[tuple[str, str, bool], ...] = (
     ("PermissionError|AccessDenied", "permission denied; check its credentials", True),
@@ -128,7 +128,7 @@ _FAULTS: tuple[tuple[str, str, bool], ...] = (
     ("NotImplementedError", "it can only be read", True),
     ("Timeout|Connection|Connect|gaierror|Disconnected", "it does not answer", False),
 )
-"""Names of classes of errors, what they mean, and whether it is of no use to try again."""
+"""Names of classes of errors, what they mean, and whether trying again is useless."""
 
 
 def _fault_of(error: Exception) -> tuple[str, bool]:

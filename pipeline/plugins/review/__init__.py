@@ -8,7 +8,7 @@ PLUGIN = Plugin(
     commands={
         "review": Command(
             "pipeline.plugins.review.review_command:review",
-            "Write a page to look at shots frame by frame, and to write notes.",
+            "Write a page for reviewing shots frame by frame and writing notes.",
             "Look",
         ),
         "notes": Command(

@@ -112,7 +112,7 @@ def _raw_layers(
 ) -> dict[str, NDArray[Any]]:
     """Return the AOVs of the rendered frame that the finished one was made from and does not have.
 
-    There are none where the rendered frame is gone, or was rendered anew since.
+    There are none if the rendered frame is gone, or was rendered again since.
     """
     path, picture = sequence.raws.get(number), sequence.pictures[number]
     if path is None or not path.is_file():
@@ -149,7 +149,7 @@ def as_script(
 
     low, high  shown as black and white; vectors have zero in the middle
     exposure   stops, of layers of light
-    about      more that the page is told of it
+    about      further facts for the page
     """
     planes = np.moveaxis(values.reshape(*values.shape[:2], -1), 2, 0)
     if name == DISPLAY:

@@ -32,7 +32,7 @@ def notes(
 
     Reviewers write them on the page of `flowsculpt review A010_cube`, and download a file. `flowsculpt notes
     A010_cube --add ann.json --add ben.json` merges such files into notes/A010_cube.json, in any order and
-    as often as one likes. `--json` also tells drawings, deleted notes and what notes said before.
+    any number of times. `--json` includes drawings, deleted notes and earlier revisions.
     """
     if status is not None:
         require_one_of(status, STATUSES, f"--status {status}: a note is {', '.join(STATUSES)}.")
@@ -44,7 +44,7 @@ def notes(
     for note in live:
         listing.add_row(*map(readable, _row(note)))
     kind = f"{status} notes" if status else "notes"
-    none = f"{name} has no {kind}; flowsculpt review {name} writes the page to take them."
+    none = f"{name} has no {kind}; flowsculpt review {name} writes the page for taking them."
     facts = {"path": str(folder.path(name)), "added": added, **as_data(found)}
     print_result(listing if live else none, facts, common.json)
     if added and not common.json:

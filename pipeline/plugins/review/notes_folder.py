@@ -1,4 +1,4 @@
-"""The notes of a project: `notes/<shot>.json` beside `shots/`, production data that `clean` leaves alone."""
+"""The notes of a project: `notes/<shot>.json` next to `shots/`, production data that `clean` leaves alone."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def review(
     crossings: Crossings = False,
     notes: NotesFiles = None,
 ) -> None:
-    """Write a page to look at shots: frame by frame, versions side by side, measures and meshes.
+    """Write a page for reviewing shots: frame by frame, versions side by side, measures and meshes.
 
     `flowsculpt review A010_cube` writes renders/review/A010_cube with the rendered frames of the shot, its
     published versions and its wedges. Open index.html in any browser: it needs no server and no network, and

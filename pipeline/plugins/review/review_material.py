@@ -50,7 +50,7 @@ class Search:
             quality = self.qualities[0] if self.qualities else DEFAULT_QUALITY
             at = f" at {', '.join(self.qualities)}" if self.qualities else ""
             raise MissingInputError(
-                f"{path.stem} has no rendered frames{at}, and a review page shows such; flowsculpt render "
+                f"{path.stem} has no rendered frames{at} for a review page; flowsculpt render "
                 f"{path.stem} -q {quality} makes them"
             )
         return ShotMaterial(self.project.request(path, DEFAULT_QUALITY, variant="none"), sequences, grids)

@@ -27,7 +27,7 @@ UNITS = 10_000
 """Units of a drawing to the width of its picture; heights are measured in the same unit."""
 
 _PRINTED = r"^[^\x00-\x08\x0b-\x1f\x7f-\x9f]*$"
-"""Text without control characters, by which a note could command a terminal; it may have tabs and lines."""
+"""Text without control characters, which could command a terminal; tabs and line ends are allowed."""
 
 FrameNumber = Annotated[int, Field(ge=-1_000_000, le=1_000_000)]
 Coordinate = Annotated[int, Field(ge=-100_000, le=100_000)]
@@ -52,7 +52,7 @@ class NoteStroke(_Document):
     frame: FrameNumber
     kind: Literal["pen", "arrow", "rectangle", "text"]
     ink: Annotated[str, Field(pattern=r"^#[0-9a-f]{6}$", description="The colour, as #ffb000.")]
-    width: Annotated[int, Field(ge=1, le=1000, description="Of the line; the size of text is six times it.")]
+    width: Annotated[int, Field(ge=1, le=1000, description="Width of the line; text is six times as high.")]
     points: Annotated[
         tuple[Coordinate, ...],
         Field(
@@ -63,13 +63,13 @@ class NoteStroke(_Document):
             "at its one point.",
         ),
     ]
-    text: Annotated[Text, Field(description="The words of the kind text; else empty.")]
+    text: Annotated[Text, Field(description="The text of the kind `text`; otherwise empty.")]
 
     @model_validator(mode="after")
     def _check_points(self) -> NoteStroke:
         count = len(self.points)
         if count % 2 or (self.kind != "pen" and count != {"text": 2}.get(self.kind, 4)):
-            raise ValueError(f"points: {count} numbers are no {self.kind}")
+            raise ValueError(f"points: {count} numbers do not make a drawing of the kind {self.kind}")
         return self
 
 
@@ -93,7 +93,9 @@ class NoteRevision(_Document):
     author: Annotated[Line, Field(description="The writer of this revision.")]
     created: Annotated[Time, Field(description="UTC, the same in all revisions of a note.")]
     modified: Annotated[Time, Field(description="UTC, when this revision was written.")]
-    deleted: Annotated[bool, Field(description="The note is deleted, and kept so that merging knows it.")]
+    deleted: Annotated[
+        bool, Field(description="The note is deleted; it is kept so that merging recognises it.")
+    ]
 
     @model_validator(mode="after")
     def _check_frames(self) -> NoteRevision:
@@ -172,7 +174,9 @@ def as_text(notes: Iterable[ReviewNote]) -> str:
 def read_notes(path: Path) -> list[ReviewNote]:
     """Return the notes of a file. Raises MissingInputError, UsageError, or MachineError if it is refused."""
     if not is_there(path):
-        raise MissingInputError(f"{path}: no such file of notes; the page of flowsculpt review downloads one")
+        raise MissingInputError(
+            f"{path}: file of notes not found; the page of flowsculpt review downloads one"
+        )
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -188,14 +192,15 @@ def _fault(error: ValidationError) -> str:
     first = error.errors(include_url=False)[0]
     place, given = ".".join(map(str, first["loc"])), first.get("input")
     if first["type"] == "json_invalid":
-        return f"this is no JSON, or was cut short ({first['ctx']['error']}); download the notes again"
+        return f"not JSON, or cut short ({first['ctx']['error']}); download the notes again"
     if place == "version" and isinstance(given, int) and given > VERSION:
         return (
-            f"version {given} of the format is newer than {VERSION}, which is read here; upgrade flowsculpt"
+            f"version {given} of the format is newer than {VERSION}, the newest that is read; upgrade "
+            "flowsculpt"
         )
     if place in ("", "format", "version", "notes"):
         return (
-            f'this is no file of notes: it must begin with "format": "{FORMAT}", "version": {VERSION}, '
+            f'not a file of notes; it must begin with "format": "{FORMAT}", "version": {VERSION}, '
             '"notes"; take one that the review page downloaded'
         )
     if first["type"] == "missing":
@@ -204,6 +209,6 @@ def _fault(error: ValidationError) -> str:
         return f"{place} is unknown in version {VERSION} of the format; remove it"
     rule = first["msg"].removeprefix("Value error, ")
     if first["type"] == "string_pattern_mismatch":
-        rule = "the format allows no such text here"
+        rule = "the format does not allow this text here"
     value = "" if first["type"] == "value_error" else f" is {brief(json.dumps(given, default=str))}"
     return f"{place}{value}: {rule[0].lower()}{rule[1:]}; take the file as the review page downloaded it"

@@ -187,7 +187,9 @@ def fetch() -> None:
         pip = python_process.command("pip", *words, "-r", str(REQUIREMENTS))
         done = subprocess.run(pip, env=python_process.environment())
         if done.returncode or not (Path(work) / PACKED).exists():
-            raise MachineError("three.js cannot be fetched, and pip says why; review pages have no 3-D view")
+            raise MachineError(
+                "three.js cannot be fetched (see pip's message); review pages have no 3-D view"
+            )
         with atomic_write(_installed()) as draft:
             shutil.copyfile(Path(work) / PACKED, draft)
 

@@ -8,7 +8,7 @@ PLUGIN = Plugin(
     commands={
         "sheet": Command(
             "pipeline.plugins.sheets.sheet_command:sheet",
-            "Put frames of a shot on one contact sheet.",
+            "Draw a contact sheet of a shot's frames.",
             "Look",
         ),
         "figures": Command(

@@ -30,7 +30,7 @@ def figures(
     crossings: Crossings = False,
     subject: Subject = None,
 ) -> None:
-    """Plot the measures of a shot's meshes, and the seconds of its frames, over its frames.
+    """Plot the measures and times of a shot's meshes over its frames.
 
     `flowsculpt figures A010_cube` writes renders/A010_cube/A010_cube.figures.svg: vertices, splits and
     collapses, edge lengths, roundness of triangles, area and volume of all mesh frames simulated so far, and
@@ -40,12 +40,11 @@ def figures(
     project = options.project(common)
     whole = project.request(find_shot(shot), quality, variant="none").of_subject(subject)
     if output is not None and len(whole.parts) > 1:
-        raise UsageError(f"-o {output} is one file, and {whole.name} has several subjects; choose --subject")
+        raise UsageError(f"-o {output} is one file, but {whole.name} has several subjects; choose --subject")
     drawn = [_drawn(common, project, request, output, crossings) for request in whole.parts]
     if not any(measured for _, _, measured in drawn):
         raise MissingInputError(
-            f"{whole.name} has no meshes yet, and figures are drawn from such; flowsculpt simulate {shot} "
-            "makes them"
+            f"{whole.name} has no meshes to draw figures from; flowsculpt simulate {shot} makes them"
         )
     told = [(page, names, frames) for page, names, frames in drawn if frames]
     done = ", would be written" if common.dry_run else ""
@@ -87,7 +86,8 @@ def curves(common: Common, shot: Shot, output: Plot = None, settings: Settings =
     keyed = curves_of(path, settings or ())
     if not keyed:
         raise UsageError(
-            f"{path} has nothing that changes over time; give a number keys, as {{keys: {{1: 0, 24: 2}}}}"
+            f"{path} has nothing that changes over time; give a number keys, such as "
+            f"{{keys: {{1: 0, 24: 2}}}}"
         )
     clock = read_shot(path, settings=settings or ()).motion.clock
     page = output or common.root / Folders.of_shot(path.stem).home / f"{path.stem}.curves.svg"

@@ -38,13 +38,13 @@ def sheet(
     columns: Annotated[int | None, typer.Option(min=1, metavar="N", help="Columns of the sheet.")] = None,
     output: Annotated[Path | None, output_option("Write this PNG.")] = None,
 ) -> None:
-    """Put frames of a shot on one contact sheet, rendering what is missing.
+    """Draw a contact sheet of a shot's frames, rendering what is missing.
 
     `flowsculpt sheet A010_cube -f 1-58x3 --columns 5` shows the shot over time. `flowsculpt sheet A010_cube
     --looks clay,glaze,chrome --at 44` shows one frame in three looks; it is a wedge.
     """
     if output is not None and output.suffix.lower() != ".png":
-        raise UsageError(f"{output} is no PNG, which a sheet is; end its name in .png")
+        raise UsageError(f"{output} is not a PNG; a sheet's name ends in .png")
     if looks is not None:
         if output is not None or frames is not None:
             raise UsageError(

@@ -70,7 +70,7 @@ class Wedge:
         if self.at is None:
             return sorted(known)[len(known) // 2]
         if self.at not in known:
-            raise UsageError(f"--at {self.at}: no such frame is rendered, but {known}; choose one of those")
+            raise UsageError(f"--at {self.at}: this frame is not rendered; choose one of {known}")
         return self.at
 
     def plan(self) -> Plan:

@@ -57,7 +57,7 @@ def wedge(
     with their values. With `-f 1-48` it renders these frames of every cell, and the sheet is a movie too.
     Work that cells share is done once: a wedge over looks simulates the shot only once.
 
-    A value with keys is varied at one of them, as here at frame 57. Varied as a whole it would lose its keys.
+    A value with keys is varied at one of them, here at frame 57; otherwise it would lose its keys.
     """
     grid = Grid.parse(vary or [], yes)
     project = options.project(common)
@@ -132,7 +132,7 @@ def _report(common: Common, made: Wedge) -> None:
     lines = [f"{'  '.join(cell.settings)}" for cell, _ in made.requests]
     frames = len(made.requests[0][1].requested)
     lines.append(f"{plural(len(lines), 'cell')} of {plural(frames, 'frame')}, the sheet at {made.number}.")
-    lines.append(forecast_words(forecast, expected) if todo else "Nothing to be done but the sheet.")
+    lines.append(forecast_words(forecast, expected) if todo else "Only the sheet is to be drawn.")
     if spared:
         lines.append(f"Shared by cells, and done once: {count_words(spared)}.")
     print_result("\n".join(lines), facts, common.json)

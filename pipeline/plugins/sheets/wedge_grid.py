@@ -53,14 +53,12 @@ class Variation:
         values = _steps(place, *steps.groups()) if steps else _listed(rest)
         if len(values) < 2:
             raise UsageError(
-                f"{place}: that is one value, and a wedge needs two; --set sets one. Write "
+                f"{place}: one value; a wedge needs at least two (--set sets one). Write "
                 "name=first:last:count, or values with commas between them."
             )
         if len(set(values)) < len(values):
             twice = next(value for value in values if values.count(value) > 1)
-            raise UsageError(
-                f"{place}: {shown(twice)} is in it twice, and would be rendered as one. Take one out."
-            )
+            raise UsageError(f"{place}: {shown(twice)} is listed twice. Remove one.")
         return cls(name, values, text)
 
     def setting(self, value: str) -> str:
@@ -91,14 +89,14 @@ class Grid:
         """`many` allows more than MOST_CELLS. Raises UsageError, with the option that is wrong."""
         if not texts:
             raise UsageError(
-                f"a wedge needs {OPTION}: say what changes, such as {OPTION} flows.0.vortex.strength=1:3:5"
+                f"a wedge needs {OPTION}: name what varies, such as {OPTION} flows.0.vortex.strength=1:3:5"
             )
         variations = tuple(map(Variation.parse, texts))
         names = [variation.name for variation in variations]
         for i, name in enumerate(names):
             if name in names[:i]:
                 raise UsageError(
-                    f"{OPTION} {shown(texts[i])}: {shown(name)} is varied twice; write its values in one"
+                    f"{OPTION} {shown(texts[i])}: {shown(name)} is varied twice; list all its values in one"
                 )
         grid = cls(variations)
         if len(grid) > (MOST_AT_ALL if many else MOST_CELLS):
@@ -140,10 +138,10 @@ def _steps(place: str, first: str, last: str, count: str) -> tuple[str, ...]:
     if many > MOST_AT_ALL:
         raise UsageError(f"{place}: {count} values are too many; a wedge has at most {MOST_AT_ALL} cells")
     if many == 0:
-        raise UsageError(f"{place}: no value at all; the last number says how many, 2 or more")
+        raise UsageError(f"{place}: no values; the last number is how many, 2 or more")
     begin, end = float(first), float(last)
     if not (math.isfinite(begin) and math.isfinite(end)):
-        raise UsageError(f"{place}: one of the numbers is too large to be one; take smaller ones")
+        raise UsageError(f"{place}: one of the numbers is too large; use smaller ones")
     shares = (i / max(1, many - 1) for i in range(many))
     return tuple(f"{begin * (1.0 - share) + end * share:.6g}" for share in shares)
 

@@ -8,7 +8,7 @@ PLUGIN = Plugin(
     commands={
         "turntable": Command(
             "pipeline.plugins.turntable.turntable_command:turntable",
-            "Turn an object, then the lights around it, before the camera.",
+            "Render an object turning, then the lights turning around it.",
             "Render",
         ),
     },

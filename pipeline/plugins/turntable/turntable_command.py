@@ -25,7 +25,7 @@ def turntable(
     ],
     options: ShotOptions,
     at: Annotated[int | None, at_option("The frame of the shot. Default: its first.")] = None,
-    frames: Annotated[int, typer.Option(metavar="N", help="Pictures of a full turn.")] = 72,
+    frames: Annotated[int, typer.Option(metavar="N", help="Pictures in a full turn.")] = 72,
     turn: Annotated[
         str, typer.Option(metavar="WHAT", help="object, lights, or both: the object first, then the lights.")
     ] = BOTH,
@@ -38,7 +38,9 @@ def turntable(
     ] = None,
     bare: Annotated[
         bool,
-        typer.Option("--bare", help="Keep the shot's own stage, without grey ball, chrome ball and chart."),
+        typer.Option(
+            "--bare", help="Keep the shot's own stage, without the grey ball, chrome ball and colour chart."
+        ),
     ] = False,
     up: Annotated[
         str | None,
@@ -52,13 +54,13 @@ def turntable(
     scale: Scale = None,
     variant: Variant = None,
 ) -> None:
-    """Turn one frame of a shot, or a mesh file, before the camera; then turn the lights around it.
+    """Render one frame of a shot, or a mesh file, turning; then the lights turning around it.
 
     `flowsculpt turntable A010_cube --at 22` writes a movie and a sheet of key angles to renders/turntable.
-    A grey ball, a chrome ball and a colour chart stand beside the object. `flowsculpt turntable model.obj
-    --look clay,glaze,chrome` renders each look, and one movie of all three side by side. Most STL files
-    have z up and are stood up; `--up y` leaves one as it is, and `--up z` stands up another that lies on
-    its face. Several subjects turn together; `--subject heron` turns one of them alone.
+    A grey ball, a chrome ball and a colour chart are in the picture. `flowsculpt turntable model.obj
+    --look clay,glaze,chrome` renders each look, and one movie of all three side by side. For STL files
+    z is up, for others y, unless `--up` sets it. Several subjects turn together; `--subject heron` turns one
+    of them alone.
     """
     project = options.project(common, variant)
     named = cropped_name(quality, None, scale)

@@ -1,6 +1,6 @@
 """A requested turntable: its frames, its angles and its plan; and sheets and movies drawn from its pictures.
 
-renders/turntable/<name>/<quality>/<name>.png                   key angles, beside the movie
+renders/turntable/<name>/<quality>/<name>.png                   key angles, next to the movie
 renders/turntable/<name>/<quality>/<name>.clay-glaze.{mp4,png}  looks side by side, and their key angles
 """
 
@@ -81,14 +81,15 @@ class TurntableRequest:
             )
         if self.turn not in (*TURNS, BOTH):
             raise UsageError(
-                f"--turn {self.turn}: that is nothing to turn. {suggestion(self.turn, (*TURNS, BOTH))}"
+                f"--turn {self.turn}: nothing by that name turns. {suggestion(self.turn, (*TURNS, BOTH))}"
             )
         if self.up not in (None, *UPS):
             raise UsageError(f"--up {self.up}: only the axes y and z can point up. Write --up y or --up z.")
         if self.up is not None and not self._is_of_file:
             raise UsageError(
-                f"--up {self.up} stands a mesh file up, and {self.subject} is a shot. Leave --up out; "
-                "in the shot file of a model, write up under subject."
+                f"--up {self.up} stands a mesh file up, and {self.subject} is a shot. Leave out --up; in "
+                "the shot "
+                "file of a model, write up under subject."
             )
         for look in self.looks:
             if look not in LOOKS:
@@ -125,7 +126,7 @@ class TurntableRequest:
     def _settings(self, look: str | None, subjects: Sequence[str]) -> Iterator[str]:
         """Yield settings of the shot; the user's come last and win.
 
-        subjects  the names of several subjects, each of which may have a look of its own
+        subjects  the names of several subjects, each with an optional look of its own
         """
         if not self.bare:
             yield f"stage={STAGE}"

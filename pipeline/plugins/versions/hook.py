@@ -1,4 +1,4 @@
-"""Hooks: commands of a studio that are told of each published version, such as to write it to its tracker.
+"""Hooks: commands that a studio runs for each published version, for example to inform its tracker.
 
 A hook reads one JSON object from its standard input:
 
@@ -27,7 +27,7 @@ STANDARD_ERROR = 2
 
 @dataclass(frozen=True)
 class Hook:
-    """A command that is told of a published version.
+    """A command to run for each published version.
 
     text   as the user wrote it
     words  the program and its arguments
@@ -42,12 +42,12 @@ class Hook:
         try:
             words = tuple(shlex.split(text))
         except ValueError as error:
-            raise UsageError(f"--hook {text}: it is no command ({error}); check its quotes") from None
+            raise UsageError(f"--hook {text}: not a command ({error}); check its quotes") from None
         if not words:
             raise UsageError("--hook is empty; name a program and its arguments")
         if shutil.which(words[0]) is None:
             raise MissingInputError(
-                f"--hook {text}: there is no program {words[0]}; check its name, path and permission to run"
+                f"--hook {text}: program {words[0]} not found; check its name, path and permission to run"
             )
         return cls(text, words)
 
@@ -76,6 +76,6 @@ class Hook:
 
     def _failed(self, done: Published, fact: str) -> MachineError:
         return MachineError(
-            f"--hook {self.text}: it {fact}. {done.version} is published all the same, in {done.folder}; "
+            f"--hook {self.text}: it {fact}. {done.version} is published nevertheless, in {done.folder}; "
             "the same command runs the hook again"
         )

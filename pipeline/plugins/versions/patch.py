@@ -28,7 +28,7 @@ from render.post.image import read_exr
 
 @dataclass(frozen=True)
 class Patch(Release):
-    """A release of the frames of an earlier version, but for those of a range, and a movie of them all.
+    """An earlier version with the frames of a range replaced, and a movie of all.
 
     base    the earlier version
     frames  the range that is of today
@@ -46,10 +46,10 @@ class Patch(Release):
         """The earlier version. Raises MissingInputError where there is none, UsageError where it differs."""
         name, home = self.request.name, self._folder.parent
         if not re.fullmatch(VERSION, self.base):
-            raise UsageError(f"--patch {self.base} is no version; write it as v001")
+            raise UsageError(f"--patch {self.base} is not a version; write it as v001")
         if not self._folder.is_dir():
             known = ", ".join(sorted(folder.name for folder in home.glob("v*"))) or "nothing"
-            raise MissingInputError(f"--patch {self.base}: {name} has no such version; published is {known}")
+            raise MissingInputError(f"--patch {self.base}: {name} has no such version; published: {known}")
         record, request = Provenance.read(self._folder / FILE), self.request
         size = request.quality.width, request.quality.height
         facts = (
@@ -62,8 +62,9 @@ class Patch(Release):
         for fact, then, now in facts:
             if then != now:
                 raise UsageError(
-                    f"--patch {self.base}: {name} {self.base} has {fact} {then}, and the frames of today "
-                    f"{now}; frames of one version are alike. Publish all frames of today instead"
+                    f"--patch {self.base}: {name} {self.base} has {fact} {then}, and today's frames {now}; "
+                    "all frames "
+                    "of a version must match. Publish all of today's frames instead"
                 )
         return record
 
@@ -101,7 +102,7 @@ class Patch(Release):
         frame, file = self._before.frames[number], self._files()[number]
         if not file.is_file() or digest_of_file(file) != frame.sha256:
             raise FrameError(
-                f"--patch {self.base}: {file} is damaged or gone; flowsculpt verify tells how to repair it"
+                f"--patch {self.base}: {file} is damaged or missing; flowsculpt verify shows how to repair it"
             )
         return frame
 

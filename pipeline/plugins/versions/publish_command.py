@@ -41,16 +41,18 @@ def publish(
     frames: Frames = None,
     hook: Annotated[
         list[str] | None,
-        typer.Option(metavar="CMD", help="Pass the version as JSON to this command. Repeatable."),
+        typer.Option(
+            metavar="CMD", help="Run this command with the version as JSON on its standard input. Repeatable."
+        ),
     ] = None,
 ) -> None:
     """Freeze a shot's rendered frames and movie as its next version: v001, v002, …
 
     `flowsculpt publish A010_cube --note "approved"` writes renders/published/A010_cube/v001, which is never
-    overwritten. All frames must be rendered from today's shot file; the command lists what is missing or
+    overwritten. All frames must be rendered from the current shot file; the command lists what is missing or
     stale. The same frames are not published twice.
 
-    The provenance.json of a version holds the shot file, keys, seeds, packages, host and timings;
+    The provenance.json of a version contains the shot file, keys, seeds, packages, host and timings;
     `flowsculpt reproduce FILE` reproduces the version from it.
 
     `flowsculpt publish A010_cube --patch v002 -f 40-60` publishes v002 again with frames 40 to 60 as they are
@@ -72,7 +74,7 @@ def publish(
     words += ["--allow-code"] * options.allow_code
     words += ["-f", frames] if frames else []
     if (patch is None) != (frames is None):
-        raise UsageError("--patch and -f go together: the version, and its frames that are rendered anew")
+        raise UsageError("--patch and -f go together: the version, and its frames that were rendered again")
     release = Release(request, project.store, shlex.join(words), note, version, copy)
     if patch is not None and frames is not None:
         release = Patch(**vars(release), base=patch, frames=frames)
@@ -110,7 +112,7 @@ def versions(
     known = sorted(folder.name for folder in home.glob("*") if folder.is_dir())
     name = None if shot is None else Path(shot).stem if shot.endswith((".yaml", ".yml")) else shot
     if name is not None and name not in known:
-        there = f"published are {', '.join(known)}" if known else "nothing is, yet"
+        there = f"published: {', '.join(known)}" if known else "nothing is, yet"
         raise MissingInputError(
             f"{name} is not published in {home}; {there}. flowsculpt publish {name} does it"
         )

@@ -109,11 +109,14 @@ class Release:
         if self.version is None:
             return after
         if not re.fullmatch(VERSION, self.version):
-            raise UsageError(f"--version {self.version} is no version; write it as {after}, or leave it out")
+            raise UsageError(
+                f"--version {self.version} is not a version; write it as {after}, or leave it out"
+            )
         if int(self.version[1:]) in (int(name[1:]) for name in taken):
             raise UsageError(
-                f"--version {self.version}: {self.request.name} {self.version} is published already, "
-                f"with other frames, and nothing published is overwritten; the next is {after}"
+                f"--version {self.version}: {self.request.name} {self.version} is already published with "
+                "other "
+                f"frames, and published files are never overwritten; the next is {after}"
             )
         return self.version
 
@@ -154,8 +157,9 @@ class Release:
         if facts:
             kind = MissingInputError if missing else UsageError
             raise kind(
-                f"{self.request.name} at {self.request.quality_name}: {'; '.join(facts)}. What is "
-                f"published is made from the shot file of today; {self.command} makes it."
+                f"{self.request.name} at {self.request.quality_name}: {'; '.join(facts)}. Publishing needs "
+                "frames of "
+                f"the current shot file; {self.command} makes it."
             )
 
     def _notes(self) -> bytes:

@@ -32,7 +32,7 @@ def reproduce(
     """Render a published version again, and compare it to the last bit.
 
     `flowsculpt reproduce renders/published/A010_cube/v001/provenance.json` renders the version in
-    renders/repeated from the shot file of that time, and lists which frames are the same.
+    renders/repeated from its recorded shot file, and lists which frames are the same.
     """
     os.environ.pop(VARIABLE, None)  # what the remote store has would prove nothing
     record, project = Provenance.read(provenance), project_of(common, None, allow_code, variant)
@@ -66,5 +66,5 @@ def _compared(record: Provenance, home: Path, comparisons: Sequence[Comparison])
     frames = FrameRange.of(int(what) for what in same if what != "movie")
     numbers = [f"frame{'s' * (len(frames) > 1)} {frames}"] if frames else []
     told = [*numbers, *(["the movie"] if "movie" in same else [])]
-    whole = f"{' and '.join(told) or 'nothing'} identical to what was published, to the last bit"
+    whole = f"{' and '.join(told) or 'nothing'} bit-identical to the published version"
     return "\n".join([*lines, f"{record.shot} {record.version}: {whole}. It lies in {home}"])

@@ -76,8 +76,9 @@ class Reproduction:
         outside = asked.outside(whole)
         if outside and patch:
             raise UsageError(
-                f"{self.source}: {self.record.version} has frames {outside} from {patch['version']}; make "
-                f"them again from the provenance of that"
+                f"{self.source}: {self.record.version} has frames {outside} from {patch['version']}; "
+                "reproduce them "
+                "from the provenance of that version"
             )
         if outside:
             raise UsageError(
@@ -110,8 +111,9 @@ class Reproduction:
         beyond = FrameRange.of(self.record.frames).outside(source.shot.frames)
         if beyond:
             raise UsageError(
-                f"{self.source}: frames {beyond} are not in its own shot, so one of both was changed; take "
-                "the provenance that flowsculpt publish wrote"
+                f"{self.source}: frames {beyond} are not in its own shot, so one of the two was changed; "
+                "use the "
+                "provenance that flowsculpt publish wrote"
             )
         return source
 
@@ -141,7 +143,7 @@ class Reproduction:
         except MachineError as error:
             reason = str(error).partition(";")[0]
             raise MachineError(
-                f"{reason}; --variant renders {self.record.version} with another, whose pixels will differ"
+                f"{reason}; --variant renders {self.record.version} with another variant; pixels will differ"
             ) from None
 
     def _frame(self, number: int, keys: PictureKeys | None) -> Comparison:
@@ -170,7 +172,7 @@ def _difference(file: Path, before: Path) -> str:
     except RenderError:
         return ""
     if now.shape != then.shape:
-        return "is of another size"
+        return "has another size"
     apart = np.abs(now - then).max(axis=2)
     share, most = float((apart > 0.0).mean()), float(apart.max())
-    return f"differs in {share:.2%} of its pixels, by up to {most:.3g}" if most else "differs in its layers"
+    return f"differs in {share:.2%} of its pixels, by up to {most:.3g}" if most else "has different layers"

@@ -35,7 +35,7 @@ def freeze(
     notes: bytes = b"",
     files: Mapping[int, Path] | None = None,
 ) -> None:
-    """Lay the frames and the movie of a version at `final`, and its provenance and notes beside them.
+    """Lay the frames and the movie of a version at `final`, with its provenance and notes.
 
     Frames are links to the files of the store, which take no space. They are copies where links fail, and
     with `copy`. The movie is a copy: the store's stays writable, for Snakemake makes no protected file again.

@@ -116,7 +116,7 @@ class PlannedWorkflow:
         return shlex.join([str(self.plan.file), job.name, *movie])
 
     def movie_key(self, rule: str, wildcards: Any) -> str:
-        """Return the key by which Snakemake knows a movie: another one makes it encode the movie anew.
+        """Return the key by which Snakemake knows a movie: another one makes it encode the movie again.
 
         While the movie is right, it is the key that Snakemake knows it by.
         """

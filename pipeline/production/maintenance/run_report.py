@@ -139,9 +139,9 @@ def named_run(root: Path, name: str | None) -> str:
     if name in known:
         return str(name)
     if not known:
-        raise MissingInputError(f"{root / EVENTS}: no run has left a log here; flowsculpt render makes one")
+        raise MissingInputError(f"{root / EVENTS}: no runs logged yet; flowsculpt render writes a log")
     raise MissingInputError(
-        f"{root / EVENTS}: no run is called {name!r}; the last ones are {', '.join(known[-3:])}"
+        f"{root / EVENTS}: run {name!r} not found; the latest are {', '.join(known[-3:])}"
     )
 
 
@@ -187,7 +187,7 @@ class _Job:
 
     @property
     def rest(self) -> Timing:
-        """What its frames do not account for; nothing where its CPU seconds are not known."""
+        """CPU seconds that its frames do not account for; None if its total is unknown."""
         if not self.used:
             return Timing(0.0, 0.0)
         return Timing(self.held - self.accounted.seconds, self.cpu - self.accounted.cpu)

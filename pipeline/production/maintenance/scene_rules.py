@@ -36,7 +36,7 @@ from pipeline.shot.model_subjects import Model
 Where = tuple[Any, ...]
 
 SAMPLED_FRAMES = 8
-"""Frames at which cameras and flows are looked at."""
+"""Frames at which cameras and flows are checked."""
 
 
 class Finding(NamedTuple):

@@ -257,11 +257,11 @@ def remedies(faulty: Iterable[PublishedFile], root: Path) -> Iterator[str]:
             if file.record is None or file.path != version / file.record.notes.get("file", "")
         ]
         if not damaged:
-            yield f"{version}: restore its notes from a backup; those of today are in {root / NOTES}"
+            yield f"{version}: restore its notes from a backup; the current notes are in {root / NOTES}"
             continue
         record, numbers = damaged[0].record, [file.number for file in damaged if file.number is not None]
         if record is None:
-            yield f"{version}: nothing but its {FILE} tells what it was made from; restore that from a backup"
+            yield f"{version}: only its {FILE} records what it was made from; restore that file from a backup"
             continue
         only_frames = f" -f {FrameRange.of(numbers)}" if len(numbers) == len(damaged) else ""
         yield (
@@ -280,4 +280,4 @@ def _fault(file: PublishedFile) -> str | None:
         return str(machine_error(file.path, error, "read")).removeprefix(f"{file.path}: ")
     except MissingInputError as error:
         return str(error).removeprefix(f"{file.path}: ")
-    return None if digest == file.digest else "is not what was published: damaged, or altered since"
+    return None if digest == file.digest else "differs from the published file: damaged, or altered since"

@@ -87,7 +87,7 @@ class FileEdit:
 
 
 def file_edits(before: ShotSource, now: ShotSource, root: Path) -> Iterator[FileEdit]:
-    """Yield the differences between the shot files of two sources, but for the options `--set`.
+    """Yield the differences between the shot files of two sources, except the options `--set`.
 
     root  the folder to which their paths are relative
 
@@ -257,10 +257,10 @@ class _Frame:
         if keys is None:
             return "its camera is not framed yet, which takes all meshes of the shot"
         if self.store.holds("frame", keys[self.number].frame):
-            return "the store has it; the next run shows it again without rendering"
+            return "the store has it; the next run links it again without rendering"
         if self.store.holds("raw", keys[self.number].raw):
             return "it is rendered and not denoised yet"
-        return "it was not rendered as the shot file now asks for it"
+        return "it was rendered with settings other than the shot file's"
 
     def _reasons(self, header: Mapping[str, Any], parts: tuple[Difference, ...]) -> Iterator[str]:
         """Yield what differs, from the mesh to the picture; what follows from another reason is left out."""
@@ -293,13 +293,13 @@ class _Frame:
                     yield f"{what} is {_version(value)} now, and stage {name} used {_version(before)}"
 
     def _camera_reasons(self, named: set[str]) -> Iterator[str]:
-        """Yield why the camera differs. Without cameras in the store, it must be framed anew."""
+        """Yield why the camera differs. Without cameras in the store, it must be framed again."""
         if self._keys is not None and not named & {"camera", "placement", "stage_placement"}:
             return
         first = self._first_changed()
         if self._known.holds("frame", self.number) is None:
             cause = self._first_unmade() if first is None else f", for meshes differ from frame {first} on"
-            yield f"its camera is framed again{cause}; if that stays, so does the frame"
+            yield f"its camera is framed again{cause}; if that turns out the same, the frame is reused"
         elif first:
             yield f"its camera differs: it frames meshes that differ from frame {first} on"
         else:
@@ -311,16 +311,16 @@ class _Frame:
         keys, before = self._keys[self.number], header.get("temporal_neighbours", [])
         others = [n for n in keys.window if n != self.number]
         if header.get("raw_key", keys.raw) != keys.raw:
-            yield "what was rendered differs: by the flow or the cameras during its exposure"
+            yield "its rendering differs: by the flow or the cameras during its exposure"
         elif header.get(CONVENTION) != self.request.summary.layers:
             now, then = self.request.summary.layers or "none", header.get(CONVENTION) or "none"
             yield f"its layers for compositing differ: {then} before, {now} now"
         elif before != others:
             yield f"it was averaged with frames {before}, and would be with frames {others} now"
         elif "raw_key" not in header:
-            yield "what finishes it differs: its denoiser, or the version of finish"
+            yield "its finishing differs: the denoiser, or the version of the stage"
         else:
-            yield "pictures around it differ, with which it is averaged"
+            yield "the pictures around it, with which it is averaged, differ"
 
     def _first_changed(self) -> int | None:
         """Return the first frame whose mesh is there and is not today's."""
@@ -351,7 +351,7 @@ class _Frame:
         return tuple(differences(before, {name: compared[name] for name in before}))
 
     def _source_of_run(self) -> ShotSource | None:
-        """Return the source of which the run that finished the frame read the shot, if its plan is there."""
+        """Return the source from which the run that finished the frame read the shot, if its plan exists."""
         request = self.request
         history = History.of(self.store.root)
         made = history.stage("finish", request.folders.name, request.quality_name).made.get(self.number)

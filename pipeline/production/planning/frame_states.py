@@ -243,7 +243,7 @@ def selected(text: str, whole: FrameRange, states: Callable[[], FrameStates]) ->
     Stale frames include unframed ones, missing ones those that the remote store has and those that are
     rendered and not denoised.
 
-    Raises UsageError for a word that is none, and for words beside numbers.
+    Raises UsageError for an unknown word, and for words mixed with numbers.
     """
     words = [part.strip() for part in text.split(",")]
     for word in words:

@@ -50,7 +50,7 @@ class Job:
     frames    the numbers it makes, in the order in which it makes them
     reads     the numbers it reads of the stage before, None for those that it makes; a film reads all of its
               requests
-    meshes    the mesh frames that it reads beside these
+    meshes    the mesh frames that it reads besides these
     key       the digest, 16 hex digits, of the keys of what it makes
     output    the file by which Snakemake sees that it is done, relative to the root
     present   true if the store holds all that it makes

@@ -59,7 +59,7 @@ class PlanEntry:
     keys        those of its pictures; None where its cameras are not known
     comparable  what stands for the keys must tell equal pictures of other shot files
     meshes      mesh frames by number: wanted, present, or idle, where nothing needs them
-    wholes      places of the requests that show the subject beside others, for an entry of one of several
+    wholes      places of the requests that show the subject with others, for an entry of one of several
     """
 
     place: int
@@ -385,8 +385,9 @@ class Planner:
             for other in self._entries:
                 if other.name == request.name and other.source.path != request.source.path:
                     raise UsageError(
-                        f"{other.source.path} and {request.source.path} are both called {request.name}, "
-                        "and so would their frames be; rename one of them"
+                        f"{other.source.path} and {request.source.path} are both called {request.name}, so "
+                        "their "
+                        "frames would overwrite each other; rename one of them"
                     )
             keys = request.picture_keys(self.store)
             self._entries[request] = PlanEntry(len(self._entries), request, keys, self.store, self.comparable)

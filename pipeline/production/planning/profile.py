@@ -70,7 +70,8 @@ class Profile:
             {path.name for place in (PROFILES, shipped()) for path in place.glob("*") if _file_in(path)}
         )
         raise MissingInputError(
-            f"{name}: no such profile, a folder with profile.yaml shipped, in {PROFILES}/, or at that path. "
+            f"{name}: no such profile; a profile is a folder with profile.yaml: one that is shipped, one in "
+            f"{PROFILES}/, or a path. "
             f"{suggestion(name, [other for other in known if other != 'default'])}"
         )
 
@@ -166,7 +167,7 @@ class Profile:
             raise UsageError(f"{self._file}: not a profile ({fact})") from None
         if not isinstance(said, dict):
             raise UsageError(
-                f"{self._file}: not a profile; it must say names and values, such as `executor: slurm`"
+                f"{self._file}: not a profile; it must be names and values, such as `executor: slurm`"
             )
         return said
 
@@ -175,7 +176,7 @@ def _whole(source: str, name: str, said: Any, default: int) -> int:
     if said is None or said == "unlimited":
         return default
     if isinstance(said, bool) or not isinstance(said, int) or said < 1:
-        raise UsageError(f"{source}: {name} is {said!r}; it must be a whole number from 1 on")
+        raise UsageError(f"{source}: {name} is {said!r}; it must be a whole number of at least 1")
     return said
 
 

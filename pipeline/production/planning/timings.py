@@ -3,7 +3,7 @@
 Renders request what earlier frames of their shot and quality took. Other jobs, and renders before there are
 any, request defaults.
 
-A render writes statistics beside each picture, and every job appends to the event log of its run. Both are
+A render writes statistics with each picture, and every job appends to the event log of its run. Both are
 left out where they are missing or damaged: they inform, and decide no result.
 """
 
@@ -150,7 +150,7 @@ START_MINUTES = 10
 """Time to begin: compiled kernels, a renderer's first frame, a busy disk."""
 
 UNMEASURED_MINUTES = 240
-"""Time limit of a farm's job of which nothing is known; `set-resources` of a profile sets another."""
+"""Time limit of a farm's job without measurements; `set-resources` of a profile sets another."""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ LEAST = 0.2
 """Pixels between an edge and the patch over it that no one sees."""
 
 SHARE = 0.99
-"""Share of the edges that must be so close: a few noisy normals are no reason to cut all."""
+"""Share of the edges that must be so close: a few noisy normals do not justify cutting all."""
 
 MOST_PIECES, MOST_FACES = 8, 1_000_000
 """The most pieces of an edge, and the most faces, that are cut for this reason."""

@@ -104,7 +104,7 @@ class Shading:
     def _cut(self, points: Points, split: ShadedMesh | None) -> ShadedMesh:
         if split is not None:
             return tessellate(split, self.pieces, self.twin)
-        assert self.frame.lattice is not None, "what has no faces of its own is a net"
+        assert self.frame.lattice is not None, "a surface without faces is a net"
         return bspline_surface(points, self.frame.lattice, self.pieces)
 
     def _turned(self, points: Points, split: ShadedMesh) -> ShadedMesh:
@@ -147,7 +147,7 @@ def pieces_for(
     points  (V, 3) of the uncut surface, scene units
     faces   (F, 3)
 
-    Edges behind the lens or beside the picture do not count. `most` at most, and few enough for MOST_FACES.
+    Edges behind the lens or outside the picture do not count. `most` at most, and few enough for MOST_FACES.
     """
     wanted = math.ceil(_longest_edge(points, faces, camera, quality) / pixels - 1e-9)
     return max(1, min(wanted, most, math.isqrt(MOST_FACES // max(1, len(faces)))))

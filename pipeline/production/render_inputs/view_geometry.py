@@ -28,7 +28,7 @@ class BoundingSpheres(NamedTuple):
 
 
 Extent = AnyArray | BoundingSpheres
-"""Points (N, 3) of any float type, or spheres, all of which a picture must show."""
+"""Points (N, 3) of any float type, or spheres; a picture must show them all."""
 
 
 def rotate_y(
@@ -60,7 +60,7 @@ def picture_centre(points: Extent, middle: Floats, view: View, aspect: float) ->
 
     middle  (3,), the centre of their bounds; a camera with a position of its own looks there
 
-    Near parts look larger, so the point is beside the middle. Of width and height the larger decides the
+    Near parts look larger, so the point is off the middle. Of width and height the larger decides the
     distance; the other is centred as it looks from there.
     """
     if view.position is not None:
@@ -101,7 +101,7 @@ def fitting_distance(points: Extent, target: Floats, axes: Floats, view: View, a
 
     axes  (3, 3): rows right, up and back, the camera's
 
-    A sphere lies beside a plane through the lens if its centre is its radius away from it.
+    A sphere touches a plane through the lens if its centre is its radius away from it.
     """
     planes, slant = _edge_planes(axes, *_half_extents(view, aspect))
     return float((_extents(points, planes, slant) - planes @ target).max())

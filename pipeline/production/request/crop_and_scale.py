@@ -131,10 +131,7 @@ def _per_cent(text: str) -> float:
     except ValueError:
         number = math.nan
     if not LEAST <= number <= MOST:
-        raise UsageError(
-            f"--scale {text} is no size of a picture, which goes from {LEAST:g}% to {MOST:g}%. Write 50%, or "
-            "0.5."
-        )
+        raise UsageError(f"--scale {text} is out of range ({LEAST:g}–{MOST:g}%). Write 50%, or 0.5.")
     return float(f"{number:.4g}")
 
 
@@ -146,8 +143,9 @@ def _pixels(text: str, width: int, height: int) -> Crop:
         numbers = []
     if len(numbers) != 4 or not all(math.isfinite(number) for number in numbers):
         raise UsageError(
-            f"--crop {text} is no part of a picture; write the left, upper, right and lower edge, in pixels "
-            "or in shares of the picture: --crop 0.25,0.25,0.75,0.75"
+            f"--crop {text} is not a part of the picture; write the left, upper, right and lower edge, in "
+            "pixels or "
+            "as fractions of the picture: --crop 0.25,0.25,0.75,0.75"
         )
     if max(numbers) <= 1.0:
         numbers = [number * side for number, side in zip(numbers, (width, height) * 2, strict=True)]
@@ -156,7 +154,8 @@ def _pixels(text: str, width: int, height: int) -> Crop:
     if x1 <= x0 or y1 <= y0:
         raise UsageError(
             f"--crop {text} is {max(0, x1 - x0)} × {max(0, y1 - y0)} pixels large; the right edge must lie "
-            "beyond the left one, and the lower beyond the upper. Mend them."
+            "beyond the "
+            "left one, and the lower beyond the upper. Correct them."
         )
     if x0 < 0 or y0 < 0 or x1 > width or y1 > height:
         raise UsageError(

@@ -36,7 +36,7 @@ OTHER_MODELS = (
 """Endings of model files of formats that are not read, for the message to one who names such a file."""
 
 NO_SHOTS = (
-    f"there are no shots here: {SHOTS}/ holds none. `flowsculpt new A010_first` writes one, "
+    f"no shots here: {SHOTS}/ is empty. `flowsculpt new A010_first` writes one, "
     "`flowsculpt new --show` a show with its first shot and its edit."
 )
 """The message of commands where nothing was begun yet."""
@@ -59,7 +59,7 @@ def find_shot(name: str) -> Path:
         )
     if Path(name).suffix.lower() in OTHER_MODELS:
         raise UsageError(
-            f"{shown(name)} is not a format that is read; export the model as FBX, GLB, OBJ or USD"
+            f"{shown(name)} is in a format that is not supported; export the model as FBX, GLB, OBJ or USD"
         )
     path = _path(name)
     if is_edit(path):

@@ -95,7 +95,7 @@ NO_CACHE = PlanningCache(None)
 
 @cache
 def _code() -> list[str]:
-    """Return all that entries may depend on beside a shot: more than they do, so that nothing is left out."""
+    """Return everything besides a shot that entries may depend on: too much rather than too little."""
     digest = hashlib.sha256()
     for package in ("pipeline", "render"):
         for file in sorted((_PROJECT / package).rglob("*.py")):

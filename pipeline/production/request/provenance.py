@@ -127,17 +127,19 @@ class Provenance:
         """Raises MissingInputError where it is not there, UsageError where it is none."""
         if not is_there(path):
             raise MissingInputError(
-                f"{path}: no such provenance; flowsculpt versions tells what is published, and each version "
-                f"has a {FILE}"
+                f"{path}: no such file; flowsculpt versions lists the published versions; each has a {FILE}"
             )
         try:
             return cls.from_data(json.loads(path.read_text(encoding="utf-8")))
         except OSError as error:
-            raise MissingInputError(f"{path}: cannot be read ({error.strerror}); look at it") from None
+            raise MissingInputError(
+                f"{path}: cannot be read ({error.strerror}); check its permissions"
+            ) from None
         except (KeyError, TypeError, ValueError, AttributeError, BadInputError):
             raise UsageError(
-                f"{path}: this is no provenance of a published version, or was cut short; "
-                "take the one that flowsculpt publish wrote"
+                f"{path}: not the provenance of a published version, or cut short; use the one that "
+                "flowsculpt "
+                "publish wrote"
             ) from None
 
     @property
@@ -213,13 +215,14 @@ def restored(record: Provenance, allow_code: bool) -> ShotSource:
     of = f"{record.shot} {record.version}"
     if gone:
         raise MissingInputError(
-            f"{', '.join(gone)}: gone, and {of} was made from it; put it back as it was. Files are looked "
-            "for from the working folder."
+            f"{', '.join(gone)}: missing, and {of} was made from it; restore it. Relative paths start at "
+            "the working "
+            "folder."
         )
     if changed:
         raise UsageError(
-            f"{', '.join(changed)}: changed since {of} was made from it, as its digest tells; put it back as "
-            "it was then"
+            f"{', '.join(changed)}: changed since {of} was made from it (its digest differs); restore the "
+            "earlier file"
         )
     source = replace(record.source, path=record.source.path.absolute(), allow_code=allow_code, inputs=None)
     return source.with_inputs()

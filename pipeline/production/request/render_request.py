@@ -174,7 +174,7 @@ class RenderRequest:
         if self.projection.is_wide and crop_of(self.quality_name):
             raise UsageError(
                 f"{self.name}: a picture of projection {self.projection.kind} has no crop, since players and "
-                "denoising need all of it; ask for --scale in place of --crop"
+                "denoising need all of it; use --scale instead of --crop"
             )
         return quality_named(self.quality_name, self._qualities(self.shot.picture))
 
@@ -302,7 +302,7 @@ class RenderRequest:
 
     @cached_property
     def identity(self) -> Key:
-        """The digest of all that decides its keys, but for versions of stages."""
+        """The digest of everything that its keys depend on, except versions of stages."""
         data = {**to_plain(self), "requested": None}
         data["source"] = {**data["source"], "inputs": self.source.summary.inputs}
         return key_of(data, self.source.surface_keys.meshes, self.source.surface_keys.normals)

@@ -69,7 +69,7 @@ def variant_for(
         return _first_but(avoided)
     if on_nodes and asked not in avoided:
         if asked not in VARIANTS:
-            raise UsageError(f"{asked!r} is no variant of Mitsuba. {suggestion(asked, VARIANTS)}")
+            raise UsageError(f"{asked!r} is not a variant of Mitsuba. {suggestion(asked, VARIANTS)}")
         return asked
     if asked == ON_GPU and (asked in avoided or not _gpu_works()):
         absent = f"{asked} cannot render here: {_LACKING[ON_GPU]}"
@@ -77,7 +77,7 @@ def variant_for(
         tell(f"{avoided.get(asked, absent)}; {shot} is rendered with {chosen} instead")
         return chosen
     if asked in avoided:
-        raise MachineError(f"{avoided[asked]}; leave --variant out to have another one chosen")
+        raise MachineError(f"{avoided[asked]}; leave out --variant to have another one chosen")
     return choose([asked]).variant
 
 

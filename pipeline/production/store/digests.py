@@ -29,7 +29,7 @@ CHUNK = 1 << 20
 DIGITS = 32
 """Hexadecimal digits of a digest."""
 
-ALTERED = "is not what was written: damaged, or altered since"
+ALTERED = "differs from what the run wrote: damaged, or altered since"
 
 
 class CorruptFileError(Exception):

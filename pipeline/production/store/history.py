@@ -144,7 +144,7 @@ class History:
         return max(filter(None, (self.stage(s, shot, quality).pace for s in stages)), default=None)
 
     def places(self) -> list[Place]:
-        """Return the shots and qualities of which anything is known."""
+        """Return the shots and qualities with a history."""
         for path in sorted((self._root / HISTORY).glob("*.*.json")):
             for place, stages in self._summary_in(path).items():
                 self._stages.setdefault(place, stages)

@@ -75,7 +75,7 @@ def exclusive(root: Path) -> Iterator[None]:
     except TakenError:
         holders = ", ".join(_holders(root)) or "its processes are ending"
         raise MachineError(
-            f"{root}: another flowsculpt run is at work here: {holders}. Wait for it, or stop it."
+            f"{root}: another flowsculpt run is writing here: {holders}. Wait for it, or stop it."
         ) from None
 
 

@@ -40,7 +40,7 @@ def picture(key: Key, size: Size | None = None) -> Callable[[Path], tuple[Render
             raise CorruptFileError(f"{path}: {width} × {height} pixels, not {size[0]} × {size[1]}")
         for name in _FINITE & layers.arrays.keys():
             if not math.isfinite(float(layers[name].sum(dtype=np.float64))):
-                raise CorruptFileError(f"{path}: not all of its layer {name} is finite")
+                raise CorruptFileError(f"{path}: its layer {name} has values that are not finite")
         return layers, header
 
     return read
@@ -87,7 +87,7 @@ def vertices(key: Key) -> Callable[[Path], Points]:
 
 
 def with_key(key: Key, named: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
-    """Return the arrays with their key beside them."""
+    """Return the arrays and their key."""
     return {**named, "key": np.array(key)}
 
 

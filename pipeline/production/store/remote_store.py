@@ -74,7 +74,7 @@ class RemoteStore(Protocol):
 
 
 class RemoteStores(Protocol):
-    """What a plug-in adds: how remote stores are found by their addresses."""
+    """Find remote stores by their addresses; added by a plug-in."""
 
     def checked(self, typed: str) -> str:
         """Return the address that a user typed. Raises UsageError or MachineError where it cannot be used."""
@@ -113,7 +113,7 @@ class Uploaded(NamedTuple):
     """The outcome of uploads.
 
     sent    files that the remote store has now
-    unsent  files that it did not take
+    unsent  files that it did not accept
     """
 
     sent: int

@@ -175,7 +175,7 @@ class Store:
         return shutil.disk_usage(next(f for f in (folder, *folder.parents) if f.exists())).free
 
     def draft(self, suffix: str = "") -> Path:
-        """Return a new path for an unfinished file; its name tells the host and the process."""
+        """Return a new path for an unfinished file, named after the host and the process."""
         return self.scratch / f"{platform.node()}+{os.getpid()}+{uuid.uuid4().hex}{suffix}"
 
     def _stored_draft(self, kind: str) -> Path:

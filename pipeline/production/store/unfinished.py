@@ -50,7 +50,7 @@ def sweep(store: Store) -> None:
 
 
 def _disk_time(store: Store) -> float:
-    """Return the time by the clock that dates files, which may be a file server's."""
+    """Return the time of the clock that dates files, which may be a file server's."""
     try:
         with tempfile.TemporaryFile(dir=store.scratch) as file:
             return os.fstat(file.fileno()).st_mtime

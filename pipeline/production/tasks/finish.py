@@ -45,7 +45,7 @@ def finish(context: Context) -> bool:
     well = context.for_each(ready, work)
     for number in {*context.job.frames} - {*ready} - lost:
         others = ", ".join(str(n) for n in sorted(lost & {*keys[number].window}))
-        context.fail(FrameError(f"frame {number} takes in light of frame {others}, which failed"), number)
+        context.fail(FrameError(f"frame {number} averages frame {others}, which failed"), number)
     return well and len(ready) == len(context.job.frames)
 
 

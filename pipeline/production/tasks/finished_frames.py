@@ -57,7 +57,7 @@ class FinishedFrames:
         )
 
     def _inputs(self, number: int) -> LayerInputs:
-        """Return what `compositing_layers` needs beside the AOVs."""
+        """Return what `compositing_layers` needs besides the AOVs."""
         from pipeline.production.render_inputs.shading import framing_at  # takes a moment
 
         picture, quality = self.request.picture(number), self.request.quality

@@ -121,7 +121,7 @@ class Context:
         """Return the keys of a request's pictures. Raises FrameError where its cameras are not known."""
         keys = request.picture_keys(self.store)
         if keys is None:
-            raise FrameError(f"{request.folders.cameras()} is gone; run again to frame the shot again")
+            raise FrameError(f"{request.folders.cameras()} is missing; run again to frame the shot again")
         return keys
 
     def write_done_file(self) -> None:
@@ -179,7 +179,7 @@ class Context:
         try:
             return self.store.read(kind, key, target, reader)
         except FrameError:
-            self.log.write("healed", message=f"{target} is gone or cannot be read; it is made again")
+            self.log.write("healed", message=f"{target} is missing or cannot be read; it is made again")
             raise
 
     def read_picture(
@@ -252,7 +252,7 @@ class Context:
         self.log.write("end", stage=self.job.stage, cpu=cpu_of_job())
 
     def warn(self, number: int, message: str) -> None:
-        """Warn of something in spite of which a frame is made."""
+        """Warn about a fault that does not fail a frame."""
         self.write("warn", number, message=message)
         with suppress(OSError):  # the job's log may lie on a full disk
             print(message, file=sys.stderr, flush=True)

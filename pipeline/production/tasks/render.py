@@ -28,7 +28,7 @@ from render.scene.scene import Scene
 
 
 def render(context: Context) -> bool:
-    """Render the raw pictures of a batch: sample batches averaged, AOVs beside the beauty.
+    """Render the raw pictures of a batch: sample batches averaged, with AOVs.
 
     Raises KeyboardInterrupt where the process is to end, and MemoryLimitError where it has grown too
     large; both leave the pictures not yet made to another process.
@@ -103,7 +103,7 @@ class _Renderer:
 def _write_statistics(
     context: Context, number: int, key: Key, layers: RenderedFrame, taken: Timing, resumed: int
 ) -> None:
-    """Write the statistics of a picture beside it: they differ from run to run, and pictures do not.
+    """Write the statistics of a picture to a separate file: they differ from run to run, pictures do not.
 
     taken    the time of the whole picture
     resumed  how many of its batches an earlier process had rendered, whose seconds are not known

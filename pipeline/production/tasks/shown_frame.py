@@ -74,7 +74,7 @@ def _sample(framing: Framing, subjects: list[Geometry]) -> MotionSample:
 
 
 def _first_copies(request: RenderRequest) -> dict[str | None, int]:
-    """Return the number of the first copy of each subject whose copies are told apart, from 1 on."""
+    """Return the number of the first copy of each subject with numbered copies, from 1 on."""
     counts = np.cumsum([1, *request.copies.values()])
     return dict(zip(request.copies, counts.tolist(), strict=False))
 
@@ -86,7 +86,7 @@ class _ShownSubject:
     request  of the subject alone
     framing  of the picture
     around   points of all subjects, which turn together about the axis of their bounds; None for one alone
-    first_copy  number of its first copy, where copies are told apart; else 0
+    first_copy  number of its first copy if copies are numbered; else 0
     """
 
     context: Context

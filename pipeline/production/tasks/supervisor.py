@@ -48,7 +48,7 @@ VARIABLE = "FLOWSCULPT_WORKER_MIB"
 """The environment variable that sets the memory limit of a process, in MiB."""
 
 Start = Callable[[int], "ForkedProcess | Popen[bytes]"]
-"""Starts a process that renders a job's frames but for so many of the first."""
+"""Starts a process that renders a job's frames, without a given number of the first."""
 
 # The supervisor
 
@@ -101,7 +101,7 @@ class Supervisor:
             return int(number)
         context = self.context
         if not (number in CRASHES and fall_back_to_other_variant(context, f"crashed ({number.name})")):
-            message = f"{context.job.stage} of {context.subject} was ended by {number.name}"
+            message = f"{context.job.stage} of {context.subject} was terminated by {number.name}"
             context.write("killed", message=message)  # as the system does where memory runs out
         return 1
 
@@ -126,7 +126,7 @@ def fall_back_to_other_variant(context: Context, fact: str) -> bool:
     reason = f"{request.variant} {fact} while rendering {context.subject}"
     left = avoid(context.root, request.name, request.variant, reason)
     if left:
-        context.log.write("healed", message=f"{reason}; the shot is rendered without it from the start")
+        context.log.write("healed", message=f"{reason}; the shot is rendered from the start without it")
     return left
 
 

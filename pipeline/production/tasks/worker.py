@@ -143,7 +143,7 @@ def work(context: Context) -> int:
         _bring_kernels(context)
         well = task_of(job.stage)(context)
     except MemoryLimitError as restart:
-        message = f"the renderer grew to {restart.held:.0f} MiB; a fresh one goes on"
+        message = f"the renderer grew to {restart.held:.0f} MiB; a new one continues"
         sizes = {"held_mib": restart.held, "most_mib": restart.limit}
         context.write("renewed", number=None, message=message, cpu=cpu_of_job(), **sizes)
         return RESTART_WORKER

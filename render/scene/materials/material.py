@@ -136,7 +136,7 @@ class PatternedMaterial(Material):
             raise BadInputError(f"look has {' and '.join(names)}; its colour comes from one of them")
         if self.texture_projection and self.pattern:
             raise BadInputError(
-                f"look has a {names[0]}, and pictures from files beside it; take one of the two"
+                f"look has a {names[0]}, and pictures from files beside it; use one of the two"
             )
 
     @property

@@ -88,7 +88,7 @@ _METALS = ("conductor", "roughconductor")
 _COLOURS = ("base_color", "reflectance", "diffuse_reflectance", "specular_reflectance")
 
 _INDICES = ("eta", "k")
-"""Complex indices of refraction, which are no colours though they differ between red, green and blue."""
+"""Complex indices of refraction: not colours, although they differ between red, green and blue."""
 
 Plain = dict[str, Any]
 

@@ -112,7 +112,7 @@ class BrushedMetal(Material):
     def __post_init__(self) -> None:
         super().__post_init__()
         if math.hypot(*self.grain) < 1e-12:
-            raise BadInputError("look has grain (0, 0, 0); an axis has a length")
+            raise BadInputError("look has grain (0, 0, 0); an axis must not be zero")
 
     @property
     def stage_colour(self) -> Triple:

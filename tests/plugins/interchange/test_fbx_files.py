@@ -167,7 +167,7 @@ def test_a_file_that_contradicts_itself_or_holds_no_mesh_is_refused(tmp_path: Pa
     bad = [box_geometry(1, sides=[*SIDES[:5], (1, 5, 70, 3)]), model(2, "chair")]
     with pytest.raises(ValueError, match="its numbers contradict each other"):
         visible_surface(binary(scene(bad, LINKED)))
-    with pytest.raises(MeshError, match=r"empty\.fbx: it holds no visible mesh"):
+    with pytest.raises(MeshError, match=r"empty\.fbx: it has no visible mesh"):
         read_surface(write(tmp_path / "empty.fbx", scene([model(2, "a", "Null")], [(2, 0)])))
 
 

@@ -313,9 +313,7 @@ def test_the_default_scene_is_read_and_without_scenes_every_node(tmp_path: Path)
 def test_of_a_scene_that_shows_none_of_the_meshes_this_is_said(tmp_path: Path) -> None:
     scene = box_scene(box())
     scene.json["scenes"][0]["nodes"] = []
-    with pytest.raises(
-        MeshError, match=r"it holds no faces.*; no node that its default scene shows has a mesh"
-    ):
+    with pytest.raises(MeshError, match=r"it has no faces.*; no node of its default scene has a mesh"):
         read_surface(scene.glb(tmp_path / "a.glb"))
 
 
@@ -462,7 +460,7 @@ def test_a_missing_buffer_is_a_missing_input(tmp_path: Path) -> None:
     (tmp_path / "data.bin").unlink()
     for read in (read_surface, model_files):
         with pytest.raises(
-            MissingInputError, match=r"a\.gltf: its buffer 0 refers to .*data\.bin: there is no such"
+            MissingInputError, match=r"a\.gltf: its buffer 0 refers to .*data\.bin: file not found"
         ):
             read(path)
 

@@ -116,7 +116,10 @@ LOOP = '<object id="1"><components><component objectid="1"/></components></objec
         ),
         ({"a": model_part(corner(1).replace('y="1"', 'y="one"'))}, "3D/a.model, line 2: could not convert"),
         ({"a": model_part(corner(1).replace('y="1"', ""))}, "3D/a.model, line 2: vertex has no y"),
-        ({"a": model_part(corner(1), '<item objectid="8"/>')}, "3D/a.model, line 3: there is no object '8'"),
+        (
+            {"a": model_part(corner(1), '<item objectid="8"/>')},
+            "3D/a.model, line 3: 3D/a.model has no object '8'",
+        ),
         (
             {"a": model_part(corner(1), '<item objectid="1" transform="1 2"/>')},
             "its transform has 2 numbers, not 12",
@@ -128,10 +131,10 @@ LOOP = '<object id="1"><components><component objectid="1"/></components></objec
         ({"a": model_part(LOOP)}, "32 within each other"),
         ({"a": model_part(f'{DOUBLED}<object id="30"/>')}, "over 50000 objects with components"),
         ({"a": model_part(corner(1), '<item objectid="1" p:path="\ufeff"/>')}, r"no part '\\ufeff'"),
-        ({"a": model_part(corner(1), "")}, "its build places no triangles"),
+        ({"a": model_part(corner(1), "")}, "its build has no triangles"),
         (
             {"a": model_part(corner(1).replace("<object", '<object type="support"'))},
-            "its build places no triangles; left out, .*: 1 support",
+            "its build has no triangles; left out, .*: 1 support",
         ),
         ({"a": model_part(corner(1), given='unit="mile"')}, "its unit 'mile' is not one of"),
         (
@@ -144,10 +147,13 @@ LOOP = '<object id="1"><components><component objectid="1"/></components></objec
         ),
         (
             {"a": model_part('<object id="1"><booleanshape objectid="2"/></object>')},
-            "its build places no triangles; left out, .*: 1 object without triangles",
+            "its build has no triangles; left out, .*: 1 object without triangles",
         ),
         ({"a": '<!DOCTYPE x [<!ENTITY a "b">]><model/>'}, "it declares the entity 'a'"),
-        ({"a": model_part(corner(1) + " " * (1 << 25))}, "unpacks from .* to 32 MiB, which no model does"),
+        (
+            {"a": model_part(corner(1) + " " * (1 << 25))},
+            "unpacks from .* to 32 MiB, which no model file does",
+        ),
         ({"b": model_part(corner(1))}, "it has no part '3D/a.model'"),
         (
             {

@@ -135,7 +135,7 @@ def test_only_active_visible_meshes_for_rendering_are_read(tmp_path: Path) -> No
     stage.Save()
     read = read_surface(tmp_path / "a.usda")
     assert (read.vertices, read.faces, read.format) == (8, 6, "USDA")
-    assert read.notes == ("prims that are no meshes are left out: 1 Sphere",)
+    assert read.notes == ("left out, as they are not meshes: 1 Sphere",)
     with pytest.raises(MeshError, match=r"its prim /World/hidden holds no mesh that is active, visible"):
         read_surface(tmp_path / "a.usda", part=ScenePart("/World/hidden"))
     with pytest.raises(MeshError, match=r"no prim /World/sean. Did you mean '/World/seen'"):
@@ -196,7 +196,7 @@ def test_a_shot_heeds_the_axis_and_follows_every_layer(tmp_path: Path) -> None:
     template = model_template(path, "a.usda")
     assert "up: z" not in template.subject and any("its stage has z up" in f.lower() for f in template.facts)
     (tmp_path / "part.usda").unlink()
-    with pytest.raises(FlowsculptError, match=r"its layer a.usda refers to .*part.usda: there is no"):
+    with pytest.raises(FlowsculptError, match=r"its layer a.usda refers to .*part.usda: file not found"):
         read_shot(tmp_path / "a.yaml")
 
 
@@ -256,8 +256,8 @@ def _references(folder: Path, *assets: str) -> Path:
 @pytest.mark.parametrize(
     ("make", "fact"),
     [
-        (lambda f: _references(f, "./gone.usda"), "gone.usda: there is no such file; check the path"),
-        (lambda f: _references(f, "/gone/there.usdc"), "/gone/there.usdc: there is no such file"),
+        (lambda f: _references(f, "./gone.usda"), "gone.usda: file not found; check the path"),
+        (lambda f: _references(f, "/gone/there.usdc"), "/gone/there.usdc: file not found"),
         (lambda f: _references(f, "./a.usda"), "its layers do not compose"),
         (lambda f: _references(f, "/dev/zero"), "/dev/zero: it is a device"),
     ],

@@ -115,7 +115,7 @@ def test_a_damaged_object_is_told_once_never_used_and_replaced(stores, share, ca
     assert not theirs.holds("cameras", KEY) and not theirs.bring("cameras", KEY)
     assert not theirs.path("cameras", KEY).exists() and not list(theirs.inner_scratch.iterdir())
     (said,) = warnings(caplog)
-    assert "is not what was stored" in said and KEY in said
+    assert "differs from the stored file" in said and KEY in said
     assert fill(theirs).read_bytes() == content_of(KEY)
     assert there.read_bytes() == whole
     assert theirs.holds("cameras", KEY)
@@ -160,7 +160,7 @@ def test_a_share_that_is_not_mounted_is_told_once_and_filled_later(stores, share
     fill(ours), fill(ours, OTHER)
     assert not share.exists(), "a folder made here would hide the share once it is mounted"
     (said,) = warnings(caplog)
-    assert "no such bucket or folder" in said and "going on without it" in said
+    assert "no such bucket or folder" in said and "continuing without it" in said
     assert missed_uploads(ours.root) == [("cameras", KEY), ("cameras", OTHER)]
     share.mkdir()
     remote_files._opened.cache_clear()
@@ -254,7 +254,7 @@ def test_the_environment_names_the_remote_store_to_every_process(monkeypatch, tm
     [
         ("s4://bucket/show", "s4:// is not known. There are: s3"),
         ("s3://", "a bucket or folder must follow"),
-        ("sftp://me:secret@host/show", "it holds a password"),
+        ("sftp://me:secret@host/show", "it contains a password"),
         ("s3://[x", "cannot be parsed"),
         ("sftp://host:port/show", "cannot be parsed"),
         ("s3://my bucket/show", "'my bucket' cannot name a bucket"),

@@ -85,7 +85,7 @@ def test_a_server_that_fails_for_long_fails_nobody_and_is_told_once(stores, s3: 
         asked.append(len(s3.requests))
     assert len(set(asked)) == 1, "it is left alone after the first"
     (said,) = warnings(caplog)
-    assert "going on without it" in said and "the next run uploads it" in said
+    assert "continuing without it" in said and "the next run uploads them" in said
     assert not any(secret in said for secret in CREDENTIALS.values() if secret != "us-east-1")
     assert len(missed_uploads(ours.root)) == 5
     s3.fault = None

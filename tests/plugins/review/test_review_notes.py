@@ -68,18 +68,21 @@ def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
 
 
 WRONG: dict[str, tuple[str, str]] = {
-    "cut short": (json.dumps(document(note()))[:-9], "no JSON, or was cut short"),
-    "empty": ("", "no JSON, or was cut short"),
+    "cut short": (json.dumps(document(note()))[:-9], "not JSON, or cut short"),
+    "empty": ("", "not JSON, or cut short"),
     "not text": ("\udcff", "no JSON"),
-    "a list": ("[]", "no file of notes"),
-    "another schema": (json.dumps({"OTIO_SCHEMA": "Timeline.1"}), "no file of notes"),
+    "a list": ("[]", "not a file of notes"),
+    "another schema": (json.dumps({"OTIO_SCHEMA": "Timeline.1"}), "not a file of notes"),
     "a later version": (json.dumps(document(version=2)), "version 2 of the format is newer than 1"),
     "a wrong status": (json.dumps(document(note(status="done"))), 'notes.0.status is "done"'),
     "a wrong type": (json.dumps(document(note(first="3"))), 'notes.0.first is "3"'),
     "a missing field": (json.dumps(document({"id": IDS[0]})), "notes.0.shot is missing"),
     "an unknown field": (json.dumps(document(note(mood="good"))), "notes.0.mood is unknown in version 1"),
     "frames backwards": (json.dumps(document(note(first=9))), "9 is after the last frame, 5"),
-    "half a point": (json.dumps(document(note(drawings=[stroke(points=[1, 2, 3])]))), "3 numbers are no pen"),
+    "half a point": (
+        json.dumps(document(note(drawings=[stroke(points=[1, 2, 3])]))),
+        "3 numbers do not make a drawing of the kind pen",
+    ),
     "a shot elsewhere": (json.dumps(document(note(shot="../../etc"))), "notes.0.shot is"),
     "an escape sequence": (json.dumps(document(note(text="\x1b[2J"))), "notes.0.text is"),
     "half a letter": (json.dumps(document(note(text="\ud800"))), "no JSON"),

@@ -165,7 +165,7 @@ def test_the_page_needs_nothing_beside_its_folder(desk: Desk) -> None:
         (["review", NAME, "--notes", "ann.json", "ben.json"], 2, "ben.json: --notes takes one file"),
         (["figures", "T010_tinny"], 3, "T010_tiny"),
         (["figures", NAME, "-o", "figures.txt"], 2, "figures.txt"),
-        (["sheet", NAME, "-o", "sheet.jpg"], 2, "sheet.jpg is no PNG"),
+        (["sheet", NAME, "-o", "sheet.jpg"], 2, "sheet.jpg is not a PNG"),
         (["sheet", NAME, "--at", "3"], 2, "--at is the frame of --looks"),
         (["sheet", NAME, "-f", "1-99"], 2, "25-99 are not in the shot"),
     ],

@@ -25,7 +25,7 @@ def published(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
         desk = Desk(root)
         with pytest.raises(MissingInputError) as refused:
             desk.release().publish()
-        assert f"frames 1-4 missing. What is published is made from the shot file of today; {RENDER}" in str(
+        assert f"frames 1-4 missing. Publishing needs frames of the current shot file; {RENDER}" in str(
             refused.value
         )
         desk.render()

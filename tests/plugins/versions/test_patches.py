@@ -65,7 +65,7 @@ def test_a_patch_is_verified_and_its_own_frames_are_made_again(desk: Desk) -> No
     record, project = Provenance.read(source), Project(desk.root, 1)
     again = Reproduction(record, source, project)
     assert again.numbers == (2, 3)
-    with pytest.raises(UsageError, match="v002 has frames 4 from v001; make them again from the provenance"):
+    with pytest.raises(UsageError, match="v002 has frames 4 from v001; reproduce them from the provenance"):
         Reproduction(record, source, project, "3-4").numbers  # noqa: B018
 
 
@@ -95,10 +95,15 @@ def longer(desk: Desk) -> None:
             MissingInputError,
             r"frames 2-3 missing. .*; flowsculpt render .* -f 2-3 makes it",
         ),
-        (damaged, {}, FrameError, r"0001.exr is damaged or gone; flowsculpt verify tells how to repair it"),
-        (longer, {}, UsageError, "v001 has frames 1-4, and the frames of today 1-5; frames of one version"),
-        (rendered, {"base": "v007"}, MissingInputError, "has no such version; published is v001"),
-        (rendered, {"base": "../v1"}, UsageError, "is no version; write it as v001"),
+        (
+            damaged,
+            {},
+            FrameError,
+            r"0001.exr is damaged or missing; flowsculpt verify shows how to repair it",
+        ),
+        (longer, {}, UsageError, "v001 has frames 1-4, and today's frames 1-5; all frames of a version"),
+        (rendered, {"base": "v007"}, MissingInputError, "has no such version; published: v001"),
+        (rendered, {"base": "../v1"}, UsageError, "is not a version; write it as v001"),
         (rendered, {"frames": "3-9"}, UsageError, "frames 5-9 are not in T010_tiny, which has 1-4"),
         (
             rendered,

@@ -63,9 +63,9 @@ def test_what_was_edited_since_is_stale_until_it_is_rendered_and_then_the_next_v
     assert "draft.scale10: frame 1 stale" in desk.command("publish", NAME, "-q", "draft", "--scale", "10%")[1]
     desk.shot.write_text(kept)
     desk.render()
-    with pytest.raises(UsageError, match=r"v001 is published already, with other frames.*the next is v002"):
+    with pytest.raises(UsageError, match=r"v001 is already published with other frames.*the next is v002"):
         desk.release(version="v001").publish()
-    with pytest.raises(UsageError, match="--version 2 is no version; write it as v002"):
+    with pytest.raises(UsageError, match="--version 2 is not a version; write it as v002"):
         desk.release(version="2").publish()
     assert not desk.release().publish(dry=True).before and not (desk.home / "v002").exists()
     assert desk.release().publish().version == "v002"
@@ -133,7 +133,7 @@ def test_verify_tells_what_of_a_version_is_not_what_was_published_and_mends_noth
     third.unlink()
     code, said = desk.command("verify")
     assert code == 1
-    assert f"frames/{NAME}.0002.exr: is not what was published: damaged, or altered since" in said
+    assert f"frames/{NAME}.0002.exr: differs from the published file: damaged, or altered since" in said
     assert f"frames/{NAME}.0003.exr: is gone, and was published" in said
     assert f"flowsculpt reproduce {desk.home / 'v001' / FILE} -f 2-3 makes it again" in said
     assert "2 files of published versions are not what was published." in said
@@ -157,15 +157,15 @@ def test_a_version_keeps_the_notes_that_its_shot_had(desk: Desk) -> None:
     frozen.chmod(0o644)
     frozen.write_text("{}")
     code, said = desk.command("verify")
-    assert code == 1 and "v001/notes.json: is not what was published" in said
+    assert code == 1 and "v001/notes.json: differs from the published file" in said
     assert "restore its notes from a backup" in desk.command("--dry-run", "verify")[1]
 
 
 def test_verify_tells_of_a_version_whose_provenance_is_lost(desk: Desk) -> None:
     rewritten(desk.home / "v001" / FILE, b"{}")
     code, said = desk.command("verify")
-    assert code == 1 and "provenance.json: is not what was written: damaged, or altered since" in said
-    assert "tells what it was made from; restore that from a backup" in said
+    assert code == 1 and "provenance.json: differs from what the run wrote: damaged, or altered since" in said
+    assert "records what it was made from; restore that file from a backup" in said
 
 
 HOOK = "import json, sys; json.dump(json.load(sys.stdin), open('told.json', 'w')); print('of the hook')"
@@ -189,14 +189,14 @@ def test_a_hook_that_fails_is_named_and_the_version_stays(desk: Desk) -> None:
     desk.render()
     failing = shlex.join([sys.executable, "-c", "raise SystemExit(3)"])
     code, said = desk.command(*published_with(failing))
-    assert code == 4 and "it ended with 3. v002 is published all the same" in said
+    assert code == 4 and "it ended with 3. v002 is published nevertheless" in said
     assert (desk.home / "v002" / FILE).is_file()
 
 
 @pytest.mark.parametrize(
     ("hook", "code", "told"),
     [
-        ("no-such-program --now", 3, "there is no program no-such-program"),
+        ("no-such-program --now", 3, "program no-such-program not found"),
         ("'unclosed", 2, "No closing quotation"),
         ("", 2, "--hook is empty"),
     ],
@@ -212,8 +212,8 @@ def test_a_hook_that_cannot_run_is_told_before_anything_is_published(
 @pytest.mark.parametrize(
     ("words", "code", "told"),
     [
-        (("versions", "B999"), 3, f"B999 is not published in .*; published are {NAME}"),
-        (("reproduce", "nowhere.json"), 3, "nowhere.json: no such provenance"),
+        (("versions", "B999"), 3, f"B999 is not published in .*; published: {NAME}"),
+        (("reproduce", "nowhere.json"), 3, "nowhere.json: no such file"),
         (
             ("reproduce", f"renders/published/{NAME}/v001/{FILE}", "-f", "9"),
             2,

@@ -128,7 +128,7 @@ def test_what_is_no_provenance_is_told_in_one_line(
     source = Desk(tmp_path).home / "v001" / FILE
     source.parent.mkdir(parents=True)
     source.write_text(change if isinstance(change, str) else json.dumps({**data, **change}))
-    with pytest.raises(UsageError, match="this is no provenance of a published version"):
+    with pytest.raises(UsageError, match="not the provenance of a published version"):
         Provenance.read(source)
     code, said = Desk(tmp_path).command("versions")
-    assert code == 2 and "this is no provenance" in said
+    assert code == 2 and "not the provenance" in said

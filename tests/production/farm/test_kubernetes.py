@@ -177,4 +177,4 @@ def test_the_script_stops_at_a_job_that_failed_and_names_it(project, store, clus
     script = project.path / "kubernetes" / "run.sh"
     done = subprocess.run(["sh", str(script)], capture_output=True, text=True, timeout=600)
     assert done.returncode == 1 and "flowsculpt-surfaces-t010-tiny" in done.stderr
-    assert "What follows 1-surfaces.yaml is not begun" in done.stderr
+    assert "Files after 1-surfaces.yaml were not started" in done.stderr

@@ -50,7 +50,7 @@ def test_a_task_whose_files_the_store_does_not_take_fails_until_it_does(tmp_path
     monkeypatch.setenv(VARIABLE, f"file://{share}")
     monkeypatch.setattr(remote_requests, "PATIENCE", 0.1)
     Store(tmp_path).put("cameras", "ab" * 32, lambda path: path.write_text("{}"))
-    with pytest.raises(MachineError, match="it did not take 1 file, which other workers would miss"):
+    with pytest.raises(MachineError, match="it did not accept 1 file, which other workers would miss"):
         tasks._upload_rest(tmp_path)
     share.mkdir()
     remote_files._opened.cache_clear()

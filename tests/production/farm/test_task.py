@@ -64,7 +64,7 @@ def test_a_worker_with_other_packages_is_refused_before_it_makes_what_counts_as_
         (("job/plan.json", "rendr:1"), 2, "has no stage 'rendr'. Did you mean 'render'?"),
         (("job/plan.json", "render:3-9"), 2, "frames 5-9 are not in plan.json, which has 1-4"),
         (("job/other.json", "render:1"), 3, "this worker does not see the plan"),
-        ((f"shots/{NAME}.yaml", "render"), 2, "it is no plan"),
+        ((f"shots/{NAME}.yaml", "render"), 2, "not a plan"),
         (("--root", "nowhere", "job/plan.json", "simulate"), 3, "this worker does not see the root"),
     ],
 )

@@ -103,7 +103,7 @@ def test_ways_that_do_not_exist_are_refused(menagerie: dict[str, PolygonMesh]) -
         PolyhedralResampler(menagerie["cube"], THRESHOLDS, cutting="dice")  # type: ignore[arg-type]
     with pytest.raises(UsageError, match="collapse 'volumes' is not known"):
         PolyhedralResampler(menagerie["cube"], THRESHOLDS, collapse="volumes")  # type: ignore[arg-type]
-    with pytest.raises(MeshError, match="there are no faces"):
+    with pytest.raises(MeshError, match="the mesh has no faces"):
         PolyhedralResampler(PolygonMesh(np.eye(3), []), THRESHOLDS)
 
 
