@@ -37,7 +37,7 @@ from pipeline.production.tasks.shown_frame import ShownFrame
 from render.frame.render_frame import render_frame
 from render.mitsuba.engine import choose
 from render.post.denoise import denoise
-from render.scene.quality import QUALITIES
+from render.scene.render_quality import QUALITIES
 from render.scene.scene import Scene
 
 FRAMES = {"A010_cube": 40, "A020_lorenz": 50, "B050_glass": 201, "B030_marble": 141}

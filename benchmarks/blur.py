@@ -28,16 +28,16 @@ from pipeline.mesh.solids import icosphere
 from render.frame.render_frame import render_frame
 from render.frame.sample_batches import ShutterInterval
 from render.mitsuba.engine import Engine, choose
-from render.mitsuba.scene import build_scene
+from render.mitsuba.mitsuba_scene import build_scene
 from render.post.colour import quantise, to_display
 from render.post.denoise import denoise
 from render.post.image import write_png
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.quality import QUALITIES, Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import QUALITIES, Quality
 from render.scene.scene import MotionSample, Scene
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 CAMERA = Camera((0.0, 2.0, 9.0), (0.0, 1.0, 0.0))

@@ -14,13 +14,13 @@ import numpy as np
 
 from render.frame.render_frame import render_frame
 from render.mitsuba.engine import choose
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.quality import QUALITIES
+from render.scene.render_camera import Camera
+from render.scene.render_quality import QUALITIES
 from render.scene.scene import Scene
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.spheres import Spheres
-from render.scene.stage import STAGES, StagePlacement
 
 CAMERA = Camera((0.0, 2.0, 9.0), (0.0, 1.0, 0.0))
 

@@ -44,14 +44,14 @@ from pipeline.arrays import AnyArray
 from render.frame.render_frame import render_frame
 from render.mitsuba.emitters import daylight_exposure, daylight_irradiances, daylight_map, gradient_map
 from render.mitsuba.engine import Engine, choose
-from render.mitsuba.scene import build_scene
+from render.mitsuba.mitsuba_scene import build_scene
 from render.post.denoise import denoise
 from render.post.image import read_exr
-from render.scene.lights import LIGHTS, LightRig, Softbox
 from render.scene.materials import LOOKS, Glass, Material
-from render.scene.quality import Quality
+from render.scene.render_quality import Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, Stage, StagePlacement
+from render.scene.scene_lights import LIGHTS, LightRig, Softbox
+from render.scene.scene_stage import STAGES, Stage, StagePlacement
 from render.scene.surface import Surface
 
 HOME = Path(os.environ.get("BLENDER_MODULE", Path(sys.prefix) / "cycles"))

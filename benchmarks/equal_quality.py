@@ -25,14 +25,14 @@ from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import AnyArray
 from render.frame.render_frame import render_frame
 from render.mitsuba.engine import Engine, choose
-from render.mitsuba.scene import SceneRenderer, build_scene
+from render.mitsuba.mitsuba_scene import SceneRenderer, build_scene
 from render.mitsuba.sensor import sensor
 from render.post.denoise import denoise
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.quality import Quality
+from render.scene.render_quality import Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 
 SHOWN = ("glaze", "clay")
 DEPTH, PASS, REPEATS = 6, 16, 5

@@ -32,12 +32,12 @@ from render.post.colour import to_display
 from render.post.denoise import denoise
 from render.post.film_denoiser import FilmDenoiser, RawFrame
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.quality import Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 FRAMES, TURN = 8, math.radians(0.5)

@@ -25,11 +25,11 @@ from pipeline.flow import Streamlines, Sum, VelocityField
 from pipeline.flow.catalogue import FLOWS
 from pipeline.flow.catalogue.basic import Expansion, Rotation, Strain
 from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.kernels import fields
+from pipeline.flow.kernels import field_kernels as fields
 from pipeline.flow.kernels import instructions as op
-from pipeline.flow.kernels import streamlines as kernels
-from pipeline.flow.kernels import vortices as vortex
-from pipeline.flow.kernels.regions import ball_weight
+from pipeline.flow.kernels import streamline_kernels as kernels
+from pipeline.flow.kernels import vortex_kernels as vortex
+from pipeline.flow.kernels.region_kernels import ball_weight
 from pipeline.flow.parameters import shot_name
 from pipeline.flow.velocity import Instruction, Program, grouped, opcodes_of, table_of
 

@@ -39,8 +39,8 @@ from pipeline.production.store.event_log import RUNS
 from pipeline.production.store.paths import EVENTS, STATE
 from pipeline.production.store.store import Store
 from render.base.serialise import to_plain
-from render.scene.camera import Camera
-from render.scene.stage import StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.scene_stage import StagePlacement
 
 CORES = 2
 FEW, MANY = 10, 100

@@ -31,10 +31,10 @@ from pipeline.plugins.preview.sketch import Sketch
 from pipeline.plugins.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project
 from render.raster import Shape, StageSetup, preview
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 
 SHOT = """\
 title: A ball between two vortices

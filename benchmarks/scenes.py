@@ -20,14 +20,14 @@ from benchmarks.report import Row, Target, keep, show
 from pipeline.mesh.solids import icosphere
 from render.mitsuba.emitters import emitters
 from render.mitsuba.engine import choose
-from render.mitsuba.scene import build_scene
+from render.mitsuba.mitsuba_scene import build_scene
 from render.mitsuba.shapes import mesh, stage_shapes
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.quality import Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 FREQUENCIES = {"50k": 71, "1M": 316}

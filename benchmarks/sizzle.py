@@ -31,16 +31,16 @@ from pipeline.resample import Report, ThresholdFormula, Thresholds
 from pipeline.shot import Motion, Resampling, Solid
 from render.mitsuba import emitters, materials
 from render.mitsuba.engine import choose
-from render.mitsuba.scene import SceneRenderer, build_scene
+from render.mitsuba.mitsuba_scene import SceneRenderer, build_scene
 from render.mitsuba.sensor import sensor
 from render.mitsuba.shapes import stage_shapes
 from render.mitsuba.texture_coordinates import TextureCoordinates
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.quality import BATCH_SAMPLES, Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import BATCH_SAMPLES, Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 Way = Literal["chord", "curved", "exact"]

@@ -20,12 +20,12 @@ from benchmarks.report import Row, keep, show
 from benchmarks.variance import DEPTH, MIN_LUMINANCE, Pictures
 from pipeline.arrays import AnyArray
 from render.mitsuba.engine import choose
-from render.mitsuba.scene import build_scene
-from render.scene.lights import LIGHTS
+from render.mitsuba.mitsuba_scene import build_scene
 from render.scene.materials import LOOKS, Material, Subsurface
-from render.scene.quality import Quality
+from render.scene.render_quality import Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 
 RADII = {
     "clay": (0.02, 0.02, 0.02),

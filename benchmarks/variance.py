@@ -36,16 +36,16 @@ from pipeline.arrays import AnyArray
 from render.frame.render_frame import render_frame
 from render.mitsuba import emitters, materials
 from render.mitsuba.engine import Engine, choose
-from render.mitsuba.scene import build_scene
+from render.mitsuba.mitsuba_scene import build_scene
 from render.mitsuba.sensor import sensor
 from render.mitsuba.shapes import mesh, stage_shapes
 from render.mitsuba.texture_coordinates import texture_coordinates
-from render.scene.lights import LIGHTS, LightRig
 from render.scene.materials import LOOKS
-from render.scene.quality import Quality
+from render.scene.render_quality import Quality
 from render.scene.scene import Scene
+from render.scene.scene_lights import LIGHTS, LightRig
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.sky import Environment
-from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 MATERIALS = ("clay", "glaze", "chrome", "glass", "marble")

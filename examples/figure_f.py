@@ -8,9 +8,9 @@ from examples.drawing import page, save
 from pipeline.animation import animate
 from pipeline.mesh import TriangleMesh
 from pipeline.shot import read_shot
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.stage import Stage
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import Stage
 
 SHOT = Path(__file__).resolve().parent.parent / "shots" / "A010_cube.yaml"
 FRAME, SIZE = 44, (1200, 675)

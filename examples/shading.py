@@ -17,11 +17,11 @@ from render.frame.render_frame import render_frame
 from render.mitsuba.engine import choose
 from render.post.colour import quantise, to_display
 from render.post.denoise import denoise
-from render.scene.lights import LIGHTS, LightRig
 from render.scene.materials import LOOKS, Material
-from render.scene.quality import Quality
+from render.scene.render_quality import Quality
 from render.scene.scene import Scene
-from render.scene.stage import Stage
+from render.scene.scene_lights import LIGHTS, LightRig
+from render.scene.scene_stage import Stage
 from render.scene.surface import Surface
 
 if TYPE_CHECKING:

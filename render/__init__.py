@@ -13,16 +13,21 @@ from render.base.python_process import import_numba_elsewhere
 import_numba_elsewhere()
 
 _MODULES = {
-    "render.base.errors": ("BadInputError", "CorruptImageError", "FlowsculptError", "MissingImageError"),
+    "render.base.render_errors": (
+        "BadInputError",
+        "CorruptImageError",
+        "FlowsculptError",
+        "MissingImageError",
+    ),
     "render.base.serialise": ("from_plain", "to_plain"),
     "render.scene.aovs": ("AOVS", "RenderedFrame"),
-    "render.scene.camera": ("Camera",),
-    "render.scene.lights": ("LIGHTS", "LightRig", "Sky", "Softbox", "Sun"),
+    "render.scene.render_camera": ("Camera",),
+    "render.scene.scene_lights": ("LIGHTS", "LightRig", "Sky", "Softbox", "Sun"),
     "render.scene.materials": ("LOOKS", "Material"),
-    "render.scene.quality": ("QUALITIES", "Quality"),
+    "render.scene.render_quality": ("QUALITIES", "Quality"),
     "render.scene.scene": ("MotionSample", "Scene"),
     "render.scene.spheres": ("Spheres",),
-    "render.scene.stage": ("STAGES", "Stage", "StagePlacement"),
+    "render.scene.scene_stage": ("STAGES", "Stage", "StagePlacement"),
     "render.scene.surface": ("Surface",),
     "render.mitsuba.engine": ("Engine", "choose"),
     "render.frame.render_frame": ("render_frame",),

@@ -12,7 +12,7 @@ import pytest
 
 from pipeline.cli.kernel_build import build_kernels, kernel_calls
 from render.base import kernel_cache, user_cache
-from render.base.errors import MachineError
+from render.base.render_errors import MachineError
 
 SCENE = """
 from pathlib import Path
@@ -54,7 +54,7 @@ print(dict(deform.stats.cache_misses), len(deform.stats.cache_hits))
 
 
 def test_a_call_finds_what_set_up_has_compiled_in_an_empty_cache(tmp_path):
-    module = "pipeline.flow.kernels.deformations"
+    module = "pipeline.flow.kernels.deformation_kernels"
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
     said = []
     for step in (PREPARE, CALL):
@@ -67,7 +67,7 @@ def test_a_call_finds_what_set_up_has_compiled_in_an_empty_cache(tmp_path):
 
 def test_a_kernel_is_compiled_after_all_that_it_calls_and_once_for_all_its_callers(tmp_path):
     calls = kernel_calls()
-    called, caller = "pipeline.flow.kernels.instructions", "pipeline.flow.kernels.vortices"
+    called, caller = "pipeline.flow.kernels.instructions", "pipeline.flow.kernels.vortex_kernels"
     assert calls[caller] == {called}
     code = BUILD.format(calls={called: set(), caller: {called}})
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
@@ -139,9 +139,13 @@ def test_an_edit_of_a_source_compiles_the_kernels_that_depend_on_it_and_no_other
 
 
 CALLS = [
-    ("pipeline.flow.kernels.vortices", "pipeline.flow.kernels.program", "pipeline.flow.kernels.streamlines"),
+    (
+        "pipeline.flow.kernels.vortex_kernels",
+        "pipeline.flow.kernels.program",
+        "pipeline.flow.kernels.streamline_kernels",
+    ),
     ("pipeline.resample.kernels.ring", "pipeline.resample.kernels.collapse"),
-    ("render.raster.projection", "render.raster.triangles"),
+    ("render.raster.raster_projection", "render.raster.triangles"),
 ]
 """A module, and kernels that call or use it."""
 
@@ -274,7 +278,7 @@ def test_a_cache_that_may_only_be_read_is_read_and_what_it_lacks_is_kept_elsewhe
     """As in the image of a container, whose cache belongs to root."""
     place, other = tmp_path / "cache", tmp_path / "temporary"
     other.mkdir()
-    call = CALL.format(module="pipeline.flow.kernels.deformations")
+    call = CALL.format(module="pipeline.flow.kernels.deformation_kernels")
     run_code(call, place, other)
     subprocess.run(["chmod", "-R", "a-w", place], check=True)
     before = sorted(place.rglob("*"))
@@ -282,7 +286,7 @@ def test_a_cache_that_may_only_be_read_is_read_and_what_it_lacks_is_kept_elsewhe
     assert not [*other.rglob("*.kernel")]
 
 
-DEFORM = CALL.format(module="pipeline.flow.kernels.deformations")
+DEFORM = CALL.format(module="pipeline.flow.kernels.deformation_kernels")
 
 
 @pytest.fixture(scope="module")

@@ -21,12 +21,12 @@ from render.frame.render_frame import render_frame
 from render.mitsuba.engine import choose
 from render.post.colour import quantise, to_display
 from render.post.denoise import denoise
-from render.scene.lights import LIGHTS, LightRig
 from render.scene.materials import LOOKS
-from render.scene.quality import QUALITIES
+from render.scene.render_quality import QUALITIES
 from render.scene.scene import Scene
+from render.scene.scene_lights import LIGHTS, LightRig
+from render.scene.scene_stage import STAGES, Stage
 from render.scene.sky import Daylight
-from render.scene.stage import STAGES, Stage
 from render.scene.surface import Surface
 
 OUT = Path(__file__).parent / "sets.webp"

@@ -12,7 +12,7 @@ import typer
 from pipeline.errors import UsageError, suggestion
 from pipeline.production.request.crop_and_scale import today_name
 from render.mitsuba.engine import VARIANTS
-from render.scene.quality import CONVENTIONS, QUALITIES, qualities_of_size
+from render.scene.render_quality import CONVENTIONS, QUALITIES, qualities_of_size
 
 if TYPE_CHECKING:  # imported when a command runs, for help and --version need neither
     from pipeline.production.execution.project import Project

@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow.kernels import instructions as op
-from pipeline.flow.kernels import regions as kernels
+from pipeline.flow.kernels import region_kernels as kernels
 from pipeline.flow.parameters import (
     ORIGIN,
     Number,

@@ -12,7 +12,7 @@ import numba
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices, Points
-from pipeline.flow.kernels import streamlines as kernels
+from pipeline.flow.kernels import streamline_kernels as kernels
 from pipeline.flow.kernels.instructions import BLOCK, COLUMNS, EXTERNAL, PARALLEL_FROM
 from pipeline.flow.parameters import kernel_points
 from pipeline.kernels import in_threads

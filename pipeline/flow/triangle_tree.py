@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.flow.kernels import regions as kernels
+from pipeline.flow.kernels import region_kernels as kernels
 from pipeline.flow.parameters import Vector
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.mesh.validation import require

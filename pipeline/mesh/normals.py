@@ -16,7 +16,7 @@ from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
 from pipeline.errors import MeshError
 from pipeline.kernels import readable
 from pipeline.mesh.kernels.halfedge import SOUND, match_twins
-from pipeline.mesh.kernels.normals import (
+from pipeline.mesh.kernels.normal_kernels import (
     count_known,
     cross_beside,
     find_hard,

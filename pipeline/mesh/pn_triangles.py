@@ -13,8 +13,8 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Indices
 from pipeline.errors import UsageError
 from pipeline.kernels import readable
-from pipeline.mesh.kernels.normals import scale_known
-from pipeline.mesh.kernels.pn_triangles import (
+from pipeline.mesh.kernels.normal_kernels import scale_known
+from pipeline.mesh.kernels.pn_triangle_kernels import (
     cut_faces,
     fill_edges,
     fill_faces,

@@ -102,7 +102,7 @@ ASSEMBLE = PipelineStage(
     doing="encoding",
     makes="movie",
     reads=("finish",),
-    module="encode",
+    module="encoding",
 )
 FILM = PipelineStage(
     "film",
@@ -111,7 +111,7 @@ FILM = PipelineStage(
     doing="encoding the film",
     makes="movie",
     reads=("finish",),
-    module="encode",
+    module="encoding",
 )
 STILLS = tuple(
     PipelineStage(
@@ -121,7 +121,7 @@ STILLS = tuple(
         doing=doing,
         makes=form,
         reads=("finish",),
-        module="encode",
+        module="encoding",
     )
     for form, doing in (("png", "writing PNG"), ("png16", "writing PNG"), ("jpeg", "writing JPEG"))
 )

@@ -258,7 +258,7 @@ def _unreadable_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:
     name = source.get("sound", "file")
     if not isinstance(name, str):
         return
-    from render.movie.sound import require_sound  # imports PyAV, which takes time
+    from render.movie.movie_sound import require_sound  # imports PyAV, which takes time
 
     try:
         require_sound(folder / name)

@@ -15,11 +15,11 @@ from pipeline.shot.documents.look_documents import check_bsdf
 from pipeline.shot.yaml.plain_text import listed
 from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from render.scene.light_groups import BACKGROUND
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.measure import Measure
 from render.scene.projection import KINDS
-from render.scene.quality import MIN_ADAPTIVE_SAMPLES, QUALITIES
+from render.scene.render_quality import MIN_ADAPTIVE_SAMPLES, QUALITIES
+from render.scene.scene_lights import LIGHTS
 
 ALTERNATIVES = {
     "focal_length": ("field_of_view",),

@@ -18,10 +18,10 @@ from pipeline.shot.motion import Motion
 from render.base.serialise import NOT_PLAIN
 from render.post.view import ACES, ColourView
 from render.scene.aovs import AOVS, EXTRA
-from render.scene.lights import LightRig
 from render.scene.materials import Material
-from render.scene.quality import QUALITIES, Quality
-from render.scene.stage import Stage
+from render.scene.render_quality import QUALITIES, Quality
+from render.scene.scene_lights import LightRig
+from render.scene.scene_stage import Stage
 from render.scene.working_space import WORKING_SPACES, WorkingSpace
 
 
@@ -75,7 +75,7 @@ class Picture:
     tessellate  segments that every edge is cut into, on curved patches over the triangles (P37); 1 is off
     dicing      longest segment of an edge in pixels, in place of `tessellate`; None is off
     hide_facets edges are cut as each picture needs, so that outlines show no corners
-    qualities   `render.scene.quality.QUALITIES` with the shot's own settings
+    qualities   `render.scene.render_quality.QUALITIES` with the shot's own settings
     overrides   frames with a look, lights or quality of their own; no frame is in two
     aovs        the AOVs that the shot names
     layers      whose channel names the layers of finished frames have, one of `quality.CONVENTIONS`; None

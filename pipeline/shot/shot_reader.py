@@ -44,10 +44,10 @@ from pipeline.shot.yaml.document_validation import Checks, ParseContext, unfores
 from pipeline.shot.yaml.inheritance import inherited
 from pipeline.shot.yaml.named_files import name_fault, shown
 from pipeline.shot.yaml.yaml_source import Problem, YamlSource
-from render.scene.lights import LightRig
 from render.scene.materials import Material
-from render.scene.quality import qualities_for
-from render.scene.stage import STAGES, Stage
+from render.scene.render_quality import qualities_for
+from render.scene.scene_lights import LightRig
+from render.scene.scene_stage import STAGES, Stage
 
 CHECKS = (
     motion_checks.check_directions,

@@ -19,9 +19,9 @@ import numpy as np
 from pipeline.shot.documents.reference import default_text, facts
 from pipeline.shot.model_subjects import ModelTemplate
 from pipeline.shot.subjects import SOLIDS
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.stage import STAGES
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES
 
 SCHEMA = "# yaml-language-server: $schema={}\n"
 """Tells editors the schema of a file, relative to it."""

@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from render.base.errors import MachineError
 from render.base.exchanged_files import replace_unchanged
+from render.base.render_errors import MachineError
 
 PROBE = 65536
 """Bytes that tell whether a disk takes more."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from render.base.atomic_write import atomic_write
-from render.base.errors import MachineError
+from render.base.render_errors import MachineError
 from render.base.user_cache import readable_cache
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from render.base.atomic_write import machine_error
-from render.base.errors import BadInputError, FlowsculptError, MissingInputError, reason_of
+from render.base.render_errors import BadInputError, FlowsculptError, MissingInputError, reason_of
 
 MOST_BYTES = 8 << 30
 """Size of the largest file that is read."""

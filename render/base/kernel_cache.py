@@ -33,7 +33,7 @@ from numba.core.serialize import dumps
 
 import render
 from render.base.atomic_write import atomic_write
-from render.base.errors import MachineError
+from render.base.render_errors import MachineError
 from render.base.user_cache import kernel_homes, readable_cache, writable_cache
 
 F = TypeVar("F", bound=Callable[..., Any])

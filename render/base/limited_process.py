@@ -18,8 +18,8 @@ from pathlib import Path
 
 from render.base import python_process
 from render.base.disk_cache import cache_path, load_answer, store_answer
-from render.base.errors import MachineError, reason_of
 from render.base.input_files import require_input
+from render.base.render_errors import MachineError, reason_of
 
 SECONDS = 60.0
 """Time that a parser may take for any file; a MiB of it adds a second."""

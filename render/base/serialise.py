@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 
 T = TypeVar("T")
 

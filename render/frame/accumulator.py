@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.frame.copy_counts import CopyCounts
 from render.frame.feature_edges import LIMITS, at_edges
 from render.frame.fireflies import FireflyFilter, find_fireflies, kept_fractions
@@ -18,7 +18,7 @@ from render.frame.sample_sums import SampleSums
 from render.frame.tiles import Picture, PixelNumbers, TileMask, Tiles, noise_of_tiles
 from render.scene.aovs import COVERAGE, DENOISER, Pixels
 from render.scene.light_groups import with_beauty
-from render.scene.quality import Quality
+from render.scene.render_quality import Quality
 
 LUMINANCE, SQUARE, GROUPS = 3, 4, 5
 """Channels of a beauty batch after its radiance: mean luminance, mean of its square, and the first of three

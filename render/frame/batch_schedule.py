@@ -19,7 +19,7 @@ from operator import attrgetter
 import numpy as np
 
 from render.frame.tiles import PixelNumbers
-from render.scene.quality import BATCH_SAMPLES, Quality
+from render.scene.render_quality import BATCH_SAMPLES, Quality
 
 MAX_STEP = 1.0
 """Pixels that a point of the subject may move between two motion samples of all pixels."""

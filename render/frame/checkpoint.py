@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.atomic_write import atomic_write
-from render.base.errors import MachineError
+from render.base.render_errors import MachineError
 
 SECONDS = 10.0
 """Least time between two checkpoints: a frame that takes less has none and pays nothing."""

@@ -25,10 +25,10 @@ from render.frame.batch_schedule import (
 from render.frame.checkpoint import Checkpoint
 from render.frame.sample_batches import SampleBatches, ShutterInterval
 from render.mitsuba.engine import Engine
-from render.mitsuba.scene import build_scene
+from render.mitsuba.mitsuba_scene import build_scene
 from render.mitsuba.tracers import has_path_tracer
 from render.scene.aovs import Pixels, RenderedFrame, stage_motion, vertex_attributes
-from render.scene.quality import Quality
+from render.scene.render_quality import Quality
 from render.scene.scene import MotionSample, Scene
 from render.scene.surface import Surface
 

@@ -15,8 +15,8 @@ from render.frame.accumulator import Accumulator
 from render.frame.batch_schedule import SampleBatch, chosen_pixels, seed_of
 from render.frame.checkpoint import Checkpoint
 from render.frame.tiles import Picture, PixelNumbers
-from render.mitsuba.scene import FrameScenes
-from render.scene.quality import Quality
+from render.mitsuba.mitsuba_scene import FrameScenes
+from render.scene.render_quality import Quality
 from render.scene.scene import MotionSample
 
 _MOMENT_CHANNELS = [0, 1, 2, 4, 7]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError, suggestion
+from render.base.render_errors import BadInputError, suggestion
 from render.graphics.typesetting import BASELINE, cut_short, line, overlay
 
 FIELDS = ("shot", "frame", "timecode", "key", "quality", "version")

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError
 from render.base.plural import plural
+from render.base.render_errors import BadInputError
 from render.base.serialise import Triple
 from render.graphics.typesetting import cut_short, fit_size, line, wrap, write
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.graphics.typesetting import cut_short, line, write
 
 Caption = tuple[tuple[str, str], ...]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.atomic_write import atomic_write
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

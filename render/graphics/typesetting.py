@@ -9,7 +9,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.base.serialise import Triple
 
 Floats = NDArray[np.float32]

@@ -26,7 +26,7 @@ from render.integrator.sampler import (
     PIXEL,
     OwenSampler,
 )
-from render.integrator.subsurface import random_bits
+from render.integrator.subsurface_paths import random_bits
 
 if TYPE_CHECKING:
     from render.integrator.path_tracer import PathTracer

@@ -24,7 +24,7 @@ from render.integrator.emitter_groups import EmitterGroups
 from render.integrator.light_sampler import LightSampler
 from render.integrator.path import camera_vertex, trace
 from render.integrator.sampler import OwenSampler
-from render.integrator.subsurface import SubsurfaceWalk, SubsurfaceWalks
+from render.integrator.subsurface_paths import SubsurfaceWalk, SubsurfaceWalks
 
 
 @dataclass(frozen=True, eq=False)

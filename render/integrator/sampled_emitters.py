@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.serialise import Triple
-from render.scene.camera import unit
-from render.scene.lights import LightRig
+from render.scene.render_camera import unit
+from render.scene.scene_lights import LightRig
 from render.scene.sky import Daylight
 
 _LUMA = np.array([0.2126, 0.7152, 0.0722])

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from render.base.serialise import Triple
 from render.integrator.emitter_groups import SunDisc
-from render.scene.camera import Camera
 from render.scene.light_groups import BACKGROUND
-from render.scene.lights import LightRig, Sky, Softbox, Sun
+from render.scene.render_camera import Camera
+from render.scene.scene_lights import LightRig, Sky, Softbox, Sun
 from render.scene.sky import Daylight, Environment
 from render.scene.working_space import REC709, converted_pixels
 

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from render.base.errors import BadInputError
-from render.mitsuba import absorption, brushed, bsdf, subsurface
+from render.base.render_errors import BadInputError
+from render.mitsuba import absorption, brushed, subsurface
+from render.mitsuba import bsdf_plugins as bsdf
 from render.mitsuba.texture_coordinates import TextureCoordinates, bitmap
 from render.scene.materials import (
     BrushedMetal,

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.mitsuba.wide_sensor import wide_sensor
-from render.scene.camera import Camera
-from render.scene.quality import Crop
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Crop
 from render.scene.wide_camera import WideCamera
 
 

@@ -13,11 +13,11 @@ from render.mitsuba.loading import load_bsdf
 from render.mitsuba.materials import diffuse, rough_conductor, rough_plastic, two_sided, vertex_attribute
 from render.mitsuba.texture_coordinates import SUBJECT, SURROUNDINGS
 from render.scene import reference_objects
-from render.scene.camera import Camera
 from render.scene.materials import Material
 from render.scene.reference_objects import CHROME, GREY
+from render.scene.render_camera import Camera
 from render.scene.scene import Scene
-from render.scene.stage import Stage, StagePlacement
+from render.scene.scene_stage import Stage, StagePlacement
 from render.scene.surface import Surface
 from render.scene.vertex_colours import shaded_colours
 from render.scene.working_space import WorkingSpace, converted_pixels

@@ -1,7 +1,7 @@
 """The surface over subsurface scattering: a BSDF that lets light in where the body would reflect it.
 
 The path tracer takes a sample of DiffuseTransmission as the start of a random walk
-(`render.integrator.subsurface`). The scalar variant has no path tracer of ours, and the body reflects.
+(`render.integrator.subsurface_paths`). The scalar variant has no path tracer of ours, and the body reflects.
 Functions need a started engine.
 """
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.integrator.emitter_groups import EmitterGroups
 from render.integrator.light_sampler import LightSampler
 from render.integrator.sampled_emitters import sampled_emitters
@@ -21,10 +21,10 @@ from render.mitsuba.loading import load_scene
 from render.mitsuba.occluders import occluders
 from render.mitsuba.sensor import sensor
 from render.mitsuba.shapes import stage_shapes
-from render.scene.lights import LightRig
 from render.scene.materials import MitsubaMaterial
-from render.scene.quality import Quality
+from render.scene.render_quality import Quality
 from render.scene.scene import Scene, SceneSubject
+from render.scene.scene_lights import LightRig
 from render.scene.wide_camera import WideCamera
 
 
@@ -153,7 +153,7 @@ def _subsurface_walk(lit: Any, scene: Scene) -> Any:
     walks = [walk for walk in walks if walk is not None]
     if len(walks) < 2:
         return walks[0] if walks else None
-    from render.integrator.subsurface import SubsurfaceWalks  # needs Mitsuba's variant
+    from render.integrator.subsurface_paths import SubsurfaceWalks  # needs Mitsuba's variant
 
     return SubsurfaceWalks(walks)
 
@@ -166,7 +166,7 @@ def _walk_below(lit: Any, subject: SceneSubject, size: float) -> Any:
     subsurface = getattr(subject.material, "subsurface", None)
     if subsurface is None:
         return None
-    from render.integrator.subsurface import SubsurfaceWalk  # needs Mitsuba's variant
+    from render.integrator.subsurface_paths import SubsurfaceWalk  # needs Mitsuba's variant
 
     shape = next(mi.ShapePtr(shape) for shape in lit.shapes() if shape.id() == subject.shape_name)
     dr.make_opaque(shape)

@@ -6,7 +6,7 @@ import math
 from functools import cache
 from typing import Any
 
-from render.base.errors import MachineError
+from render.base.render_errors import MachineError
 from render.scene.projection import Projection
 from render.scene.wide_camera import WideCamera
 

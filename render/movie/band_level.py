@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError
 from render.base.input_files import require_input
 from render.base.limited_process import ParserError, answer_about_content, serve
-from render.movie.sound import MOST_BYTES, opened_sound, reading_error, resampled, unreadable
+from render.base.render_errors import BadInputError
+from render.movie.movie_sound import MOST_BYTES, opened_sound, reading_error, resampled, unreadable
 
 SHORTEST_WINDOW, SHORTEST_HOP = 0.025, 0.005
 """Seconds."""

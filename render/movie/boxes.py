@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
-from render.base.errors import CorruptImageError
+from render.base.render_errors import CorruptImageError
 
 _FIXED_BYTES = {b"moov": 0, b"trak": 0, b"mdia": 0, b"minf": 0, b"stbl": 0, b"stsd": 8}
 """Kinds that hold boxes, and how many bytes of other content they have before them."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from render.base.errors import BadInputError, shortened, suggestion
+from render.base.render_errors import BadInputError, shortened, suggestion
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,11 @@ import av
 import imageio.v3 as iio
 
 from render.base.atomic_write import atomic_write
-from render.base.errors import BadInputError, MachineError
+from render.base.render_errors import BadInputError, MachineError
 from render.movie.codecs import Encode, require_size
+from render.movie.movie_sound import AudioStream, Samples
 from render.movie.planes import Frame, pad_to_even, require_frame, to_pixel_format
 from render.movie.projection_tags import is_tagged, tag_movie
-from render.movie.sound import AudioStream, Samples
 from render.scene.projection import PERSPECTIVE, Projection
 
 _BT709, _RGB = 1, 0
@@ -43,7 +43,7 @@ def write_movie(
 
     rate        frames per second
     timecode    of the first frame; empty for none
-    sound       blocks from `render.movie.sound.blocks`; dropped where the file can hold no sound
+    sound       blocks from `render.movie.movie_sound.blocks`; dropped where the file can hold no sound
     projection  of the frames; the file is tagged with it where `projection_tags.is_tagged`
 
     Where colour has half the resolution, an odd last column or row is repeated once. The movie appears under

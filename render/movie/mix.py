@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from render.movie.sound import BLOCK, RATE, Samples, Sound, blocks
+from render.movie.movie_sound import BLOCK, RATE, Samples, Sound, blocks
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError
 from render.base.kernel_cache import compiled
+from render.base.render_errors import BadInputError
 from render.post.colour import dither_pattern
 
 Frame = NDArray[np.uint8] | NDArray[np.uint16]

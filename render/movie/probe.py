@@ -10,7 +10,7 @@ from typing import Any
 import av
 import imageio.v3 as iio
 
-from render.base.errors import CorruptImageError, MissingImageError
+from render.base.render_errors import CorruptImageError, MissingImageError
 
 _UNSPECIFIED = 2
 """H.273 for a colour that is not specified."""

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from render.base.atomic_write import atomic_write
 from render.base.disk_cache import cache_path
-from render.base.errors import BadInputError, MachineError
 from render.base.kernel_cache import compiled
+from render.base.render_errors import BadInputError, MachineError
 from render.post.view import ACES, ColourView
 from render.scene.working_space import WORKING_SPACES
 

@@ -23,9 +23,9 @@ from render.post.cryptomatte import (
 )
 from render.post.layer_names import cryptomatte_label
 from render.scene.aovs import COPIES, COVERAGE, Pixels, RenderedFrame
-from render.scene.camera import Camera
 from render.scene.projection import pixel_places
-from render.scene.stage import Stage, StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.scene_stage import Stage, StagePlacement
 
 NOTHING = np.float32(1e10)
 """Depth where the lens sees nothing, as in Cycles."""

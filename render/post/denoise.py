@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import MachineError
+from render.base.render_errors import MachineError
 from render.scene.aovs import RenderedFrame
 
 Pixels = NDArray[np.float32]

@@ -11,7 +11,7 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from render.scene.camera import Camera
+from render.scene.render_camera import Camera
 
 MOST_FRAME_DIGITS = 40
 """Frames that a timeCode can count within a second: its tens have two bits."""

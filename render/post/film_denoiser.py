@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from render.post.denoise import denoise_light, denoiser_features
 from render.post.temporal_denoise import DenoisedFrame, Floats, removed_noise, temporal_denoise
 from render.scene.aovs import DENOISER, RenderedFrame
-from render.scene.camera import Camera
 from render.scene.light_groups import groups_in, light_layers
 from render.scene.projection import Projection
-from render.scene.stage import StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.scene_stage import StagePlacement
 
 SEAM = 64
 """Columns that a spherical picture is denoised with beyond each edge, from the other edge. Where light is all

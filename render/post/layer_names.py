@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.scene.aovs import AOVS, COMPUTED, COVERAGE
 from render.scene.light_groups import PREFIX
 

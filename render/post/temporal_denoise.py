@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.kernel_cache import compiled
-from render.scene.camera import Camera
 from render.scene.projection import pixel_places
-from render.scene.stage import StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.scene_stage import StagePlacement
 
 Floats = NDArray[np.float32]
 Halves = NDArray[np.float16] | NDArray[np.float32]

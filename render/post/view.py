@@ -7,8 +7,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from render.base.errors import BadInputError, suggestion
 from render.base.limited_process import ParserError, answer_about_content, serve
+from render.base.render_errors import BadInputError, suggestion
 from render.scene.picture_file import DEFAULT_CONFIG, last_message
 from render.scene.working_space import REC709
 

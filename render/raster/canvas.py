@@ -14,14 +14,14 @@ from render.raster.contact import LOOKS_DARK, PACKED_DARK, ContactShadow
 from render.raster.key_light import ShadowMap
 from render.raster.large_triangles import SUPERSAMPLING, LargeTriangles
 from render.raster.lighting import Lighting, apply_shadow, floor_light
-from render.raster.projection import LARGE, SMALL
+from render.raster.raster_projection import LARGE, SMALL
+from render.raster.raster_shapes import ScreenProjection, StageSetup, VisibleFaces
 from render.raster.see_through import pack_light
-from render.raster.shapes import ScreenProjection, StageSetup, VisibleFaces
 from render.raster.triangles import average, draw_triangles, pack
 from render.raster.visible_points import pack_normals
-from render.scene.camera import Camera
-from render.scene.lights import LightRig
-from render.scene.stage import Stage, StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.scene_lights import LightRig
+from render.scene.scene_stage import Stage, StagePlacement
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from render.raster.projection import Array, fast
-from render.scene.stage import StagePlacement
+from render.raster.raster_projection import Array, fast
+from render.scene.scene_stage import StagePlacement
 
 CELLS, REACH = 48, 2.4
 """Cells along each side of the grid, and half of its side, stage units."""

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.serialise import Triple
-from render.scene.camera import Camera
 from render.scene.projection import LEFT, RIGHT, pixel_places
+from render.scene.render_camera import Camera
 from render.scene.wide_camera import WideCamera
 
 Picture = NDArray[np.float32]

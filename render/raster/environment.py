@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from render.raster.projection import Array, fast
-from render.scene.lights import Sky
-from render.scene.stage import Stage
+from render.raster.raster_projection import Array, fast
+from render.scene.scene_lights import Sky
+from render.scene.scene_stage import Stage
 
 SIDE = 33
 """Directions along each side of a table: about 8° apart."""

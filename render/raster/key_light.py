@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from render.raster.raster_shapes import Floats, ScreenProjection, Shape, StageSetup, plinth_shape
 from render.raster.reflectance import shadow_opacity
 from render.raster.shadow_map import (
     BLOCK,
@@ -16,9 +17,8 @@ from render.raster.shadow_map import (
     move_halfway,
     render_depth,
 )
-from render.raster.shapes import Floats, ScreenProjection, Shape, StageSetup, plinth_shape
-from render.scene.camera import Camera, unit
-from render.scene.lights import LightRig, Softbox
+from render.scene.render_camera import Camera, unit
+from render.scene.scene_lights import LightRig, Softbox
 
 SHADOW_REACH = 2.6
 """Half the width of the shadow map, stage units at the subject."""

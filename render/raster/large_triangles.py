@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from render.raster.contact import CELLS, dim_floor
-from render.raster.projection import Array, corner, exact, fast
+from render.raster.raster_projection import Array, corner, exact, fast
 from render.raster.shadow_map import light_visibility
 
 SUPERSAMPLING = 2

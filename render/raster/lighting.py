@@ -21,18 +21,18 @@ from render.raster.environment import (
     table_value,
 )
 from render.raster.key_light import placed_softbox
-from render.raster.projection import Array, fast
+from render.raster.raster_projection import Array, fast
+from render.raster.raster_shapes import Floats, Shape, StageSetup
 from render.raster.reflectance import (
     SHARPNESS,
     Reflectance,
     body_colours,
     reflectance_of,
 )
-from render.raster.shapes import Floats, Shape, StageSetup
-from render.scene.camera import Camera, unit
-from render.scene.lights import LightRig, Softbox
 from render.scene.materials import Diffuse
-from render.scene.stage import Stage, StagePlacement
+from render.scene.render_camera import Camera, unit
+from render.scene.scene_lights import LightRig, Softbox
+from render.scene.scene_stage import Stage, StagePlacement
 
 _FAINT = 1e-5
 """Part of a highlight's brightness below which it is left out."""

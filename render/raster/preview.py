@@ -14,15 +14,15 @@ from render.raster.canvas import Canvas, displayed
 from render.raster.contact import ContactShadow
 from render.raster.key_light import ShadowMap
 from render.raster.large_triangles import SUPERSAMPLING
+from render.raster.raster_shapes import Floats, Shape, StageSetup, VisibleFaces, stage_shape
 from render.raster.reflectance import contact_opacity
 from render.raster.see_through import lay_over, seen_through, unpack_light
-from render.raster.shapes import Floats, Shape, StageSetup, VisibleFaces, stage_shape
 from render.raster.triangles import draw_edges, draw_lines
 from render.raster.visible_points import VisiblePoints, add_thickness
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 
 HIDDEN_OPACITY = 0.1
 """Factor on the opacity of lines behind the surface."""

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from render.raster.environment import table_place, table_value
 from render.raster.lighting import Lighting
-from render.raster.projection import Array, fast
-from render.raster.shapes import Floats, ScreenProjection, Shape
+from render.raster.raster_projection import Array, fast
+from render.raster.raster_shapes import Floats, ScreenProjection, Shape
 from render.raster.visible_points import VisiblePoints
 from render.scene.materials import Glass, Material, Smoke
 

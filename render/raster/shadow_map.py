@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from render.raster.projection import EDGE, Array, box, corner, exact, fast
+from render.raster.raster_projection import EDGE, Array, box, corner, exact, fast
 
 BLOCK = 8
 """Pixels along a block of the shadow map that is tested at once."""

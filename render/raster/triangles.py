@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from render.raster.large_triangles import SUPERSAMPLING, WHITE, LargeTriangles, draw_large_triangle
-from render.raster.projection import EDGE, LARGE_SIZE, Array, box, exact, fast
+from render.raster.raster_projection import EDGE, LARGE_SIZE, Array, box, exact, fast
 
 
 @exact

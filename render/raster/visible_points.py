@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.raster.large_triangles import SUPERSAMPLING, WHITE
-from render.raster.projection import Array, exact, fast
-from render.raster.shapes import ScreenProjection
+from render.raster.raster_projection import Array, exact, fast
+from render.raster.raster_shapes import ScreenProjection
 
 GRID = 256
 """Steps of corners within a pixel: on a grid, neighbours share no pixel and leave none out."""

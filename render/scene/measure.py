@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.base.serialise import NOT_PLAIN
 from render.scene.rgb_encoding import linear_of_srgb
 from render.scene.surface import Surface

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.base.serialise import Colour, Triple
 
 PATTERNS = ("layers", "gradient", "rings", "marble", "speckles")

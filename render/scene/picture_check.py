@@ -9,9 +9,9 @@ from __future__ import annotations
 from contextlib import suppress
 from pathlib import Path
 
-from render.base.errors import BadInputError
 from render.base.input_files import require_input
 from render.base.limited_process import MEMORY, ParserError, allow_memory, answer_about_content, serve
+from render.base.render_errors import BadInputError
 from render.scene.picture_file import OpenedPicture
 
 MOST_BYTES = 4 << 30

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError, reason_of
 from render.base.input_files import parsing
+from render.base.render_errors import BadInputError, reason_of
 from render.scene.picture_layers import ExrPart, Layer, choose_layer
 from render.scene.rgb_encoding import RgbEncoding, encoding_of, encoding_of_icc, linear_of_srgb, power, same
 

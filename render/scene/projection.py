@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 
 Floats = NDArray[np.float64]
 

@@ -13,9 +13,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from render.scene.camera import Camera
+from render.scene.render_camera import Camera
 from render.scene.rgb_encoding import linear_of_srgb
-from render.scene.stage import StagePlacement
+from render.scene.scene_stage import StagePlacement
 from render.scene.surface import Surface
 
 HALF_HEIGHT = 0.12

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from render.scene.camera import Camera
-from render.scene.lights import LightRig
 from render.scene.materials import Material
+from render.scene.render_camera import Camera
+from render.scene.scene_lights import LightRig
+from render.scene.scene_stage import Stage, StagePlacement
 from render.scene.spheres import Spheres
-from render.scene.stage import Stage, StagePlacement
 from render.scene.surface import Surface
 from render.scene.working_space import REC709, WorkingSpace, in_working_space
 

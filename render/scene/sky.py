@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT, Triple
 from render.scene.picture_check import require_decodable
 from render.scene.picture_file import Pixels, StatedSpace, opened_picture

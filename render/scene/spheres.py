@@ -15,8 +15,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError
-from render.scene.camera import Camera
+from render.base.render_errors import BadInputError
+from render.scene.render_camera import Camera
 from render.scene.surface import Surface
 
 TOLERANCE = 0.25

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.base.serialise import Colour
-from render.scene.camera import Camera
+from render.scene.render_camera import Camera
 
 INSIDE = 0.99
 """Winding number from which a point counts as inside a closed surface. Deep in an open vessel it is less."""

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.base.serialise import Triple
-from render.scene.camera import unit
+from render.scene.render_camera import unit
 from render.scene.surface import Surface
 
 Floats = NDArray[np.float64]

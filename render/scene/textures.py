@@ -10,7 +10,7 @@ from functools import cache, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
 from render.scene.picture_check import require_decodable
 from render.scene.picture_file import DEFAULT_CONFIG, OpenedPicture, Pixels, StatedSpace, opened_picture

@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from render.scene.camera import Camera
 from render.scene.materials import Material, PatternedMaterial
 from render.scene.measure import Measure
-from render.scene.stage import StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.scene_stage import StagePlacement
 from render.scene.surface import Surface
 from render.scene.textures import Texture
 

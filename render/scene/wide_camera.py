@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from render.base.errors import BadInputError
-from render.scene.camera import Camera
+from render.base.render_errors import BadInputError
 from render.scene.projection import LEFT, Projection
+from render.scene.render_camera import Camera
 
 Floats = NDArray[np.float64]
 

@@ -113,6 +113,6 @@ def test_a_kernel_that_only_kernels_call_has_no_machine_code_until_python_calls_
 def test_no_kernel_that_python_calls_counts_as_called_by_kernels_alone() -> None:
     inner = kernels_called_by_kernels()
     assert ("pipeline.resample.kernels.collapse", "collapse_queued") not in inner
-    assert ("pipeline.flow.kernels.streamlines", "advect") not in inner
+    assert ("pipeline.flow.kernels.streamline_kernels", "advect") not in inner
     assert ("pipeline.flow.kernels.adaptive", "advance_span") in inner
     assert len(inner) > 100

@@ -6,7 +6,7 @@ import pytest
 
 from pipeline.cli.app import command_named, command_words
 from render.base.plural import plural
-from render.scene.quality import QUALITIES
+from render.scene.render_quality import QUALITIES
 
 NAME = "T010_tiny"
 ALL = command_words()

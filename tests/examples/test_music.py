@@ -10,7 +10,7 @@ import numpy as np
 from examples import music
 from render.base.input_files import digest_of_file
 from render.movie.band_level import band_level
-from render.movie.sound import Sound, blocks
+from render.movie.movie_sound import Sound, blocks
 
 FILE = Path(__file__).parents[2] / "shots" / "pulse.opus"
 BAR = 4 * music.BEAT

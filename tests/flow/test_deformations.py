@@ -14,7 +14,7 @@ from pipeline.errors import FrameError
 from pipeline.flow import Flow, Keyframes, Sequence, Streamlines, keyed
 from pipeline.flow.catalogue.basic import Rotation
 from pipeline.flow.catalogue.deformations import Bend, Shear, Stretch, Taper, Twist
-from pipeline.flow.kernels import streamlines as kernels
+from pipeline.flow.kernels import streamline_kernels as kernels
 
 POINTS = np.random.default_rng(2).uniform(-1, 1, size=(300, 3))
 SECONDS = 100 / 24

@@ -20,7 +20,7 @@ from pipeline.flow.catalogue.user_fields import FormulaField, largest_norm
 from pipeline.flow.catalogue.vortices import RMS, CurlNoise
 from pipeline.flow.composed_fields import ScaledField, TransformedField
 from pipeline.flow.composed_maps import Mirror, Transform
-from pipeline.flow.kernels import streamlines as kernels
+from pipeline.flow.kernels import streamline_kernels as kernels
 from pipeline.flow.kernels.program import velocities
 from pipeline.flow.velocity import ExternalField
 from pipeline.mesh import icosphere, torus

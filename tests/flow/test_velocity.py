@@ -28,10 +28,10 @@ from pipeline.flow.catalogue.basic import (
 )
 from pipeline.flow.catalogue.cellular import ABC, DoubleGyre, Enright, Kneading, TaylorGreen
 from pipeline.flow.catalogue.vortices import SpiralVortex, Vortex, VortexPair, VortexRing
-from pipeline.flow.kernels import fields
+from pipeline.flow.kernels import field_kernels as fields
 from pipeline.flow.kernels import instructions as op
-from pipeline.flow.kernels import streamlines as kernels
-from pipeline.flow.kernels import vortices as vortex
+from pipeline.flow.kernels import streamline_kernels as kernels
+from pipeline.flow.kernels import vortex_kernels as vortex
 from pipeline.flow.kernels.program import velocities
 from pipeline.flow.parameters import summary
 from pipeline.flow.velocity import table_of

@@ -160,9 +160,9 @@ def _sky(path: Path) -> None:
 def _sound(path: Path) -> None:
     from fractions import Fraction
 
-    from render.movie import sound
+    from render.movie import movie_sound as sound
 
-    _decodable(path, sound._counted, "render.movie.sound", "av")
+    _decodable(path, sound._counted, "render.movie.movie_sound", "av")
     for _ in sound.blocks(sound.Sound(path, 0.1, fade_out=0.1), Fraction(2)):
         pass
 

@@ -20,7 +20,7 @@ from pipeline.mesh import (
     split_at_creases,
     vertex_normals,
 )
-from pipeline.mesh.kernels.normals import AGREEMENT
+from pipeline.mesh.kernels.normal_kernels import AGREEMENT
 from pipeline.mesh.normals import ShadedMesh, trusted_normals
 
 

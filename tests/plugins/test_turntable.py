@@ -31,9 +31,9 @@ from pipeline.production.request.turntable import TURNS, Turntable, TurntableAng
 from pipeline.shot.camera_path import Lens, View
 from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_png
-from render.scene.camera import Camera
 from render.scene.reference_objects import ball, chart, positions
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 from tests.conftest import commanded
 

@@ -14,7 +14,7 @@ from pipeline.production.render_inputs.facets import LEAST, diced, pieces_withou
 from pipeline.production.render_inputs.framing import frame_all
 from pipeline.shot import read_shot
 from pipeline.shot.camera_path import View
-from render.scene.quality import QUALITIES
+from render.scene.render_quality import QUALITIES
 
 pytestmark = pytest.mark.quick
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pipeline.production.render_inputs.framing import AHEAD, Framer, envelope, frame_all, smooth
 from pipeline.production.render_inputs.view_geometry import BoundingSpheres, fitting_distance, rotate_y
 from pipeline.shot.camera_path import View
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 
 pytestmark = pytest.mark.quick
 

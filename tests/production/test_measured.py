@@ -18,10 +18,10 @@ from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.request.turntable import Turntable
 from pipeline.resample import Thresholds
 from pipeline.shot import read_shot
-from render.scene.camera import Camera
 from render.scene.materials import LOOKS
 from render.scene.measure import colour_map
-from render.scene.stage import StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.scene_stage import StagePlacement
 
 BALL = "title: T\nframes: 1-6\nsubject: {solid: icosphere, radius: 1}\nresample: {max_edge_length: 0.6}\n"
 SPINNING = "flows:\n  - rotation: {axis: y, speed: 120}\n"

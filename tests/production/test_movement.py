@@ -24,8 +24,8 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.resample import Thresholds
 from pipeline.shot import Shot, read_shot
-from render.scene.camera import Camera
-from render.scene.stage import StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.scene_stage import StagePlacement
 
 pytestmark = pytest.mark.quick
 

@@ -15,7 +15,7 @@ from pipeline.production.store import readers
 from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.readers import write_npz
 from pipeline.shot import read_shot
-from render.base.errors import CorruptImageError
+from render.base.render_errors import CorruptImageError
 from render.post.image import write_exr
 from render.scene.aovs import RenderedFrame
 from tests.full_disk import disk_of

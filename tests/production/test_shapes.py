@@ -15,7 +15,7 @@ from pipeline.plugins.sheets.wedge_grid import Grid
 from pipeline.production.execution.project import Project
 from pipeline.production.maintenance.known_requests import begun_requests
 from pipeline.production.planning.estimate import estimate
-from pipeline.production.request.lookup import find_edit, find_shot
+from pipeline.production.request.shot_lookup import find_edit, find_shot
 from pipeline.production.request.turntable import Turntable
 from render.movie.probe import probe_movie
 from render.post.image import read_png

@@ -20,9 +20,9 @@ from pipeline.production.request.keys import raw_key
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.shot import read_shot
-from render.scene.camera import Camera
-from render.scene.quality import Quality
-from render.scene.stage import StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
+from render.scene.scene_stage import StagePlacement
 
 TINY = """\
 title: A box, twisted

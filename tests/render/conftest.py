@@ -12,12 +12,12 @@ import pytest
 from render.frame.render_frame import render_frame
 from render.mitsuba.engine import Engine, choose
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.quality import Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 CAMERA = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))

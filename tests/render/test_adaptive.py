@@ -11,16 +11,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.frame.accumulator import Accumulator
 from render.frame.sample_batches import ShutterInterval
 from render.frame.tiles import TILE, Tiles, noise_of_tiles
 from render.mitsuba.engine import Engine
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
-from render.scene.quality import Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
 from render.scene.scene import MotionSample
-from render.scene.stage import StagePlacement
+from render.scene.scene_stage import StagePlacement
 from render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]

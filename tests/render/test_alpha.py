@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.frame.render_frame import render_frame
 from render.scene.aovs import COVERAGE
-from render.scene.lights import LIGHTS, LightRig, Sky
 from render.scene.materials import LOOKS
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.scene_lights import LIGHTS, LightRig, Sky
+from render.scene.scene_stage import STAGES, StagePlacement
 from tests.render.conftest import CAMERA, TINY
 
 LIGHT = 0.7

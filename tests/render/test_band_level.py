@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.arrays import Floats
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.movie.band_level import BandLevel, _analysed, band_level
 from tests.sounds import sine, times, write_sound
 

@@ -16,11 +16,11 @@ from render.post.cryptomatte import MATERIAL, OBJECT
 from render.post.image import read_exr, write_exr
 from render.post.layer_names import cryptomatte_label
 from render.scene.aovs import RenderedFrame
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.quality import CONVENTIONS
+from render.scene.render_quality import CONVENTIONS
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 from tests.render.conftest import CAMERA, TINY
 
 BLENDER = Path(os.environ.get("BLENDER_MODULE", Path(sys.prefix) / "cycles"))

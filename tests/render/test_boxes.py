@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.base.errors import CorruptImageError
+from render.base.render_errors import CorruptImageError
 from render.movie import boxes
 from render.movie.boxes import Box, edit_index, full_box, parse_boxes
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.base.serialise import from_plain, to_plain
-from render.mitsuba.bsdf import load_error, parse_reason, refusal
+from render.mitsuba.bsdf_plugins import load_error, parse_reason, refusal
 from render.mitsuba.engine import Engine
 from render.scene.aovs import RenderedFrame
 from render.scene.materials import LOOKS, MitsubaMaterial

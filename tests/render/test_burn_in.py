@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.graphics.burn_in import FIELDS, BurnIn
 from render.movie.sequences import timecode
 

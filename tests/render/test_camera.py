@@ -11,14 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.mesh import icosphere
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.mitsuba.emitters import any_in_view
 from render.mitsuba.sensor import sensor
 from render.post.denoise import denoiser_features
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS, LightRig
-from render.scene.quality import Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
+from render.scene.scene_lights import LIGHTS, LightRig
 from render.scene.surface import Surface, require_camera_outside, winding_number
 
 CAMERA = Camera((0.0, 1.0, 8.0), (0.0, 1.0, 0.0))

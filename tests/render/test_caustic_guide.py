@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from render.mitsuba.engine import Engine
-from render.mitsuba.scene import build_scene
-from render.scene.camera import Camera
-from render.scene.lights import LightRig, Softbox
+from render.mitsuba.mitsuba_scene import build_scene
 from render.scene.materials import LOOKS
-from render.scene.quality import Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
 from render.scene.scene import Scene
+from render.scene.scene_lights import LightRig, Softbox
+from render.scene.scene_stage import STAGES, Stage, StagePlacement
 from render.scene.sky import Daylight
-from render.scene.stage import STAGES, Stage, StagePlacement
 from render.scene.surface import Surface
 
 SIZE = (48, 27)

@@ -18,10 +18,10 @@ from render.frame.checkpoint import Checkpoint
 from render.frame.sample_batches import ShutterInterval
 from render.mitsuba.engine import Engine
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
-from render.scene.quality import Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
 from render.scene.scene import MotionSample
-from render.scene.stage import StagePlacement
+from render.scene.scene_stage import StagePlacement
 from render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
@@ -176,15 +176,15 @@ import sys
 from pathlib import Path
 import numpy as np
 import render
-from render.scene.camera import Camera
+from render.scene.render_camera import Camera
 from render.frame.checkpoint import Checkpoint
 from render.mitsuba.engine import choose
 from render.frame.render_frame import render_frame
-from render.scene.lights import LIGHTS
+from render.scene.scene_lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.quality import Quality
+from render.scene.render_quality import Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 arrays = np.load(sys.argv[1])

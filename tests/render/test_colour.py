@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.post import colour
 from render.post.colour import DISPLAYS, quantise, to_display, view_exactly
 from render.post.view import ACES

@@ -12,10 +12,10 @@ from render.frame.copy_counts import CopyCounts
 from render.frame.render_frame import render_frame
 from render.post.cryptomatte import OBJECT, RankedCoverage, cryptomatte_layers, matte_of
 from render.scene.aovs import COPY
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.scene import Scene, SceneSubject
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 from tests.render.conftest import CAMERA, TINY
 

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from render.raster import wide_picture
-from render.scene.camera import Camera
 from render.scene.projection import Projection, pixel_places
+from render.scene.render_camera import Camera
 from render.scene.wide_camera import WideCamera
 
 

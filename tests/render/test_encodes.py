@@ -18,15 +18,15 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from render.base.errors import (
+from render.base.render_errors import (
     BadInputError,
     MachineError,
     MissingInputError,
 )
 from render.movie.codecs import ENCODES, Encode, encode_named
 from render.movie.encode import write_movie
+from render.movie.movie_sound import RATE, Sound, blocks
 from render.movie.probe import probe_movie
-from render.movie.sound import RATE, Sound, blocks
 
 pytestmark = pytest.mark.renderer
 

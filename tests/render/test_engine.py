@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from render.base.errors import BadInputError, MachineError
+from render.base.render_errors import BadInputError, MachineError
 from render.mitsuba import engine, llvm
 from render.mitsuba.engine import Engine, choose, works
 from render.mitsuba.llvm import LibLlvm

@@ -11,14 +11,14 @@ import pytest
 from render.frame.batch_schedule import FIRST_AUXILIARY, batch_schedule, seed_of, traced_rounds
 from render.frame.feature_edges import LIMITS, at_edges
 from render.mitsuba.engine import Engine
-from render.mitsuba.scene import build_scene
+from render.mitsuba.mitsuba_scene import build_scene
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.quality import Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 QUALITY = Quality(96, 54, samples=2, depth=2, auxiliary_samples=16)

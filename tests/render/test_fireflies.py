@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.frame.accumulator import Accumulator
 from render.frame.fireflies import (
     BRIGHT_FACTOR,
@@ -20,7 +20,7 @@ from render.frame.fireflies import (
     find_fireflies,
     kept_fractions,
 )
-from render.scene.quality import Quality
+from render.scene.render_quality import Quality
 
 SIZE = (18, 32)
 GREY = 0.2

@@ -15,19 +15,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import render
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.frame.batch_schedule import seed_of
 from render.frame.render_frame import render_frame
 from render.mitsuba.engine import DEFAULT_ORDER, Engine
 from render.post.denoise import denoise
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS, LightRig, Sky, Sun
 from render.scene.materials import LOOKS, Diffuse
 from render.scene.measure import SPEED
-from render.scene.quality import QUALITIES, Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import QUALITIES, Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.scene_lights import LIGHTS, LightRig, Sky, Sun
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
@@ -279,15 +279,15 @@ import sys
 from pathlib import Path
 import numpy as np
 import render
-from render.scene.camera import Camera
+from render.scene.render_camera import Camera
 from render.mitsuba.engine import choose
 from render.frame.render_frame import render_frame
-from render.scene.lights import LIGHTS
+from render.scene.scene_lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.quality import Quality
+from render.scene.render_quality import Quality
 from render.scene.scene import Scene
 from render.scene.surface import Surface
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.scene_stage import STAGES, StagePlacement
 
 arrays = np.load(sys.argv[1])
 surface = Surface(arrays["vertices"], arrays["normals"], arrays["faces"])

@@ -16,9 +16,9 @@ from render.post.compositing import LayerInputs, Viewpoint, compositing_layers, 
 from render.post.exr_attributes import ExrAttributes
 from render.post.image import read_exr, write_exr
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
-from render.scene.quality import CONVENTIONS
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.render_quality import CONVENTIONS
+from render.scene.scene_stage import STAGES, StagePlacement
 
 CAMERA = Camera((1.0, 2.0, 8.0), (0.0, 1.0, 0.0))
 SIZE = 16, 9

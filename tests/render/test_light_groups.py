@@ -14,19 +14,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.mitsuba.engine import Engine
-from render.mitsuba.scene import build_scene
+from render.mitsuba.mitsuba_scene import build_scene
 from render.post.image import read_exr, write_exr
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
 from render.scene.light_groups import groups_in, with_beauty
-from render.scene.lights import LIGHTS, LightRig, Sky, Softbox, Sun
 from render.scene.materials import LOOKS
-from render.scene.quality import Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
 from render.scene.scene import Scene
+from render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox, Sun
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.sky import Daylight
-from render.scene.stage import STAGES, StagePlacement
 from tests.render.conftest import CAMERA, ball
 
 QUALITY = Quality(48, 27, samples=16, depth=4, auxiliary_samples=1)

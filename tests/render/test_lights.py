@@ -13,18 +13,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.base.serialise import to_plain
 from render.mitsuba.emitters import daylight_exposure, daylight_irradiances
 from render.mitsuba.engine import Engine
 from render.raster import Shape, StageSetup, preview
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS, LightRig, Sky, Softbox, Sun
 from render.scene.materials import LOOKS
-from render.scene.quality import Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
+from render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox, Sun
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.sky import WIDEST, Daylight, Environment, read_map, sun_position
-from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]

@@ -14,15 +14,15 @@ from hypothesis import strategies as st
 from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.pn_triangles import tessellate
 from pipeline.mesh.solids import box
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.mitsuba.shapes import BACKGROUND
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.patterns import Pigment
-from render.scene.quality import Quality
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface, Wireframe, outlines, ribbons
 from render.scene.vertex_colours import shaded_colours
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.base.serialise import from_plain, to_plain
 from render.scene.aovs import RenderedFrame
 from render.scene.materials import LOOKS

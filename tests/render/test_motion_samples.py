@@ -23,14 +23,14 @@ from render.frame.batch_schedule import (
 )
 from render.frame.sample_batches import SampleBatches, ShutterInterval
 from render.mitsuba.engine import Engine
-from render.mitsuba.scene import build_scene
+from render.mitsuba.mitsuba_scene import build_scene
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.quality import BATCH_SAMPLES, Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import BATCH_SAMPLES, Quality
 from render.scene.scene import MotionSample, Scene
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]

@@ -11,7 +11,7 @@ import av
 import numpy as np
 import pytest
 
-from render.base.errors import BadInputError, CorruptImageError, MachineError, MissingImageError
+from render.base.render_errors import BadInputError, CorruptImageError, MachineError, MissingImageError
 from render.movie.codecs import H264, H264_8_BITS, movie_encode
 from render.movie.encode import write_movie
 from render.movie.probe import probe_movie

@@ -10,14 +10,14 @@ import pytest
 
 from render.mitsuba import occluders
 from render.mitsuba.engine import Engine
-from render.mitsuba.scene import build_scene
+from render.mitsuba.mitsuba_scene import build_scene
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.quality import Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 QUALITY = Quality(64, 36, samples=4, depth=4, auxiliary_samples=1)

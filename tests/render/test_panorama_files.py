@@ -13,8 +13,8 @@ import pytest
 from render.post.exr_attributes import ExrAttributes
 from render.post.image import read_exr, write_exr, write_jpeg
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
 from render.scene.projection import KINDS, Projection
+from render.scene.render_camera import Camera
 from render.scene.wide_camera import WideCamera
 
 PLACE = (1.0, 2.0, 8.0), (0.0, 1.0, 0.0)

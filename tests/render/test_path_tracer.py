@@ -13,15 +13,15 @@ import pytest
 from render.integrator.sampled_emitters import sampled_emitters
 from render.mitsuba.emitters import _distant
 from render.mitsuba.engine import Engine
-from render.mitsuba.scene import SceneRenderer, build_scene
+from render.mitsuba.mitsuba_scene import SceneRenderer, build_scene
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS, LightRig, Sky, Softbox, Sun
 from render.scene.materials import LOOKS
-from render.scene.quality import Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
 from render.scene.scene import Scene
+from render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox, Sun
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.sky import Daylight, Environment
-from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 SIZE = (48, 27)

@@ -14,7 +14,7 @@ import OpenImageIO as oiio
 import pytest
 from PIL import Image, ImageCms
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.base.serialise import from_plain, to_plain
 from render.scene import picture_check, sky, textures
 from render.scene.picture_check import require_decodable

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.graphics.plot import Curves, HeatMap, StackedBars, plot_panels
 
 FRAMES = np.linspace(1, 49, 97)

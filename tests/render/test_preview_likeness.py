@@ -11,10 +11,10 @@ import pytest
 from render.post.colour import to_display
 from render.raster import Shape, StageSetup, preview
 from render.scene.aovs import RenderedFrame
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.quality import Quality
-from render.scene.stage import PLINTH, STAGES, StagePlacement
+from render.scene.render_quality import Quality
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import PLINTH, STAGES, StagePlacement
 from render.scene.surface import Surface
 from tests.render.conftest import CAMERA, ball
 

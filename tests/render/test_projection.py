@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.scene.projection import LEFT, RIGHT, Projection, pixel_places
 
 SPHERICAL, DOME, VR180 = Projection("spherical"), Projection("dome"), Projection("vr180")

@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 
 from render.raster import Preview, Shape, StageSetup, preview, with_lines
 from render.raster.large_triangles import LargeTriangles
-from render.raster.projection import LARGE, SMALL
-from render.raster.shapes import ScreenProjection, VisibleFaces
+from render.raster.raster_projection import LARGE, SMALL
+from render.raster.raster_shapes import ScreenProjection, VisibleFaces
 from render.raster.triangles import draw_triangles
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.patterns import Pigment
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 from render.scene.vertex_colours import vertex_colours as colours
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
-from render.scene.lights import LightRig, Softbox
 from render.scene.materials import LOOKS
-from render.scene.quality import Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
+from render.scene.scene_lights import LightRig, Softbox
+from render.scene.scene_stage import STAGES
 from render.scene.scratches import scratch_corners
-from render.scene.stage import STAGES
 from render.scene.surface import Surface
 
 GRAIN = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])

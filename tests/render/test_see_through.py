@@ -11,12 +11,12 @@ from pipeline.mesh import box, icosphere, vertex_normals
 from render.raster import Shape, StageSetup, preview
 from render.raster.contact import CELL, CELLS, ContactShadow
 from render.raster.large_triangles import SUPERSAMPLING
-from render.raster.shapes import ScreenProjection
+from render.raster.raster_shapes import ScreenProjection
 from render.raster.visible_points import add_thickness
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS, Diffuse, Smoke
-from render.scene.stage import STAGES, Stage, StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, Stage, StagePlacement
 
 SIZE = (96, 54)
 CAMERA = Camera((0.0, 0.4, 6.0), (0.0, 0.0, 0.0), field_of_view=math.radians(30))

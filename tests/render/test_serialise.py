@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.base.serialise import NOT_PLAIN, from_plain, to_plain
 
 

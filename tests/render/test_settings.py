@@ -12,14 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.base.serialise import from_plain, to_plain
 from render.graphics.cards import TitleCard, title_frames
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS, LightRig, Softbox
 from render.scene.materials import LOOKS, Diffuse, Plastic
-from render.scene.quality import QUALITIES, Quality
-from render.scene.stage import STAGES, Stage, StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.render_quality import QUALITIES, Quality
+from render.scene.scene_lights import LIGHTS, LightRig, Softbox
+from render.scene.scene_stage import STAGES, Stage, StagePlacement
 
 SETTINGS = [
     *LOOKS.values(),

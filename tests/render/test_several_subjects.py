@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.frame.render_frame import render_frame
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS, Diffuse, Glass, Subsurface
 from render.scene.scene import Scene, SceneSubject
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.spheres import Spheres
-from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface, Wireframe
 from tests.render.conftest import CAMERA, TINY
 

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
+from render.scene.render_camera import Camera
 from render.scene.spheres import MAX_FACES, TOLERANCE, Spheres
 
 CAMERA = Camera((0.0, 0.0, 10.0), (0.0, 0.0, 0.0))

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 
 from pipeline.production.render_inputs.framing import frame_all, with_stage_in_view
 from pipeline.shot.camera_path import View
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
-from render.scene.lights import LightRig, Softbox
-from render.scene.quality import Quality
 from render.scene.reference_objects import CHROME, GREY, ball, chart, chart_colours, positions
-from render.scene.stage import STAGES, Stage, StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
+from render.scene.scene_lights import LightRig, Softbox
+from render.scene.scene_stage import STAGES, Stage, StagePlacement
 
 Rendered = Callable[..., RenderedFrame]
 ASPECT = 16 / 9

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.mitsuba.engine import Engine
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
-from render.scene.lights import LightRig, Sky, Softbox
 from render.scene.materials import Diffuse, Glass, Material, Plastic, Subsurface
-from render.scene.quality import Quality
-from render.scene.stage import STAGES
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
+from render.scene.scene_lights import LightRig, Sky, Softbox
+from render.scene.scene_stage import STAGES
 from render.scene.surface import Surface
 
 COLOUR, WHITE = (0.2, 0.5, 0.8), (1.0, 1.0, 1.0)

@@ -12,12 +12,12 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.base.serialise import from_plain, to_plain
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
 from render.scene.materials import LOOKS, Relief
 from render.scene.measure import linear_of_srgb
+from render.scene.render_camera import Camera
 from render.scene.surface import Surface
 from render.scene.texture_projection import PROJECTIONS, TextureProjection, project_texture
 from render.scene.textures import Texture

@@ -11,16 +11,16 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.frame.sample_batches import SampleBatches
 from render.mitsuba.engine import Engine
 from render.post.image import read_exr, write_exr
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
-from render.scene.quality import Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
 from render.scene.scene import MotionSample
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.spheres import Spheres
-from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]

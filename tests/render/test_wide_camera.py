@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 
 from pipeline.mesh import icosphere
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.frame.render_frame import render_frame
 from render.mitsuba.engine import Engine
 from render.post import film_denoiser
 from render.post.film_denoiser import FilmDenoiser, RawFrame
 from render.post.temporal_denoise import DenoisedFrame, temporal_denoise
 from render.scene.aovs import RenderedFrame
-from render.scene.camera import Camera
-from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.projection import LEFT, RIGHT, Projection, pixel_places
-from render.scene.quality import QUALITIES, Quality, qualities_for
+from render.scene.render_camera import Camera
+from render.scene.render_quality import QUALITIES, Quality, qualities_for
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, StagePlacement
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 from render.scene.wide_camera import WideCamera
 

@@ -12,9 +12,9 @@ import pytest
 from pipeline.errors import ShotError
 from pipeline.shot import Shot, read_shot
 from render.base.serialise import to_plain
-from render.scene.lights import LIGHTS
+from render.scene.scene_lights import LIGHTS
+from render.scene.scene_stage import STAGES, Stage
 from render.scene.sky import Daylight, sun_position
-from render.scene.stage import STAGES, Stage
 
 HEAD = "title: T\nframes: 1-24\nsubject: {solid: box}\nresample: off\n"
 BOX = "radiance: 9, position: [0, 4, 4]"

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import ShotError
 from pipeline.shot import read_film, read_shot
-from render.scene.quality import QUALITIES
+from render.scene.render_quality import QUALITIES
 
 pytestmark = pytest.mark.quick
 

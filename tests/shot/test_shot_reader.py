@@ -19,7 +19,7 @@ from pipeline.mesh import validate, write_mesh
 from pipeline.mesh.solids import box
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling, read_shot
-from render.scene.quality import QUALITIES
+from render.scene.render_quality import QUALITIES
 
 GOOD = (Path(__file__).parent / "cube.yaml").read_text(encoding="utf-8")
 

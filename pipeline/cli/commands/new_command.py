@@ -18,7 +18,7 @@ from pipeline.cli.commands.schema_command import SCHEMAS, names_with_defaults, w
 from pipeline.cli.options import Common
 from pipeline.cli.output import print_result, print_warning
 from pipeline.errors import FlowsculptError, UsageError, suggestion
-from pipeline.production.request.lookup import FILM, SHOTS, find_shot, shot_names
+from pipeline.production.request.shot_lookup import FILM, SHOTS, find_shot, shot_names
 from pipeline.shot import read_shot
 from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.model_subjects import model_template

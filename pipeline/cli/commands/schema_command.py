@@ -15,7 +15,7 @@ from pipeline.cli.options import Common, output_option, require_one_of
 from pipeline.cli.output import print_result, table
 from pipeline.errors import FlowsculptError
 from pipeline.plugin import named, plugins
-from pipeline.production.request.lookup import SHOTS
+from pipeline.production.request.shot_lookup import SHOTS
 from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.documents.reference import (
     default_text,

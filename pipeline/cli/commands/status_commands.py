@@ -17,10 +17,10 @@ from pipeline.errors import FlowsculptError
 from pipeline.production.maintenance.run_report import LABELS, RunReport, named_run
 from pipeline.production.maintenance.why import Explanation, explain, first_undone
 from pipeline.production.planning.frame_states import FrameStates, states
-from pipeline.production.request.lookup import find_shot, shot_names
+from pipeline.production.request.shot_lookup import find_shot, shot_names
 from pipeline.production.store.history import History
 from render.base.plural import plural
-from render.scene.quality import DEFAULT_QUALITY
+from render.scene.render_quality import DEFAULT_QUALITY
 
 
 def status(

@@ -18,7 +18,7 @@ from pipeline.cli.output import print_error, print_result, print_warning, progre
 from pipeline.errors import MachineError
 from pipeline.production.maintenance.clean import collect_garbage
 from pipeline.production.maintenance.known_requests import begun_films, begun_requests, last_requests
-from pipeline.production.maintenance.repair import evict, remedy, repairs
+from pipeline.production.maintenance.store_repair import evict, remedy, repairs
 from pipeline.production.maintenance.verify import (
     PublishedFile,
     ShownFile,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Annotated, ClassVar
 
-from pipeline.flow.kernels import fields as kernels
+from pipeline.flow.kernels import field_kernels as kernels
 from pipeline.flow.parameters import (
     ORIGIN,
     Number,

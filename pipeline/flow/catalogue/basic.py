@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
-from pipeline.flow.kernels import fields as kernels
+from pipeline.flow.kernels import field_kernels as kernels
 from pipeline.flow.parameters import (
     ORIGIN,
     Direction,

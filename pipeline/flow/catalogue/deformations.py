@@ -18,7 +18,7 @@ from typing import Annotated, Any
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
 from pipeline.flow.flow import Flow
-from pipeline.flow.kernels import deformations as kernels
+from pipeline.flow.kernels import deformation_kernels as kernels
 from pipeline.flow.parameters import (
     ORIGIN,
     Direction,

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pipeline.flow.catalogue.basic import Strain
 from pipeline.flow.kernels import turbulence
-from pipeline.flow.kernels import vortices as kernels
+from pipeline.flow.kernels import vortex_kernels as kernels
 from pipeline.flow.parameters import (
     ORIGIN,
     Direction,

@@ -25,9 +25,9 @@ import numpy as np
 
 from pipeline.arrays import Floats, Indices, Points, Vectors
 from pipeline.flow.kernels import instructions as op
-from pipeline.flow.kernels.fields import add_field
+from pipeline.flow.kernels.field_kernels import add_field
 from pipeline.flow.kernels.instructions import BLOCK, LEVEL, U, V, W, X, Y, Z, call_external, load, store
-from pipeline.flow.kernels.regions import (
+from pipeline.flow.kernels.region_kernels import (
     ball_weight,
     box_weight,
     capsule_weight,

@@ -21,9 +21,9 @@ from render.graphics.cards import Slate
 from render.graphics.screen import Screen
 from render.movie.codecs import Encode
 from render.movie.encode import write_movie
+from render.movie.movie_sound import Samples
 from render.movie.planes import Frame
 from render.movie.sequences import prefetch, timecode
-from render.movie.sound import Samples
 from render.post.colour import quantise
 
 SLATES = ("head", "apart")
@@ -192,7 +192,7 @@ def _counted(frames: Iterator[Frame], passed: Callable[[], None]) -> Iterator[Fr
 def audio_track(file: Path) -> AudioTrack:
     """Return a sound file as audio track. Raises MissingImageError or CorruptImageError."""
     from render.base.input_files import digest_of_file
-    from render.movie.sound import require_sound
+    from render.movie.movie_sound import require_sound
 
     require_sound(file)
     return AudioTrack(str(file.absolute()), digest_of_file(file))

@@ -26,7 +26,7 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import paths, readers
 from pipeline.production.store.history import History
 from pipeline.production.store.store import Store
-from pipeline.production.tasks.encode import cut_together
+from pipeline.production.tasks.encoding import cut_together
 from render.base.plural import plural
 from render.base.serialise import to_plain
 from render.graphics.cards import failure_card

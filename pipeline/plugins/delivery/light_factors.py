@@ -16,7 +16,7 @@ from pipeline.shot.yaml.named_files import shown
 from pipeline.shot.yaml.plain_text import in_yaml
 from render.base.serialise import Triple
 from render.scene.light_groups import BACKGROUND, LightGroup
-from render.scene.lights import LightRig
+from render.scene.scene_lights import LightRig
 
 MAX_FACTOR = 1e6
 

@@ -25,12 +25,12 @@ from pipeline.errors import FrameError, MissingInputError, UsageError
 from pipeline.plugins.delivery.light_factors import LightSettings, permanent, version_name
 from pipeline.plugins.delivery.relit_frames import RelitFrames
 from pipeline.production.request.crop_and_scale import options_of
-from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_lookup import find_shot
 from pipeline.production.store.locks import writing
 from pipeline.shot.yaml.named_files import NAME, shown
 from render.base.plural import plural
-from render.scene.quality import DEFAULT_QUALITY
+from render.scene.render_quality import DEFAULT_QUALITY
 
 
 def relight(

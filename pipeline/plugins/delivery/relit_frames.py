@@ -24,7 +24,7 @@ from pipeline.production.stages import RELIGHT
 from pipeline.production.store import readers
 from pipeline.production.store.store import Key, Store, key_of
 from pipeline.production.tasks.finished_frames import exr_attributes
-from render.base.errors import RenderError
+from render.base.render_errors import RenderError
 from render.base.serialise import Triple
 from render.movie.codecs import movie_encode
 from render.movie.encode import write_movie

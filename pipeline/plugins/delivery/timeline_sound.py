@@ -65,7 +65,7 @@ def _shots_by_begin(edit: Edit, requests: Sequence[RenderRequest]) -> Iterator[t
 
 def _heard(edit: Edit, clip: AudioClip, request: RenderRequest | None) -> Iterator[HeardSound]:
     """Yield the sounds that are heard under a run of frames, as `AudioClip.segment` places them."""
-    from render.movie.sound import RATE, require_sound  # imports PyAV, which takes time
+    from render.movie.movie_sound import RATE, require_sound  # imports PyAV, which takes time
 
     def samples(frames: int) -> int:
         return round(frames / edit.frame_rate.fps * RATE)
@@ -111,7 +111,7 @@ def sound_tracks(sounds: Sequence[HeardSound], url: Callable[[Path], str], otio:
 
 def _parts(sound: HeardSound, end: int, url: Callable[[Path], str], otio: Any) -> Iterator[Any]:
     """Yield the silence since `end`, the last sample of the track, and the clip with its transitions."""
-    from render.movie.sound import RATE
+    from render.movie.movie_sound import RATE
 
     def time(samples: int) -> Any:
         return otio.opentime.RationalTime(samples, RATE)

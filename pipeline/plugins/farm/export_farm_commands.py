@@ -20,7 +20,7 @@ from pipeline.plugins.farm.openjd import template
 from pipeline.production.planning.plan import Plan
 from pipeline.production.store.remote_store import store_url
 from render.base.atomic_write import atomic_write, disk_errors
-from render.scene.quality import DEFAULT_QUALITY
+from render.scene.render_quality import DEFAULT_QUALITY
 
 Names = Annotated[
     list[str], typer.Argument(metavar="SHOT|EDIT...", help="Shots by name or path, or an edit.")

@@ -22,7 +22,7 @@ from pipeline.production.planning.frame_states import mesh_states
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import writing
 from render.base.plural import plural
-from render.scene.quality import DEFAULT_QUALITY
+from render.scene.render_quality import DEFAULT_QUALITY
 
 Folder = Annotated[
     Path | None, output_option("Write to this folder. Default: usd or models in renders/SHOT.", "DIR")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pipeline.arrays import Floats
-from render.scene.camera import Camera
+from render.scene.render_camera import Camera
 
 if TYPE_CHECKING:
     from pxr import Usd

@@ -20,7 +20,7 @@ from render.base.serialise import Colour, Triple
 from render.mitsuba.emitters import gradient_map
 from render.post.image import write_exr
 from render.scene.aovs import RenderedFrame
-from render.scene.lights import LightRig, Softbox, Sun
+from render.scene.scene_lights import LightRig, Softbox, Sun
 from render.scene.sky import SUN_WIDTH
 
 if TYPE_CHECKING:

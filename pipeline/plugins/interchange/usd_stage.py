@@ -23,7 +23,7 @@ from pipeline.production.render_inputs.framing import Framing
 from pipeline.shot import Shot
 from render.base.serialise import Colour
 from render.scene.materials import Diffuse, Material, Satin
-from render.scene.stage import Stage
+from render.scene.scene_stage import Stage
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdShade

@@ -11,7 +11,7 @@ from pipeline.plugins.preview.animatic import Animatic, FrameCallback, Picture
 from pipeline.production.request.audio import samples_of
 from pipeline.production.request.edit import Edit
 from pipeline.production.store import paths
-from pipeline.production.tasks.encode import cut_together
+from pipeline.production.tasks.encoding import cut_together
 from render.graphics.screen import Screen
 from render.movie.codecs import PLAYBLAST
 from render.movie.encode import write_movie

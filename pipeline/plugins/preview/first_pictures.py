@@ -122,7 +122,7 @@ class FirstPictures:
 
     def frame(self) -> Iterator[str]:
         """Write the first frame that the run finishes as a PNG; yield where it is."""
-        from pipeline.production.tasks.encode import make_still
+        from pipeline.production.tasks.encoding import make_still
 
         job, number = self._first_finished()
         context = Context.of(self._root, self._plan, job)

@@ -24,7 +24,7 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from render.base.atomic_write import machine_error
 from render.post.image import jpeg_bytes
-from render.scene.camera import Camera
+from render.scene.render_camera import Camera
 
 READY = "Up to date."
 """The message of the page when it shows the whole shot."""

@@ -23,9 +23,9 @@ from render.graphics.burn_in import BurnIn
 from render.movie.sequences import timecode
 from render.post.colour import quantise
 from render.raster import Edges, Shape, StageSetup, preview, wide_picture, with_lines
-from render.scene.camera import Camera
 from render.scene.materials import Material
 from render.scene.measure import SPEED
+from render.scene.render_camera import Camera
 from render.scene.scene import stage_fades
 from render.scene.surface import Surface
 from render.scene.vertex_colours import vertex_colours

@@ -27,8 +27,8 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.shot.yaml.text_edits import ValueEdit
 from pipeline.shot.yaml.yaml_source import Where
 from render.post.image import jpeg_bytes
-from render.scene.camera import Camera
 from render.scene.measure import SPEED
+from render.scene.render_camera import Camera
 
 SIZE = (240, 135)
 """Pixels of a 16:9 picture: a quarter of those of the page's pictures."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from pipeline.production.store.remote_store import LOG
-from render.base.errors import MachineError
+from render.base.render_errors import MachineError
 
 T = TypeVar("T")
 

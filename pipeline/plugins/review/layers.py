@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from pipeline.production.maintenance.picture_sequences import PictureSequence
 from pipeline.production.store.store import DAMAGED, Store, key_of
-from render.base.errors import RenderError
+from render.base.render_errors import RenderError
 from render.post.colour import quantise, to_display, view_table
 from render.post.image import read_exr, read_header
 from render.post.view import ColourView

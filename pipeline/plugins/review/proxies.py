@@ -16,7 +16,7 @@ from pipeline.production.request.picture_header import projection_of
 from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.paths import SUFFIXES
 from pipeline.production.store.store import Store, key_of
-from render.base.errors import RenderError
+from render.base.render_errors import RenderError
 from render.graphics.contact_sheet import reduced
 from render.post.colour import quantise, to_display
 from render.post.image import read_exr, read_png, write_jpeg, write_png

@@ -20,7 +20,7 @@ from pipeline.production.request.crop_and_scale import require_quality
 from pipeline.production.store.history import History
 from pipeline.shot.yaml.named_files import NAME
 from render.base.plural import plural
-from render.scene.quality import QUALITIES
+from render.scene.render_quality import QUALITIES
 
 FORMS = ("jpeg", "png")
 

@@ -8,10 +8,10 @@ from pipeline.errors import MissingInputError
 from pipeline.plugin import plugins
 from pipeline.production.execution.project import Project
 from pipeline.production.maintenance.picture_sequences import PictureSequence, SequenceGrid, SequenceQuery
-from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_lookup import find_shot
 from pipeline.production.store.history import History
-from render.scene.quality import DEFAULT_QUALITY
+from render.scene.render_quality import DEFAULT_QUALITY
 
 KINDS = ("render", "relit", "version", "wedge")
 """Kinds of sequences in their order on the page; others follow."""

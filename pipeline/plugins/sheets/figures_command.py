@@ -11,14 +11,14 @@ from pipeline.plugins.sheets.shot_sheet import panels
 from pipeline.production.execution.project import Project
 from pipeline.production.maintenance.measures import TIMED_STAGES, limits_of, measured
 from pipeline.production.planning.timings import LatestTimings, render_seconds
-from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_lookup import find_shot
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store
 from pipeline.shot import read_shot
 from pipeline.shot.settable_values import curves_of
 from render.graphics.plot import Curves, plot_panels
-from render.scene.quality import DEFAULT_QUALITY
+from render.scene.render_quality import DEFAULT_QUALITY
 
 
 def figures(

@@ -19,11 +19,11 @@ from pipeline.cli.output import exit_with, print_result, print_warning
 from pipeline.plugins.sheets.wedge import Wedge
 from pipeline.plugins.sheets.wedge_grid import MOST_CELLS, OPTION, Grid, Variation
 from pipeline.production.planning.estimate import Forecast, estimate
-from pipeline.production.request.lookup import find_shot
+from pipeline.production.request.shot_lookup import find_shot
 from pipeline.production.stages import STAGES
 from pipeline.shot.yaml.inheritance import inherited
 from render.base.plural import plural
-from render.scene.quality import DEFAULT_QUALITY
+from render.scene.render_quality import DEFAULT_QUALITY
 
 
 def wedge(

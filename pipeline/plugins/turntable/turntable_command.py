@@ -12,7 +12,7 @@ from pipeline.cli.options import Common, Quality, Scale, ShotOptions, Subject, V
 from pipeline.cli.output import progress_bars
 from pipeline.plugins.turntable.turntable_movie import BOTH, TurntableRequest, TurntableSheets
 from pipeline.production.request.crop_and_scale import cropped_name
-from render.scene.quality import DEFAULT_QUALITY
+from render.scene.render_quality import DEFAULT_QUALITY
 
 
 def turntable(

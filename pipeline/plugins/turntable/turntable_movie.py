@@ -23,8 +23,8 @@ from pipeline.production.maintenance.picture_sequences import shown_picture
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.crop_and_scale import movie_bits
 from pipeline.production.request.keys import PictureKeys
-from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_lookup import find_shot
 from pipeline.production.request.turntable import TURNS, Turntable
 from pipeline.production.stages import TURNTABLE_SHEET
 from pipeline.production.store.paths import Folders
@@ -43,7 +43,7 @@ UPS = ("y", "z")
 """The axes of a mesh file that can point up."""
 
 STAGE = "turntable"
-"""The stage of a turntable, a name in `render.scene.stage.STAGES`: with balls and a chart."""
+"""The stage of a turntable, a name in `render.scene.scene_stage.STAGES`: with balls and a chart."""
 
 
 @dataclass(frozen=True)

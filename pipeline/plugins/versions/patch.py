@@ -17,8 +17,8 @@ from pipeline.production.request.keys import FrameKeys
 from pipeline.production.request.provenance import FILE, VERSION, FrameRecord, Provenance
 from pipeline.production.store.paths import published
 from pipeline.production.store.store import Key
-from render.base.errors import RenderError
 from render.base.input_files import digest_of_file
+from render.base.render_errors import RenderError
 from render.movie.codecs import movie_encode
 from render.movie.encode import write_movie
 from render.movie.planes import Frame

@@ -23,8 +23,8 @@ from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.request.variants import variant_for
 from pipeline.production.store.paths import repeated
 from pipeline.production.store.store import Store
-from render.base.errors import RenderError
 from render.base.input_files import digest_of_file
+from render.base.render_errors import RenderError
 from render.post.image import read_exr
 
 

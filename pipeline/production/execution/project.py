@@ -23,9 +23,9 @@ from pipeline.production.planning.profile import Profile
 from pipeline.production.planning.timings import measured
 from pipeline.production.request.crop_and_scale import require_quality
 from pipeline.production.request.edit import Edit, ResolvedEdit, resolved_edit
-from pipeline.production.request.lookup import FILM, find_edit, find_shot, names_edit
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.render_request import FORMS, RenderRequest
+from pipeline.production.request.shot_lookup import FILM, find_edit, find_shot, names_edit
 from pipeline.production.request.shot_source import ShotSource, SourceCache, shot_around
 from pipeline.production.request.variants import variant_for
 from pipeline.production.stages import forced_with
@@ -33,7 +33,7 @@ from pipeline.production.store import paths
 from pipeline.production.store.history import History
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store
-from render.scene.quality import CONVENTIONS, DEFAULT_QUALITY, QUALITIES
+from render.scene.render_quality import CONVENTIONS, DEFAULT_QUALITY, QUALITIES
 
 States = Callable[[RenderRequest, Store, History], FrameStates]
 

@@ -31,7 +31,7 @@ from pipeline.production.planning.done_files import check_done_files, movie_reco
 from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.planning.profile import Share
 from pipeline.production.request.crop_and_scale import today_name
-from pipeline.production.request.lookup import FILM, find_edit, find_shot
+from pipeline.production.request.shot_lookup import FILM, find_edit, find_shot
 from pipeline.production.stages import STAGES, forced_with
 from pipeline.production.store.ended_runs import summarise
 from pipeline.production.store.locks import making, writing
@@ -39,7 +39,7 @@ from pipeline.production.store.remote_store import upload_missed
 from pipeline.production.store.store import Store
 from render.base.atomic_write import atomic_write
 from render.base.python_process import command, command_line, distrust_working_folder
-from render.scene.quality import DEFAULT_QUALITY
+from render.scene.render_quality import DEFAULT_QUALITY
 
 if TYPE_CHECKING:
     from pipeline.production.execution.project import Project

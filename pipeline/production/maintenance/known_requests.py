@@ -15,11 +15,11 @@ from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import is_begun
 from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.edit import Edit
-from pipeline.production.request.lookup import FILM, edit_names, find_edit, find_shot, shot_names
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_lookup import FILM, edit_names, find_edit, find_shot, shot_names
 from pipeline.production.store.paths import PLANS, RENDERS
 from render.base.serialise import from_plain
-from render.scene.quality import QUALITIES
+from render.scene.render_quality import QUALITIES
 
 Film = tuple[Edit, list[RenderRequest]]
 """An edit at one quality, and the requests of its clips."""

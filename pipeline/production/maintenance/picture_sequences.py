@@ -23,7 +23,7 @@ from pipeline.production.store import readers
 from pipeline.production.store.history import History
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Key, Store, key_of
-from render.base.errors import RenderError
+from render.base.render_errors import RenderError
 from render.graphics.contact_sheet import reduced
 from render.post.colour import quantise, to_display
 from render.post.image import read_header

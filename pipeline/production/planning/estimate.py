@@ -23,7 +23,7 @@ from pipeline.production.request.render_request import FORMS
 from pipeline.production.store.history import History
 from pipeline.production.store.store import Store
 from render.base.plural import plural
-from render.scene.quality import DEFAULT_QUALITY, QUALITIES, Quality
+from render.scene.render_quality import DEFAULT_QUALITY, QUALITIES, Quality
 
 _KINDS = {"render": "raw", "finish": "frame", **{form: form for form in FORMS}}
 """Kinds of files by the stage that makes them, of pictures one by one."""

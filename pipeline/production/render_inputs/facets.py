@@ -15,8 +15,8 @@ from pipeline.arrays import AnyArray, Floats
 from pipeline.mesh.normals import ShadedMesh
 from pipeline.mesh.pn_triangles import spread, tessellate
 from pipeline.production.render_inputs.view_geometry import rotate_y
-from render.scene.camera import Camera
-from render.scene.quality import Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
 
 LEAST = 0.2
 """Pixels between an edge and the patch over it that no one sees."""

@@ -26,8 +26,8 @@ from pipeline.production.render_inputs.view_geometry import (
     landscape,
     picture_centre,
 )
-from render.scene.camera import Camera
-from render.scene.stage import Stage, StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.scene_stage import Stage, StagePlacement
 from render.scene.wide_camera import WideCamera
 
 if TYPE_CHECKING:

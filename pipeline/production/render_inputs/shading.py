@@ -26,8 +26,8 @@ from pipeline.resample import Thresholds
 from pipeline.shot import Motion
 from pipeline.shot.point_subjects import RADIUS
 from render.base.serialise import from_plain, to_plain
-from render.scene.camera import Camera
-from render.scene.quality import Quality
+from render.scene.render_camera import Camera
+from render.scene.render_quality import Quality
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from render.base.input_files import digest_of_file
 if TYPE_CHECKING:
     from pipeline.shot.shot import SoundTrack
     from render.movie.mix import Segment
-    from render.movie.sound import Samples, Sound
+    from render.movie.movie_sound import Samples, Sound
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class AudioTrack:
 
     def sound(self) -> Sound:
         """Return the sound. Raises FrameError where the file was changed."""
-        from render.movie.sound import Sound
+        from render.movie.movie_sound import Sound
 
         path = Path(self.file)
         if not self.is_unchanged:
@@ -116,7 +116,7 @@ def sound_of_frames(
 def samples_of(clips: Sequence[AudioClip], frames: int, rate: FrameRate) -> Iterator[Samples] | None:
     """Return the sound under a movie of so many frames, in blocks; None without clips.
 
-    Raises FrameError where a file was changed, and as `render.movie.sound.require_sound` does.
+    Raises FrameError where a file was changed, and as `render.movie.movie_sound.require_sound` does.
     """
     if not clips:
         return None

@@ -18,7 +18,7 @@ from pipeline.errors import FrameError
 from pipeline.production.stages import FRAME_CAMERA
 from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.store import Key, Store, key_of
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.base.serialise import from_plain
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from pipeline.errors import UsageError, suggestion
 from pipeline.shot.yaml.synonyms import VALUES, as_name
-from render.scene.quality import FORMER_NAMES, QUALITIES, Crop, Quality
+from render.scene.render_quality import FORMER_NAMES, QUALITIES, Crop, Quality
 
 LEAST, MOST = 1.0, 400.0
 """Limits of `--scale`, per cent."""

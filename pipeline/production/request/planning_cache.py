@@ -27,7 +27,7 @@ from pipeline.errors import MachineError
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store, key_of
 from render.base.atomic_write import atomic_write
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.base.serialise import from_plain, to_plain
 from render.base.user_cache import writable_cache
 

@@ -21,8 +21,8 @@ from pipeline.production.request.crop_and_scale import is_quality, today_name
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.stages import ASSEMBLE, FINISH, FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS
 from pipeline.shot.yaml.named_files import NAME, is_there
-from render.base.errors import BadInputError
 from render.base.input_files import digest_of_file
+from render.base.render_errors import BadInputError
 from render.base.serialise import from_plain, to_plain
 from render.mitsuba.engine import available_cores
 from render.post.image import read_exr

@@ -25,7 +25,7 @@ from pipeline.production.stages import ASSEMBLE, STAGES, STILLS
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.serialise import to_plain
-from render.scene.quality import QUALITIES, Quality
+from render.scene.render_quality import QUALITIES, Quality
 
 if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
     from pipeline.shot import Shot

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.production.request.cameras import cameras_key
 from pipeline.production.store.store import Key
-from render.scene.quality import Quality
+from render.scene.render_quality import Quality
 
 if TYPE_CHECKING:
     from pipeline.production.request.render_request import RenderRequest

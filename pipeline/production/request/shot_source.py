@@ -21,7 +21,7 @@ from pipeline.production.store.store import Key, key_of
 from pipeline.shot.yaml.named_files import DEFAULTS, is_there, text_of
 from render.base.input_files import digest_of_file, require_input
 from render.base.serialise import NOT_PLAIN
-from render.scene.quality import QUALITIES
+from render.scene.render_quality import QUALITIES
 
 if TYPE_CHECKING:
     from pipeline.shot import Shot

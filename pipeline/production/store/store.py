@@ -42,8 +42,8 @@ from pipeline.production.store.remote_store import (
     upload,
 )
 from render.base.atomic_write import atomic_write, disk_errors
-from render.base.errors import CorruptImageError, FlowsculptError, MissingImageError
 from render.base.plural import plural
+from render.base.render_errors import CorruptImageError, FlowsculptError, MissingImageError
 
 T = TypeVar("T")
 

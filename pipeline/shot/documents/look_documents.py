@@ -44,9 +44,9 @@ from pipeline.shot.yaml.document_validation import ParseContext, finding, missin
 from pipeline.shot.yaml.named_files import is_there
 from pipeline.shot.yaml.plain_text import listed
 from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
-from render.base.errors import RenderError
 from render.base.input_files import digest_of_file
-from render.mitsuba.bsdf import refusal
+from render.base.render_errors import RenderError
+from render.mitsuba.bsdf_plugins import refusal
 from render.scene.materials import LOOKS, Material, MitsubaMaterial, PatternedMaterial
 from render.scene.materials.mitsuba_bsdf import BSDFS, PLUGINS, TEXTURES, Bsdf, MitsubaPlugin
 from render.scene.textures import Texture, read_picture, reading_of

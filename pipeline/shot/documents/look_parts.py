@@ -31,7 +31,7 @@ from pipeline.shot.documents.field_types import (
     vector,
 )
 from pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
-from render.base.errors import RenderError
+from render.base.render_errors import RenderError
 from render.scene.materials import Absorption, Relief, Subsurface
 from render.scene.measure import COLOUR_MAPS, KINDS, Measure
 from render.scene.patterns import PATTERNS, Pigment

@@ -25,8 +25,8 @@ from pipeline.shot.documents.look_documents import LookField, look_of
 from pipeline.shot.shot import FrameOverride
 from pipeline.shot.yaml.document_validation import bad_value, finding
 from pipeline.shot.yaml.plain_text import in_yaml
-from render.scene.lights import LIGHTS, LightRig
-from render.scene.quality import BATCH_SAMPLES, MOST_TEMPORAL_FRAMES, Quality, even, final_size
+from render.scene.render_quality import BATCH_SAMPLES, MOST_TEMPORAL_FRAMES, Quality, even, final_size
+from render.scene.scene_lights import LIGHTS, LightRig
 
 NARROWEST, WIDEST = 0.2, 5.0
 """Limits of an aspect: automatic framing and the stages are made for these."""

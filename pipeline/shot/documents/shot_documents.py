@@ -43,8 +43,8 @@ from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.synonyms import synonym
 from render.post.view import ACES, BUILT_IN, ColourView, view_of
 from render.scene.aovs import AOVS
-from render.scene.quality import CONVENTIONS
-from render.scene.stage import STAGES
+from render.scene.render_quality import CONVENTIONS
+from render.scene.scene_stage import STAGES
 from render.scene.working_space import REC709, WORKING_SPACES
 
 StageField = Annotated[

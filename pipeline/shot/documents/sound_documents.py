@@ -176,7 +176,7 @@ class SoundDocument(Document):
     def _can_be_read(self, info: ValidationInfo) -> Self:
         """Read the sound of a shot; `film_reader` reads that of an edit."""
         if (info.context or {}).get("parse_context") is not None:
-            from render.movie.sound import require_sound
+            from render.movie.movie_sound import require_sound
 
             path = ParseContext.of(info).file(self.file)
             as_finding(lambda: require_sound(path))

@@ -21,7 +21,7 @@ from pipeline.shot.yaml.named_files import DEFAULTS, is_there, shown, text_of
 from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.syntax_errors import HEX_COLOUR, quoted
 from pipeline.shot.yaml.yaml_source import Where, YamlSource
-from render.scene.quality import FORMER_NAMES
+from render.scene.render_quality import FORMER_NAMES
 
 OPTION = "--set"
 

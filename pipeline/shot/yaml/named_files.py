@@ -9,9 +9,9 @@ from pathlib import Path
 from pipeline.errors import MissingInputError, ShotError, shortened
 from pipeline.text_encoding import as_utf8
 from render.base.atomic_write import machine_error
-from render.base.errors import BadInputError
 from render.base.input_files import read_input
 from render.base.plural import indefinite
+from render.base.render_errors import BadInputError
 
 DEFAULTS = "defaults.yaml"
 """The file beside shots that holds defaults for all of them."""

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.base.serialise import Triple
 from render.scene.materials.material import Absorption, Material, PatternedMaterial, Relief, Subsurface
 from render.scene.materials.mitsuba_bsdf import Bsdf

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from pipeline.plugins.interchange.usd_camera import CameraSettings, add_camera
-from render.scene.camera import Camera
+from render.scene.render_camera import Camera
 
 pytestmark = pytest.mark.quick
 UsdGeom = pytest.importorskip("pxr.UsdGeom")

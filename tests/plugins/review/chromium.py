@@ -20,7 +20,7 @@ from pathlib import Path
 from filelock import FileLock
 from playwright.sync_api import Browser, Error, Page, sync_playwright
 
-from render.base.errors import MachineError
+from render.base.render_errors import MachineError
 from render.mitsuba.llvm import PrivateApt, apt_available
 
 PACKAGES = ("chromium-headless-shell", "fonts-dejavu-core")

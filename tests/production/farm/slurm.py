@@ -30,7 +30,7 @@ from pathlib import Path
 
 import psutil
 
-from render.base.errors import MachineError
+from render.base.render_errors import MachineError
 from render.mitsuba.llvm import PrivateApt, apt_available
 
 PACKAGES = ("slurmctld", "slurmd", "slurm-client", "munge")

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from pipeline.errors import MeshError
 from pipeline.mesh import PolygonMesh, require
 from pipeline.resample import Thresholds
-from pipeline.resample.polyhedra.collapse import Collapser, can_collapse
 from pipeline.resample.polyhedra.editor import LengthLimits, PolyhedronEditor
+from pipeline.resample.polyhedra.polyhedral_collapse import Collapser, can_collapse
 from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Polyhedron, between
 
 Step = Callable[[Polyhedron, np.random.Generator], None]

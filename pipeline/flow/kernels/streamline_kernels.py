@@ -13,8 +13,8 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.flow.kernels import adaptive
 from pipeline.flow.kernels.adaptive import POSITION
-from pipeline.flow.kernels.deformations import deform
-from pipeline.flow.kernels.fields import TRANSLATION
+from pipeline.flow.kernels.deformation_kernels import deform
+from pipeline.flow.kernels.field_kernels import TRANSLATION
 from pipeline.flow.kernels.instructions import (
     BLOCK,
     COLUMNS,

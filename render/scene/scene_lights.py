@@ -1,6 +1,6 @@
 """Light rigs, in stage units: the subject has a half-size of 1 and stands on the floor y = 0.
 
-A rig is built around the subject and moved with the stage (`render.scene.stage.StagePlacement`); softboxes
+A rig is built around the subject and moved with the stage (`scene_stage.StagePlacement`); softboxes
 have a radiance, not a power, so a stage of any size is equally bright.
 """
 
@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.base.serialise import Colour, Triple
 from render.scene.light_groups import BACKGROUND, LightGroup
 from render.scene.sky import Daylight, Environment

@@ -11,8 +11,8 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import UsageError
 from pipeline.mesh.polygon_mesh import PolygonMesh
-from pipeline.resample.polyhedra.collapse import Collapser
 from pipeline.resample.polyhedra.editor import LengthLimits, PolyhedronEditor, inherited
+from pipeline.resample.polyhedra.polyhedral_collapse import Collapser
 from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Polyhedron
 from pipeline.resample.polyhedra.slicing import Cutting, Slicer
 from pipeline.resample.report import Report

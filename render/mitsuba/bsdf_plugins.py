@@ -16,7 +16,7 @@ from typing import Any
 
 from render.base import python_process
 from render.base.disk_cache import cache_path, load_answer, store_answer
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.mitsuba.engine import Engine
 from render.mitsuba.texture_coordinates import TextureCoordinates, bitmap, to_uv
 from render.scene.materials.mitsuba_bsdf import Bsdf, Plain
@@ -103,7 +103,7 @@ def _ask_process(bsdf: Bsdf) -> Any:
     question = json.dumps({"text": bsdf.text, "files": [file.path for file in bsdf.files]})
     try:
         done = subprocess.run(
-            python_process.command("render.mitsuba.bsdf"),
+            python_process.command("render.mitsuba.bsdf_plugins"),
             input=question,
             env=python_process.environment(),
             capture_output=True,

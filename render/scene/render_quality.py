@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 
 if TYPE_CHECKING:  # it needs numpy, and planning knows qualities without it
     from render.scene.projection import Projection

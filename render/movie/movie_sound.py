@@ -15,9 +15,9 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError, reason_of
 from render.base.input_files import digest_of_file, require_input
 from render.base.limited_process import ParserError, answer_about_content, serve
+from render.base.render_errors import BadInputError, reason_of
 
 RATE = 48_000
 """Samples per second, as film sound has."""
@@ -192,7 +192,7 @@ def unreadable(file: Path, reason: object) -> BadInputError:
 def _count_samples(file: Path, _modified: int, _size: int) -> int:
     """Return the number of samples of a file, counted once for each content."""
     try:
-        return int(answer_about_content("render.movie.sound", file, digest_of_file(file), "av"))
+        return int(answer_about_content("render.movie.movie_sound", file, digest_of_file(file), "av"))
     except ParserError as error:
         raise unreadable(file, error) from None
 

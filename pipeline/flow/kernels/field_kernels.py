@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.flow.kernels import vortices
+from pipeline.flow.kernels import vortex_kernels as vortices
 from pipeline.flow.kernels.instructions import (
     ATTRACTORS,
     CELLULAR,

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.post.view import ACES, ColourView
-from render.raster.projection import CLOCKWISE, project, sort_faces
-from render.scene.camera import Camera
-from render.scene.lights import LightRig
+from render.raster.raster_projection import CLOCKWISE, project, sort_faces
 from render.scene.materials import Diffuse, Material
-from render.scene.stage import Stage, StagePlacement
+from render.scene.render_camera import Camera
+from render.scene.scene_lights import LightRig
+from render.scene.scene_stage import Stage, StagePlacement
 
 Floats = NDArray[np.float64]
 

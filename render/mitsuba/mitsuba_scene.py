@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError
+from render.base.render_errors import BadInputError
 from render.mitsuba import emitters, materials
 from render.mitsuba.features import BLOCK_SIZE, VERTEX_AOV, MitsubaFeatures, load_integrator, render
 from render.mitsuba.loading import load_part, load_scene
@@ -18,10 +18,10 @@ from render.mitsuba.shapes import auxiliary_stage_shapes, gouraud_shapes, mesh, 
 from render.mitsuba.texture_coordinates import SUBJECT, texture_coordinates
 from render.mitsuba.tracers import path_tracer, scene_integrator
 from render.scene.aovs import COPY, VERTEX_AOVS
-from render.scene.lights import LightRig
 from render.scene.materials import PatternedMaterial
-from render.scene.quality import Quality
+from render.scene.render_quality import Quality
 from render.scene.scene import Scene, SceneSubject
+from render.scene.scene_lights import LightRig
 from render.scene.surface import Surface, require_camera_outside, ribbons
 from render.scene.working_space import WorkingSpace, converted_pixels
 

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.arrays import Faces, Floats, Indices, Points, Vectors
 from pipeline.kernels import kernel
 from pipeline.mesh.kernels.halfedge import CONST_INTS, CONST_MATRIX, INTS, LEAN, MATRIX, VECTOR, following
-from pipeline.mesh.kernels.normals import CONST_FACES, FACES
+from pipeline.mesh.kernels.normal_kernels import CONST_FACES, FACES
 
 _SHARP = math.sin(math.radians(5.0)) ** 2  # below, the two sides of a crease count as one
 
