@@ -205,11 +205,11 @@ def test_a_movie_that_fails_to_encode_leaves_the_one_before(finished: Any) -> No
 @pytest.mark.parametrize(
     ("targets", "config", "says"),
     [
-        ((), {"qualty": "draft"}, "--config qualty: there is no such setting. Did you mean 'quality'?"),
+        ((), {"qualty": "draft"}, "--config qualty: unknown setting. Did you mean 'quality'?"),
         ((), {"quality": "drft"}, "'drft' is not a quality"),
         ((), {"shot": "T010_tin"}, "no such shot; did you mean T010_tiny?"),
         ((), {"shot": NAME, "frames": "9-12"}, "frames 9-12 are not in the shot, which has 1-6"),
-        ((), {"frames": "1-2"}, "of which shot?"),
+        ((), {"frames": "1-2"}, "needs a shot; add shot=NAME"),
         ((), {"edit": "flim"}, "no such edit; did you mean film?"),
         ((), {"allow_code": "perhaps"}, "allow_code is 'perhaps'"),
         ((FRAME.replace("0003", "0099"),), {}, "frame 99 is not in the shot"),
@@ -229,7 +229,7 @@ def test_what_cannot_be_made_is_one_message(
 def test_the_message_is_all_that_the_command_says_and_it_ends_with_1(project: Any) -> None:
     done = snakemake(project.path, "-n", "--config", "qualty=draft")
     assert done.returncode == 1 and "Traceback" not in done.stdout
-    assert done.stdout.strip().splitlines()[-1].startswith("--config qualty: there is no such setting.")
+    assert done.stdout.strip().splitlines()[-1].startswith("--config qualty: unknown setting.")
     (project.path / "shots/film.yaml").unlink()
     for path in (project.path / "shots").glob("*.yaml"):
         path.unlink()

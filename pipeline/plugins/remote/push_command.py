@@ -19,7 +19,7 @@ def push(common: Common) -> None:
     """
     store = Store(common.root)
     if store.remote is None:
-        raise UsageError(f"push: there is no remote store; name one by --store or {VARIABLE}")
+        raise UsageError(f"push: no remote store is set; name one with --store or {VARIABLE}")
     if fault := store.remote.fault():
         raise MachineError(f"{store.url}: {fault}")
     if common.dry_run:

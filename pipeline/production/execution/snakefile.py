@@ -73,7 +73,7 @@ class PlannedWorkflow:
         self._workflow, self._config, self._root = workflow, config, Path.cwd()
         for name in config:
             if name not in (*SETTINGS, *PROFILE_SETTINGS, "plan"):
-                raise SystemExit(f"--config {name}: there is no such setting. {suggestion(name, SETTINGS)}")
+                raise SystemExit(f"--config {name}: unknown setting. {suggestion(name, SETTINGS)}")
 
     @cached_property
     def plan(self) -> Plan:
@@ -236,7 +236,7 @@ class PlannedWorkflow:
         for name in shots:
             project.add_pictures(planner, name, quality, frames)
         if frames is not None and not shots:
-            raise UsageError(f"--config frames={frames}: of which shot? Say shot=NAME too.")
+            raise UsageError(f"--config frames={frames} needs a shot; add shot=NAME.")
         if not shots:
             project.add_film(planner, quality, find_edit(edit))
 

@@ -52,7 +52,7 @@ def test_a_film_that_is_pushed_is_made_nowhere_again(project, finished, s3):
 def test_commands_tell_what_is_wrong_with_the_remote_store(tmp_path, s3, monkeypatch):
     monkeypatch.setenv(VARIABLE, "")  # which commands set, and pytest sets back
     code, said = commanded(tmp_path, "push")
-    assert code == 2 and "there is no remote store; name one by --store" in said
+    assert code == 2 and "no remote store is set; name one with --store" in said
     code, said = commanded(tmp_path, "push", "--store", "s3://nowhere/show")
     assert code == 4 and said.startswith("s3://nowhere/show: no such bucket or folder")
     code, said = commanded(tmp_path, "status", "--store", "s4://bucket")
