@@ -37,9 +37,7 @@ class FrameRange:
         such_as  ranges that the message proposes where the text is none and means none that is known
         """
         if len(text) > MOST_CHARACTERS or _reach(text) > MOST_FRAMES:
-            raise UsageError(
-                f"{shortened(text)} reaches over more than {MOST_FRAMES} frames; cut it in parts"
-            )
+            raise UsageError(f"{shortened(text)} reaches over more than {MOST_FRAMES} frames; split it")
         if plain := _PLAIN.fullmatch(text):
             first, last = map(int, plain.groups())
             return cls(tuple(range(first, last + 1) if first <= last else range(first, last - 1, -1)))
@@ -51,7 +49,7 @@ class FrameRange:
             remedy = likely_range(text) or f"one as {such_as}"
             raise UsageError(f"{shortened(text)} is not a frame range; write {remedy}") from None
         if not numbers or any(not isinstance(n, int) for n in numbers):
-            raise UsageError(f"{shortened(text)} holds no whole frame; write a range as 1-48 or 1-48x2")
+            raise UsageError(f"{shortened(text)} contains no whole frame; write a range as 1-48 or 1-48x2")
         return cls(numbers)
 
     @classmethod

@@ -116,7 +116,7 @@ class MeshFrame:
         """Return the frame of these arrays, bit for bit. Raises UsageError for a missing name."""
         missing = sorted({"vertices", "faces", "number", "report"} - set(arrays))
         if missing:
-            raise UsageError(f"the arrays hold no {' and no '.join(missing)}; they are not a stored frame")
+            raise UsageError(f"the arrays have no {' and no '.join(missing)}; they are not a stored frame")
         names = [name for name in arrays if name.startswith(_ATTRIBUTE)]
         attributes = {name.removeprefix(_ATTRIBUTE): arrays[name] for name in names}
         mesh = TriangleMesh(arrays["vertices"], arrays["faces"], attributes, arrays.get("creases"))

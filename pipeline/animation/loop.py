@@ -71,7 +71,7 @@ def at_rest(motion: Motion, flow: Flow) -> MovingSurface:
         mesh = with_material(with_identities(motion.mesh_at_rest()))
         return MovingSurface(motion, mesh, motion.subject.lattice)
     if not motion.subject.is_surface:
-        raise UsageError("points and control nets are not resampled; take resampling out of the motion")
+        raise UsageError("points and control nets are not resampled; leave out resampling")
     thresholds = thresholds_at(motion, resampling, first)
     if resampling.method == "polyhedra":
         polygons = with_material(motion.polygons_at_rest())
@@ -143,8 +143,8 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> MovingSurface:
         polygons = frame.polygons
         if polygons is None:
             raise UsageError(
-                f"frame {frame.number} has no polygons, which method polyhedra goes on from; "
-                "resume from a frame that was made with it"
+                f"frame {frame.number} has no polygons to continue with method polyhedra; resume from a "
+                "frame made with it"
             )
         state = _state(polygons, offsets=polygons.offsets, corners=polygons.corners)
         polyhedral = PolyhedralResampler.from_state(
@@ -155,8 +155,8 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> MovingSurface:
     state = _state(frame.mesh, faces=frame.mesh.faces, **numbers)
     if resampling.placement == "exact" and REST not in frame.mesh.attributes:
         raise UsageError(
-            f"frame {frame.number} has no vertex attribute {REST!r}, which exact placement goes on from; "
-            "resume from a frame that was made with exact placement"
+            f"frame {frame.number} has no vertex attribute {REST!r}, which exact placement needs; resume "
+            "from a frame made with exact placement"
         )
     resume = partial(Resampler.from_state, state, thresholds)
     start_vertices = _start_vertices(motion, flow, frame)

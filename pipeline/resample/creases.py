@@ -64,8 +64,8 @@ def edges_in_region(mesh: Mesh, region: Region) -> Indices:
     within = np.asarray(region(mesh.vertices))
     if within.shape != (len(mesh.vertices),):
         raise UsageError(
-            f"the region answers shape {within.shape} for {len(mesh.vertices)} vertices; "
-            "it must say of each whether it lies within"
+            f"the region returned shape {within.shape} for {len(mesh.vertices)} vertices; "
+            "it must return one flag for each vertex"
         )
     ends = _sides(mesh)
     return _once(ends[within.astype(bool)[ends].all(axis=1)])

@@ -230,7 +230,7 @@ class Exact(Placement):
         if moved.shape != rest_points.shape or not np.isfinite(moved).all():
             raise FrameError(
                 f"carry returned an array of shape {moved.shape} for {len(rest_points)} points at rest, or "
-                "numbers that are not finite; it must return the present position of each point"
+                "numbers that are not finite; it must return the current position of each point"
             )
         return moved
 

@@ -272,8 +272,8 @@ def not_finite(vertices: Points) -> FrameError:
     size = np.abs(vertices).max(axis=1)
     worst = int(np.argmax(np.where(np.isnan(size), math.inf, size)))
     return FrameError(
-        f"vertex {worst} is at {vertices[worst]}, which is not finite or too far out to compute with; "
-        "weaken the flow there or raise its substeps"
+        f"vertex {worst} is at {vertices[worst]}, which is not finite or too far away; lower the flow's "
+        "strength there or raise its substeps"
     )
 
 

@@ -145,7 +145,7 @@ class Resampler:
         missing = {"vertices", "faces"} - set(state)
         if missing:
             raise UsageError(
-                f"the state holds no {' and no '.join(sorted(missing))}; it cannot be resumed from"
+                f"the state has no {' and no '.join(sorted(missing))}; a run cannot resume from it"
             )
         attributes = {n.removeprefix(_ATTRIBUTE): state[n] for n in state if n.startswith(_ATTRIBUTE)}
         resumed = cls.__new__(cls)  # without __init__, which may reorder faces

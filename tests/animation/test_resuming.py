@@ -121,7 +121,7 @@ def test_many_vertices_are_moved_by_blocks_to_the_same_bits(
 
 
 def test_arrays_that_are_no_frame_are_refused() -> None:
-    with pytest.raises(UsageError, match="hold no number and no report"):
+    with pytest.raises(UsageError, match="have no number and no report"):
         MeshFrame.from_arrays({"vertices": np.zeros((3, 3)), "faces": np.array([[0, 1, 2]])})
 
 

@@ -102,7 +102,7 @@ BROKEN = [
     ("rate: 24", "rate: '1e999999999'",
      "a.yaml:3:1: '1e999999999' is not a frame rate; write 24, 23.976 or 24000/1001"),
     ("1-49", "1-100000000",
-     "a.yaml:2:1: '1-100000000' reaches over more than 100000 frames; cut it in parts"),
+     "a.yaml:2:1: '1-100000000' reaches over more than 100000 frames; split it"),
     ('"2s"', f'"{"9" * 400}s"',
      f"a.yaml:10:49: key {'9' * 49}…999s is outside of the shot, which has frames 1-49 (2 s). "
      "Move it inside."),

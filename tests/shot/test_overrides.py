@@ -242,7 +242,7 @@ def test_a_run_goes_on_from_any_frame_with_the_same_bits(resample: str, stop: in
 
 
 def test_a_frame_of_triangles_is_no_start_for_polyhedra() -> None:
-    with pytest.raises(UsageError, match="frame 1 has no polygons, which method polyhedra goes on from"):
+    with pytest.raises(UsageError, match="frame 1 has no polygons to continue with method polyhedra"):
         next(animate(motion(POLYHEDRA), resume=frames_of(CHORD)[0]))
 
 

@@ -103,7 +103,7 @@ class PolyhedralResampler:
         """Resume from a `state`, with the same bits as without a stop. Unknown names are ignored."""
         missing = [name for name in ("vertices", "offsets", "corners") if name not in state]
         if missing:
-            raise UsageError(f"the state holds no {' and no '.join(missing)}; it cannot be resumed from")
+            raise UsageError(f"the state has no {' and no '.join(missing)}; a run cannot resume from it")
         attributes = {n.removeprefix(_ATTRIBUTE): state[n] for n in state if n.startswith(_ATTRIBUTE)}
         creases = state.get("creases")
         mesh = PolygonMesh.from_arrays(

@@ -50,7 +50,7 @@ def test_resuming_from_a_saved_frame_gives_the_same_bits_as_never_stopping(
 
 
 def test_a_state_without_faces_cannot_be_resumed() -> None:
-    with pytest.raises(UsageError, match="holds no offsets and no corners"):
+    with pytest.raises(UsageError, match="has no offsets and no corners"):
         PolyhedralResampler.from_state({"vertices": np.eye(3)}, THRESHOLDS)
 
 
