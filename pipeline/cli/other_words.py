@@ -25,65 +25,43 @@ def require_readable_path(path: str) -> None:
         raise UsageError(f"{path!r}: a line break or control character in a path; rename it")
 
 
-COMMANDS = {
-    "help": "--help",
-    "play": "preview",
-    "view": "preview",
-    "show": "preview",
-    "list": "status",
-    "ls": "status",
-    "check": "validate",
-    "lint": "validate",
-    "annotate": "review",
-    "comments": "notes",
-    "create": "new",
-    "init": "new --show",
-    "encode": "deliver",
-    "build": "film",
-    "make": "film",
-    "explain": "why",
-    "delete": "clean",
-    "remove": "clean",
+_COMMANDS = {
+    "--help": "help",
+    "preview": "play view show",
+    "status": "list ls",
+    "validate": "check lint",
+    "new": "create init",
+    "film": "build make",
+    "why": "explain",
+    "clean": "delete remove",
 }
-"""Commands of other programs, and those that do the same here."""
+"""By commands, those of other programs that do the same."""
 
-OPTIONS = {
-    "--frame": "--frames",
-    "--range": "--frames",
-    "--start": "--frames 1-24",
-    "--end": "--frames 1-24",
-    "-r": "-f",
-    "-s": "-f 1-24",
-    "-e": "-f 1-24",
-    "--cores": "-j",
-    "--threads": "-j",
-    "--jobs": "-j",
-    "-c": "-j",
-    "-n": "--dry-run",
-    "--dryrun": "--dry-run",
-    "--overwrite": "--force",
-    "-F": "--force",
-    "--resolution": "--scale 50%",
-    "--res": "--scale 50%",
-    "--size": "--scale 50%",
-    "--samples": "--set quality.draft.samples=16",
-    "--spp": "--set quality.draft.samples=16",
-    "--config": "--set",
-    "--format": "--as",
-    "--out": "-o",
-    "--device": "--variant cuda_ad_rgb",
-    "--gpu": "--variant cuda_ad_rgb",
-    "--directory": "--root",
-    "-d": "--root",
+_OPTIONS = {
+    "--frames": "--frame --range --start --end",
+    "-f": "-r -s -e",
+    "-j": "--cores --threads --jobs -c",
+    "--dry-run": "-n --dryrun",
+    "--force": "--overwrite -F",
+    "--scale 50%": "--resolution --res --size",
+    "--set quality.draft.samples=16": "--samples --spp",
+    "--as": "--format",
+    "-o": "--out",
+    "--variant cuda_ad_rgb": "--device --gpu",
+    "--root": "--directory -d",
 }
-"""Options of other programs, and those that do the same here."""
+"""By options, those of other programs that do the same."""
+
+
+def _meant(table: dict[str, str], word: str) -> str | None:
+    return next((name for name, words in table.items() if word in words.split()), None)
 
 
 def require_command(name: str, known: Collection[str]) -> None:
     """Raise UsageError for a command that has another name here."""
-    meant = COMMANDS.get(name.lower())
+    meant = _meant(_COMMANDS, name.lower())
     if name not in known and meant:
-        raise UsageError(f"there is no command {name}; write flowsculpt {meant}")
+        raise UsageError(f"there is no command {name}. Did you mean {meant}?")
 
 
 def require_options(words: Iterable[str], known: Collection[str]) -> None:
@@ -93,6 +71,6 @@ def require_options(words: Iterable[str], known: Collection[str]) -> None:
     """
     for word in words:
         name = word.partition("=")[0]
-        meant = OPTIONS.get(name)
+        meant = _meant(_OPTIONS, name)
         if name not in known and meant and meant.split()[0] in known:
-            raise UsageError(f"there is no option {name}; write {meant}")
+            raise UsageError(f"there is no option {name}. Did you mean {meant}?")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import operator
+import re
 import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -15,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import UsageError, brief, shortened, suggestion
-from pipeline.formula.notations import MEANT, WRITTEN_AS, syntax_fault
 from render.base.plural import plural
 
 CONSTANTS = {"pi": np.pi, "e": np.e}
@@ -112,12 +112,12 @@ def parse(text: str, names: tuple[str, ...]) -> ast.expr:
             warnings.simplefilter("ignore")  # the parser's advice on parts that are refused anyway
             tree = ast.parse(line.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        column, message = syntax_fault(line) or (
+        column, message = _other_notation(line) or (
             min(indent + (getattr(error, "offset", None) or len(line.strip()) + 1), len(text) + 1),
-            "this is no arithmetic. Look for a missing operator or bracket.",
+            "this is not arithmetic. Look for a missing operator or bracket.",
         )
         raise FormulaError(text, column, message) from None
-    _Check(text, line.strip().encode(), indent, names).everything(tree)
+    _Check(text, line.strip().encode(), indent, names).check_parts(tree)
     return tree
 
 
@@ -128,28 +128,28 @@ class _Check:
         self.text, self.line, self.indent, self.names = text, line, indent, names
         self.parts = 0
 
-    def everything(self, node: ast.expr, depth: int = 0) -> None:
+    def check_parts(self, node: ast.expr, depth: int = 0) -> None:
         self.parts += 1
         if self.parts > MOST_PARTS or depth > DEEPEST:
             raise self.error(
                 node, f"it is too involved; {MOST_PARTS} parts, nested {DEEPEST} deep, are the most"
             )
         for inner in self.inner(node):
-            self.everything(inner, depth + 1)
+            self.check_parts(inner, depth + 1)
 
     def inner(self, node: ast.expr) -> list[ast.expr]:
         """Return the parts of a node, which itself is valid."""
         match node:
             case ast.Constant():
-                self.number(node)
+                self.check_number(node)
                 return []
             case ast.Name():
-                self.name(node)
+                self.check_name(node)
                 return []
             case ast.UnaryOp() if type(node.op) in OPERATORS:
                 return [node.operand]
             case ast.BinOp() if type(node.op) in OPERATORS:
-                self.exponent(node)
+                self.check_exponent(node)
                 return [node.left, node.right]
             case ast.BoolOp():
                 return node.values
@@ -158,43 +158,45 @@ class _Check:
             case ast.IfExp():
                 return [node.test, node.body, node.orelse]
             case ast.Call():
-                self.call(node)
+                self.check_call(node)
                 return node.args
         raise self.error(node, _refusal(node))
 
-    def number(self, node: ast.Constant) -> None:
+    def check_number(self, node: ast.Constant) -> None:
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
-            raise self.error(node, f"{shortened(node.value)} is no number; write one plainly, such as 0.05")
+            raise self.error(
+                node, f"{shortened(node.value)} is not a number; write one plainly, such as 0.05"
+            )
         if not abs(node.value) <= 1e100:
             raise self.error(node, "this number is too large; 1e100 is the largest")
 
-    def name(self, node: ast.Name) -> None:
+    def check_name(self, node: ast.Name) -> None:
         if node.id in FUNCTIONS:
             raise self.error(node, f"{node.id} is a function; write {node.id}(…)")
         if node.id not in self.names and node.id not in CONSTANTS:
             words = (*self.names, *CONSTANTS, *FUNCTIONS)
-            meant = MEANT.get(node.id)
+            meant = _OTHER_NAMES.get(node.id)
             hint = f"Write {meant}." if meant in words else suggestion(node.id, words)
             if hint.startswith("There"):
                 hint = f"There are: {', '.join((*self.names, *CONSTANTS))}, and functions such as sin(x)."
             raise self.error(node, f"{brief(node.id)} is not known here. {hint}")
 
-    def exponent(self, node: ast.BinOp) -> None:
+    def check_exponent(self, node: ast.BinOp) -> None:
         power = node.right.operand if isinstance(node.right, ast.UnaryOp) else node.right
         if not isinstance(node.op, ast.Pow) or not isinstance(power, ast.Constant):
             return
         if isinstance(power.value, int | float) and abs(power.value) > LARGEST_EXPONENT:
             raise self.error(power, f"the exponent is too large; {LARGEST_EXPONENT} is the largest")
 
-    def call(self, node: ast.Call) -> None:
+    def check_call(self, node: ast.Call) -> None:
         if isinstance(node.func, ast.Attribute) and node.func.attr in FUNCTIONS:
             raise self.error(node.func, f"functions stand alone. Write {node.func.attr}(…).")
         if not isinstance(node.func, ast.Name):
             raise self.error(node.func, "only functions by their name can be called, such as sin(x)")
         name = node.func.id
         if name not in FUNCTIONS:
-            hint = WRITTEN_AS.get(name) or suggestion(name, FUNCTIONS)
-            raise self.error(node.func, f"{brief(name)} is no function here. {hint}")
+            hint = _OTHER_FUNCTIONS.get(name) or suggestion(name, FUNCTIONS)
+            raise self.error(node.func, f"{brief(name)} is not a function here. {hint}")
         wanted, given = FUNCTIONS[name][1], len(node.args)
         if node.keywords or any(isinstance(part, ast.Starred) for part in node.args):
             raise self.error(node, f"{name} takes plain arguments, one after another")
@@ -206,6 +208,54 @@ class _Check:
     def error(self, node: ast.expr, message: str) -> FormulaError:
         before = self.line[: node.col_offset].decode(errors="ignore")
         return FormulaError(self.text, self.indent + len(before) + 1, message)
+
+
+_OTHER_NAMES = {"seconds": "t", "f": "frame", "$F": "frame", "$T": "t", "@Frame": "frame", "@Time": "t"} | {
+    f"@P.{axis}": axis for axis in "xyz"
+}
+"""Names of other programs, and those that formulas have for them."""
+
+_OTHER_FUNCTIONS = {
+    "pow": "Write a ** b.",
+    "mod": "Write a % b.",
+    "fmod": "Write a % b.",
+    "lerp": "Write a + (b - a) * w.",
+    "mix": "Write a + (b - a) * w.",
+    "round": "Write floor(x + 0.5).",
+    "sign": "Write 1 if x > 0 else -1.",
+    "where": "Write a if condition else b.",
+    "noise": "The flow curl_noise is noise; formulas have none.",
+}
+"""Functions of other languages, and what to write."""
+
+_OTHER_OPERATORS = {
+    "?": "Write a if condition else b.",
+    "&&": "Write and.",
+    "||": "Write or.",
+    ";": "Remove it.",
+    "°": "Angles are radians. Write * pi / 180.",
+}
+
+_PRODUCT = re.compile(
+    r"(?<![\w.])(\d+(?:\.\d*)?)\s*((?!e[-+]?\d)[A-Za-z_]\w*|\()|([A-Za-z_]\w*)\s+([A-Za-z_]\w*)"
+)
+"""A number or name with another one after it, and no operator between."""
+
+
+def _other_notation(line: str) -> tuple[int, str] | None:
+    """Return column and message of a notation of other languages that keeps a formula from being parsed."""
+    if match := re.search(r"[$@]\w+(?:\.\w+)?", line):
+        meant = _OTHER_NAMES.get(match[0])
+        remedy = f"Write {meant}." if meant else "Names have no $ or @ here."
+        return match.start() + 1, f"{match[0]} is not known here. {remedy}"
+    for mark, remedy in _OTHER_OPERATORS.items():
+        if mark in line:
+            return line.index(mark) + 1, f"{mark} is not known here. {remedy}"
+    for match in _PRODUCT.finditer(line):
+        left, right = match[1] or match[3], match[2] or match[4]
+        if not {left, right} & {"and", "or", "not", "if", "else"}:
+            return match.start(2 if match[2] else 4) + 1, f"an operator is missing. Write {left} * {right}."
+    return None
 
 
 def _refusal(node: ast.expr) -> str:

@@ -49,7 +49,7 @@ def _times(keys: dict[Any, Any], where: Where, clock: Clock | None, in_flows: bo
         if seconds is None:
             yield (
                 place,
-                f"key {shortened(key)} is no time; write a frame, such as 12, or seconds, such as 0.5s",
+                f"key {shortened(key)} is not a time; write a frame, such as 12, or seconds, such as 0.5s",
             )
             continue
         if clock and not clock.holds(seconds) and not (in_flows and clock.flow_holds(seconds)):
@@ -232,7 +232,7 @@ def check_resample_entry(source: YamlSource) -> Iterator[Problem]:
     if kind is None and isinstance(source.data, dict) and "resample" not in source.data:
         yield (
             ("resample",),
-            "resample is missing; it has no default. Add `resample: {max_edge_length: 0.05}`.",
+            "resample: missing; it has no default. Write resample: {max_edge_length: 0.05}.",
         )
     elif kind is not None and written not in (None, "off"):
         fact = "points of a cloud have no edges" if kind == "cloud" else "the points of a net keep their rows"

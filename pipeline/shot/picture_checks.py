@@ -169,7 +169,7 @@ def check_dimmed_lights(source: YamlSource) -> Iterator[Problem]:
     intensities, names = source.get("lights", "intensity"), _light_names(source.get("lights"))
     for name in intensities if names and isinstance(intensities, dict) else ():
         if name not in names:
-            yield ("lights", "intensity", name), f"{name} is no light here. {suggestion(str(name), names)}"
+            yield ("lights", "intensity", name), f"{name} is not a light here. {suggestion(str(name), names)}"
 
 
 def check_light_groups(source: YamlSource) -> Iterator[Problem]:
@@ -200,7 +200,7 @@ def check_light_groups(source: YamlSource) -> Iterator[Problem]:
                     "write visible: true for the sky.",
                 )
             elif light not in names:
-                yield where, f"{light} is no light here. {suggestion(light, names)}"
+                yield where, f"{light} is not a light here. {suggestion(light, names)}"
             elif light in group_of:
                 yield where, f"{light} is in group {group_of[light]} already. Remove one of the two."
             group_of.setdefault(light, group)
@@ -258,7 +258,7 @@ def check_noise_threshold(source: YamlSource) -> Iterator[Problem]:
         samples = source.get("quality", name, "samples")
         samples = quality.samples if samples is None else samples
         if is_number(source.get(*place)) and is_number(samples) and samples < MIN_ADAPTIVE_SAMPLES:
-            written = source.written_path(place[:2])[-1]
+            written = place[1]
             yield (
                 place,
                 f"{written} takes {samples} samples, too few to stop earlier; noise_threshold needs "
@@ -286,9 +286,6 @@ class _OverriddenSource:
         return (
             self.source.get("overrides", self.index, *where) if self.has(*where) else self.source.get(*where)
         )
-
-    def written_path(self, where: Where) -> Where:
-        return where
 
 
 def check_overrides(source: YamlSource) -> Iterator[Problem]:

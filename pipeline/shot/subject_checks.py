@@ -58,10 +58,10 @@ def check_one_or_several(source: YamlSource) -> Iterator[Problem]:
     elif "subject" not in source.data and "subjects" not in source.data:
         yield (
             ("subject",),
-            "subject is missing; it has no default. Add `subject: …`, or several as `subjects: {name: …}`.",
+            "subject: missing; it has no default. Write subject: …, or several as subjects: {name: …}.",
         )
     elif "subject" in source.data and source.data["subject"] is None:
-        yield ("subject",), "subject is empty; it must be a mapping. Write subject: {solid: box}."
+        yield ("subject",), "subject: empty; it must be a mapping, such as {solid: box}"
     elif "subjects" in source.data and not entries:
         yield (
             ("subjects",),
@@ -160,7 +160,8 @@ def _measures(
 ) -> Iterator[Problem]:
     unknown = [m for m in given if m in MEASURES and m not in measures]
     yield from (
-        ((*where, m), f"{m} is no measure of {indefinite(name)}. {suggestion(m, measures)}") for m in unknown
+        ((*where, m), f"{m} is not a measure of {indefinite(name)}. {suggestion(m, measures)}")
+        for m in unknown
     )
     size, wanted = given.get("size"), np.size(measures.get("size", ()))
     if wanted and (fault := _size_fault(size, wanted)):

@@ -173,7 +173,7 @@ def test_a_new_shot_of_a_model_is_good_at_once_and_tells_what_was_repaired(proje
     ("model", "more", "code", "says"),
     [
         ("nothing.obj", [], 3, "nothing.obj: file not found"),
-        ("a.obj", ["--from", NAME], 2, f"--from {NAME} is no flow"),
+        ("a.obj", ["--from", NAME], 2, f"--from {NAME} is not a flow"),
         ("a.txt", [], 2, "not a mesh format"),
         ("a.gltf", [], 2, "export a GLB"),
     ],
@@ -311,7 +311,7 @@ def test_status_tells_done_stale_and_missing(finished):
 
 
 def test_a_shot_that_goes_wrong_on_the_way_does_not_hide_the_others(project):
-    """Its speed is no number between two half frames."""
+    """Its speed is not a number between two half frames."""
     (project.shot.parent / "T020_wrong.yaml").write_text(
         "frames: 1-6\ntitle: Wrong\nresample: off\nsubject: {solid: box, size: [1, 1, 1]}\n"
         "flows: [vortex: {strength: 1}]\n"

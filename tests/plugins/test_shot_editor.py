@@ -213,9 +213,9 @@ def test_a_file_changed_meanwhile_is_not_overwritten_and_its_edits_not_undone(sh
     [
         (ValueEdit("set", ("resample", "max_edge_length"), -1), "must be above 0"),
         (ValueEdit("set", ("look",), "clya"), "Did you mean 'clay'"),
-        (ValueEdit("set", ("flows", 0, "sum", 0, "vortex", "foo"), 1), "foo is not known"),
+        (ValueEdit("set", ("flows", 0, "sum", 0, "vortex", "foo"), 1), "foo: unknown name"),
         (ValueEdit("set", ("camera", "elevation"), {"keys": {99: 1}}), "99"),
-        (ValueEdit("remove", ("frames",)), "frames is missing"),
+        (ValueEdit("remove", ("frames",)), "frames: missing"),
     ],
 )
 def test_a_bad_value_is_refused_with_its_line_and_nothing_written(

@@ -157,7 +157,7 @@ def test_the_length_of_a_film_is_that_of_its_clips_and_cards(there):
             r"reel\.yaml:2:27: frames 7-9 are not in T010_tiny, which has 1-6",
         ),
         ("{shot: T010_tiny, frames: a-b}", r"reel\.yaml:2:27: 'a-b' is not a frame range"),
-        ("{shot: T010_tiny, frame: 1-2}", r"frame is called frames in shots"),
+        ("{shot: T010_tiny, frame: 1-2}", r"frame: unknown name. Did you mean 'frames'"),
     ],
 )
 def test_a_part_that_cannot_be_is_told_with_its_place(there, entry, says):

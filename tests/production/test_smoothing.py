@@ -45,7 +45,7 @@ def test_patches_change_the_picture_and_no_mesh() -> None:
 
 
 def test_a_number_of_pieces_that_cannot_be_is_told_with_its_place() -> None:
-    with pytest.raises(ShotError, match=r"T010_tiny\.yaml:5:10: smooth.tessellate is 99"):
+    with pytest.raises(ShotError, match=r"T010_tiny\.yaml:5:10: smooth.tessellate: 99 is"):
         read_shot("T010_tiny.yaml", TINY + "smooth: {tessellate: 99}\n")
 
 
@@ -70,8 +70,8 @@ def test_dicing_is_said_in_pixels(written: str, pixels: float) -> None:
 @pytest.mark.parametrize(
     ("written", "told"),
     [
-        ("dicing: 2em", "5:10: smooth.dicing: '2em' is no length"),
-        ("dicing: 0px", "5:10: smooth.dicing is 0px; it must be at least 0.25"),
+        ("dicing: 2em", "5:10: smooth.dicing: '2em' is not a length"),
+        ("dicing: 0px", "5:10: smooth.dicing: 0px is out of range; it must be at least 0.25"),
         ("dicing: 2px, tessellate: 2", "5:1: smooth has both tessellate"),
     ],
 )

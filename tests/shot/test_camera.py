@@ -137,7 +137,7 @@ def test_what_flat_pictures_alone_can_show_is_refused_with_a_wide_projection() -
 
 WRONG = [
     ("{projection: equirectangular}",
-     "5:10: camera.projection: 'equirectangular' is no projection. Did you mean 'spherical'?"),
+     "5:10: camera.projection: 'equirectangular' is not a projection. Did you mean 'spherical'?"),
     ("{dome_angle: 200}",
      "5:10: dome_angle is of projection dome, and this camera has perspective. Write projection: dome, or "
      "remove dome_angle."),
@@ -153,26 +153,28 @@ WRONG = [
     ("{position: [0, 0, 1], orbit: 3}",
      "5:10: position sets what orbit sets too. Remove one of them, or write `orbit:` with nothing after it "
      "if inherited."),
-    ("{field_of_view: 180}", "5:10: camera.field_of_view is 180; it must be below 180"),
+    ("{field_of_view: 180}", "5:10: camera.field_of_view: 180 is out of range; it must be below 180"),
     ("{field_of_view: {formula: 90 + 90*t}}",
-     "5:10: camera.field_of_view is 180 at frame 25; it must stay above 0 and below 180. Correct the curve "
-     "there."),
-    ("{margin: {keys: {1: 0, 49: 0.6}}}", "5:32: camera.margin.keys.49 is 0.6; it must be below 0.5"),
+     "5:10: camera.field_of_view: 180 at frame 25 is out of range; it must stay above 0 "
+     "and below 180"),
+    ("{margin: {keys: {1: 0, 49: 0.6}}}",
+     "5:32: camera.margin.keys.49: 0.6 is out of range; it must be below 0.5"),
     ("{margin: {formula: t}}",
-     "5:10: camera.margin is 0.5 at frame 13; it must stay at 0 or above and below 0.5. Correct the curve "
-     "there."),
-    ("{margin: titles}", "5:10: camera.margin: 'titles' is no safe area. Did you mean 'title'?"),
-    ("{aperture: 0}", "5:10: camera.aperture is 0; it must be above 0"),
+     "5:10: camera.margin: 0.5 at frame 13 is out of range; it must stay at 0 or above "
+     "and below 0.5"),
+    ("{margin: titles}", "5:10: camera.margin: 'titles' is not a safe area. Did you mean 'title'?"),
+    ("{aperture: 0}", "5:10: camera.aperture: 0 is out of range; it must be above 0"),
     ("{aperture: {formula: 1 - t}}",
-     "5:10: camera.aperture is 0 at frame 25; it must stay above 0. Correct the curve there."),
+     "5:10: camera.aperture: 0 at frame 25 is out of range; it must stay above 0"),
     ("{focal_length: {keys: {1: 50, 49: -1}}}",
-     "5:39: camera.focal_length.keys.49 is -1; it must be above 0"),
-    ("{dolly: 0}", "5:10: camera.dolly is 0; it must be above 0"),
-    ("{follow: 2}", "5:10: camera.follow is 2; it must be at most 1"),
-    ("{focus: subjects}", "5:10: camera.focus: 'subjects' is no thing to focus on. Did you mean 'subject'?"),
+     "5:39: camera.focal_length.keys.49: -1 is out of range; it must be above 0"),
+    ("{dolly: 0}", "5:10: camera.dolly: 0 is out of range; it must be above 0"),
+    ("{follow: 2}", "5:10: camera.follow: 2 is out of range; it must be at most 1"),
+    ("{focus: subjects}",
+     "5:10: camera.focus: 'subjects' is not a thing to focus on. Did you mean 'subject'?"),
     ("{focus: {keys: {1: 2, 49: [1, 2, 3]}}}",
-     "5:31: camera.focus.keys.49 is a list; it must be a number, not several. Write one."),
-    ("{focal: 85}", "5:10: focal is called focal_length in camera. Rename it."),
+     "5:31: camera.focus.keys.49: a list is not a number"),
+    ("{focal: 85}", "5:10: camera.focal: unknown name. Did you mean 'focal_length'?"),
     ("\n  position: {keys: {1: [0, 0, 4], 49: [0, 0, 0]}}\n  target: [0, 0, 0]",
      "6:3: at frame 49 the camera stands at its own target, [0.0, 0.0, 0.0]; it has nowhere to look. Move "
      "one of them."),

@@ -116,25 +116,29 @@ def test_names_of_two_words_are_joined() -> None:
 
 def test_a_flow_that_is_not_known_is_told_with_the_nearest() -> None:
     assert told("vortex_rng: {}") == (
-        "a.yaml:6:5: vortex_rng is not known under flows.0. Did you mean 'vortex_ring'?"
+        "a.yaml:6:5: flows.0.vortex_rng: unknown name. Did you mean 'vortex_ring'?"
     )
 
 
 @pytest.mark.parametrize(
     ("flow", "message"),
     [
-        ("vortex_ring: {radius: 0}", "a.yaml:6:19: flows.0.vortex_ring.radius is 0; it must be above 0"),
+        (
+            "vortex_ring: {radius: 0}",
+            "a.yaml:6:19: flows.0.vortex_ring.radius: 0 is out of range; it must be above 0",
+        ),
         (
             "vortex_ring: {cor: 0.1}",
-            "a.yaml:6:19: cor is not known under flows.0.vortex_ring. Did you mean 'core'?",
+            "a.yaml:6:19: flows.0.vortex_ring.cor: unknown name. Did you mean 'core'?",
         ),
         (
             "scaling: {}",
-            "a.yaml:6:5: rate is missing under flows.0.scaling; it has no default. Add `rate: …`.",
+            "a.yaml:6:5: flows.0.scaling.rate: missing; it has no default",
         ),
         (
             "vortex_pair: {turning: both}",
-            "a.yaml:6:19: flows.0.vortex_pair.turning is 'both'; it must be 'against' or 'together'",
+            "a.yaml:6:19: flows.0.vortex_pair.turning: 'both' is not allowed; it must be 'against' "
+            "or 'together'",
         ),
         (
             "bend: {amount: 3, direction: y}",
@@ -154,7 +158,7 @@ def test_a_flow_can_be_asked_for_by_name() -> None:
     strength = next(p for p in fact["parameters"] if p["name"] == "strength")
     assert (strength["unit"], strength["default"], strength["keyed"]) == ("units²/s", 1.0, True)
     with pytest.raises(
-        UsageError, match=r"there is no flow 'vortx' in the catalogue\. Did you mean 'vortex'"
+        UsageError, match=r"there is not a flow 'vortx' in the catalogue\. Did you mean 'vortex'"
     ):
         facts("vortx")
 

@@ -43,9 +43,9 @@ def test_the_frames_of_an_override_have_its_look_lights_and_quality_and_the_shot
             "frames 50-60 are in overrides.0 too; a frame has one override. Take them out of one.",
         ),
         (("frames: 4-9",), "an override changes nothing without look, lights or quality"),
-        (("look: glaze",), "frames is missing under overrides.0"),
+        (("look: glaze",), "overrides.0.frames: missing"),
         (("frames: four, look: glaze",), "four"),
-        (("frames: 4-9, look: glazed",), "overrides.0.look: 'glazed' is no look. Did you mean 'glaze'"),
+        (("frames: 4-9, look: glazed",), "overrides.0.look: 'glazed' is not a look. Did you mean 'glaze'"),
         (
             ("frames: 4-9, lights: {rig: studio, exposure: 1}",),
             "exposure belongs to the display",
@@ -56,7 +56,7 @@ def test_the_frames_of_an_override_have_its_look_lights_and_quality_and_the_shot
             "look speed shows measures of the motion",
         ),
         (("frames: 4-9, look: symbolics_1990",), "look symbolics_1990 is drawn without lights"),
-        (("frames: 4-9, lights: {rig: studio, intensity: {kez: 2}}",), "kez is no light here"),
+        (("frames: 4-9, lights: {rig: studio, intensity: {kez: 2}}",), "kez is not a light here"),
         (
             ("frames: 4-9, quality: {draft: {samples: 8, noise_threshold: 0.05}}",),
             "takes 8 samples, too few to stop earlier",

@@ -80,7 +80,7 @@ def test_scratches_lie_across_an_axis(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("look", "told"),
     [
-        ("hony", "a.yaml:5:1: look: 'hony' is no look. Did you mean 'honey'?"),
+        ("hony", "a.yaml:5:1: look: 'hony' is not a look. Did you mean 'honey'?"),
         (f"{{material: clay, pigment: {{mable: {{{TWO}}}}}}}", "Did you mean 'marble'?"),
         (f"{{material: clay, pigment: {{marble: {{{TWO}, shar: 1}}}}}}", "Did you mean 'share'?"),
         (f"{{material: clay, pigment: {{layers: {{{TWO}, scale: 0}}}}}}", "must be above 0"),
@@ -90,7 +90,7 @@ def test_scratches_lie_across_an_axis(tmp_path: Path) -> None:
         (f"{{material: glass, pigment: {{layers: {{{TWO}}}}}}}", "light goes through glass"),
         ("{material: clay, density: 2}", "take smoke"),
         ("{material: clay, absorption: {colour: [1, 1, 1]}}", "take honey, glass or frosted"),
-        ("{material: glass, absorption: {color: [1, 1, 1]}}", "color is called colour in look.absorption"),
+        ("{material: glass, absorption: {color: [1, 1, 1]}}", "look.absorption.color: unknown name"),
         ("{material: glass, absorption: {colour: [0, 1, 1]}}", "must be above 0"),
         ("{material: clay, wireframe: {width: 0}}", "must be above 0"),
         ("{material: clay, wireframe: {widths: 1}}", "Did you mean 'width'?"),

@@ -30,19 +30,19 @@ def told(folder: Path, text: str) -> list[str]:
 
 BROKEN = [
     ("axis: z, cen", "axiz: z, cen",
-     "a.yaml:8:18: axiz is not known under flows.0.sum.0.vortex. Did you mean 'axis'?"),
+     "a.yaml:8:18: flows.0.sum.0.vortex.axiz: unknown name. Did you mean 'axis'?"),
     ("strength", "strengths",
-     "a.yaml:8:61: strengths is not known under flows.0.sum.0.vortex. Did you mean 'strength'?"),
-    ("- vortex", "- vortx", "a.yaml:8:9: vortx is not known under flows.0.sum.0. Did you mean 'vortex'?"),
-    ("solid: box", "solid: bax", "a.yaml:4:11: subject.solid: 'bax' is no solid. Did you mean 'box'?"),
+     "a.yaml:8:61: flows.0.sum.0.vortex.strengths: unknown name. Did you mean 'strength'?"),
+    ("- vortex", "- vortx", "a.yaml:8:9: flows.0.sum.0.vortx: unknown name. Did you mean 'vortex'?"),
+    ("solid: box", "solid: bax", "a.yaml:4:11: subject.solid: 'bax' is not a solid. Did you mean 'box'?"),
     ("linear", "lineal",
-     "a.yaml:10:22: flows.1.twist.amount.ease: 'lineal' is no easing. Did you mean 'linear'?"),
+     "a.yaml:10:22: flows.1.twist.amount.ease: 'lineal' is not an easing. Did you mean 'linear'?"),
     ("radius: 0.8", "radius: wide",
-     "a.yaml:8:48: flows.0.sum.0.vortex.radius is 'wide'; "
-     "it must be a number. Write it plainly, without quotes or units."),
-    ("radius: 0.8", "radius: -1", "a.yaml:8:48: flows.0.sum.0.vortex.radius is -1; it must be above 0"),
+     "a.yaml:8:48: flows.0.sum.0.vortex.radius: 'wide' is not a number"),
+    ("radius: 0.8", "radius: -1",
+     "a.yaml:8:48: flows.0.sum.0.vortex.radius: -1 is out of range; it must be above 0"),
     ("radius: 0.8", "radius: {keys: {1: 0.5, 9: 0}}",
-     "a.yaml:8:72: flows.0.sum.0.vortex.radius.keys.9 is 0; it must be above 0"),
+     "a.yaml:8:72: flows.0.sum.0.vortex.radius.keys.9: 0 is out of range; it must be above 0"),
     ("[0.9, 0, 0]", "[0.9, 0]", "a.yaml:8:27: flows.0.sum.0.vortex.centre: [0.9, 0] has 2 numbers; "
      "it must have three, along x, y and z."),
     ("25: 4", "250: 4",
@@ -50,7 +50,7 @@ BROKEN = [
     ("1: 0, 25: 4", "25: 4, 1: 0",
      "a.yaml:8:86: key 1 comes after key 25; keys go forward in time. Sort them."),
     ("25: 4", "soon: 4",
-     "a.yaml:8:85: key 'soon' is no time; write a frame, such as 12, or seconds, such as 0.5s"),
+     "a.yaml:8:85: key 'soon' is not a time; write a frame, such as 12, or seconds, such as 0.5s"),
     ("max_edge_length: 0.25", "max_edge_length: 0.05, min_edge_length: 0.03",
      "a.yaml:5:35: min_edge_length 0.03 is 60% of max_edge_length 0.05; it must be below 50%, "
      "or splitting and collapsing undo each other. Try 0.02."),
@@ -59,42 +59,42 @@ BROKEN = [
      "a.yaml:2:1: 'all' is not a frame range; write one as 1-48"),
     ("rate: 24", "rate: fast",
      "a.yaml:3:1: 'fast' is not a frame rate; write 24, 23.976 or 24000/1001"),
-    ("title: Cube\n", "", "a.yaml:1:1: title is missing; it has no default. Add `title: …`."),
+    ("title: Cube\n", "", "a.yaml:1:1: title: missing; it has no default"),
     ("title: Cube", "title: Cube\ntitle: Box",
      "a.yaml:2:1: title is given twice, first in line 1; one would be lost. Remove one of them."),
     ("solid: box", "solid: box, radius: 1",
-     "a.yaml:4:23: radius is no measure of a box. There are: size."),
+     "a.yaml:4:23: radius is not a measure of a box. There are: size."),
     ("solid: box", "solid: box, size: [1, 2]",
      "a.yaml:4:23: size of a box has 3 numbers, not 2. Write [1, 2, 2]."),
     ("solid: box", "solid: box, size: wide",
-     "a.yaml:4:23: subject.size is 'wide'; it must be a list. Write it as [a, b, c]."),
+     "a.yaml:4:23: subject.size: 'wide' is not a list"),
     ("solid: box", "solid: icosphere, radius: wide",
-     "a.yaml:4:29: subject.radius is 'wide'; "
-     "it must be a number. Write it plainly, without quotes or units."),
+     "a.yaml:4:29: subject.radius: 'wide' is not a number"),
     ("solid: box", "model: bunny.obj",
      "a.yaml:4:11: model file bunny.obj is not there; it is looked for beside the shot file, as bunny.obj. "
      "Put it there or correct the name."),
     ("axis: z", "axis: [0, 0, 0]",
      "a.yaml:8:18: axis [0, 0, 0] has no direction. Write x, y, z or a vector."),
-    ("axis: z", "axis: w", "a.yaml:8:18: flows.0.sum.0.vortex.axis: 'w' is no axis. There are: x, y, z."),
+    ("axis: z", "axis: w", "a.yaml:8:18: flows.0.sum.0.vortex.axis: 'w' is not an axis. There are: x, y, z."),
     ("      - rotation: {speed: 90}", "      - {rotation: {speed: 90}, lorenz: }",
      "a.yaml:9:9: flows.0.sum.1: a flow is one name and its parameters, "
      "and this entry has lorenz and rotation. Start each flow with a dash of its own."),
     ("{max_edge_length: 0.25}", "no",
-     "a.yaml:5:1: resample is 'no'; it must be 'off'. Write off, without quotes."),
+     "a.yaml:5:1: resample: 'no' is not allowed; it must be 'off' or a mapping, "
+     "such as {max_edge_length: 0.05}. Did you mean 'off'?"),
     ("max_edge_length: 0.25", "max_edge_length: 0.25, placement: exct",
-     "a.yaml:5:35: resample.placement: 'exct' is no placement. Did you mean 'exact'?"),
+     "a.yaml:5:35: resample.placement: 'exct' is not a placement. Did you mean 'exact'?"),
     ("max_edge_length: 0.25", "max_edge_length: 0.25, rest_interval: 0",
-     "a.yaml:5:35: resample.rest_interval is 0; it must be at least 1"),
+     "a.yaml:5:35: resample.rest_interval: 0 is out of range; it must be at least 1"),
     ("max_edge_length: 0.25", "max_edge_length: 0.25, crease: rest",
-     "a.yaml:5:35: crease is not known under resample. Did you mean 'creases'?"),
+     "a.yaml:5:35: resample.crease: unknown name. Did you mean 'creases'?"),
     ("camera:", "integrator: adaptiv\ncamera:",
-     "a.yaml:11:1: integrator: 'adaptiv' is no integrator. Did you mean 'adaptive'?"),
+     "a.yaml:11:1: integrator: 'adaptiv' is not an integrator. Did you mean 'adaptive'?"),
     ("camera:", "tolerance: 0.001\ncamera:",
      "a.yaml:11:1: tolerance is for the error that integrator: adaptive estimates, and rk4 estimates none. "
      "Write integrator: adaptive, or take it out."),
-    ("camera:", "max_step: 0\ncamera:", "a.yaml:11:1: max_step is 0; it must be above 0"),
-    ("camera:", "substeps: 0\ncamera:", "a.yaml:11:1: substeps is 0; it must be at least 1"),
+    ("camera:", "max_step: 0\ncamera:", "a.yaml:11:1: max_step: 0 is out of range; it must be above 0"),
+    ("camera:", "substeps: 0\ncamera:", "a.yaml:11:1: substeps: 0 is out of range; it must be at least 1"),
     ("rate: 24", "rate: 1e-320",
      "a.yaml:3:1: frame rate 1e-320 is not from 0.1 to 1000, in frames per second; 24 is usual"),
     ("rate: 24", "rate: 1e999999999",
@@ -110,13 +110,12 @@ BROKEN = [
      f"a.yaml:8:85: key {'9' * 50}…99999 is outside of the shot, which has frames 1-49 (2 s). "
      "Move it inside."),
     ("25: 4", f"{'9' * 400}: 4",
-     "a.yaml:8:85: key inf is no time; write a frame, such as 12, or seconds, such as 0.5s"),
+     "a.yaml:8:85: key inf is not a time; write a frame, such as 12, or seconds, such as 0.5s"),
     ("25: 4", "25: 1e308",
      "a.yaml:8:85: flows.0.sum.0.vortex.strength.keys.25: 1e+308 is too large to compute with; "
      "numbers go up to 1e12. Write a smaller one."),
     ("25: 4", f"25: -{'9' * 400}",
-     "a.yaml:8:85: flows.0.sum.0.vortex.strength.keys.25 is -inf; "
-     "it must be a finite number. Write its value."),
+     "a.yaml:8:85: flows.0.sum.0.vortex.strength.keys.25: -inf is not a finite number"),
     ("[0.9, 0, 0]", "[0.9, 0, 2e12]",
      "a.yaml:8:44: flows.0.sum.0.vortex.centre.2: 2e+12 is too large to compute with; "
      "numbers go up to 1e12. Write a smaller one."),
@@ -127,28 +126,19 @@ BROKEN = [
      "a.yaml:4:29: subject.radius: 1e+300 is too large to compute with; "
      "numbers go up to 1e12. Write a smaller one."),
     ("camera:", "substeps: 100000000\ncamera:",
-     "a.yaml:11:1: substeps is 100000000; it must be at most 10000"),
+     "a.yaml:11:1: substeps: 100000000 is out of range; it must be at most 10000"),
     ("camera:", "look: velvet\ncamera:",
-     "a.yaml:11:1: look: 'velvet' is no look. There are: clay, putty, glaze, ceramic, "
+     "a.yaml:11:1: look: 'velvet' is not a look. There are: clay, putty, glaze, ceramic, "
      "chrome, brushed, taffy, swirl, pearl, marble, cream, coffee, honey, glass, frosted, smoke, "
      "speed, strain, symbolics_1990."),
     ("camera:", "quality: {draught: {samples: 6}}\ncamera:",
-     "a.yaml:11:11: draught is called draft in quality. Rename it."),
+     "a.yaml:11:11: quality.draught: unknown name. Did you mean 'draft'?"),
     ("camera:", "quality: {final: {samples: 100}}\ncamera:",
      "a.yaml:11:19: quality.final.samples: 100 samples do not divide into batches of 16. "
      "Write up to 16, or a multiple of it."),
     ("camera:", "quality: {draft: {noise_threshold: 0.02}}\ncamera:",
      "a.yaml:11:19: draft takes 4 samples, too few to stop earlier; noise_threshold needs "
      "9 or more. Write samples: 128 beside it."),
-    ("camera:", "stride: 0.5\ncamera:", "a.yaml:11:1: stride is called max_step now. Rename it."),
-    ("max_edge_length: 0.25", "max_edge_length: 0.25, renew: 60",
-     "a.yaml:5:35: renew is called rest_interval now under resample. Rename it."),
-    ("max_edge_length: 0.25", "max_edge_length: 0.25, shape: 0.85",
-     "a.yaml:5:35: shape is called min_roundness now under resample. Rename it."),
-    ("camera:", "quality: {final: {steady: 2}}\ncamera:",
-     "a.yaml:11:19: steady is called temporal_denoise now under quality.final. Rename it."),
-    ("camera:", "quality: {final: {guides: 4}}\ncamera:",
-     "a.yaml:11:19: guides is called auxiliary_samples now under quality.final. Rename it."),
 ]  # fmt: skip
 
 

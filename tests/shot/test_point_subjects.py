@@ -103,9 +103,9 @@ def test_the_surface_of_a_net_is_fine_unless_the_shot_says_otherwise(folder: Pat
             "3:11: sail.npz: its points have shape (4, 5, 3); they must be (N, 3)",
         ),
         ("{cloud: a.yaml, radius: 1}", "3:11: a.yaml: .yaml is not a file of points; use one of ply, xyz"),
-        ("{cloud: stars.ply}", "radius is missing under subject; it has no default. Add `radius: …`."),
-        ("{cloud: stars.ply, radius: 0}", "3:29: subject.radius is 0; it must be above 0"),
-        ("{cloud: stars.ply, radius: -1}", "3:29: subject.radius is -1; it must be above 0"),
+        ("{cloud: stars.ply}", "subject.radius: missing; it has no default"),
+        ("{cloud: stars.ply, radius: 0}", "3:29: subject.radius: 0 is out of range; it must be above 0"),
+        ("{cloud: stars.ply, radius: -1}", "3:29: subject.radius: -1 is out of range; it must be above 0"),
         ("{cloud: stars.ply, radius: sized}", "no attribute 'sized' for a radius. Did you mean 'size'?"),
         ("{cloud: stars.ply, radius: thin}", "thin of point 1 is 0 (and 1 more); radii must be above 0"),
         (
@@ -117,15 +117,18 @@ def test_the_surface_of_a_net_is_fine_unless_the_shot_says_otherwise(folder: Pat
             f"{{cloud: {BALL}, radius: 1, scale: 2}}",
             "scale is for a cloud of a file; this is one of a solid.",
         ),
-        (f"{{cloud: {BALL}, radius: 1, count: 0}}", "subject.count is 0; it must be at least 1"),
+        (
+            f"{{cloud: {BALL}, radius: 1, count: 0}}",
+            "subject.count: 0 is out of range; it must be at least 1",
+        ),
         (
             f"{{cloud: {BALL}, radius: 1, fill: volum}}",
-            "'volum' is no way to fill a solid. Did you mean 'volume'",
+            "'volum' is not a way to fill a solid. Did you mean 'volume'",
         ),
-        (f"{{cloud: {BALL}, radius: 1, sed: 0}}", "sed is not known under subject. Did you mean 'seed'?"),
+        (f"{{cloud: {BALL}, radius: 1, sed: 0}}", "subject.sed: unknown name. Did you mean 'seed'?"),
         ("{cloud: {solid: sheet}, radius: 1}", "a sheet encloses no volume to fill. Write fill: surface."),
-        ("{cloud: {solid: bx}, radius: 1}", "'bx' is no solid. Did you mean 'box'?"),
-        ("{cloud: {solid: box, length: 1}, radius: 1}", "length is no measure of a box."),
+        ("{cloud: {solid: bx}, radius: 1}", "'bx' is not a solid. Did you mean 'box'?"),
+        ("{cloud: {solid: box, length: 1}, radius: 1}", "length is not a measure of a box."),
         ("{net: small.npz}", "3:11: a net of 3 × 5 points is too small; a bicubic patch needs 4 × 4."),
         ("{net: gone.npz}", "3:11: net file gone.npz is not there"),
         ("{net: stars.ply}", "stars.ply: .ply is not a file of a net; use one of npz, obj"),
@@ -144,10 +147,10 @@ def test_the_surface_of_a_net_is_fine_unless_the_shot_says_otherwise(folder: Pat
             f"{{net: {ROWS.replace('3.0, 0.0, 4.0', '3.0, 0.0')}}}",
             "subject.net.4.3: [3.0, 0.0] has 2 numbers; it must have",
         ),
-        (f"{{net: {ROWS}, closed: row}}", "'row' is no way to close a net. Did you mean 'rows'?"),
-        ("{net: {solid: tube}, rows: 3}", "subject.rows is 3; it must be at least 4"),
-        ("{net: {solid: tub}}", "'tub' is no net. Did you mean 'tube'?"),
-        ("{net: {solid: tube, size: [1, 1]}}", "size is no measure of a tube."),
+        (f"{{net: {ROWS}, closed: row}}", "'row' is not a way to close a net. Did you mean 'rows'?"),
+        ("{net: {solid: tube}, rows: 3}", "subject.rows: 3 is out of range; it must be at least 4"),
+        ("{net: {solid: tub}}", "'tub' is not a net. Did you mean 'tube'?"),
+        ("{net: {solid: tube, size: [1, 1]}}", "size is not a measure of a tube."),
         (
             "{net: {solid: torus, radius: 1, tube_radius: 2}}",
             "tube_radius 2 must be below radius 1, or the ring",
@@ -178,7 +181,7 @@ def test_points_are_not_resampled_and_a_shot_that_wants_it_is_told(folder: Path,
 
 def test_a_surface_says_how_it_is_resampled(folder: Path) -> None:
     assert told(folder, "{solid: box}") == [
-        "a.yaml:1:1: resample is missing; it has no default. Add `resample: {max_edge_length: 0.05}`."
+        "a.yaml:1:1: resample: missing; it has no default. Write resample: {max_edge_length: 0.05}."
     ]
 
 

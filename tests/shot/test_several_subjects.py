@@ -137,15 +137,15 @@ def test_the_bounding_sphere_of_a_ball_is_the_ball() -> None:
 @pytest.mark.parametrize(
     ("entry", "said"),
     [
-        ("", "subject is missing; it has no default. Add `subject: …`, or several as `subjects: {name: …}`."),
-        ("subject:\n", "subject is empty; it must be a mapping. Write subject: {solid: box}."),
+        ("", "subject: missing; it has no default. Write subject: …, or several as subjects: {name: …}."),
+        ("subject:\n", "subject: empty; it must be a mapping"),
         ("subjects:\n", "subjects has no entry, and a shot needs a subject. Write one: "),
         ("subjects: {}\n", "subjects has no entry"),
         ("subject: {solid: box}\nsubjects: {a: {solid: box}}\n", "5:1: the shot has both subject and"),
         ("subjects: {a: {solid: box}, a: {solid: rod}}\n", "4:29: a is given twice, first in line 4"),
         ("subjects: {'a b': {solid: box}}\n", "'a b' cannot name a subject; a name begins with a letter"),
         ("subjects: {stage: {solid: box}}\n", "stage is the name of something else in pictures. Rename"),
-        ("subjects: {a: box}\n", "subjects.a is 'box'; it must be a mapping. Write a: {solid: box}."),
+        ("subjects: {a: box}\n", "subjects.a: 'box' is not a mapping"),
     ],
 )
 def test_a_wrong_set_of_subjects_has_one_message_with_its_place(entry: str, said: str) -> None:
@@ -159,11 +159,11 @@ ROOM = "copies: {count: 5, region: {sphere: {radius: 1}}}"
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ("look: clay", "solid is missing under subjects.a"),
-        ("solid: box, loook: clay", "loook is not known under subjects.a. Did you mean 'look'?"),
-        ("solid: box, size: [1, 1, 1], radius: 2", "4:45: radius is no measure of a box."),
-        ("model: box.obj, size: [1, 1, 1]", "size is for a subject with solid, not with model."),
-        (f"solid: box, {ROOM.replace('5', '0')}", "count is 0; it must be at least 1"),
+        ("look: clay", "subjects.a.solid: missing"),
+        ("solid: box, loook: clay", "subjects.a.loook: unknown name. Did you mean 'look'?"),
+        ("solid: box, size: [1, 1, 1], radius: 2", "4:45: radius is not a measure of a box."),
+        ("model: box.obj, size: [1, 1, 1]", "subjects.a.size: unknown name. It is for solid, not for model."),
+        (f"solid: box, {ROOM.replace('5', '0')}", "count: 0 is out of range; it must be at least 1"),
         (f"solid: box, {ROOM}", "4:28: the region has room for no copy of this subject"),
         (f"solid: box, {ROOM.replace('1}', '4}')}", "the region has room for 3 copies of this subject"),
         (f"solid: box, place: [1, 0, 0], {ROOM}", "place is for a subject without copies"),
@@ -182,7 +182,7 @@ def test_a_mistake_in_a_subject_has_one_message_with_its_place(settings: str, sa
 
 
 def test_without_resampling_each_subject_is_asked_for_it_but_no_points_are() -> None:
-    assert "resample is missing" in told("subjects: {a: {solid: box}}\n", rest="")
+    assert "resample: missing" in told("subjects: {a: {solid: box}}\n", rest="")
     cloud = "{cloud: {solid: box}, radius: 0.1, count: 9}"
     text = f"title: T\nframes: 1-2\nsubjects: {{a: {{solid: box}}, b: {cloud}}}\n"
     a, b = read_shot("a.yaml", text + "resample: {max_edge_length: 0.5}\n").subjects

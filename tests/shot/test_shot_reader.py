@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from pipeline.errors import ShotError
 from pipeline.flow import Sequence, Streamlines, keyed
 from pipeline.flow.catalogue.basic import Rotation
 from pipeline.flow.catalogue.deformations import Twist
@@ -136,19 +135,6 @@ def test_a_shot_may_ask_more_of_one_quality(tmp_path: Path) -> None:
     picture = read_shot(written(tmp_path, GOOD + "quality: {draft: {samples: 6, denoise: high}}\n")).picture
     assert picture.qualities["draft"] == replace(QUALITIES["draft"], samples=6, denoise="high")
     assert {**picture.qualities, "draft": QUALITIES["draft"]} == QUALITIES
-
-
-def test_settings_under_the_former_name_of_a_quality_are_those_of_draft(tmp_path: Path) -> None:
-    picture = read_shot(written(tmp_path, GOOD + "quality: {preview: {samples: 6, denoise: high}}\n")).picture
-    assert picture.qualities["draft"] == replace(QUALITIES["draft"], samples=6, denoise="high")
-    assert set(picture.qualities) == set(QUALITIES)
-
-
-def test_a_mistake_under_the_former_name_of_a_quality_is_reported_at_its_place(tmp_path: Path) -> None:
-    with pytest.raises(ShotError, match=r":\d+:21: quality\.preview\.samples is 0; it must be"):
-        read_shot(written(tmp_path, GOOD + "quality: {preview: {samples: 0}}\n"))
-    with pytest.raises(ShotError, match=r"preview .*draft"):
-        read_shot(written(tmp_path, GOOD + "quality: {preview: {samples: 2}, draft: {samples: 4}}\n"))
 
 
 def test_a_key_changed_late_leaves_the_earlier_steps_alone(tmp_path: Path) -> None:

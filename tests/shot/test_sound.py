@@ -114,15 +114,15 @@ def test_a_sound_that_ends_early_or_is_silent_is_noted(tones: Path) -> None:
         ({"audio": "c.wav"}, r"c.wav: cannot be read as sound \(.*\); save it as WAV or FLAC"),
         ({"band": "[250, 20]"}, "is empty; the first frequency must be below the second. Write .20, 250."),
         ({"band": "[100, 105]"}, "is 5 Hz wide; a band must have 10 Hz or more. Write .90, 115."),
-        ({"band": "[100]"}, "is no band; a band is .from, to. in Hz"),
+        ({"band": "[100]"}, "is not a band; a band is .from, to. in Hz"),
         ({"band": "[30000, 40000]"}, "has nothing above 24000 Hz, and the band begins at 30000 Hz"),
-        ({"band": "low"}, "'low' is no band"),
-        ({"attack": "-1"}, "attack is -1; it must be at least 0"),
-        ({"normalise": "rms"}, "'rms' is no normalisation"),
+        ({"band": "low"}, "'low' is not a band"),
+        ({"attack": "-1"}, "attack: -1 is out of range; it must be at least 0"),
+        ({"normalise": "rms"}, "'rms' is not a normalisation"),
         ({"gain": "[1, 2, 3]"}, "gain"),
-        ({"volume": "3"}, "volume is not known"),
+        ({"volume": "3"}, "volume: unknown name"),
         ({"attack": "5ms"}, "5ms has a unit; it is a number of seconds. Write 0.005."),
-        ({"offset": "3"}, "offset is called base"),
+        ({"offset": "3"}, "offset: unknown name. Did you mean 'base'"),
         ({"audio": "", "sound": "a.wav"}, "a value that follows a sound has audio. Write {audio: a.wav}."),
     ],
 )
@@ -138,7 +138,7 @@ def test_a_mistake_is_told_with_place_rule_and_remedy(
 
 def test_a_value_out_of_its_bounds_between_half_frames_is_refused(tones: Path) -> None:
     text = "camera: {field_of_view: {audio: a.wav, base: 20, gain: -30, attack: 0, release: 0}}\n"
-    with pytest.raises(ShotError, match=r"field_of_view is -\d.* it must stay above 0 and below 180"):
+    with pytest.raises(ShotError, match=r"field_of_view: -\d.* it must stay above 0 and below 180"):
         read_shot(written(tones, SHOT.split("camera")[0] + text))
 
 

@@ -69,7 +69,7 @@ def test_a_missing_file_is_a_missing_input(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("a: [1, 2\nb: 3\n", r"shot\.yaml:1:4: this \[ is never closed\. Add \]\."),
+        ("a: [1, 2\nb: 3\n", r"shot\.yaml:1:4: this \[ is never closed; add \]"),
         ("", r"shot\.yaml:1:1: the file is empty"),
         ("a:\n\t- 1\n", r"shot\.yaml:2:1: a tab indents this line"),
         ("a: 1\nb: x\x07y\n", r"shot\.yaml:2:5: the character U\+0007 is not printable"),

@@ -79,7 +79,7 @@ def test_fields_are_added_up_like_others(folder: Path) -> None:
 
 
 WRONG = [
-    ("formula: [-y, x, sinn(t)]", "6:22: sinn is no function here. Did you mean 'sin'?"),
+    ("formula: [-y, x, sinn(t)]", "6:22: sinn is not a function here. Did you mean 'sin'?"),
     ("formula: [x, y, 1e400]", "6:21: this number is too large; 1e100 is the largest"),
     ("formula: [x, y, 3 + 1 / 0]", "6:25: 1 / 0 is inf; a formula must be finite. Write another."),
     ("formula: [x, y, x / (2 - 2) + log(0)]", "6:35: log(0) is -inf; a formula must be finite."),
@@ -98,7 +98,7 @@ WRONG = [
     ),
     ("within: {region: {mesh: {file: t.obj, scal: 2}}, flows: [{vortex: }]}", "Did you mean 'scale'?"),
     ("within: {region: {mesh: gone.obj}, flows: [{vortex: }]}", "6:23: file gone.obj is not there"),
-    ("formula: [x, .nan, y]", "6:18: this is no number; write one plainly, such as 0.05"),
+    ("formula: [x, .nan, y]", "6:18: this is not a number; write one plainly, such as 0.05"),
     ("formula: [x, -1e400, y]", "6:18: this number is too large; 1e100 is the largest"),
     ("formula: [x, y * 1e400, 0]", "6:22: this number is too large; 1e100 is the largest"),
     ("formula: [x, y, seconds]", "6:21: seconds is not known here. Write t."),
@@ -108,21 +108,24 @@ WRONG = [
         "a formula has 10 numbers of its own beside frame; 9 are the most",
     ),
     ('formula: ["-y", "x + os", "0"]', "6:26: os is not known here. Did you mean 'cos'?"),
-    ("formula: {velocity: [y, 'k * open(1)', 0], with: {k: 1}}", "6:34: open is no function here"),
-    ("formula: -y, x, 0", "formula is '-y, x, 0'; it must be a list of three. Write [-y, x, 0]."),
-    ("formula: [x, y]", "formula has 2 items; it must have at least 3"),
+    ("formula: {velocity: [y, 'k * open(1)', 0], with: {k: 1}}", "6:34: open is not a function here"),
+    ("formula: -y, x, 0", "formula: '-y, x, 0' is not a list of three, such as [-y, x, 0]"),
+    ("formula: [x, y]", "formula: 2 items; it must have at least 3"),
     ("formula: {velocity: [x, y, z], with: {sin: 1}}", "'sin' cannot name a number"),
     (
         "formula: {velocity: [x, y, z], extend: 3}",
-        "extend is not known under flows.0.formula. Did you mean 'extent'?",
+        "flows.0.formula.extend: unknown name. Did you mean 'extent'?",
     ),
-    ("curl_noise: {octaves: 0}", "6:18: flows.0.curl_noise.octaves is 0; it must be at least 1"),
+    (
+        "curl_noise: {octaves: 0}",
+        "6:18: flows.0.curl_noise.octaves: 0 is out of range; it must be at least 1",
+    ),
     ("curl_noise: {sede: 1}", "Did you mean 'seed'?"),
     ("attraction: {rate: 2}", "attraction has no target; write one of points, curve and mesh"),
     ("attraction: {points: [[0, 0, 0]], mesh: t.obj}", "attraction has points and mesh; its target is"),
     ("attraction: {mesh: gone.obj}", "file gone.obj is not there; it is looked for beside the shot file"),
     ("attraction: {mesh: swirl.py}", ".py is not a mesh format"),
-    ("wind: {through: [[0, 0, 0]]}", "has 1 item; it must have at least 2"),
+    ("wind: {through: [[0, 0, 0]]}", "1 item; it must have at least 2"),
     ("wind: {through: [[0, 0, 0], [0, 0, 0]]}", "twice in a row"),
     ("sampled: {file: gone.vti}", "file gone.vti is not there"),
     ("sampled: {file: gone_*.vti}", "no file matches gone_*.vti"),
@@ -131,7 +134,7 @@ WRONG = [
     ("sampled: {file: w_01.npz, outside: mirror}", "it must be 'clamp', 'zero' or 'repeat'"),
     (
         "sum: [vortex: {}, twist: {amount: 3}]",
-        "6:23: twist is no velocity field, and only those add up. Make it an entry of flows.",
+        "6:23: twist is not a velocity field, and only those add up. Make it an entry of flows.",
     ),
     ("python: {file: gone.py, function: f}", "file gone.py is not there"),
     ("python: {file: /dev/zero, function: f}", "file /dev/zero is a device; it must be a regular file"),
@@ -143,8 +146,8 @@ WRONG = [
     (f"sampled: {{file: {'n' * 5000}.npz}}", "file nnnn"),
     (f"python: {{file: {'n' * 5000}, function: f}}", "is not there; it is looked for beside the shot file"),
     ('attraction: {mesh: "a\\0b.obj"}', "file 'a\\x00b.obj' is not there"),
-    ("sampled: {file: '**.npz'}", "file **.npz is no name of a sequence; each * stands for any letters"),
-    ("python: {file: swirl.py}", "function is missing"),
+    ("sampled: {file: '**.npz'}", "file **.npz is not a name of a sequence; each * stands for any letters"),
+    ("python: {file: swirl.py}", "function: missing"),
     ("python: {file: swirl.py, function: swirl()}", "'swirl()' names no function"),
 ]
 

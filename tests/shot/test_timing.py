@@ -110,14 +110,13 @@ BAD = [
     ("strength: {keys: {0.5: 0, 36: 3}}",
      "6:32: key 0.5 is outside of the shot, which has frames 1-49 (2 s). Move it inside."),
     ("strength: {keys: {1: 0, 2 sec: 3}}",
-     "6:38: key '2 sec' is no time; write a frame, such as 12, or seconds, such as 0.5s"),
+     "6:38: key '2 sec' is not a time; write a frame, such as 12, or seconds, such as 0.5s"),
     ("strength: {keys: {1: 0, .nan: 3}}",
-     "6:38: key nan is no time; write a frame, such as 12, or seconds, such as 0.5s"),
+     "6:38: key nan is not a time; write a frame, such as 12, or seconds, such as 0.5s"),
     ("strength: {keys: {1: 0, 2: 4s}}",
-     "6:38: flows.0.vortex.strength.keys.2 is '4s'; it must be a number, without quotes "
-     "or units. Write 4."),
+     "6:38: flows.0.vortex.strength.keys.2: '4s' is not a number. Did you mean 4?"),
     ("strength: {keys: {1: 0, 2: 1}, after: pingpong}",
-     "6:45: flows.0.vortex.strength.after: 'pingpong' is no extrapolation. Did you mean 'ping_pong'?"),
+     "6:45: flows.0.vortex.strength.after: 'pingpong' is not an extrapolation. Did you mean 'ping_pong'?"),
     ("strength: {keys: {1: 0, 9: {value: 2, left: [-2, 1]}}}",
      "6:52: left is a handle beside a segment that is not Bézier. Write ease: bezier with the key before, "
      "or leave left out."),
@@ -135,18 +134,18 @@ BAD = [
      "6:46: right has 'big' for its value; a handle is [time, value] away from its key, such as [6, 0.5]"),
     ("centre: {keys: {1: {value: [0, 0, 0], right: [3, 1]}}}",
      "6:52: right has 1 number and its key 3; they need as many. Write all of them."),
-    ("strength: {formula: 4*sinn(t)}", "6:36: sinn is no function here. Did you mean 'sin'?"),
-    ("strength: {formula: __import__('os')}", "6:34: __import__ is no function here. There are: "),
+    ("strength: {formula: 4*sinn(t)}", "6:36: sinn is not a function here. Did you mean 'sin'?"),
+    ("strength: {formula: __import__('os')}", "6:34: __import__ is not a function here. There are: "),
     ("strength: {formula: 1 / (frame - 13)}",
-     "6:14: flows.0.vortex.strength is not finite: formula '1 / (frame - 13)' is inf "
+     "6:14: flows.0.vortex.strength: not finite: formula '1 / (frame - 13)' is inf "
      "at t 0.5, frame 13; "
      "it must be finite everywhere. Guard it with max, clamp or `… if … else …`."),
     ("radius: {formula: 1 - t}",
-     "6:14: flows.0.vortex.radius is 0 at frame 25; it must stay above 0. Correct the curve there."),
+     "6:14: flows.0.vortex.radius: 0 at frame 25 is out of range; it must stay above 0"),
     ("radius: {keys: {1: 1, 49: 0.05}, ease: back_out}",
-     "6:14: flows.0.vortex.radius is -0.004689 at frame 22"),
+     "6:14: flows.0.vortex.radius: -0.004689 at frame 22"),
     ("centre: {formula: [1, 2]}",
-     "6:23: flows.0.vortex.centre.formula has 2 items; it must have at least 3"),
+     "6:23: flows.0.vortex.centre.formula: 2 items; it must have at least 3"),
 ]  # fmt: skip
 
 

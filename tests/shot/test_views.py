@@ -86,7 +86,7 @@ def test_the_files_of_a_config_decide_and_not_where_they_lie(folder, tmp_path_fa
 @pytest.mark.parametrize(
     ("said", "message"),
     [
-        ("view: {viewx: x}", "a.yaml:5:8: viewx is not known under view. Did you mean 'view'?"),
+        ("view: {viewx: x}", "a.yaml:5:8: view.viewx: unknown name. Did you mean 'view'?"),
         (
             "view: {view: Plane, config: studio.ocio, space: LINEAR}",
             "has no view 'Plane'. Did you mean 'Plain'?",

@@ -152,7 +152,7 @@ def _of_source(source: str, name: str) -> _NewShot:
     known = shot_names()
     if source not in known and not source.endswith((".yaml", ".yml")):
         hint = suggestion(source, [*known, *presets()])
-        raise UsageError(f"there is no flow and no shot {source!r} to begin from. {hint}")
+        raise UsageError(f"there is not a flow and no shot {source!r} to begin from. {hint}")
     text = shot_of_shot(text_of(find_shot(source)), name)
     try:
         read_shot(SHOTS / f"{name}.yaml", text)
@@ -166,8 +166,8 @@ def _of_model(model: Path, source: str, name: str) -> _NewShot:
     """Return a new shot of a model under a flow."""
     if source not in DOCUMENTS:
         raise UsageError(
-            f"--from {source} is no flow, and --model shows its file under one. Leave --from out, or name a "
-            "flow; in a copy of a shot, write the model into its subject"
+            f"--from {source} is not a flow, and --model shows its file under one. Leave --from out, or name "
+            "a flow; in a copy of a shot, write the model into its subject"
         )
     beside = dict(_of_source(source, name).beside)
     place = model.resolve()
@@ -209,7 +209,7 @@ def _begin_show(common: Common, folder: Path, source: str) -> None:
         files[folder / name] = partial(_write_text, text=text)
     if not shots:
         if source not in DOCUMENTS:
-            raise UsageError(f"there is no flow {source!r} to begin from. {suggestion(source, presets())}")
+            raise UsageError(f"there is not a flow {source!r} to begin from. {suggestion(source, presets())}")
         shot = without_shared(shot_of_flow(source, FIRST_SHOT), SHARED)
         files[folder / SHOTS / f"{FIRST_SHOT}.yaml"] = partial(_write_text, text=_SHOT_SCHEMA + shot)
         if source in FLOW_FILES:

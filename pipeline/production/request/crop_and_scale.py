@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from pipeline.errors import UsageError, suggestion
-from pipeline.shot.yaml.synonyms import VALUES, as_name
+from pipeline.shot.yaml.synonyms import value_meant
 from render.scene.render_quality import FORMER_NAMES, QUALITIES, Crop, Quality
 
 LEAST, MOST = 1.0, 400.0
@@ -67,8 +67,8 @@ def is_quality(name: str) -> bool:
 def require_quality(name: str) -> None:
     """Raise UsageError, with the nearest one, for what is no quality."""
     if not is_quality(name):
-        meant = VALUES.get(as_name(name))
-        hint = f"Did you mean {meant!r}?" if meant in QUALITIES else suggestion(name, QUALITIES)
+        meant = value_meant(name, QUALITIES)
+        hint = f"Did you mean {meant!r}?" if meant else suggestion(name, QUALITIES)
         raise UsageError(f"{name!r} is not a quality. {hint}")
 
 

@@ -40,7 +40,7 @@ from pipeline.shot.documents.field_types import (
     optional,
 )
 from pipeline.shot.documents.sound_documents import FromSound, FromSoundTriple
-from pipeline.shot.yaml.document_validation import bad_curve, finding
+from pipeline.shot.yaml.document_validation import bad_value, finding
 from render.scene.projection import KINDS, Projection
 
 SAFE_AREAS = {"action": 0.035, "title": 0.05}
@@ -225,7 +225,7 @@ def _has_times(clock: Clock, *values: Any) -> bool:
 
 def _degrees(low: float, high: float, usual: str) -> AfterValidator:
     """Return a validator: degrees that stay within bounds at every half frame of the shot."""
-    rule = f"it must stay from {low:g} to {high:g} degrees. Write {usual}."
+    rule = f"it must stay from {low:g} to {high:g} degrees; {usual} is usual"
 
     def check(value: Any, info: ValidationInfo) -> Any:
         clock: Clock | None = (info.context or {}).get("clock")
@@ -235,8 +235,7 @@ def _degrees(low: float, high: float, usual: str) -> AfterValidator:
             curve = number(value, clock)
             for frame in sampled_frames(clock):
                 if not low <= (degrees := number_at(curve, clock.time(frame))) <= high:
-                    fault = f"is {degrees:.4g} at frame {frame:g}; {rule}"
-                    raise bad_curve(fault)
+                    raise bad_value(f"{degrees:.4g} at frame {frame:g} is out of range; {rule}")
         except (UsageError, AssertionError):  # other checks report these
             return value
         return value
@@ -258,7 +257,7 @@ class ShutterDocument(Document):
             )
         return value
 
-    angle: Annotated[NumberField, _degrees(0.0, 360.0, "180, which film cameras have")] = Field(
+    angle: Annotated[NumberField, _degrees(0.0, 360.0, "180")] = Field(
         default=180.0, description="opening of the shutter; 360 is a whole frame, 0 no blur (degrees)"
     )
     phase: Annotated[NumberField, _degrees(-360.0, 0.0, "-90")] | None = optional(

@@ -32,7 +32,7 @@ from pipeline.shot.documents.field_types import (
     vector,
 )
 from pipeline.shot.documents.sound_documents import SUFFIXES, FromSound, FromSoundTriple
-from pipeline.shot.yaml.document_validation import bad_curve, bad_value
+from pipeline.shot.yaml.document_validation import bad_value
 from pipeline.shot.yaml.plain_text import in_yaml
 
 T = TypeVar("T")
@@ -138,7 +138,7 @@ def within(bounds: Bounds) -> AfterValidator:
             return value
         fault = _curve_fault(value, clock, bounds)
         if fault:
-            raise bad_curve(fault)
+            raise bad_value(fault)
         return value
 
     return AfterValidator(check)
@@ -170,11 +170,9 @@ def _curve_fault(value: Changing, clock: Clock, bounds: Bounds) -> str | None:
             worst = min(row) if min(row) < bounds.low else max(row)
             if not bounds.low <= worst <= bounds.high:
                 frame = clock.frames.first + float(clock.rate.fps) * time
-                return (
-                    f"is {worst:.4g} at frame {frame:g}; it must stay {bounds.rule}. Correct the curve there."
-                )
+                return f"{worst:.4g} at frame {frame:g} is out of range; it must stay {bounds.rule}"
     except UsageError as error:
-        return f"is not finite: {error}"
+        return f"not finite: {error}"
     return None
 
 
@@ -296,5 +294,5 @@ def _keyframes(keyed: Keyed[Any], clock: Clock, unit: float) -> Keyframes:
 
 
 def _known(seconds: float | None) -> float:
-    assert seconds is not None, "checks have refused everything that is no time"
+    assert seconds is not None, "checks have refused everything that is not a time"
     return seconds

@@ -28,8 +28,8 @@ from pipeline.formula import Expression, FormulaError
 from pipeline.shot.yaml.document_validation import bad_value, finding
 from pipeline.shot.yaml.messages import number_in
 from pipeline.shot.yaml.plain_text import in_yaml
-from pipeline.shot.yaml.synonyms import VALUES, as_name
-from render.base.plural import plural
+from pipeline.shot.yaml.synonyms import value_meant
+from render.base.plural import indefinite, plural
 
 DEGREE = math.radians(1.0)
 
@@ -111,9 +111,9 @@ def one_of(names: Iterable[str], kind: str) -> OneOf:
 
     def check(word: str) -> str:
         if word not in known:
-            meant = VALUES.get(as_name(word))
-            hint = f"Did you mean {meant!r}?" if meant in known else suggestion(word, known)
-            raise bad_value(f"{shortened(word)} is no {kind}. {hint}")
+            meant = value_meant(word, known)
+            hint = f"Did you mean {meant!r}?" if meant else suggestion(word, known)
+            raise bad_value(f"{shortened(word)} is not {indefinite(kind)}. {hint}")
         return word
 
     return OneOf(check, known)
@@ -166,7 +166,7 @@ def _require_axis(value: Any) -> Any:
         vector_text = [-1 if name == match[2].lower() else 0 for name in "xyz"]
         raise bad_value(f"an axis that points backwards is a vector. Write {vector_text}.")
     if is_number(value):
-        raise bad_value(f"{value} is no axis. Write x, y, z or a vector, such as [0, 1, 1].")
+        raise bad_value(f"{value} is not an axis. Write x, y, z or a vector, such as [0, 1, 1].")
     return value
 
 
@@ -231,7 +231,7 @@ def _as_text(value: Any) -> Any:
     if not is_number(value):
         return value
     if math.isnan(value):
-        raise formula_error(1, "this is no number; write one plainly, such as 0.05")
+        raise formula_error(1, "this is not a number; write one plainly, such as 0.05")
     if math.isinf(value):
         raise formula_error(1, "this number is too large; 1e100 is the largest")
     return repr(value)
@@ -286,7 +286,7 @@ def _linear(value: float) -> float:
 
 def _fault(text: str) -> str:
     if (meant := WORDS.get(text.lower())) is not None:
-        return f"a colour is no word. Write {meant}, or red, green and blue from 0 to 1."
+        return f"a colour is not a word. Write {meant}, or red, green and blue from 0 to 1."
     match, rgb, quote = _HEX.fullmatch(text), _RGB.match(text), shortened(text)
     if rgb:
         return f"a colour of sRGB is written '{_hex([int(part) for part in rgb.groups()])}', in quotes."
@@ -297,7 +297,7 @@ def _fault(text: str) -> str:
         return f"{quote} has {len(match[1])} digits; it must have 3 or 6. Write it as '#c04020'."
     if match and len(match[1]) in (3, 6):
         return f"a colour of sRGB begins with #. Write '#{match[1]}', in quotes."
-    return f"{quote} is no colour. Write red, green, blue from 0 to 1, as [0.5, 0.2, 0.1], or '#c04020'."
+    return f"{quote} is not a colour. Write red, green, blue from 0 to 1, as [0.5, 0.2, 0.1], or '#c04020'."
 
 
 def _hex(values: list[int]) -> str:

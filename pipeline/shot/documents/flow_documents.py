@@ -52,7 +52,6 @@ from pipeline.shot.documents.field_types import (
     vector,
 )
 from pipeline.shot.yaml.document_validation import ParseContext, as_finding, finding
-from pipeline.shot.yaml.messages import list_in
 from render.base.input_files import read_input
 
 
@@ -143,7 +142,7 @@ def _value(p: Parameter, value: Any, clock: Clock) -> Any:
 
 def _check_name(word: str) -> str:
     if not word.isidentifier() or word in {*NAMES, *CONSTANTS, *FUNCTIONS}:
-        rule = "it is no word, or has a meaning"
+        rule = "it is not a word, or has a meaning"
         raise finding(f"{shortened(word)} cannot name a number: {rule}. Choose another.")
     return word
 
@@ -177,8 +176,7 @@ class FormulaDocument(FlowParameters):
         """`formula: [a, b, c]` is `formula: {velocity: [a, b, c]}`."""
         given = value.get("velocity", []) if isinstance(value, dict) else value
         if isinstance(given, str | int | float):
-            meant = list_in(str(given)) or "one for each axis, such as [-y, x, 0]"
-            raise finding(f"formula is {shortened(given)}; it must be a list of three. Write {meant}.")
+            raise finding(f"formula: {shortened(given)} is not a list of three, such as [-y, x, 0]")
         return {"velocity": value} if isinstance(value, list) else value
 
     @classmethod

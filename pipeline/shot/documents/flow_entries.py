@@ -200,7 +200,7 @@ def _positive_duration(value: Any) -> Any:
     length = Clock(FrameRange.of([1]), FrameRate.of(24)).length(value)
     if length is None or not 0 < length < math.inf:
         raise bad_value(
-            f"{shortened(value)} is no duration. Write frames, such as 24, or seconds, such as 1s."
+            f"{shortened(value)} is not a duration. Write frames, such as 24, or seconds, such as 1s."
         )
     return value
 
@@ -405,7 +405,7 @@ class VelocityDocument(Velocities):
         for name in value if isinstance(value, dict) else ():
             if name in FlowDocument.model_fields and name not in cls.model_fields:
                 raise finding(
-                    f"{name} is no velocity field, and only those add up. Make it an entry of flows."
+                    f"{name} is not a velocity field, and only those add up. Make it an entry of flows."
                 )
         return value
 

@@ -111,7 +111,7 @@ def _check_light_name(name: str) -> str:
         return name
     meant = re.sub(r"\W+", "_", name).lstrip("_0123456789").rstrip("_")
     raise bad_value(
-        f"{shortened(name)} is no name of a light or group: letters, digits and _ after a first letter. "
+        f"{shortened(name)} is not a name of a light or group: letters, digits and _ after a first letter. "
         f"Write {meant or 'key'}."
     )
 
@@ -127,7 +127,7 @@ def _require_groups(value: Any) -> Any:
     if isinstance(value, list):
         raise bad_value(f"a light group has a name. Write {{NAME: {in_yaml(value)}}}, or each.")
     if value not in ("off", "each"):
-        raise bad_value(f"{shortened(value)} is no light group. Write each, off, or {{NAME: [key, rim]}}.")
+        raise bad_value(f"{shortened(value)} is not a light group. Write each, off, or {{NAME: [key, rim]}}.")
     return value
 
 
@@ -188,7 +188,7 @@ def _hours(value: Any) -> Any:
     """Refuse a time of day with minutes, with the hours that it means."""
     if isinstance(value, str) and (match := re.fullmatch(r"(\d{1,2}):([0-5]\d)(?::\d\d)?", value)):
         hours = int(match[1]) + int(match[2]) / 60
-        raise bad_value(f"{shortened(value)} is no number of hours. Write {hours:.4g}.")
+        raise bad_value(f"{shortened(value)} is not a number of hours. Write {hours:.4g}.")
     return value
 
 
@@ -357,7 +357,7 @@ _SPELT_OUT = {
 def require_rig(value: Any) -> Any:
     """Refuse words that are no rig and mean lights that are spelt out."""
     if isinstance(value, str) and (meant := _SPELT_OUT.get(value)):
-        raise bad_value(f"{shortened(value)} is no light rig. Write lights: {meant}.")
+        raise bad_value(f"{shortened(value)} is not a light rig. Write lights: {meant}.")
     return value
 
 

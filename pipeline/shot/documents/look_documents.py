@@ -114,7 +114,7 @@ def _plugin(
         return
     kind = plugin["type"]
     if kind not in known:
-        yield (*where, "type"), f"{shortened(kind)} is no {role} of Mitsuba. {suggestion(kind, known)}"
+        yield (*where, "type"), f"{shortened(kind)} is not a {role} of Mitsuba. {suggestion(kind, known)}"
         return
     form = PLUGINS[kind]
     inner = [0, 0]
@@ -131,7 +131,7 @@ def _plugin(
         else:
             names = tuple(form.parameters)
             hint = suggestion(str(name), names) if names else "It takes none."
-            yield place, f"{name} is no parameter of {kind}. {hint}"
+            yield place, f"{name} is not a parameter of {kind}. {hint}"
     yield from _count(kind, form, inner, where)
     yield from _file(plugin, where, folder)
 

@@ -181,7 +181,7 @@ def facts(name: str) -> dict[str, Any]:
     Raises UsageError for an unknown name.
     """
     if name not in DOCUMENTS:
-        raise UsageError(f"there is no flow {name!r} in the catalogue. {suggestion(name, DOCUMENTS)}")
+        raise UsageError(f"there is not a flow {name!r} in the catalogue. {suggestion(name, DOCUMENTS)}")
     document = DOCUMENTS[name]
     return {
         "name": name,

@@ -79,7 +79,7 @@ def _pixels(value: Any) -> Any:
         return value
     match = re.match(_PIXELS, value)
     if not match:
-        raise bad_value(f"{shortened(value)} is no length in pixels. Write 2px.")
+        raise bad_value(f"{shortened(value)} is not a length in pixels. Write 2px.")
     return float(match[1])
 
 
@@ -256,7 +256,7 @@ def _frame_count(value: Any) -> Any:
         seconds = number_in(value)
     if seconds and math.isfinite(seconds):
         raise bad_value(
-            f"{value} is no count of frames. Write {round(24 * seconds)} for {seconds:g} s at 24 a second."
+            f"{value} is not a count of frames. Write {round(24 * seconds)} for {seconds:g} s at 24 a second."
         )
     return value
 

@@ -48,11 +48,11 @@ Start = Annotated[float, Field(ge=-86400, le=86400)]
 
 
 def _require_band(value: Any) -> Any:
-    """Refuse a list that is no band, with one that is."""
+    """Refuse a list that is not a band, with one that is."""
     if not isinstance(value, list) or not all(map(is_number, value)):
         return value
     if len(value) != 2:
-        raise bad_value(f"{in_yaml(value)} is no band; a band is [from, to] in Hz. Write [60, 120].")
+        raise bad_value(f"{in_yaml(value)} is not a band; a band is [from, to] in Hz. Write [60, 120].")
     low, high = value
     if low > high:
         raise bad_value(

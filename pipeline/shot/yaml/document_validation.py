@@ -17,7 +17,6 @@ from pydantic_core import PydanticCustomError
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, reason_of
 from pipeline.mesh.read import model_files
-from pipeline.shot.yaml.bracket_mistakes import LOST
 from pipeline.shot.yaml.messages import problems_of
 from pipeline.shot.yaml.named_files import is_folder, is_there, shown
 from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
@@ -92,7 +91,7 @@ class ParseContext:
             paths = sorted(path for path in folder.glob(Path(name).name) if is_there(path))
         except (OSError, ValueError):
             raise finding(
-                f"file {shown(name)} is no name of a sequence; each * stands for any letters. "
+                f"file {shown(name)} is not a name of a sequence; each * stands for any letters. "
                 "Write one where names differ, as in wind_*.npz."
             ) from None
         if not paths:
@@ -142,11 +141,6 @@ def finding(text: str) -> PydanticCustomError:
 def bad_value(text: str) -> PydanticCustomError:
     """Return an error for pydantic with a message that follows the value's path: `rate: …`."""
     return PydanticCustomError("bad_value", "{text}", {"text": text})
-
-
-def bad_curve(text: str) -> PydanticCustomError:
-    """Return an error for pydantic with a message that continues the value's path: `speed is …`."""
-    return PydanticCustomError("bad_curve", "{text}", {"text": text})
 
 
 def as_finding(make: Callable[[], T]) -> T:
@@ -199,14 +193,6 @@ def _is_reported(where: Where, reported: set[Where]) -> bool:
     return where in reported or (bool(where) and isinstance(where[-1], int) and where[:-1] in reported)
 
 
-def _with_remedy_of(found: list[Problem], problem: Problem) -> Problem:
-    """Return the problem of a colour lost as a comment, with another remedy where quotes would not do."""
-    where, text = problem
-    fact, _, remedy = text.partition(LOST)
-    better = next((other.partition(". ")[2] for place, other in found if place == where), "")
-    return (where, f"{fact}{LOST}. {better}") if remedy and better else problem
-
-
 def validated(
     checks: Checks,
     kind: type[D],
@@ -231,7 +217,7 @@ def validated(
             raise failure
     except ValidationError as error:
         found, supplied = problems_of(error, source, kind)
-        wrong = [_with_remedy_of(found, problem) for problem in wrong if problem[0] not in supplied]
+        wrong = [problem for problem in wrong if problem[0] not in supplied]
         reported = {where for where, _ in wrong}
         wrong += [problem for problem in found if not _is_reported(problem[0], reported)]
     except Exception:

@@ -16,19 +16,14 @@ from typing import Any
 
 from pipeline.errors import MissingInputError, ShotError, UsageError, brief, shortened, suggestion
 from pipeline.shot.clock import Clock, parse_frames, parse_rate
-from pipeline.shot.yaml.misplaced_names import SPELT_OUT
 from pipeline.shot.yaml.named_files import DEFAULTS, is_there, shown, text_of
 from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.syntax_errors import HEX_COLOUR, quoted
 from pipeline.shot.yaml.yaml_source import Where, YamlSource
-from render.scene.render_quality import FORMER_NAMES
 
 OPTION = "--set"
 
 _FORM = re.compile(r"\s*([^=\s]+?)\s*=(.*)", re.DOTALL)
-_OTHER_FORM = re.compile(r"([\w.]+)(?:: *| +)(\S+)")
-"""A setting with a colon or a space in place of =."""
-
 _FRAME = re.compile(r"[+-]?\d+(\.\d+)?")
 _TIME = re.compile(r"[+-]?\d+\.\d+s?")
 
@@ -49,17 +44,11 @@ def with_settings(source: YamlSource, settings: Iterable[str]) -> YamlSource:
 
 def _set(source: YamlSource, setting: str) -> YamlSource:
     place = f"{OPTION} {brief(setting)}"
-    for former, name in FORMER_NAMES.items():
-        setting = re.sub(rf"^(\s*quality\.){former}\b", rf"\1{name}", setting)
     match = _FORM.fullmatch(setting)
     if not match:
-        other = _OTHER_FORM.fullmatch(setting)
-        meant = f"{other[1]}={other[2]}" if other else "name=value, such as flows.0.twist.amount=90"
-        if re.fullmatch(r"[a-z_]+(\.\w+)+", setting):
-            meant = f"{setting}=VALUE, without a space"
-        raise ShotError(f"{place}: this is no setting. Write {meant}.")
-    if (joined := re.sub(r"[/\[\]]+\.?", ".", match[1]).strip(".")) != match[1]:
-        raise ShotError(f"{place}: points join the names. Write {joined}={match[2]}.")
+        raise ShotError(f"{place}: not a setting; it must be name=value, such as flows.0.twist.amount=90")
+    if re.search(r"[/\[\]]", match[1]):
+        raise ShotError(f"{place}: not a setting; points join the names, as in flows.0.twist.amount=90")
     if match[1].split(".")[0] == "extends":
         raise ShotError(
             f"{place}: only a file can say what its shot extends; settings come on top of both. "
@@ -105,12 +94,9 @@ def _put(data: Any, steps: list[str], value: Any, place: str) -> Where:
             if steps and holder[key] is None:
                 holder[key] = {}
         else:
-            remedy = f"Set {name} as a whole"
-            if len(where) == 1 and where[0] in SPELT_OUT and isinstance(holder, str) and not steps:
-                own = SPELT_OUT[where[0]]
-                rest = f"{own}: {holder}, {step}: …" if step != own else f"{own}: …"
-                remedy = f"Write {name}={{{rest}}}"
-            raise ShotError(f"{place}: {name} is {in_yaml(holder)}, which holds no {step}. {remedy}.")
+            raise ShotError(
+                f"{place}: {name} is {in_yaml(holder)}, not a mapping with {step}. Set {name}={{{step}: …}}."
+            )
         where = (*where, key)
         if not steps:
             if where[:-1] == ("picture",):  # aspect and size exclude each other
@@ -195,10 +181,10 @@ def inherited(
     extend each other in a circle, and where a setting has no place in the shot.
     """
     read_text = beside.get if beside is not None else lambda name: _text(path.with_name(name))
-    source = _extended(_read(path, text), read_text, (path.name,))
+    source = _extended(YamlSource.read(path, text), read_text, (path.name,))
     defaults = read_text(DEFAULTS) if path.name != DEFAULTS else None
     if defaults is not None and isinstance(source.data, dict):
-        source = over(source, _require_mapping(_read(path.with_name(DEFAULTS), defaults)))
+        source = over(source, _require_mapping(YamlSource.read(path.with_name(DEFAULTS), defaults)))
     return with_settings(source, settings)
 
 
@@ -217,20 +203,10 @@ def inherited_files(path: Path, text: str) -> dict[str, str]:
 
     try:
         read_text(DEFAULTS)
-        _extended(_read(path, text), read_text, (path.name,))
+        _extended(YamlSource.read(path, text), read_text, (path.name,))
     except (ShotError, MissingInputError):
         return texts
     return texts
-
-
-def _read(path: Path, text: str | None) -> YamlSource:
-    """Read a file with the names of qualities of today. One that is there beside its former name stays."""
-    source = YamlSource.read(path, text)
-    for former, name in FORMER_NAMES.items():
-        given = source.get("quality")
-        if isinstance(given, dict) and former in given and name not in given:
-            source = source.renamed(("quality", former), name)
-    return source
 
 
 def _extended(source: YamlSource, read_text: ReadText, chain: tuple[str, ...]) -> YamlSource:
@@ -251,7 +227,7 @@ def _extended(source: YamlSource, read_text: ReadText, chain: tuple[str, ...]) -
         raise MissingInputError(
             f"{place}: there is no shot {shown(parent)} beside this file to extend. {hint}"
         )
-    base = _require_mapping(_read(source.path.with_name(name), text))
+    base = _require_mapping(YamlSource.read(source.path.with_name(name), text))
     return over(source, _extended(base, read_text, (*chain, name)))
 
 
@@ -282,7 +258,6 @@ def over(source: YamlSource, base: YamlSource) -> YamlSource:
         [*source.problems, *problems],
         {**kept.texts, **source.texts},
         {**others, **source.others},
-        {**kept.written, **source.written},
     )
 
 
@@ -301,7 +276,7 @@ def _merged(value: Any, base: Any, where: Where, replaced: set[Where]) -> Any:
 def _require_mapping(base: YamlSource) -> YamlSource:
     if not isinstance(base.data, dict):
         raise ShotError(
-            f"{base.path}:1:1: this is no mapping; a file that shots inherit from is `name: value`"
+            f"{base.path}:1:1: this is not a mapping; a file that shots inherit from is `name: value`"
         )
     return base
 

@@ -86,15 +86,6 @@ def paths_to(name: Any, models: Models, depth: int) -> Iterator[tuple[str, ...]]
             yield from ((own, *path) for path in paths_to(name, below, 1))
 
 
-def fitting(models: Models, value: Any) -> Models:
-    """Return the documents that have all names of a mapping."""
-    return [
-        model
-        for model in models
-        if not isinstance(value, dict) or value.keys() <= field_names([model]).keys()
-    ]
-
-
 def without_tags(loc: Where) -> Where:
     return tuple(step for step in loc if not _is_tag(step))
 

@@ -130,7 +130,7 @@ class TextMapping:
 
 
 TimeOf = Callable[[Any], float | None]
-"""Returns the time of a key in seconds; None for what is no time."""
+"""Returns the time of a key in seconds; None for what is not a time."""
 
 
 @dataclass(frozen=True)
@@ -301,7 +301,7 @@ class _Editor:
         if self._is_empty(node):
             start, end = self._span(nodes[-2], node)
             return replaced(self.text, start, end, f" {{{entry}}}" if start == end else f"{{{entry}}}")
-        raise _refused(self.source, where[:-1], "is no mapping")
+        raise _refused(self.source, where[:-1], "is not a mapping")
 
     def _span(self, parent: Node, node: Node) -> tuple[int, int]:
         """Return start and end of a value; both are behind the colon of a name without one."""

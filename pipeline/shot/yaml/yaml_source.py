@@ -6,7 +6,6 @@ and column, and every duplicate key reported instead of the first only.
 
 from __future__ import annotations
 
-import copy
 import math
 import re
 from collections import deque
@@ -22,9 +21,8 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.scanner import RoundTripScanner
 
 from pipeline.errors import ShotError
-from pipeline.shot.yaml.bracket_mistakes import LOST, Mistake, lost_colour, meant_items, meant_pairs
 from pipeline.shot.yaml.named_files import MOST_BYTES, text_of
-from pipeline.shot.yaml.syntax_errors import syntax_fault
+from pipeline.shot.yaml.syntax_errors import HEX_COLOUR, syntax_fault
 
 TOO_LARGE = 10**300
 """Whole numbers from here on count as infinite, as decimal numbers do that no float can hold."""
@@ -36,6 +34,8 @@ _TOO_DEEP = (
     "lists and mappings are nested too deep from here on; a shot needs about ten levels. Look for brackets "
     "that never close."
 )
+
+_COMMENT = re.compile(r"\s*:\s+(#.*)$")
 
 _FOLD = "\a"
 """ruamel's mark for the line ends of folded text (`>`)."""
@@ -55,7 +55,6 @@ class YamlSource:
     problems  mistakes in the text itself
     texts     line and column of the first character of each text that stands unchanged in one line
     others    the file of each value that comes from another one, by its path
-    written   the path that the file itself has, by the path of today, for values under a former name
     """
 
     path: Path
@@ -64,7 +63,6 @@ class YamlSource:
     problems: list[tuple[Where, str]] = field(default_factory=list)
     texts: dict[Where, tuple[int, int]] = field(default_factory=dict)
     others: dict[Where, str] = field(default_factory=dict)
-    written: dict[Where, Where] = field(default_factory=dict)
 
     @classmethod
     def read(cls, path: Path, text: str | None = None) -> YamlSource:
@@ -98,10 +96,6 @@ class YamlSource:
         """Return `file:line:column` of a path, or of the nearest mapping or list around it."""
         file, line, column = self.spot_of(where)
         return f"{file}:{line}:{column}" if line else file
-
-    def written_path(self, where: Where) -> Where:
-        """Return a path with the names that the file itself has, which may be former ones."""
-        return self.written.get(where, where)
 
     def order(self, where: Where) -> tuple[bool, str, int, int]:
         """Return a sort key that orders paths by position, those of the file itself first."""
@@ -141,37 +135,7 @@ class YamlSource:
         def kept(spots: dict[Where, Any]) -> dict[Where, Any]:
             return {where: spot for where, spot in spots.items() if not is_dropped(where)}
 
-        return replace(
-            self,
-            places=kept(self.places),
-            texts=kept(self.texts),
-            others=kept(self.others),
-            written=kept(self.written),
-        )
-
-    def renamed(self, where: Where, name: str) -> YamlSource:
-        """Return the source with another name for a key that is there, at the position of the old one."""
-        *parents, former = where
-        data = copy.deepcopy(self.data)
-        holder = data
-        for step in parents:
-            holder = holder[step]
-        values = {name if key == former else key: value for key, value in holder.items()}
-        holder.clear()
-        holder.update(values)
-
-        def moved(path: Where) -> Where:
-            return (*parents, name, *path[len(where) :]) if path[: len(where)] == where else path
-
-        return replace(
-            self,
-            data=data,
-            places={moved(path): spot for path, spot in self.places.items()},
-            problems=[(moved(path), problem) for path, problem in self.problems],
-            texts={moved(path): spot for path, spot in self.texts.items()},
-            others={moved(path): file for path, file in self.others.items()},
-            written={**self.written, **{moved(path): path for path in self.places if moved(path) != path}},
-        )
+        return replace(self, places=kept(self.places), texts=kept(self.texts), others=kept(self.others))
 
     def mappings(self) -> Iterator[tuple[Where, dict[Any, Any]]]:
         """Yield all mappings of the file with their paths, from the top down."""
@@ -206,9 +170,8 @@ class _Reader:
         if isinstance(node, MappingNode):
             return self._mapping(node, where, (*parents, node))
         if isinstance(node, SequenceNode):
-            items, mistakes = meant_items(node) if node.flow_style else (node.value, [])
-            self._note_mistakes(mistakes, where)
-            return [self.value(item, (*where, index), (*parents, node)) for index, item in enumerate(items)]
+            items = enumerate(node.value)
+            return [self.value(item, (*where, index), (*parents, node)) for index, item in items]
         if not isinstance(node, ScalarNode):
             return None
         self._note_text(node, where)
@@ -236,12 +199,12 @@ class _Reader:
 
     def _mapping(self, node: MappingNode, where: Where, parents: tuple[Node, ...]) -> dict[Any, Any]:
         values: dict[Any, Any] = {}
-        pairs, mistakes = meant_pairs(node) if node.flow_style else (node.value, [])
-        self._note_mistakes(mistakes, where)
-        for key_node, value_node in pairs:
+        for key_node, value_node in node.value:
             mark = key_node.start_mark
             if not isinstance(key_node, ScalarNode):
-                self._note_mistakes([(key_node, "a list or mapping is no name; names are text.")], where)
+                place = (*where, ("name", mark.index))
+                self.places[place] = mark.line + 1, mark.column + 1
+                self.problems.append((place, "a list or mapping is not a name; names are text"))
                 continue
             key = scalar(key_node)
             if key in values:
@@ -254,17 +217,19 @@ class _Reader:
                 continue
             self.places[(*where, key)] = (mark.line + 1, mark.column + 1)
             values[key] = self.value(value_node, (*where, key), parents)
-            if colour := lost_colour(key_node, value_node, self.lines):
-                fact = f"{key} is empty, {LOST}"
+            if colour := self._lost_colour(key_node, value_node):
+                fact = f"{key}: empty, since # begins a comment in YAML"
                 self.problems.append(((*where, key), f"{fact}. Put the colour in quotes: '{colour}'."))
                 values[key] = colour
         return values
 
-    def _note_mistakes(self, mistakes: list[Mistake], where: Where) -> None:
-        for node, message in mistakes:
-            place = (*where, ("text", node.start_mark.index))
-            self.places[place] = node.start_mark.line + 1, node.start_mark.column + 1
-            self.problems.append((place, message))
+    def _lost_colour(self, key: Node, value: Node) -> str | None:
+        """Return the colour that stands as a comment in place of a value; None if there is none."""
+        if not isinstance(value, ScalarNode) or value.style or value.value:
+            return None
+        comment = _COMMENT.match(self.lines[key.end_mark.line], key.end_mark.column)
+        colour = HEX_COLOUR.match(comment[1]) if comment else None
+        return colour[0] if colour else None
 
 
 class _Scanner(RoundTripScanner):

@@ -152,7 +152,9 @@ def test_each_refusal_is_one_message_and_nothing_is_lost(follower: Follower) -> 
     tab.locator(field).fill("-1")
     tab.keyboard.press("Enter")
     follower.wait("!document.getElementById('trouble').hidden")
-    assert re.search(r":6:\d+: flows\.0\.vortex\.radius is -1; it must be above 0$", follower.trouble)
+    assert re.search(
+        r":6:\d+: flows\.0\.vortex\.radius: -1 is out of range; it must be above 0$", follower.trouble
+    )
     assert follower.shot.read_text() == SHOT and tab.input_value(field) == "0.6"
     radius = "{kind: 'set', where: ['flows', 0, 'vortex', 'radius'], value: 0.7}"
     tab.evaluate(f"void page.shot.edit([{radius}], '', '0'.repeat(64))")  # a text that is no longer there
