@@ -18,8 +18,7 @@ from pipeline.errors import MissingInputError, ShotError, UsageError, brief, sho
 from pipeline.shot.clock import Clock, parse_frames, parse_rate
 from pipeline.shot.yaml.named_files import DEFAULTS, is_there, shown, text_of
 from pipeline.shot.yaml.plain_text import in_yaml
-from pipeline.shot.yaml.syntax_errors import HEX_COLOUR, quoted
-from pipeline.shot.yaml.yaml_source import Where, YamlSource
+from pipeline.shot.yaml.yaml_source import HEX_COLOUR, Where, YamlSource, quoted
 
 OPTION = "--set"
 
