@@ -66,5 +66,5 @@ def _compared(record: Provenance, home: Path, comparisons: Sequence[Comparison])
     frames = FrameRange.of(int(what) for what in same if what != "movie")
     numbers = [f"frame{'s' * (len(frames) > 1)} {frames}"] if frames else []
     told = [*numbers, *(["the movie"] if "movie" in same else [])]
-    whole = f"{' and '.join(told) or 'nothing'} bit-identical to the published version"
+    whole = f"{' and '.join(told) or 'nothing'} identical to the published version, bit for bit"
     return "\n".join([*lines, f"{record.shot} {record.version}: {whole}. It lies in {home}"])

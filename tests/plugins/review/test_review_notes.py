@@ -70,7 +70,7 @@ def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
 WRONG: dict[str, tuple[str, str]] = {
     "cut short": (json.dumps(document(note()))[:-9], "not JSON, or cut short"),
     "empty": ("", "not JSON, or cut short"),
-    "not text": ("\udcff", "no JSON"),
+    "not text": ("\udcff", "not JSON"),
     "a list": ("[]", "not a file of notes"),
     "another schema": (json.dumps({"OTIO_SCHEMA": "Timeline.1"}), "not a file of notes"),
     "a later version": (json.dumps(document(version=2)), "version 2 of the format is newer than 1"),
@@ -85,8 +85,8 @@ WRONG: dict[str, tuple[str, str]] = {
     ),
     "a shot elsewhere": (json.dumps(document(note(shot="../../etc"))), "notes.0.shot is"),
     "an escape sequence": (json.dumps(document(note(text="\x1b[2J"))), "notes.0.text is"),
-    "half a letter": (json.dumps(document(note(text="\ud800"))), "no JSON"),
-    "deep": ("[" * 100_000, "no JSON"),
+    "half a letter": (json.dumps(document(note(text="\ud800"))), "not JSON"),
+    "deep": ("[" * 100_000, "not JSON"),
 }
 
 

@@ -67,14 +67,14 @@ def test_what_is_otherwise_than_it_was_is_told_before(desk: Desk) -> None:
 def test_a_variant_that_crashed_is_not_replaced_behind_the_users_back(desk: Desk) -> None:
     again = desk.repetition()
     avoid(again.home, NAME, again.record.variant, f"{again.record.variant} crashed (SIGABRT)")
-    with pytest.raises(MachineError, match=r"crashed \(SIGABRT\); --variant renders v001 with another,"):
+    with pytest.raises(MachineError, match=r"crashed \(SIGABRT\); --variant renders v001 with another variant;"):
         again.plan()
 
 
 def test_a_file_that_it_reads_must_be_what_it_was(desk: Desk) -> None:
     model = desk.root / "models" / "wedge.obj"
     model.unlink()
-    with pytest.raises(MissingInputError, match=r"wedge.obj: gone, and T010_tiny v001 was made"):
+    with pytest.raises(MissingInputError, match=r"wedge.obj: missing, and T010_tiny v001 was made"):
         desk.repetition().plan()
     model.write_text(MODEL.replace("v 2 0 0", "v 3 0 0"))
     code, said = desk.command("reproduce", str(desk.home / "v001" / FILE))
