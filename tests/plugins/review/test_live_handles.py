@@ -160,7 +160,7 @@ def test_a_text_that_a_person_saves_meanwhile_is_kept_shown_and_said(follower: F
     follower.tab.mouse.move(slider["x"] + 5, slider["y"] - 30)
     follower.shot.write_text(theirs)
     follower.tab.mouse.up()
-    follower.wait("document.getElementById('trouble').textContent.includes('changed meanwhile')")
+    follower.wait("document.getElementById('trouble').textContent.includes('has changed in the meantime')")
     follower.wait("page.shot.get(['subjects', 'motes', 'radius']).value === 0.07")
     assert follower.shot.read_text() == theirs
     follower.shot.write_text(SHOT)
