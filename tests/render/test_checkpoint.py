@@ -167,7 +167,7 @@ def test_a_disk_that_refuses_is_told_of_once_and_fails_no_picture(rendered: Rend
     (tmp_path / "half").write_text("a file stands where the folder should be")
     keep = kept(tmp_path, warn=told.append)
     assert same(rendered(quality=FINE, checkpoint=keep), rendered(quality=FINE))
-    assert len(told) == 1 and "starts anew" in told[0]
+    assert len(told) == 1 and "starts again" in told[0]
     assert [path.name for path in tmp_path.iterdir()] == ["half"]
 
 

@@ -158,7 +158,7 @@ def test_each_refusal_is_one_message_and_nothing_is_lost(follower: Follower) -> 
     assert follower.shot.read_text() == SHOT and tab.input_value(field) == "0.6"
     radius = "{kind: 'set', where: ['flows', 0, 'vortex', 'radius'], value: 0.7}"
     tab.evaluate(f"void page.shot.edit([{radius}], '', '0'.repeat(64))")  # a text that is no longer there
-    follower.wait("document.getElementById('trouble').textContent.includes('changed meanwhile')")
+    follower.wait("document.getElementById('trouble').textContent.includes('has changed in the meantime')")
     assert follower.shot.read_text() == SHOT
     tab.locator(field).fill("0.7")
     tab.keyboard.press("Enter")

@@ -230,7 +230,7 @@ def test_p31_edges_are_tagged_by_angle_and_by_region(menagerie: dict[str, Polygo
     assert len(top) == 4
     assert len(edges_in_region(cube, WithinBall((1, 1, 1), 1.1))) == 1
     assert len(edges_in_region(cube, lambda points: points[:, 0] > 0)) == 4
-    with pytest.raises(UsageError, match="answers shape"):
+    with pytest.raises(UsageError, match="returned shape"):
         edges_in_region(cube, lambda points: points > 0)
 
 
