@@ -6,7 +6,7 @@ They list which frames are done, where the time of a run went, and why a frame w
 from __future__ import annotations
 
 import shlex
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Group
@@ -15,12 +15,14 @@ from pipeline.cli.options import Common, Quality, Settings, Shot, project_of, sh
 from pipeline.cli.output import duration, exit_with, print_error, print_result, table
 from pipeline.errors import FlowsculptError
 from pipeline.production.maintenance.run_report import LABELS, RunReport, named_run
-from pipeline.production.maintenance.why import Explanation, explain, first_undone
 from pipeline.production.planning.frame_states import FrameStates, states
 from pipeline.production.request.shot_lookup import find_shot, shot_names
 from pipeline.production.store.history import History
 from render.base.plural import plural
 from render.scene.render_quality import DEFAULT_QUALITY
+
+if TYPE_CHECKING:
+    from pipeline.production.maintenance.why import Explanation
 
 
 def status(
@@ -125,6 +127,8 @@ def why(
     that it rests on were edited since the frame was rendered, and which options --set differ. Without a frame
     it explains the first that is not up to date.
     """
+    from pipeline.production.maintenance.why import explain, first_undone  # loads numpy and OpenImageIO
+
     project, path = project_of(common, settings), find_shot(shot)
     request = project.as_finished(project.request(path, quality, None if frame is None else str(frame)))
     number = first_undone(request, project.store) if frame is None else frame
