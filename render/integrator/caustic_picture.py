@@ -97,14 +97,16 @@ def caustic_picture(
     depth: int,
     samples: int,
     seed: int,
+    integrator: Any = None,
 ) -> tuple[CausticPicture, Photons]:
     """Trace photons; return what the lens sees of them, and some of them for the guide.
 
-    scene    with mirrors or glass, and sources, that `can_draw`
-    sources  of the light sampler
-    sun      of daylight, or None
-    depth    most vertices of a path, the emitter's included
-    samples  of all pixels together, by which photons are counted
+    scene       with mirrors or glass, and sources, that `can_draw`
+    sources     of the light sampler
+    sun         of daylight, or None
+    depth       most vertices of a path, the emitter's included
+    samples     of all pixels together, by which photons are counted
+    integrator  Mitsuba's, to look past softboxes in view that the lens does not see, or None without any
     """
     boxes = [source for source in sources if source.position is not None]
     suns = [source for source in sources if isinstance(source.distribution, Cone)]
@@ -115,7 +117,7 @@ def caustic_picture(
     total = max(FIRST_PART, samples // SAMPLES_PER_PHOTON)
     sums = np.zeros((3 * groups.count, width * height))
     kept = min(total, photon_count(samples)) if boxes else 0
-    tracer = _PhotonTracer(scene, groups, depth, sums, kept)
+    tracer = _PhotonTracer(scene, groups, depth, integrator, sums, kept)
     for number, emission in enumerate(emissions):
         tracer.trace_all(emission, total, np.random.default_rng((seed, number)))
     radiance = np.ascontiguousarray(sums.T).reshape(height, width, -1) * (width * height / total)
@@ -218,6 +220,7 @@ class _PhotonTracer:
     scene: Any
     groups: EmitterGroups
     depth: int
+    integrator: Any
     sums: NDArray[np.float64]
     kept: int
     _landed: list[tuple[NDArray[Any], ...]] = field(default_factory=list)
@@ -308,12 +311,21 @@ class _PhotonTracer:
         slope = dr.abs(dr.dot(si.n, seen.d) / dr.dot(si.n, ray.d))
         light = weight * value * importance * slope
         active &= dr.any(light > 0.0) & dr.isfinite(mi.luminance(light))
-        active &= ~self.scene.ray_test(si.spawn_ray_to(seen.p), active)
+        active &= ~self._is_hidden(si, seen.p, active)
         width, height = (dr.opaque(mi.UInt32, int(side)) for side in sensor.film().crop_size())
         column, row = (
             dr.minimum(mi.UInt32(part), side - 1) for part, side in zip(seen.uv, (width, height), strict=True)
         )
         return dr.select(active, row * width + column, 0), dr.select(active, light, 0.0)
+
+    def _is_hidden(self, si: Any, lens: Any, active: Any) -> Any:
+        """Tell whether anything that the lens sees stands between it and where photons land."""
+        ray = si.spawn_ray_to(lens)
+        if self.integrator is None:
+            return self.scene.ray_test(ray, active)
+        found = self.integrator.skip_area_emitters(self.scene, ray, False, active)
+        nearest = found.compute_surface_interaction(ray, mi.RayFlags.Minimal, active)
+        return nearest.is_valid() & (dr.norm(nearest.p - si.p) < dr.norm(lens - si.p))
 
 
 def _places(numbers: Any, table: Any) -> tuple[Any, Any]:

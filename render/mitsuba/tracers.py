@@ -77,7 +77,7 @@ def path_tracer(
     if scene.stage.shadow_catcher:
         tracer = _with_catcher(tracer, scene, size, path)
     elif walk is None:
-        tracer = _with_caustics(tracer, scene, samples, seed)
+        tracer = _with_caustics(tracer, scene, size, samples, seed)
     hiding = occluders(lit, tracer.light_sampler, scene, samples)
     return replace(tracer, subsurface=walk, occluders=hiding)
 
@@ -108,7 +108,7 @@ def _path_tracer(
     return PathTracer(scene, integrator, sampler, depth, hide, groups, shapes, caustic_sun=sun)
 
 
-def _with_caustics(tracer: Any, scene: Scene, samples: int, seed: int) -> Any:
+def _with_caustics(tracer: Any, scene: Scene, size: tuple[int, int], samples: int, seed: int) -> Any:
     """Return a path tracer that finds caustics: with a picture of those that the lens sees, and a guide to
     others where softboxes shine.
 
@@ -124,7 +124,11 @@ def _with_caustics(tracer: Any, scene: Scene, samples: int, seed: int) -> Any:
     if is_described or isinstance(scene.camera, WideCamera) or not can_draw(lit, light_sampler.sources):
         photons = trace_photons(lit, light_sampler, sun, depth, photon_count(samples))
         return replace(tracer, guide=photons and guide_of(photons))
-    picture, photons = caustic_picture(lit, light_sampler.sources, sun, tracer.groups, depth, samples, seed)
+    in_view = emitters.any_in_view(scene.lights, scene.placement.matrix(), scene.camera, size)
+    past = tracer.integrator if tracer.hide_emitters and in_view else None
+    picture, photons = caustic_picture(
+        lit, light_sampler.sources, sun, tracer.groups, depth, samples, seed, past
+    )
     return replace(tracer, caustics=picture, guide=guide_of(photons))
 
 

@@ -32,6 +32,7 @@ BOXES = LightRig(
         Softbox((-4.0, 3.0, 1.0), 2.0, 1.0, (20.0, 25.0, 30.0), name="fill"),
     )
 )
+BEFORE_THE_LENS = LightRig((*BOXES.softboxes, Softbox((1.6, 2.0, 4.0), 1.5, 1.5, (3.0, 3.0, 3.0))))
 BOTH = replace(BOXES, daylight=SUN.daylight)
 
 NOISE = {"glass": 0.04, "chrome": 0.05}
@@ -71,11 +72,13 @@ def tracer(sphere: Surface, engine: Engine) -> Callable[..., Any]:
         ("chrome", SUN, MATT, replace(PINHOLE, lens_radius=0.3, focus_distance=9.0), None),
         ("glass", BOXES, MATT, PINHOLE, None),
         ("chrome", BOXES, SHINY, PINHOLE, None),
+        ("chrome", BEFORE_THE_LENS, MATT, PINHOLE, None),
         ("glass", BOTH, MATT, PINHOLE, None),
     ],
     ids=[
         *("glass", "glass on a shiny floor, cropped", "chrome", "chrome out of focus"),
-        *("glass in a studio", "chrome on a shiny floor in a studio", "glass by daylight and softboxes"),
+        *("glass in a studio", "chrome on a shiny floor in a studio", "chrome behind a softbox"),
+        "glass by daylight and softboxes",
     ],
 )
 def test_photons_bring_the_light_that_paths_leave_to_them(
