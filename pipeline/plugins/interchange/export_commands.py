@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,15 +30,16 @@ Folder = Annotated[
 ]
 
 
-def usd(
-    common: Common,
-    shot: Shot,
-    options: ShotOptions,
-    output: Folder = None,
-    frames: Frames = None,
-    subject: Subject = None,
-    quality: Quality = DEFAULT_QUALITY,
-) -> None:
+@dataclass(frozen=True)
+class ModelOptions(ShotOptions):
+    """Options of formats that hold meshes."""
+
+    output: Folder = None
+    frames: Frames = None
+    subject: Subject = None
+
+
+def usd(common: Common, shot: Shot, options: ModelOptions, quality: Quality = DEFAULT_QUALITY) -> None:
     """Write the sculpture with its motion, camera and lights as a USD stage.
 
     `flowsculpt export usd A010_cube` writes renders/A010_cube/usd/A010_cube.usda, which Houdini, Blender and
@@ -46,71 +48,47 @@ def usd(
     usd-core; see docs/interchange.md.
     """
     project = options.project(common)
-    asked = _asked(common, project, shot, quality, frames, subject)
+    asked = _asked(common, project, shot, quality, options.frames, options.subject)
     if asked.source.subject:
         raise UsageError(
             f"--subject {asked.source.subject}: a USD stage holds all subjects of {asked.name}, each as a "
             "prim. Leave out --subject"
         )
     require_usd()
-    folder = output.absolute() if output else common.root / asked.folders.home / "usd"
+    folder = options.output.absolute() if options.output else common.root / asked.folders.home / "usd"
     _export(common, project, asked, [UsdExport(asked, project.store, folder)])
 
 
-def ply(
-    common: Common,
-    shot: Shot,
-    options: ShotOptions,
-    output: Folder = None,
-    frames: Frames = None,
-    subject: Subject = None,
-) -> None:
+def ply(common: Common, shot: Shot, options: ModelOptions) -> None:
     """Write a PLY file of each frame's mesh, simulating what is missing.
 
     `flowsculpt export ply A010_cube -f 1-24` writes renders/A010_cube/models/A010_cube.0001.ply and so on. Of
     several subjects each has a file; `--subject heron` chooses one.
     """
-    _models(common, shot, options, "ply", output, frames, subject)
+    _models(common, shot, options, "ply")
 
 
-def obj(
-    common: Common,
-    shot: Shot,
-    options: ShotOptions,
-    output: Folder = None,
-    frames: Frames = None,
-    subject: Subject = None,
-) -> None:
+def obj(common: Common, shot: Shot, options: ModelOptions) -> None:
     """Write an OBJ file of each frame's mesh, simulating what is missing.
 
     `flowsculpt export obj A010_cube -f 1-24` writes renders/A010_cube/models/A010_cube.0001.obj and so on. Of
     several subjects each has a file; `--subject heron` chooses one.
     """
-    _models(common, shot, options, "obj", output, frames, subject)
+    _models(common, shot, options, "obj")
 
 
-def glb(
-    common: Common,
-    shot: Shot,
-    options: ShotOptions,
-    output: Folder = None,
-    frames: Frames = None,
-    subject: Subject = None,
-) -> None:
+def glb(common: Common, shot: Shot, options: ModelOptions) -> None:
     """Write a glTF file of one frame's mesh, for pages and viewers.
 
     `flowsculpt export glb A010_cube -f 40` writes renders/A010_cube/models/A010_cube.0040.glb.
     """
-    _models(common, shot, options, "glb", output, frames, subject)
+    _models(common, shot, options, "glb")
 
 
 def stl(
     common: Common,
     shot: Shot,
-    options: ShotOptions,
-    output: Folder = None,
-    frames: Frames = None,
-    subject: Subject = None,
+    options: ModelOptions,
     size: Annotated[
         float, typer.Option(min=1.0, max=10_000.0, metavar="MM", help="The longest side, millimetres.")
     ] = LONGEST_SIDE,
@@ -119,24 +97,21 @@ def stl(
 
     `flowsculpt export stl A010_cube -f 40 --size 120` writes a model 120 mm long.
     """
-    _models(common, shot, options, "stl", output, frames, subject, size)
+    _models(common, shot, options, "stl", size)
 
 
 def _models(
     common: Common,
     shot: str,
-    options: ShotOptions,
+    options: ModelOptions,
     form: str,
-    output: Path | None,
-    frames: str | None,
-    subject: str | None,
     size: float = LONGEST_SIDE,
 ) -> None:
     """Write mesh files of the subjects of a shot."""
     project = options.project(common)
-    asked = _asked(common, project, shot, DEFAULT_QUALITY, frames, subject)
-    require_still(form, frames, len(asked.requested))
-    folder = output.absolute() if output else common.root / asked.folders.home / "models"
+    asked = _asked(common, project, shot, DEFAULT_QUALITY, options.frames, options.subject)
+    require_still(form, options.frames, len(asked.requested))
+    folder = options.output.absolute() if options.output else common.root / asked.folders.home / "models"
     exports = [ModelExport(part, project.store, folder, form, size) for part in asked.parts]
     _export(common, project, asked, exports)
 
