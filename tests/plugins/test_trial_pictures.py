@@ -95,9 +95,9 @@ def test_an_edit_that_changes_nothing_shows_the_frame_as_it_is_but_small(
 @pytest.mark.parametrize(
     ("edit", "words"),
     [
-        (setting(50, "camera", "elevation"), "Small"),
-        (setting("chrome", "subjects", "motes", "look"), "Small"),
-        (setting("softbox", "lights"), "Small"),
+        (setting(50, "camera", "elevation"), "Drawn small"),
+        (setting("chrome", "subjects", "motes", "look"), "Drawn small"),
+        (setting("softbox", "lights"), "Drawn small"),
         (setting(6, "flows", 0, "vortex", "strength"), "Approximate: moved"),
         (setting(120, "subjects", "block", "flows", 0, "twist", "amount", "keys", 6), "Approximate: moved"),
         (setting([-0.9, 0.8, 0], "subjects", "block", "place"), "Approximate: a coarse"),

@@ -174,7 +174,7 @@ def test_handles_follow_the_camera_while_it_is_dragged(follower: Follower) -> No
     follower.tab.mouse.move(box["x"] + 40, box["y"] + 40)
     follower.tab.mouse.down()
     follower.tab.mouse.move(box["x"] + 160, box["y"] + 40)
-    follower.wait("document.getElementById('tag').textContent.startsWith('Small')")
+    follower.wait("document.getElementById('tag').textContent.startsWith('Drawn small')")
     x, _ = spot(follower, "flows.0.placed.translate")
     seen = follower.tab.evaluate("page.projection.point([0.9, 0.5, 0])")
     assert abs(x - before[0]) > 10 and x == pytest.approx(seen["x"], abs=0.5)

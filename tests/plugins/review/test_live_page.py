@@ -125,7 +125,7 @@ def test_keys_are_moved_added_removed_and_eased_in_the_timeline(follower: Follow
 def test_the_camera_and_the_flows_are_dragged_in_the_picture(follower: Follower) -> None:
     follower.at(4)
     follower.wait(CURRENT)
-    follower.drag("#picture", 40, 30, "Small", at=0.15)
+    follower.drag("#picture", 40, 30, "Drawn small", at=0.15)
     follower.wait_for_text(r"azimuth: -44, elevation: 24\.5")
     follower.wait(f"{SHOWN} && page.film.take.take > 1")
     centre = '[data-handle="flows.0.vortex.centre"]'
