@@ -40,19 +40,19 @@ class Command:
 class Plugin:
     """A plug-in and what it adds; functions and classes are named as "module:name".
 
-    api        the API version that it is built for
-    commands   commands by name
-    exporters  formats of the command `export` by name
-    watchers   functions of the common options, a plan, and whether previews are wanted; each returns a
-               context manager that is entered while `render` or `film` executes the plan at a terminal
-    mesh_formats  `MeshFormat`s by suffix of mesh files
-    edits      functions by file suffix that make an edit of another program's timeline: they take the file,
-               the names of the shots and the folder of edits, and return the edit's path and text
-    schemas    pydantic models of further kinds of files, by the kind's name
-    sequences  functions of a `SequenceQuery`; each yields picture sequences of a shot, or grids of them, for
-               the review page
-    notes      function of a root and a shot that returns the file of its notes, which is published with
-               the shot; empty bytes where there are none
+    api            the API version that it is built for
+    commands       commands by name
+    exporters      formats of the command `export` by name
+    watchers       functions of the common options, a plan, and whether previews are wanted; each returns a
+                   context manager, entered while `render` or `film` executes the plan at a terminal
+    mesh_formats   `MeshFormat`s by suffix of mesh files
+    edits          functions by file suffix that make an edit of another program's timeline: they take the
+                   file, the names of the shots and the folder of edits, and return the edit's path and text
+    schemas        pydantic models of further kinds of files, by the kind's name
+    sequences      functions of a `SequenceQuery`; each yields picture sequences of a shot, or grids of them,
+                   for the review page
+    notes          function of a root and a shot that returns the file of its notes, which is published with
+                   the shot; empty bytes where there are none
     remote_stores  an object that finds remote stores by their addresses: see `RemoteStores`
     """
 

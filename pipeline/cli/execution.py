@@ -60,7 +60,7 @@ def report_plan(common: Common, plan: Plan) -> None:
     expected = estimate(forecast.plan, common.root, common.cores)
     if not expected.fits:
         print_warning(
-            f"what is to be made needs about {size(expected.bytes or 0.0)}, and the disk has "
+            f"the run needs about {size(expected.bytes or 0.0)}, and the disk has "
             f"{size(expected.free)} left; free some space, or choose another disk with --root"
         )
     words = forecast_words(forecast, expected) if plan.jobs else "Nothing to be done."

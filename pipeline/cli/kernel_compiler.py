@@ -1,14 +1,15 @@
-"""The process that all those are forked from that compile kernels, which imports this and nothing else does.
+"""The process from which all processes that compile kernels are forked; nothing else imports this module.
 
-What it imports and compiles, and what numba finds out on the way, they need not each for themselves.
+They share what it imports and compiles, and what numba learns from it.
 """
 
 import gc
 import signal
 
-signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the one that starts it
-gc.disable()  # what a compiler holds is needed to the end
+signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the process that started this one
+gc.disable()  # a compiler needs what it holds to its end
 
+# Both settings must hold while these are imported:
 from pipeline.cli.kernel_build import kernels_called_by_kernels  # noqa: E402
 from pipeline.cli.numba_shortcuts import take_shortcuts  # noqa: E402
 from pipeline.kernels import compile_module  # noqa: E402

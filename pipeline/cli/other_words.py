@@ -61,7 +61,7 @@ def require_command(name: str, known: Collection[str]) -> None:
     """Raise UsageError for a command that has another name here."""
     meant = _meant(_COMMANDS, name.lower())
     if name not in known and meant:
-        raise UsageError(f"there is no command {name}. Did you mean {meant}?")
+        raise UsageError(f"unknown command {name}. Did you mean {meant}?")
 
 
 def require_options(words: Iterable[str], known: Collection[str]) -> None:
@@ -73,4 +73,4 @@ def require_options(words: Iterable[str], known: Collection[str]) -> None:
         name = word.partition("=")[0]
         meant = _meant(_OPTIONS, name)
         if name not in known and meant and meant.split()[0] in known:
-            raise UsageError(f"there is no option {name}. Did you mean {meant}?")
+            raise UsageError(f"unknown option {name}. Did you mean {meant}?")

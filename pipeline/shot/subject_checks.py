@@ -290,7 +290,7 @@ def _bad_rows(rows: list[Any]) -> Iterator[Problem]:
 
 
 OWN = ("place", "copies", "look", "flows", "resample")
-"""Settings of an entry of `subjects` that are no part of the subject itself."""
+"""Settings of an entry of `subjects` that are not part of the subject itself."""
 
 OVERRIDING = ("look", "resample")
 """Those that replace the shot's own."""

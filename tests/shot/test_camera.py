@@ -176,7 +176,7 @@ WRONG = [
      "5:31: camera.focus.keys.49: a list is not a number"),
     ("{focal: 85}", "5:10: camera.focal: unknown name. Did you mean 'focal_length'?"),
     ("\n  position: {keys: {1: [0, 0, 4], 49: [0, 0, 0]}}\n  target: [0, 0, 0]",
-     "6:3: at frame 49 the camera stands at its own target, [0.0, 0.0, 0.0]; it has nowhere to look. Move "
+     "6:3: at frame 49 the camera stands at its own target, [0.0, 0.0, 0.0]; it has no direction. Move "
      "one of them."),
 ]  # fmt: skip
 

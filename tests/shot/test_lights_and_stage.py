@@ -227,7 +227,7 @@ def test_softboxes_of_a_shot_have_names(tmp_path: Path) -> None:
         ("light_groups: {my keys: [key]}", "letters, digits and _ after a first letter. Write my_keys."),
         ("light_groups: {warm: []}", "light_groups.warm: empty; it must have at least 1 item"),
         ("light_groups: each\nlook: symbolics_1990", "look symbolics_1990 is drawn without lights, so it"),
-        ("aovs: [light_groups]", "light groups are no AOV. Write light_groups: each, at the top"),
+        ("aovs: [light_groups]", "light groups are not an AOV. Write light_groups: each, at the top"),
         ("lights: {hdri: nowhere.exr}", "a.yaml:5:10: file nowhere.exr is not there"),
         ("lights: {visible: false}", "lights has visible, which is for hdri"),
         ("stage: plynth", "'plynth' is not a stage."),

@@ -52,7 +52,7 @@ def schema(
     of files of notes, which the page of `review` downloads. In the schema of shots, names that
     shots/defaults.yaml gives are not required.
     """
-    require_one_of(kind, _kinds(), f"there is no schema of {kind!r}.")
+    require_one_of(kind, _kinds(), f"{kind!r} has no schema.")
     content = _schema_of(kind, SHOTS)
     if output is None:
         print_result(_as_text(content), content, common.json)

@@ -107,7 +107,7 @@ def _title(spending: RunReport) -> str:
     title = f"{length} on {plural(spending.cores, 'core')}"
     if not spending.is_counted:
         return f"{title}, logged by a version that counted no CPU seconds"
-    return title if share is None else f"{title}, {share:.0%} of which it used"
+    return title if share is None else f"{title}, {share:.0%} of them used"
 
 
 def why(

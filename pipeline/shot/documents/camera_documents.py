@@ -168,8 +168,8 @@ class CameraDocument(Document):
             start, end = (vector_at(point, clock.time(frame)) for point in (camera, aim))
             if math.dist(start, end) <= 1e-9 * max(1.0, math.hypot(*start)):
                 raise finding(
-                    f"at frame {frame:g} the camera stands at its own target, {list(start)}; it has nowhere "
-                    "to look. Move one of them."
+                    f"at frame {frame:g} the camera stands at its own target, {list(start)}; it has no "
+                    "direction. Move one of them."
                 )
         return position
 

@@ -156,7 +156,7 @@ class SoftboxDocument(Document):
     @model_validator(mode="after")
     def _faces_somewhere(self) -> Self:
         if math.dist(self.position, self.target) < 1e-6:
-            raise finding("a softbox stands at its own target, so it faces nowhere. Move one of them.")
+            raise finding("a softbox stands at its own target, so it has no direction. Move one of them.")
         return self
 
     def build(self, number: int) -> Softbox:
@@ -351,7 +351,7 @@ _SPELT_OUT = {
     "sun": "{sun: {elevation: 40}}",
     "sky": "{sky: {zenith: 0.3}}",
 }
-"""Words that are no light rig, and the lights that they mean."""
+"""Words that do not name a light rig, and the lights that they mean."""
 
 
 def require_rig(value: Any) -> Any:

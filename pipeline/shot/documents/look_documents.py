@@ -216,7 +216,7 @@ class LookDocument(Document):
 
     model_config = exactly_one("material", "bsdf")
 
-    material: Annotated[str, one_of(LOOKS, "look")] | None = optional("the look to begin with")
+    material: Annotated[str, one_of(LOOKS, "look")] | None = optional("the look to start from")
     bsdf: BsdfMapping | None = optional("in its place a material of Mitsuba, by the names of its manual")
     colour: ColourOrPicture | None = optional(
         "red, green, blue from 0 to 1, linear Rec.709; '#c04020', sRGB; or a picture beside the shot file"

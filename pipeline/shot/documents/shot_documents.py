@@ -56,7 +56,7 @@ StageField = Annotated[
 
 def _no_light_groups(name: Any) -> Any:
     if name == "light_groups":
-        raise bad_value("light groups are no AOV. Write light_groups: each, at the top of the file.")
+        raise bad_value("light groups are not an AOV. Write light_groups: each, at the top of the file.")
     return name
 
 

@@ -88,7 +88,7 @@ class _FollowsSound(Document):
     attack: Duration = Field(0.005, description="it rises by 63 % of a step in this time (s)")
     release: Duration = Field(0.2, description="it falls by 63 % of a step in this time (s)")
     normalise: Annotated[str, one_of(("loudest", "full_scale"), "normalisation")] = Field(
-        "loudest", description="what has the level 1: the loudest moment of the band, or a sine of full scale"
+        "loudest", description="the sound of level 1: the loudest moment of the band, or a sine of full scale"
     )
     start: Start = Field(
         0.0, description="when the sound begins in the shot; a negative start cuts its beginning (s)"
@@ -121,7 +121,7 @@ class _FollowsSound(Document):
         )
         if envelope.is_silent:
             context.notes.append(
-                f"{self.audio} is silent from {low:g} to {high:g} Hz, so what follows that band stands still"
+                f"{self.audio} is silent from {low:g} to {high:g} Hz, so values of that band stay the same"
             )
         end = self.start + level.seconds
         if clock is not None and end < clock.duration:

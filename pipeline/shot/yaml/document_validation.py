@@ -23,7 +23,7 @@ from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from render.base.input_files import digest_of_file, kind_of_path
 
 MOST_PROBLEMS = 50
-"""Most problems of one file that are told at once."""
+"""The most problems of one file that are reported at once."""
 
 T = TypeVar("T")
 D = TypeVar("D", bound=BaseModel)
