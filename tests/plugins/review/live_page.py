@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, FloatRect
 from playwright.sync_api import Page as Tab
 
 from pipeline.plugins.preview.live_feed import LiveFeed
@@ -56,13 +56,20 @@ class Follower:
     def at(self, frame: int) -> None:
         self.tab.evaluate(f"page.film.seek({frame})")
 
+    def box(self, selector: str) -> FloatRect:
+        """Return where an element is, in pixels of the window, if need be once a new state has replaced it."""
+        for _ in range(50):
+            if box := self.tab.locator(selector).first.bounding_box():
+                return box
+            self.tab.wait_for_timeout(20)
+        raise AssertionError(f"{selector} is not shown")
+
     def drag(self, selector: str, dx: float, dy: float, follows: str = "", at: float = 0.5) -> None:
         """Drag something, and while it is held wait until the page shows what follows from it.
 
         at  where it is held, as a fraction of its width and height
         """
-        boxes = (self.tab.locator(selector).first.bounding_box() for _ in range(50))
-        box = next(filter(None, boxes))  # none while a new state replaces the element
+        box = self.box(selector)
         x, y = box["x"] + box["width"] * at, box["y"] + box["height"] * at
         self.tab.mouse.move(x, y)
         self.tab.mouse.down()

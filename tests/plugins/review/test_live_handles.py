@@ -139,8 +139,7 @@ def test_a_drag_that_begins_while_another_is_being_written_is_written_too(follow
 
 @pytest.mark.usefixtures("slow_edits")
 def test_undo_undoes_a_turn_of_the_wheel_that_has_not_settled(follower: Follower) -> None:
-    box = follower.tab.locator("#picture").bounding_box()
-    assert box is not None
+    box = follower.box("#picture")
     follower.tab.mouse.move(box["x"] + 40, box["y"] + 40)
     follower.tab.mouse.wheel(0, 100)
     follower.wait("page.orbit.wheeled")
@@ -153,8 +152,7 @@ def test_a_text_that_a_person_saves_meanwhile_is_kept_shown_and_said(follower: F
     theirs = SHOT.replace("A block and motes", "A block and many motes").replace(
         "radius: 0.06", "radius: 0.07"
     )
-    slider = follower.tab.locator('[data-handle="flows.0.placed.translate"] .spot').bounding_box()
-    assert slider is not None
+    slider = follower.box('[data-handle="flows.0.placed.translate"] .spot')
     follower.tab.mouse.move(slider["x"] + 5, slider["y"] + 5)
     follower.tab.mouse.down()
     follower.tab.mouse.move(slider["x"] + 5, slider["y"] - 30)
@@ -169,8 +167,7 @@ def test_a_text_that_a_person_saves_meanwhile_is_kept_shown_and_said(follower: F
 
 def test_handles_follow_the_camera_while_it_is_dragged(follower: Follower) -> None:
     before = spot(follower, "flows.0.placed.translate")
-    box = follower.tab.locator("#picture").bounding_box()
-    assert box is not None
+    box = follower.box("#picture")
     follower.tab.mouse.move(box["x"] + 40, box["y"] + 40)
     follower.tab.mouse.down()
     follower.tab.mouse.move(box["x"] + 160, box["y"] + 40)
@@ -193,8 +190,7 @@ def test_keys_of_what_goes_backwards_are_set_at_its_own_time(follower: Follower)
 def test_values_of_one_of_several_subjects_are_dragged_and_written(follower: Follower) -> None:
     tab = follower.tab
     tab.click('[data-group="subjects.motes"] summary')
-    slider = tab.locator('[data-path="subjects.motes.radius"] input[type=range]').bounding_box()
-    assert slider is not None
+    slider = follower.box('[data-path="subjects.motes.radius"] input[type=range]')
     y = slider["y"] + slider["height"] / 2
     tab.mouse.move(slider["x"] + slider["width"] * 0.1, y)
     tab.mouse.down()
