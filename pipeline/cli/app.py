@@ -46,8 +46,14 @@ EPILOG = (
     "What is done stays done: run again to go on."
 )
 
-PANELS = ("Write shots", "Render", "Look", "Deliver", "Maintain")
-"""The parts of the help in their order; those that only plug-ins name follow."""
+PANELS = {
+    "Write shots": "new validate flows schema",
+    "Render": "simulate render film stills relight task wedge turntable",
+    "Look": "preview review notes sheet figures curves",
+    "Deliver": "deliver publish versions reproduce export",
+    "Maintain": "status why report verify clean doctor resample push",
+}
+"""The parts of the help and their commands, in their order; those of other plug-ins follow."""
 
 EXPORT = Command("", "Write a shot or an edit for other programs, in one of their formats.", "Deliver")
 """The command `export`: its formats come from plug-ins, and each is a command of its own."""
@@ -64,7 +70,7 @@ def all_commands() -> dict[str, Command]:
             "registered; install it again: make setup in a checkout, else as docs/your-show.md says"
         )
     commands = {**plugins().commands, **({"export": EXPORT} if plugins().exporters else {})}
-    return dict(sorted(commands.items(), key=lambda item: _place(item[1].panel)))
+    return dict(sorted(commands.items(), key=_place))
 
 
 def command_words() -> list[str]:
@@ -168,8 +174,14 @@ def command_line() -> typer.Typer:
     return app
 
 
-def _place(panel: str) -> int:
-    return PANELS.index(panel) if panel in PANELS else len(PANELS)
+def _place(item: tuple[str, Command]) -> tuple[int, int]:
+    """Return what sorts the commands of the help, of which `item` is a name and a command."""
+    name, panel = item[0], item[1].panel
+    names = PANELS.get(panel, "").split()
+    return (
+        list(PANELS).index(panel) if panel in PANELS else len(PANELS),
+        names.index(name) if name in names else len(names),
+    )
 
 
 def keep_freed_memory() -> None:

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from pipeline.plugins.maintenance.why import explain
 from pipeline.production.execution.project import Project
-from pipeline.production.maintenance.why import explain
 from pipeline.production.planning.estimate import Forecast
 from pipeline.production.planning.frame_states import KnownPictures, mesh_states, picture_states
 from pipeline.production.request.shot_lookup import find_shot
@@ -18,7 +18,7 @@ from pipeline.production.store.event_log import EventReader
 from pipeline.production.store.history import History
 from pipeline.production.store.paths import EVENTS
 from tests.conftest import QUALITY, done
-from tests.production.test_why import CASES, NAME, Case
+from tests.plugins.maintenance.test_why import CASES, NAME, Case
 
 EXTENDED = Case("more frames", (), ("frames: 1-6", "frames: 1-8"))
 STEADY = ("quality.draft={temporal_denoise: 2}",)

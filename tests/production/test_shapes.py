@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from pipeline.errors import ShotError, UsageError
+from pipeline.plugins.maintenance.store_repair import begun_requests
 from pipeline.plugins.sheets.wedge import Wedge
 from pipeline.plugins.sheets.wedge_grid import Grid
 from pipeline.production.execution.project import Project
-from pipeline.production.maintenance.known_requests import begun_requests
 from pipeline.production.planning.estimate import estimate
 from pipeline.production.request.shot_lookup import find_edit, find_shot
 from pipeline.production.request.turntable import Turntable

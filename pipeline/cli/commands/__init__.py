@@ -44,34 +44,6 @@ PLUGIN = Plugin(
             "Write frames as PNG or JPEG, rendering what is missing.",
             "Render",
         ),
-        "status": Command(
-            "pipeline.cli.commands.status_commands:status",
-            "List which frames are done, stale and missing.",
-            "Maintain",
-        ),
-        "why": Command(
-            "pipeline.cli.commands.status_commands:why",
-            "Explain why a frame would be rendered again.",
-            "Maintain",
-        ),
-        "report": Command(
-            "pipeline.cli.commands.status_commands:report", "Show where the time of a run went.", "Maintain"
-        ),
-        "verify": Command(
-            "pipeline.cli.commands.store_commands:verify",
-            "Check every stored file and make damaged ones again.",
-            "Maintain",
-        ),
-        "clean": Command(
-            "pipeline.cli.commands.store_commands:clean",
-            "Delete stored files that nothing needs.",
-            "Maintain",
-        ),
-        "doctor": Command(
-            "pipeline.cli.commands.doctor_command:doctor",
-            "Show what is installed, and what would make it faster.",
-            "Maintain",
-        ),
         "resample": Command(
             "pipeline.cli.commands.resample_command:resample", "Resample one mesh file.", "Maintain"
         ),

@@ -10,9 +10,8 @@ from functools import cache
 from pathlib import Path
 
 from pipeline.errors import FlowsculptError, MachineError
-from pipeline.production.maintenance.known_requests import last_requests
-from pipeline.production.maintenance.store_repair import by_digest
-from pipeline.production.maintenance.verify import inode, shown_files
+from pipeline.plugins.maintenance.store_repair import by_digest, last_requests
+from pipeline.plugins.maintenance.verify import inode, shown_files
 from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.store.event_log import RUNS
 from pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS, RENDERS

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.mesh import box, write_mesh
+from pipeline.plugins.maintenance.why import Explanation, differences, explain, option_differences
 from pipeline.production.execution.project import Project
-from pipeline.production.maintenance.why import Explanation, differences, explain, option_differences
 from pipeline.production.request.picture_header import picture_header
 from pipeline.production.request.shot_lookup import find_shot
 from pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
+from pipeline.plugins.maintenance.clean import collect_garbage
+from pipeline.plugins.maintenance.verify import verify
 from pipeline.production.execution.project import Project
-from pipeline.production.maintenance.clean import collect_garbage
-from pipeline.production.maintenance.verify import verify
 from pipeline.production.request.shot_lookup import find_shot
 from pipeline.production.store.store import Store
 from render.post.image import read_header

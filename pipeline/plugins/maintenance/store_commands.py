@@ -16,10 +16,16 @@ from pipeline.cli.execution import execute
 from pipeline.cli.options import Common, Settings, project_of
 from pipeline.cli.output import print_error, print_result, print_warning, progress_bars, size
 from pipeline.errors import MachineError
-from pipeline.production.maintenance.clean import collect_garbage
-from pipeline.production.maintenance.known_requests import begun_films, begun_requests, last_requests
-from pipeline.production.maintenance.store_repair import evict, remedy, repairs
-from pipeline.production.maintenance.verify import (
+from pipeline.plugins.maintenance.clean import collect_garbage
+from pipeline.plugins.maintenance.store_repair import (
+    begun_films,
+    begun_requests,
+    evict,
+    last_requests,
+    remedy,
+    repairs,
+)
+from pipeline.plugins.maintenance.verify import (
     PublishedFile,
     ShownFile,
     StoredFile,
@@ -34,7 +40,7 @@ from pipeline.production.maintenance.verify import (
     shown_with_digest,
     verify_shown,
 )
-from pipeline.production.maintenance.verify import verify as verify_store
+from pipeline.plugins.maintenance.verify import verify as verify_store
 from pipeline.production.store.event_log import RUNS
 from pipeline.production.store.locks import exclusive
 from pipeline.production.store.store import Store

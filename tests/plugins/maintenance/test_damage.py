@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from pipeline.errors import FrameError
-from pipeline.production.maintenance.verify import (
+from pipeline.plugins.maintenance.verify import (
     PublishedFile,
     ShownFile,
     StoredFile,

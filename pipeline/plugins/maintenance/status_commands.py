@@ -22,7 +22,7 @@ from render.base.plural import plural
 from render.scene.render_quality import DEFAULT_QUALITY
 
 if TYPE_CHECKING:
-    from pipeline.production.maintenance.why import Explanation
+    from pipeline.plugins.maintenance.why import Explanation
 
 
 def status(
@@ -127,7 +127,7 @@ def why(
     that it rests on were edited since the frame was rendered, and which options --set differ. Without a frame
     it explains the first that is not up to date.
     """
-    from pipeline.production.maintenance.why import explain, first_undone  # loads numpy and OpenImageIO
+    from pipeline.plugins.maintenance.why import explain, first_undone  # loads numpy and OpenImageIO
 
     project, path = project_of(common, settings), find_shot(shot)
     request = project.as_finished(project.request(path, quality, None if frame is None else str(frame)))

@@ -1,0 +1,40 @@
+"""The state of a root: what is done, why a frame is not, what is damaged, and what nothing needs."""
+
+from pipeline.plugin import Command, Plugin
+
+PLUGIN = Plugin(
+    name="maintenance",
+    version="1",
+    commands={
+        "status": Command(
+            "pipeline.plugins.maintenance.status_commands:status",
+            "List which frames are done, stale and missing.",
+            "Maintain",
+        ),
+        "why": Command(
+            "pipeline.plugins.maintenance.status_commands:why",
+            "Explain why a frame would be rendered again.",
+            "Maintain",
+        ),
+        "report": Command(
+            "pipeline.plugins.maintenance.status_commands:report",
+            "Show where the time of a run went.",
+            "Maintain",
+        ),
+        "verify": Command(
+            "pipeline.plugins.maintenance.store_commands:verify",
+            "Check every stored file and make damaged ones again.",
+            "Maintain",
+        ),
+        "clean": Command(
+            "pipeline.plugins.maintenance.store_commands:clean",
+            "Delete stored files that nothing needs.",
+            "Maintain",
+        ),
+        "doctor": Command(
+            "pipeline.plugins.maintenance.doctor_command:doctor",
+            "Show what is installed, and what would make it faster.",
+            "Maintain",
+        ),
+    },
+)
