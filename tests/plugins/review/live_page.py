@@ -57,7 +57,7 @@ class Follower:
         self.tab.evaluate(f"page.film.seek({frame})")
 
     def box(self, selector: str) -> FloatRect:
-        """Return where an element is, in pixels of the window, if need be once a new state has replaced it."""
+        """Return where an element is, in pixels of the window, perhaps once a new state has replaced it."""
         for _ in range(50):
             if box := self.tab.locator(selector).first.bounding_box():
                 return box
