@@ -33,6 +33,7 @@ from benchmarks.sample_models import MODELS, UNUSABLE, UNUSUAL
 from pipeline.errors import FlowsculptError
 from pipeline.mesh.mesh_formats import format_of
 from pipeline.mesh.read import read_polygons
+from pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
 from pipeline.plugins.preview.animatic import Animatic
 from pipeline.plugins.preview.sketch import Sketch
 from pipeline.plugins.preview.surface_stream import SurfaceStream
@@ -40,8 +41,6 @@ from pipeline.production.execution.project import Project
 from pipeline.production.maintenance.first_frame import FirstFrames
 from pipeline.production.maintenance.scene_rules import findings
 from pipeline.shot import read_shot
-from pipeline.shot.model_subjects import model_template
-from pipeline.shot.templates import shot_of_flow
 
 FLOWS = {
     "twist": "twist: {axis: y, amount: {keys: {1: 0, 24: 90}}}",

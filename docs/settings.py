@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from pipeline.shot.documents.reference import Schema, schema_of
+from pipeline.plugins.authoring.shot_schemas import Schema, schema_of
 from pipeline.shot.documents.shot_documents import FilmDocument, ShotDocument
 
 PAGE = Path(__file__).with_suffix(".md")

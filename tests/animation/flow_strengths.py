@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-import pipeline.shot.templates as templates
+import pipeline.plugins.authoring.shot_templates as templates
 from pipeline.animation.growth import forecast_growth
 from pipeline.errors import FlowsculptError
 from pipeline.mesh import icosphere
+from pipeline.plugins.authoring.shot_schemas import facts
 from pipeline.shot import read_shot
 from pipeline.shot.documents.flow_documents import DOCUMENTS
-from pipeline.shot.documents.reference import facts
 
 RECORD = Path(templates.__file__).with_name("flow_strengths.yaml")
 GROWTHS = (2.0, 10.0)

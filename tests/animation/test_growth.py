@@ -13,9 +13,9 @@ from pipeline.animation import animate
 from pipeline.animation.growth import forecast_growth, growth_warning
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRange
+from pipeline.plugins.authoring.shot_templates import usual_strength
 from pipeline.production.request.keys import mesh_keys
 from pipeline.shot import Motion, Shot, read_shot
-from pipeline.shot.templates import usual_strength
 from tests.animation.flow_strengths import GROWTHS, RECORD, growth_at, strength_of
 from tests.animation.motions import resampled, same
 

@@ -23,8 +23,8 @@ from hypothesis import strategies as st
 
 from pipeline.animation import animate
 from pipeline.errors import FlowsculptError
+from pipeline.plugins.authoring.shot_schemas import shot_schema
 from pipeline.shot import Shot, read_shot
-from pipeline.shot.documents.reference import shot_schema
 
 SHOTS = Path(__file__).parents[2] / "shots"
 

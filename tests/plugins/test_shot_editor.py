@@ -17,8 +17,8 @@ import pytest
 
 from pipeline.errors import MachineError, MissingInputError, ShotError, UsageError
 from pipeline.plugins.preview.shot_editor import ShotEditor, StaleError, digest_of, edits_in
+from pipeline.plugins.preview.text_edits import ValueEdit
 from pipeline.shot import read_shot
-from pipeline.shot.yaml.text_edits import ValueEdit
 from pipeline.shot.yaml.yaml_source import YamlSource
 
 SHOT = """\

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from pipeline.errors import FlowsculptError
 from pipeline.plugins.preview.shot_editor import ShotEditor
 from pipeline.plugins.preview.sketch import MOST_BALLS, QUICK_VERTICES, shape_of
+from pipeline.plugins.preview.text_edits import ValueEdit
 from pipeline.plugins.preview.trial_pictures import TrialPictures
 from pipeline.production.request.shot_source import ShotSummary
-from pipeline.shot.yaml.text_edits import ValueEdit
 from render.scene.materials import LOOKS
 from tests.plugins.live_follower import Follower
 

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from pipeline.animation import animate
 from pipeline.errors import FrameError
 from pipeline.mesh import icosphere
+from pipeline.plugins.authoring.shot_templates import model_template
 from pipeline.production.maintenance.first_frame import FirstFrame, FirstFrames, estimated_vertices
 from pipeline.production.maintenance.scene_rules import Finding, findings, is_inside, rounded_up
 from pipeline.resample import Thresholds, resample
 from pipeline.shot import read_shot
-from pipeline.shot.model_subjects import model_template
 from tests.conftest import ProjectFolder, commanded
 
 pytestmark = pytest.mark.quick

@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 from pipeline.animation import animate
 from pipeline.errors import MeshError, ShotError
 from pipeline.mesh import TriangleMesh, icosphere, rod, write_mesh
+from pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
 from pipeline.shot import Model, Shot, read_shot
-from pipeline.shot.model_subjects import model_template
 from pipeline.shot.motion import as_data
-from pipeline.shot.templates import shot_of_flow
 
 SHOT = "title: A\nframes: 1-2\nsubject: {model: a.obj%s}\nresample: off\nflows: []\n"
 LONG = rod(4.0, 0.5)  # along y

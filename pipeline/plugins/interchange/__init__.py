@@ -1,10 +1,15 @@
-"""Interchange: models of other 3-D programs, and shots as USD and mesh files for them."""
+"""Interchange: models of other 3-D programs, and shots and resampled models as files for them."""
 
 from pipeline.plugin import Command, Plugin
 
 PLUGIN = Plugin(
     name="interchange",
     version="1",
+    commands={
+        "resample": Command(
+            "pipeline.plugins.interchange.resample_command:resample", "Resample one mesh file.", "Maintain"
+        ),
+    },
     exporters={
         "usd": Command(
             "pipeline.plugins.interchange.export_commands:usd",

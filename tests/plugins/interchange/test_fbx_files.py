@@ -13,9 +13,9 @@ from pipeline.errors import MachineError, MeshError
 from pipeline.mesh import PolygonMesh
 from pipeline.mesh.read import model_files, read_surface, usual_up
 from pipeline.mesh.repair import repair_surface
+from pipeline.plugins.authoring.shot_templates import model_template
 from pipeline.plugins.interchange import fbx_files
 from pipeline.plugins.interchange.fbx_reader import up_axis, visible_surface
-from pipeline.shot.model_subjects import model_template
 from tests.plugins.interchange.fbx_writer import (
     CORNERS,
     SIDES,

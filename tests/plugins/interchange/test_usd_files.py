@@ -16,11 +16,11 @@ from pipeline.mesh import PolygonMesh, read_mesh
 from pipeline.mesh.mesh_formats import ScenePart
 from pipeline.mesh.read import model_files, read_surface, usual_up
 from pipeline.mesh.repair import repair_surface
+from pipeline.plugins.authoring.shot_templates import model_template
 from pipeline.plugins.interchange import usd_files
 from pipeline.plugins.interchange.placed_meshes import joined
 from pipeline.plugins.interchange.usd_meshes import StageMeshes
 from pipeline.shot import Model, read_shot
-from pipeline.shot.model_subjects import model_template
 
 CORNERS = [(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
 SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]

@@ -15,9 +15,7 @@ from pipeline.cli.options import Common, output_option, require_one_of
 from pipeline.cli.output import print_result, table
 from pipeline.errors import FlowsculptError
 from pipeline.plugin import named, plugins
-from pipeline.production.request.shot_lookup import SHOTS
-from pipeline.shot.documents.flow_documents import DOCUMENTS
-from pipeline.shot.documents.reference import (
+from pipeline.plugins.authoring.shot_schemas import (
     default_text,
     defaults_schema,
     facts,
@@ -25,7 +23,9 @@ from pipeline.shot.documents.reference import (
     markdown,
     shot_schema,
 )
-from pipeline.shot.templates import usual_strength
+from pipeline.plugins.authoring.shot_templates import usual_strength
+from pipeline.production.request.shot_lookup import SHOTS
+from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.yaml.named_files import DEFAULTS
 from pipeline.shot.yaml.yaml_source import YamlSource
 from render.base.atomic_write import atomic_write

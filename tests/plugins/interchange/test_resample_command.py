@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.cli.commands.resample_command import REFUSALS
 from pipeline.mesh import TriangleMesh, box, icosphere, read_mesh, read_polygons, require, write_mesh
+from pipeline.plugins.interchange.resample_command import REFUSALS
 from pipeline.resample.kernels.can_collapse import REASONS
 
 

@@ -12,12 +12,12 @@ import jsonschema
 import pytest
 
 from pipeline.errors import ShotError
+from pipeline.plugins.authoring.shot_schemas import defaults_schema, film_schema, shot_schema
 from pipeline.shot import read_shot
 from pipeline.shot.documents.flow_documents import DOCUMENTS
-from pipeline.shot.documents.reference import defaults_schema, film_schema, shot_schema
 from pipeline.shot.yaml.yaml_source import YamlSource
 
-HOME = Path(__file__).parents[2]
+HOME = Path(__file__).parents[3]
 SHOTS = sorted(path for path in (HOME / "shots").glob("*.yaml"))
 FILMS = {path for path in SHOTS if "shots" in YamlSource.read(path).data}
 

@@ -14,25 +14,25 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.cli.commands.schema_command import SCHEMAS, names_with_defaults, write_schemas
 from pipeline.cli.options import Common
 from pipeline.cli.output import print_result, print_warning
 from pipeline.errors import FlowsculptError, UsageError, suggestion
-from pipeline.production.request.shot_lookup import FILM, SHOTS, find_shot, shot_names
-from pipeline.shot import read_shot
-from pipeline.shot.documents.flow_documents import DOCUMENTS
-from pipeline.shot.model_subjects import model_template
-from pipeline.shot.templates import (
+from pipeline.plugins.authoring.schema_command import SCHEMAS, names_with_defaults, write_schemas
+from pipeline.plugins.authoring.shot_templates import (
     FIRST_SHOT,
     FLOW_FILES,
     SCHEMA,
     SHARED,
+    model_template,
     presets,
     shot_of_flow,
     shot_of_shot,
     show_files,
     without_shared,
 )
+from pipeline.production.request.shot_lookup import FILM, SHOTS, find_shot, shot_names
+from pipeline.shot import read_shot
+from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.yaml.named_files import DEFAULTS, is_edit, name_fault, text_of
 from render.base.atomic_write import atomic_write, disk_errors
 

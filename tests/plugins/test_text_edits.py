@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from pipeline.errors import ShotError
+from pipeline.plugins.preview.text_edits import ValueEdit, edited
 from pipeline.shot.yaml.plain_text import flow_style
-from pipeline.shot.yaml.text_edits import ValueEdit, edited
 from pipeline.shot.yaml.yaml_source import YamlSource
 
 FILE = Path("A010_a.yaml")

@@ -9,10 +9,8 @@ import pytest
 
 from pipeline.animation import animate
 from pipeline.errors import UsageError
-from pipeline.shot import read_shot
-from pipeline.shot.documents.flow_documents import DOCUMENTS
-from pipeline.shot.documents.reference import facts
-from pipeline.shot.templates import (
+from pipeline.plugins.authoring.shot_schemas import facts
+from pipeline.plugins.authoring.shot_templates import (
     FLOW_FILES,
     FRAMES,
     preset_of,
@@ -20,6 +18,8 @@ from pipeline.shot.templates import (
     shot_of_flow,
     shot_of_shot,
 )
+from pipeline.shot import read_shot
+from pipeline.shot.documents.flow_documents import DOCUMENTS
 
 each = pytest.mark.parametrize("flow", DOCUMENTS)
 
@@ -80,7 +80,7 @@ def _needs_a_preset(flow: str) -> bool:
 def test_flows_without_a_preset_are_set_up_by_their_parameters(
     flow: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pipeline.shot.templates.presets", dict)
+    monkeypatch.setattr("pipeline.plugins.authoring.shot_templates.presets", dict)
     read_shot(tmp_path / "a.yaml", shot_of_flow(flow, "a"))
 
 
