@@ -28,7 +28,6 @@ from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.flow.kernels import field_kernels as fields
 from pipeline.flow.kernels import instructions as op
 from pipeline.flow.kernels import streamline_kernels as kernels
-from pipeline.flow.kernels import vortex_kernels as vortex
 from pipeline.flow.kernels.region_kernels import ball_weight
 from pipeline.flow.parameters import shot_name
 from pipeline.flow.velocity import Instruction, Program, grouped, opcodes_of, table_of
@@ -39,10 +38,9 @@ MOST = 1.3
 """Target: the time over that of the kernel written for the field."""
 
 EQUATIONS = {
-    code: getattr(family, name.lower())
-    for family in (fields, vortex)
-    for name, code in vars(family).items()
-    if isinstance(code, int) and hasattr(family, name.lower())
+    code: getattr(fields, name.lower())
+    for name, code in vars(fields).items()
+    if isinstance(code, int) and hasattr(fields, name.lower())
 }
 
 IN_A_BALL = (0.0, 0.0, 0.0, 0.8, 0.0, 0.0, 0.5, 0.5, 0.0)
@@ -71,7 +69,7 @@ def by_hand(program: Program) -> Any:
     if len(program) == 1:
         return numba.njit(EQUATIONS[program[0].opcode].py_func)
     swirl, stretch, turn, weigh = (
-        numba.njit(one.py_func) for one in (vortex.lamb_oseen, fields.strain, fields.rotation, ball_weight)
+        numba.njit(one.py_func) for one in (fields.lamb_oseen, fields.strain, fields.rotation, ball_weight)
     )
     o_swirl, o_stretch, o_close, o_turn = (op.COLUMNS * row for row in (1, 2, 3, 4))
 

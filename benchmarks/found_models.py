@@ -31,8 +31,7 @@ import numpy as np
 from benchmarks.report import OUT, Row, Target, keep, show
 from benchmarks.sample_models import MODELS, UNUSABLE, UNUSUAL
 from pipeline.errors import FlowsculptError
-from pipeline.mesh.mesh_formats import format_of
-from pipeline.mesh.read import read_polygons
+from pipeline.mesh.read import format_of, read_polygons
 from pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
 from pipeline.plugins.preview.animatic import Animatic
 from pipeline.plugins.preview.sketch import Sketch

@@ -20,7 +20,7 @@ from pipeline.animation import MeshFrame, animate
 from pipeline.arrays import AnyArray, Floats, Points, Vectors
 from pipeline.flow import Flow, Streamlines
 from pipeline.flow.catalogue.attractors import Lorenz
-from pipeline.flow.catalogue.cellular import Enright
+from pipeline.flow.catalogue.basic import Enright
 from pipeline.flow.flow_map import FrameStep
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh import ShadedMesh, TriangleMesh, icosphere, split_at_creases

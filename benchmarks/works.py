@@ -102,7 +102,7 @@ def lorenz() -> Film:
 def enright() -> Film:
     """A ball of 2562 vertices stretched to a thin curled sheet until half time, and back.
 
-    Source: `pipeline.flow.catalogue.cellular`.
+    Source: `pipeline.flow.catalogue.basic`.
     """
     ball, at = _Ball(0.15, (0.35, 0.35, 0.35)), streams.following(streams.enright, 3 / 150)
     subject = icosphere(16, ball.radius, ball.centre)

@@ -15,12 +15,10 @@ from examples.drawing import COOL, FAINT, INK, PICTURES, WARM, save
 from pipeline.arrays import AnyArray, Points
 from pipeline.flow import Streamlines, VelocityField, keyed
 from pipeline.flow.catalogue import FLOWS
-from pipeline.flow.catalogue.attraction import Attraction, Target, Wind
 from pipeline.flow.catalogue.attractors import Attractor
-from pipeline.flow.catalogue.basic import Rotation, Scaling, Squeeze, Strain, Translation
-from pipeline.flow.catalogue.cellular import DoubleGyre
+from pipeline.flow.catalogue.basic import DoubleGyre, Rotation, Scaling, Squeeze, Strain, Translation
 from pipeline.flow.catalogue.deformations import Bend, Deformation
-from pipeline.flow.catalogue.user_fields import FormulaField, Sampled
+from pipeline.flow.catalogue.external_fields import Attraction, FormulaField, Sampled, Target, Wind
 from pipeline.flow.catalogue.vortices import CurlNoise
 from pipeline.flow.parameters import shot_name
 from pipeline.flow.samples import read_samples

@@ -67,7 +67,7 @@ def test_a_call_finds_what_set_up_has_compiled_in_an_empty_cache(tmp_path):
 
 def test_a_kernel_is_compiled_after_all_that_it_calls_and_once_for_all_its_callers(tmp_path):
     calls = kernel_calls()
-    called, caller = "pipeline.flow.kernels.instructions", "pipeline.flow.kernels.vortex_kernels"
+    called, caller = "pipeline.flow.kernels.instructions", "pipeline.flow.kernels.deformation_kernels"
     assert calls[caller] == {called}
     code = BUILD.format(calls={called: set(), caller: {called}})
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
@@ -75,7 +75,9 @@ def test_a_kernel_is_compiled_after_all_that_it_calls_and_once_for_all_its_calle
     stored = [path for kind in ("kernel", "inner") for path in tmp_path.rglob(f"*.{kind}")]
     compiled = [path.name.rpartition("-")[0] for path in stored]
     assert len(compiled) == len(set(compiled))
-    assert {"load", "ring", "elliptic"} <= set(compiled), "two that Python calls, and one that ring calls"
+    assert {"load", "bend", "_bent"} <= set(compiled), (
+        "two that count as called by Python, and one that bend calls"
+    )
 
 
 BUILD = """
@@ -140,8 +142,8 @@ def test_an_edit_of_a_source_compiles_the_kernels_that_depend_on_it_and_no_other
 
 CALLS = [
     (
-        "pipeline.flow.kernels.vortex_kernels",
-        "pipeline.flow.kernels.program",
+        "pipeline.flow.kernels.region_kernels",
+        "pipeline.flow.kernels.field_kernels",
         "pipeline.flow.kernels.streamline_kernels",
     ),
     ("pipeline.resample.kernels.ring", "pipeline.resample.kernels.collapse"),

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from pipeline.animation import animate
 from pipeline.flow import Streamlines
-from pipeline.flow.catalogue.cellular import Enright
+from pipeline.flow.catalogue.basic import Enright
 from pipeline.flow.flow_map import FrameStep
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh import TriangleMesh, box, icosphere, split_at_creases, torus

@@ -14,8 +14,7 @@ import numpy as np
 from PIL import Image
 
 from pipeline.animation import animate, material_of
-from pipeline.mesh.normals import split_at_creases
-from pipeline.mesh.pn_triangles import spread, tessellate
+from pipeline.mesh.normals import split_at_creases, spread, tessellate
 from pipeline.production.render_inputs.framing import Framing, frame_all
 from pipeline.production.render_inputs.shading import Shading, speeds
 from pipeline.production.render_inputs.view_geometry import BoundingSpheres

@@ -1,8 +1,7 @@
 """From a shot to its surfaces, frame after frame."""
 
 from pipeline.animation.frame import FrameReport, MeshFrame, descent, material_of, mesh_at_subframe
-from pipeline.animation.loop import animate
-from pipeline.animation.progress import FrameProgress, FrameProgressCallback, animate_reporting
+from pipeline.animation.loop import FrameProgress, FrameProgressCallback, animate, animate_reporting
 
 __all__ = [
     "FrameProgress",

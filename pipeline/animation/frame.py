@@ -15,7 +15,7 @@ from pipeline.errors import UsageError
 from pipeline.flow import checked_displacement
 from pipeline.mesh import PolygonMesh, TriangleMesh
 from pipeline.mesh.control_net import Lattice
-from pipeline.mesh.identity import IDENTITY, Ancestry, ancestry
+from pipeline.mesh.halfedge_mesh import IDENTITY, Ancestry, ancestry
 from pipeline.resample import PolyhedralReport, Report
 from pipeline.resample.rest_surface import REST
 from pipeline.shot import Motion

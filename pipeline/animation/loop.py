@@ -1,33 +1,238 @@
-"""The frame loop: displace, resample, yield; resumable from any frame."""
+"""The frame loop: displace, resample, yield; resumable from any frame, and reporting its progress.
+
+A slow frame says once what it does and what makes it slow.
+"""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from pipeline.animation.frame import Mesh, MeshFrame, with_material
-from pipeline.animation.moving_surface import (
-    ExactSurface,
-    MovingSurface,
-    PolygonSurface,
-    RestInterval,
-    TriangleSurface,
-    step_into,
-    thresholds_at,
-)
-from pipeline.arrays import AnyArray, Floats, Vectors
-from pipeline.errors import UsageError
-from pipeline.flow import Displacement, Flow, as_flow
+from pipeline.animation.flow_cost import costliest_flow, fit_remedy, is_usual_size
+from pipeline.animation.frame import MATERIAL, FrameReport, Mesh, MeshFrame, with_material
+from pipeline.arrays import AnyArray, Floats, Points, Vectors
+from pipeline.errors import FlowsculptError, FrameError, UsageError, VertexBudgetError
+from pipeline.flow import Displacement, Flow, Streamlines, as_flow
+from pipeline.flow.flow_map import CARRYING, FlowMap, FrameStep
+from pipeline.long_computations import Progress, reporting_to
 from pipeline.mesh import PolygonMesh, TriangleMesh
-from pipeline.mesh.identity import with_identities
-from pipeline.mesh.normals import NORMAL, vertex_normals
-from pipeline.resample import PolyhedralResampler, Resampler, Thresholds, edges_by_angle
+from pipeline.mesh.control_net import Lattice
+from pipeline.mesh.halfedge_mesh import Register, with_identities
+from pipeline.mesh.normals import NORMAL, carried_normals, tangent_distance, vertex_normals
+from pipeline.resample import Exact, PolyhedralResampler, Report, Resampler, Thresholds, edges_by_angle
 from pipeline.resample.creases import edges_in_region
 from pipeline.resample.resampler import STATELESS
-from pipeline.resample.rest_surface import REST
+from pipeline.resample.rest_surface import REST, REST_NORMAL
 from pipeline.shot import Motion, Resampling, Shot
+from pipeline.statistics import COUNTED_FRAMES, MeshStatistics, mesh_statistics
+
+
+def step_into(motion: Motion, flow: Flow, frame: int) -> FrameStep:
+    """Return the step of the flow that leads into `frame`."""
+    return FrameStep(motion.limit_steps(flow, frame), *motion.step(frame), frame)
+
+
+class RestInterval:
+    """The frames that share a surface at rest: the first frame's, or every `rest_interval`-th after it.
+
+    The cost of carrying points grows with the interval, so a new surface at rest bounds it. Intervals follow
+    from frame numbers, so that a run resumed at any frame has the same ones.
+
+    end   the frame whose surface is the next one at rest
+    next  returns the interval that begins there
+    """
+
+    def __init__(self, motion: Motion, resampling: Resampling, flow: Flow, number: int) -> None:
+        first, length = motion.frames.first, resampling.rest_interval
+        start = first + (number - first) // length * length
+        self.end = start + length
+        self.history = FlowMap()
+        for frame in range(start + 1, number + 1):
+            self.history.add(step_into(motion, flow, frame))
+        project = motion.analytic_surface() if start == first else None
+        self.placement = Exact(self.history.carry, project, tags_creases=False)
+        self.next = partial(RestInterval, motion, resampling, flow, self.end)
+
+
+R = TypeVar("R", Resampler, PolyhedralResampler)
+
+MOVED_TOGETHER = 1 << 17
+"""Vertices that the flow moves together: more take memory for copies, and fewer take more calls."""
+
+
+def blocks_of(count: int) -> Iterator[slice]:
+    """Yield slices of MOVED_TOGETHER that cover so many vertices; the last one is shorter."""
+    for first in range(0, count, MOVED_TOGETHER):
+        yield slice(first, min(first + MOVED_TOGETHER, count))
+
+
+def thresholds_at(motion: Motion, resampling: Resampling, frame: int) -> Thresholds:
+    """Return the thresholds of a frame."""
+    return resampling.thresholds.at(frame, motion.clock.time(frame))
+
+
+class MovingSurface:
+    """A surface, point cloud or control net whose vertices only move."""
+
+    def __init__(self, motion: Motion, mesh: TriangleMesh, lattice: Lattice | None = None) -> None:
+        self._motion, self._mesh, self._register, self._lattice = motion, mesh, Register.of(mesh), lattice
+
+    def move(self, step: FrameStep) -> None:
+        """Move the vertices by one step of the flow."""
+        points = np.array(self._mesh.vertices)
+        for block in blocks_of(len(points)):
+            points[block] = step.apply(points[block], block.start)
+        points.flags.writeable = False  # so that the mesh takes the array itself
+        self._mesh = self._mesh.with_vertices(points)
+
+    def frame(self, number: int, ready: Callable[[], None] = lambda: None) -> MeshFrame:
+        """Return the surface as frame `number`; `ready` is called before its arrays are copied."""
+        ready()
+        report = _report(self._motion, number, self._mesh, None)
+        frame = MeshFrame(number, self._mesh, report, lattice=self._lattice)
+        if self._register is None:
+            return frame
+        return replace(frame, births=self._register.births, identities=self._register.given)
+
+
+class _ResampledSurface(MovingSurface, Generic[R]):
+    """A surface that is resampled when its frame is taken."""
+
+    def __init__(
+        self, motion: Motion, resampling: Resampling, resampler: R, start_vertices: int | None = None
+    ) -> None:
+        self._motion, self._resampling, self._start_vertices = motion, resampling, start_vertices
+        self._resampler: R = resampler
+
+    def move(self, step: FrameStep) -> None:
+        points = self._resampler.vertices
+        for block in blocks_of(len(points)):
+            points[block] = step.apply(points[block], block.start)
+
+    def _resample(self, number: int) -> Report:
+        """Resample once; errors name the frame."""
+        try:
+            thresholds = thresholds_at(self._motion, self._resampling, number)
+            most = self._most_vertices
+            if most is not None and most < thresholds.max_vertices:
+                thresholds = replace(thresholds, max_vertices=most)
+            self._resampler.thresholds = thresholds
+            return self._resampler.resample()
+        except VertexBudgetError as error:
+            if thresholds.max_vertices == most:
+                raise self._grown(error.fact, number) from error
+            extent = float(np.ptp(self._resampler.vertices, axis=0).max())
+            fit = fit_remedy(self._motion, extent)
+            if not fit or is_usual_size(extent):
+                raise error.of(number) from error
+            raise error.with_remedy(fit, number) from error
+        except FrameError as error:
+            raise error.of(number) from error
+        except FlowsculptError as error:
+            raise FrameError(str(error), number) from error
+
+    @property
+    def _most_vertices(self) -> int | None:
+        """The vertices that `max_growth` allows; None where it limits nothing."""
+        growth, start = self._resampling.max_growth, self._start_vertices
+        return None if growth is None or start is None else max(4, int(growth * start))
+
+    def _grown(self, fact: str, number: int) -> FrameError:
+        """Return the error of a frame that needs more vertices than `max_growth` allows."""
+        return FrameError(
+            f"{fact}: max_growth {self._resampling.max_growth:g} times the {self._start_vertices} of frame "
+            f"{self._motion.frames.first}; slow the flows down, or raise max_growth or max_edge_length",
+            number,
+        )
+
+    def _report(self, number: int, mesh: TriangleMesh, resampling: Report) -> FrameReport:
+        """Return the report of a frame. The first one starts the count of growth."""
+        if number == self._motion.frames.first:
+            self._start_vertices = len(mesh.vertices)
+        return replace(_report(self._motion, number, mesh, resampling), start_vertices=self._start_vertices)
+
+
+class PolygonSurface(_ResampledSurface[PolyhedralResampler]):
+    """A surface of polygons (P16); frames show it as triangles."""
+
+    def frame(self, number: int, ready: Callable[[], None] = lambda: None) -> MeshFrame:
+        report = self._resample(number)
+        ready()
+        polygons = self._resampler.mesh
+        mesh = polygons.triangulated()
+        return MeshFrame(number, mesh, self._report(number, mesh, report), polygons)
+
+
+class TriangleSurface(_ResampledSurface[Resampler]):
+    """A surface of triangles."""
+
+    def frame(self, number: int, ready: Callable[[], None] = lambda: None) -> MeshFrame:
+        report, resampler = self._resample(number), self._resampler
+        ready()
+        self._renew_rest(number)
+        mesh = resampler.mesh
+        frame_report = self._report(number, mesh, report)
+        given, unsorted = resampler.identities, resampler.unsorted
+        return MeshFrame(
+            number, mesh, frame_report, births=resampler.births, identities=given, unsorted=unsorted
+        )
+
+    def _renew_rest(self, number: int) -> None:
+        """Make the present surface the one at rest, where a rest interval ends; others have none."""
+
+
+class ExactSurface(TriangleSurface):
+    """A surface with rest positions, whose normals are carried by the flow."""
+
+    def __init__(
+        self,
+        motion: Motion,
+        resampling: Resampling,
+        resampler: Resampler,
+        interval: RestInterval,
+        start_vertices: int | None = None,
+    ) -> None:
+        super().__init__(motion, resampling, resampler, start_vertices)
+        self._interval = interval
+
+    def move(self, step: FrameStep) -> None:
+        points, normals = self._resampler.vertices, self._resampler.vectors(NORMAL)
+        if normals is None:
+            super().move(step)
+        else:
+            distance = tangent_distance(points)
+            for block in blocks_of(len(points)):
+                before, apart = points[block].copy(), np.full(block.stop - block.start, distance)
+                points[block] = step.apply(before, block.start)
+                move = partial(step.apply, first=block.start)
+                normals[block] = carried_normals(move, before, points[block], normals[block], apart)
+        self._interval.history.add(step)
+
+    def _renew_rest(self, number: int) -> None:
+        if number != self._interval.end:
+            return
+        self._interval, resampler = self._interval.next(), self._resampler
+        rest = resampler.vectors(REST)
+        if rest is not None and resampler.vectors(MATERIAL) is None:
+            resampler.set_attributes(**{MATERIAL: rest})
+        normals = vertex_normals(resampler.bare_mesh)
+        resampler.set_attributes(**{REST: resampler.vertices, REST_NORMAL: normals})
+        resampler.placement = self._interval.placement
+
+
+def _report(motion: Motion, number: int, mesh: TriangleMesh, resampling: Report | None) -> FrameReport:
+    """Return the report of a frame: its number alone decides whether crossings are counted."""
+    is_counted = (number - motion.frames.first) % COUNTED_FRAMES == 0
+    return FrameReport(resampling, partial(_statistics, mesh, is_counted))
+
+
+def _statistics(mesh: TriangleMesh, count_crossings: bool) -> MeshStatistics | None:
+    return mesh_statistics(mesh, count_crossings) if len(mesh.faces) else None
 
 
 def animate(
@@ -179,3 +384,159 @@ def _state(mesh: TriangleMesh | PolygonMesh, **others: AnyArray) -> dict[str, An
     """Return the state of a resampler with this mesh."""
     attributes = {f"attribute.{name}": values for name, values in mesh.attributes.items()}
     return {"vertices": mesh.vertices, **others, **attributes, "creases": mesh.creases}
+
+
+SLOW_SECONDS = 60.0
+"""A frame that takes longer says why."""
+
+MEASURED_SECONDS, FORESEEN = 3.0, 1.5
+"""A frame is foreseen to be slow after so many seconds, where it would take so many times SLOW_SECONDS."""
+
+REPORT_SECONDS = 0.5
+"""Time between two reports of one frame, and before the first."""
+
+GROWTH = 1.5
+"""Vertices over those of the frame before from which on the stretch makes a frame slow."""
+
+MOST_SHARE = 0.95
+"""The share of a frame that its flow takes at most: the resampler follows."""
+
+
+class FrameProgress(NamedTuple):
+    """The progress of the frame in work.
+
+    frame     its number
+    share     0 to 1, about
+    activity  what is computed: the name of a flow, or of a part of the resampling
+    vertices  number of vertices that the surface has by now
+    slow      why the frame takes long, the first time that a flow makes one slow; else empty
+    """
+
+    frame: int
+    share: float
+    activity: str
+    vertices: int
+    slow: str = ""
+
+    @property
+    def work(self) -> str:
+        """`curl_noise, 120,345 vertices`; without the vertices before the first are made."""
+        return f"{self.activity}, {self.vertices:,} vertices" if self.vertices else self.activity
+
+
+FrameProgressCallback = Callable[[FrameProgress], None]
+
+
+EXTENT_SAMPLE = 1 << 16
+"""Vertices whose extent stands for that of a surface with more of them."""
+
+
+class _VertexSample(NamedTuple):
+    """Some vertices (N, 3) of a surface, evenly by their numbers, and the number of all."""
+
+    points: Points
+    vertices: int
+
+    @classmethod
+    def of(cls, points: Points) -> _VertexSample:
+        stride = len(points) // EXTENT_SAMPLE
+        return cls(points if stride < 2 else points[::stride].copy(), len(points))
+
+
+def animate_reporting(
+    shot: Shot,
+    resume: MeshFrame | None,
+    callback: FrameProgressCallback,
+    ready: Callable[[], None] = lambda: None,
+) -> Iterator[MeshFrame]:
+    """Yield the frames of `animate`, which calls `ready`; report the progress within each that takes long."""
+    motion, frames, told = shot.motion, animate(shot, resume, ready=ready), set[str]()
+    number = motion.frames.first if resume is None else resume.number + 1
+    before = None if resume is None else _VertexSample.of(resume.mesh.vertices)
+    del resume  # a frame that its taker has dropped takes no memory while the next one is computed
+    while number <= motion.frames.last:
+        with reporting_to(_FrameWatch(motion, number, before, callback, told).receive):
+            frame = next(frames)
+        number, before = frame.number + 1, _VertexSample.of(frame.mesh.vertices)
+        yield frame
+        del frame
+
+
+class _FrameWatch:
+    """Turns the progress of computations into that of one frame."""
+
+    def __init__(
+        self,
+        motion: Motion,
+        frame: int,
+        before: _VertexSample | None,
+        callback: FrameProgressCallback,
+        told: set[str],
+    ) -> None:
+        self._motion, self._frame, self._before, self._callback = motion, frame, before, callback
+        self._began = self._reported = time.monotonic()
+        self._last = Progress("", 0, 0)
+        self._moved = 0
+        self._vertices = 0 if before is None else before.vertices
+        self._is_explained, self._told = False, told
+
+    def receive(self, progress: Progress) -> None:
+        """Take progress of a flow or of the resampler."""
+        is_same = progress[::2] == self._last[::2] and progress.done > self._last.done
+        if progress.total:
+            self._moved += progress.done - (self._last.done if is_same else 0)
+        else:
+            self._vertices = progress.done
+        self._last, now = progress, time.monotonic()
+        if now - self._reported < REPORT_SECONDS:
+            return
+        self._reported = now
+        share = self._share()
+        slow = self._slow(now - self._began, share)
+        self._callback(FrameProgress(self._frame, share, progress.activity, self._vertices, slow))
+
+    def _share(self) -> float:
+        """Return the share of the frame that is done, from 0 to MOST_SHARE."""
+        expected = self._expected_moves()
+        return min(MOST_SHARE, MOST_SHARE * self._moved / expected) if expected else 0.0
+
+    def _expected_moves(self) -> int:
+        """Return how many points the frame moves along velocities: vertices, and beside them for normals."""
+        if self._before is None:
+            return 0
+        flow, resampling = self._motion.flow, self._motion.resampling
+        steps = sum(isinstance(s.flow, Streamlines) for s in flow.steps(*self._motion.step(self._frame)))
+        carried = (
+            resampling is not None and resampling.placement == "exact" and resampling.normals == "carried"
+        )
+        return steps * self._before.vertices * (3 if carried else 1)
+
+    def _slow(self, seconds: float, share: float) -> str:
+        """Return why the frame is slow, the first time that this is known; else an empty text."""
+        is_foreseen = seconds > MEASURED_SECONDS and share > 0.0 and seconds / share > FORESEEN * SLOW_SECONDS
+        if self._is_explained or not (seconds > SLOW_SECONDS or is_foreseen):
+            return ""
+        self._is_explained = True
+        place, reason = self._reason()
+        if place in self._told:
+            return ""
+        self._told.add(place)
+        takes = f"takes about {seconds / share:.0f} s" if is_foreseen else f"has taken {seconds:.0f} s so far"
+        return f"frame {self._frame} {takes}: {reason}"
+
+    def _reason(self) -> tuple[str, str]:
+        """Return the place in the shot file that makes the frame slow, and why."""
+        before, last = self._before, self._last
+        if before is not None and not last.total and last.done > GROWTH * before.vertices:
+            return "resample", (
+                f"the flows stretch the surface from {before.vertices:,} vertices to {last.done:,}. Slow the "
+                "flows down, or raise resample.max_edge_length."
+            )
+        cost = None if before is None else costliest_flow(self._motion, self._frame, *before)
+        if before is None or cost is None:
+            count = last.done if before is None else before.vertices
+            return "resample", f"{last.activity} has {count:,} vertices. Raise resample.max_edge_length."
+        if last.activity != CARRYING:
+            return cost.place, str(cost)
+        more = "New vertices take those of all frames since rest: lower resample.rest_interval."
+        return f"{cost.place}, carried", f"{cost} {more}"

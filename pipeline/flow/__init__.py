@@ -1,11 +1,19 @@
 """Flows: mappings of points into points, their composition and their keyframes."""
 
-from pipeline.flow.composed_fields import Blend, Sum, Within
-from pipeline.flow.composed_maps import Mirror, Placed, Repeated, Reversed, Sequence, Transform
-from pipeline.flow.easing import EASINGS
+from pipeline.flow.composition import (
+    Blend,
+    Mirror,
+    Placed,
+    Repeated,
+    Reversed,
+    Sequence,
+    Sum,
+    Transform,
+    Within,
+)
 from pipeline.flow.flow import Displacement, Flow, Function, as_flow
 from pipeline.flow.flow_map import checked_displacement
-from pipeline.flow.keyframes import Keyframes, keyed
+from pipeline.flow.keyframes import EASINGS, Keyframes, keyed
 from pipeline.flow.parameters import Curve
 from pipeline.flow.streamlines import Streamlines
 from pipeline.flow.velocity import VelocityField

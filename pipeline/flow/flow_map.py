@@ -14,10 +14,9 @@ import numpy as np
 from pipeline.arrays import Points
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.flow.catalogue.deformations import Deformation
-from pipeline.flow.catalogue.user_fields import FormulaField
+from pipeline.flow.catalogue.external_fields import FormulaField
 from pipeline.flow.flow import Flow, FlowStep
-from pipeline.flow.step_plan import StepPlan
-from pipeline.flow.streamlines import Streamlines
+from pipeline.flow.streamlines import StepPlan, Streamlines
 
 
 def checked_displacement(

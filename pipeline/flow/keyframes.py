@@ -1,10 +1,16 @@
-"""Curves in time: keyframes with easings or Bézier handles, as in Blender, formulas, and their integrals."""
+"""Curves in time: keyframes as in Blender, formulas, curves that follow a sound, and their integrals.
+
+From a key to the next a value follows an easing, which maps the share of the time to the share of the change,
+or a Bézier segment with handles. Easings have the names of Blender's interpolation and easing types joined:
+`sine_in_out`. `in` starts slowly, `out` ends slowly, `in_out` does both. Each maps 0 to 0 and 1 to 1. The
+formulas are Robert Penner's (*Programming Macromedia Flash MX*, 2002, chapter 7).
+"""
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -13,11 +19,306 @@ from typing import Any, Literal
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.flow.easing import BEZIER, EASINGS, BezierSegment, Handle, automatic_slope, kinks
 from pipeline.flow.parameters import Curve, Number, Values, Vector, number_at
-from pipeline.flow.sound_curve import SoundCurve
-from pipeline.formula import TIME, Expression
-from pipeline.formula.syntax import time_values
+from pipeline.formula import TIME, Expression, time_values
+from render.base.serialise import NOT_PLAIN
+
+Ease = Callable[[float], float]
+
+BEZIER = "bezier"
+"""The easing whose curve is drawn by handles."""
+
+BISECTIONS = 60
+"""After so many a number between 0 and 1 is exact to the last bit."""
+
+
+def _power(exponent: int) -> Ease:
+    return lambda s: math.pow(s, exponent)
+
+
+def _sine(s: float) -> float:
+    return 1.0 - math.cos(s * math.pi / 2)
+
+
+def _expo(s: float) -> float:
+    """Return 2^(10 (s − 1)), shifted and scaled so that it starts at 0 and ends at 1 exactly."""
+    return (math.exp2(10.0 * s) - 1.0) / 1023.0
+
+
+def _circ(s: float) -> float:
+    return 1.0 - math.sqrt(max(0.0, 1.0 - s * s))
+
+
+def _back(s: float) -> float:
+    """Swing back by a tenth first."""
+    overshoot = 1.70158
+    return s * s * ((overshoot + 1.0) * s - overshoot)
+
+
+def _bounce(s: float) -> float:
+    """Bounce like a dropped ball seen backwards: four parabolas, the last hop the highest."""
+    left = (1.0 - s) * 2.75
+    for start, middle, height in _HOPS:
+        if left >= start:
+            return height - (left - middle) ** 2
+    raise AssertionError("the hops begin at 0")
+
+
+_HOPS = ((2.5, 2.625, 1 / 64), (2.0, 2.25, 1 / 16), (1.0, 1.5, 1 / 4), (0.0, 0.0, 1.0))
+"""The start, middle and height of each hop of a bounce that lasts 2.75."""
+
+
+def _elastic(s: float) -> float:
+    """Swing with growing amplitude, three and a third times, like a released spring seen backwards.
+
+    The amplitude is that of `_expo`, which starts at 0; Penner's starts a two-thousandth off.
+    """
+    return _expo(s) * math.cos((s - 1.0) * 2 * math.pi / 0.3)
+
+
+def _reversed(ease: Ease) -> Ease:
+    return lambda s: 1.0 - ease(1.0 - s)
+
+
+def _both(ease: Ease) -> Ease:
+    return lambda s: 0.5 * ease(2.0 * s) if s < 0.5 else 1.0 - 0.5 * ease(2.0 - 2.0 * s)
+
+
+_STARTS: dict[str, Ease] = {
+    "sine": _sine,
+    "quad": _power(2),
+    "cubic": _power(3),
+    "quart": _power(4),
+    "quint": _power(5),
+    "expo": _expo,
+    "circ": _circ,
+    "back": _back,
+    "bounce": _bounce,
+    "elastic": _elastic,
+}
+
+EASINGS: dict[str, Ease] = {
+    "constant": lambda s: 1.0 if s >= 1.0 else 0.0,
+    "linear": lambda s: s,
+    **{f"{name}_in": ease for name, ease in _STARTS.items()},
+    **{f"{name}_out": _reversed(ease) for name, ease in _STARTS.items()},
+    **{f"{name}_in_out": _both(ease) for name, ease in _STARTS.items()},
+}
+
+
+def kinks(name: str) -> tuple[float, ...]:
+    """Return the shares of time between 0 and 1 at which an easing is not smooth, ascending."""
+    family, _, direction = name.partition("_")
+    hops = [1.0 - start / 2.75 for start, _, _ in _HOPS[:3]] if family == "bounce" else []
+    if direction == "out":
+        hops = [1.0 - s for s in hops]
+    if direction == "in_out":
+        hops = [0.5, *(0.5 * s for s in hops), *(1.0 - 0.5 * s for s in hops)]
+    return tuple(sorted(hops))
+
+
+@dataclass(frozen=True)
+class Handle:
+    """The control point of a key, relative to it.
+
+    seconds  0 or more right of the key, 0 or less left of it
+    values   as many as the key has
+    """
+
+    seconds: float
+    values: Values
+
+    def scaled(self, factor: float) -> Handle:
+        return Handle(self.seconds * factor, tuple(value * factor for value in self.values))
+
+
+@dataclass(frozen=True)
+class BezierSegment:
+    """The cubic curve from one key to the next.
+
+    length  seconds between them
+    right   the handle of the first key
+    left    that of the second key
+
+    Handles that together are longer than the segment would turn back in time: both are scaled down alike.
+    """
+
+    length: float
+    start: Values
+    end: Values
+    right: Handle
+    left: Handle
+
+    def at(self, passed: float) -> Values:
+        """Return the values `passed` seconds after the first key."""
+        both = self.right.seconds - self.left.seconds
+        factor = min(1.0, self.length / both) if both > 0 else 1.0
+        right, left = self.right.scaled(factor), self.left.scaled(factor)
+        s = _parameter(passed / self.length, right.seconds / self.length, 1.0 + left.seconds / self.length)
+        rows = zip(self.start, self.end, right.values, left.values, strict=True)
+        return tuple(_cubic(s, a, a + out, b + back, b) for a, b, out, back in rows)
+
+
+def automatic_slope(times: Sequence[float], values: Sequence[Values], i: int) -> Values:
+    """Return the slope per second at key `i` where no handle is given: Blender's *auto clamped*.
+
+    It is level at the first key, the last, and at peaks and troughs; elsewhere along the line through both
+    neighbours, but never so steep that the curve would pass one of them. With handles a third of the segment
+    long, slopes up to three times those of the chords keep the curve monotone.
+
+    Source: Fritsch, Carlson, *Monotone Piecewise Cubic Interpolation*, SIAM Journal on Numerical
+    Analysis 17 (1980).
+    """
+    if i in (0, len(times) - 1):
+        return (0.0,) * len(values[i])
+    before, after = times[i] - times[i - 1], times[i + 1] - times[i]
+    slopes = []
+    for a, b, c in zip(values[i - 1], values[i], values[i + 1], strict=True):
+        arriving, leaving = (b - a) / before, (c - b) / after
+        if arriving * leaving <= 0:
+            slopes.append(0.0)
+            continue
+        steepest = 3.0 * min(abs(arriving), abs(leaving))
+        slopes.append(max(-steepest, min(steepest, (c - a) / (before + after))))
+    return tuple(slopes)
+
+
+def _parameter(share: float, first: float, second: float) -> float:
+    """Return the parameter at which a cubic from 0 by two control points to 1 reaches `share`."""
+    low, high = 0.0, 1.0
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if _cubic(middle, 0.0, first, second, 1.0) < share:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+def _cubic(s: float, a: float, b: float, c: float, d: float) -> float:
+    """Evaluate a cubic in Bernstein's form."""
+    r = 1.0 - s
+    return r * r * r * a + 3.0 * s * r * (r * b + s * c) + s * s * s * d
+
+
+Normalisation = Literal["loudest", "full_scale"]
+
+SILENT = 1e-4
+"""The highest level (−80 dB) of a band that counts as silent: it is not raised to 1."""
+
+DECIMALS = 6
+"""Decimals of an envelope."""
+
+_FADED = 14.0
+"""Release times after which nothing is left of a level, to DECIMALS."""
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """The level of a band of a sound over time, which rises by `attack` and falls by `release`.
+
+    Equal contents of sound files and equal settings are equal envelopes, wherever the file lies.
+
+    digest     SHA-256 of the sound file
+    band       from and to, Hz
+    attack     seconds in which it rises by 63 % of a step; 0 at once
+    release    seconds in which it falls by 63 % of a step; 0 at once
+    normalise  loudest: its highest value is 1; full_scale: 1 is a sine of full scale
+    interval   seconds between levels
+    levels     from the beginning of the sound on, at least 0
+    """
+
+    digest: str
+    band: tuple[float, float]
+    attack: float
+    release: float
+    normalise: Normalisation
+    interval: float = field(compare=False, repr=False, metadata=NOT_PLAIN)
+    levels: tuple[float, ...] = field(compare=False, repr=False, metadata=NOT_PLAIN)
+
+    @property
+    def is_silent(self) -> bool:
+        """True if the band never exceeds SILENT."""
+        return max(self.levels, default=0.0) <= SILENT
+
+    @cached_property
+    def values(self) -> tuple[float, ...]:
+        """The values at multiples of the interval; 0 before and after."""
+        rise, fall = (_share(self.interval, seconds) for seconds in (self.attack, self.release))
+        value, found = 0.0, []
+        for level in (*self.levels, *[0.0] * math.ceil(_FADED * self.release / self.interval), 0.0):
+            value += (level - value) * (rise if level > value else fall)
+            found.append(value)
+        highest = 1.0 if self.normalise == "full_scale" else max(found)
+        if self.is_silent and self.normalise == "loudest":
+            return (0.0,) * len(found)
+        return tuple(round(value / highest, DECIMALS) for value in found)
+
+    @cached_property
+    def _integrals(self) -> Floats:
+        """The integral (N,) from the beginning of the sound up to each value, seconds."""
+        values = np.array(self.values)
+        return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1])) * self.interval])
+
+    def at(self, seconds: float) -> float:
+        """Return the value at a time of the sound, between values linearly."""
+        place = seconds / self.interval
+        i = math.floor(place)
+        if not 0 <= i < len(self.values) - 1:
+            return 0.0
+        share = place - i
+        return self.values[i] * (1.0 - share) + self.values[i + 1] * share
+
+    def integral(self, seconds: float) -> float:
+        """Return the integral from the beginning of the sound up to a time, in seconds."""
+        place = seconds / self.interval
+        i = math.floor(place)
+        if i < 0:
+            return 0.0
+        if i >= len(self.values) - 1:
+            return float(self._integrals[-1])
+        part = 0.5 * (self.values[i] + self.at(seconds)) * (place - i) * self.interval
+        return float(self._integrals[i]) + part
+
+
+def _share(interval: float, seconds: float) -> float:
+    """Return the share of a step that is made in an interval, of an exponential of `seconds`."""
+    return 1.0 if seconds <= 0 else -math.expm1(-interval / seconds)
+
+
+@dataclass(frozen=True)
+class SoundCurve(Curve):
+    """Values that follow an envelope: base + gain × envelope.
+
+    start       seconds of the shot at which the sound begins; below 0, so much of its beginning is left out
+    base, gain  as many as values
+    """
+
+    envelope: Envelope
+    start: float
+    base: Values
+    gain: Values
+
+    def at(self, time: float) -> Values:
+        level = self.envelope.at(time - self.start)
+        return tuple(base + gain * level for base, gain in zip(self.base, self.gain, strict=True))
+
+    def over(self, times: Iterable[float]) -> Floats:
+        """Return the values (T, K) at many times."""
+        return np.array([self.at(time) for time in times])
+
+    def times(self, last: float) -> list[float]:
+        """Return the times, from 0 to `last` seconds, between which the values change linearly."""
+        interval, count = self.envelope.interval, len(self.envelope.values)
+        first = max(0, math.ceil(-self.start / interval))
+        end = min(count, math.floor((last - self.start) / interval) + 1)
+        return [0.0, *(self.start + i * interval for i in range(first, end)), last]
+
+    def integral(self, time: float) -> float:
+        """Return the integral of the first value from 0 to a time, exact to rounding."""
+        heard = self.envelope.integral(time - self.start) - self.envelope.integral(-self.start)
+        return self.base[0] * time + self.gain[0] * heard
+
 
 SAME_TIME = 1e-9
 """Seconds by which a sum of steps may miss the time of a key."""

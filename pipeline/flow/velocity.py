@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.arrays import Floats, Indices, Points, Vectors
 from pipeline.flow.kernels import instructions as op
-from pipeline.flow.kernels.program import velocities
+from pipeline.flow.kernels.field_kernels import velocities
 from pipeline.flow.parameters import kernel_points, number_at, parameters_of, shot_name
 from pipeline.kernels import BlockKernel, in_threads
 

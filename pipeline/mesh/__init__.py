@@ -1,11 +1,10 @@
 """Meshes: values, solids, files, connectivity, validation and normals."""
 
 from pipeline.mesh.halfedge_mesh import HalfedgeMesh
+from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 from pipeline.mesh.normals import ShadedMesh, dihedral_angles, face_normals, split_at_creases, vertex_normals
-from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.mesh.read import read_mesh, read_polygons
 from pipeline.mesh.solids import box, icosphere, rod, sheet, torus
-from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.mesh.validation import Soundness, require, validate
 from pipeline.mesh.write import write_mesh
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
 from pipeline.errors import MeshError, UsageError
+from pipeline.mesh.meshes import TriangleMesh
 from pipeline.mesh.normals import ShadedMesh, vertex_normals
-from pipeline.mesh.triangle_mesh import TriangleMesh
 
 LEAST = 4
 """Points along each side: the support of one cubic piece."""

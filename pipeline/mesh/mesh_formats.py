@@ -1,22 +1,144 @@
-"""Formats of mesh files: those of the core, and those that plug-ins add."""
+"""Formats of mesh files, and surfaces as files have them: polygons that are not yet merged or checked."""
 
 from __future__ import annotations
 
+import io
+import json
+import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
-from pipeline.mesh.file_surface import FileSurface
-from pipeline.mesh.obj_files import read_wavefront
-from pipeline.mesh.off_files import read_object_file
-from pipeline.mesh.ply_files import read_polygon_file
-from pipeline.mesh.stl_files import read_stl
-from pipeline.plugin import named, plugins
-from render.base.input_files import digest_of_file, joint_digest, opened_input, read_input
+import numpy as np
+
+from pipeline.arrays import AnyArray, Points
+from render.base.input_files import read_input
+from render.base.plural import plural
 
 T = TypeVar("T")
+
+LARGEST_COORDINATE = 1e12
+"""The limit of any number in a shot file: squares and products of such coordinates stay finite."""
+
+
+class FileSurface(NamedTuple):
+    """Polygons as a file has them, not yet merged or checked.
+
+    points   float64 (V, 3)
+    offsets  int64 (F + 1,): face f has the corners ``corners[offsets[f]:offsets[f + 1]]``
+    corners  int64 (C,), from 0
+    groups   int64 (F,): edges between faces with different numbers are creases
+    tagged   int64 (K, 2): edges that the file itself marks as creases
+    base     number of the first vertex and the first face in the file; None in formats without numbers, whose
+             faces share no vertices
+    notes    lines to tell the user about what else the file holds
+    unit     length of a unit of its coordinates, metres; None in formats that do not say it
+    """
+
+    points: Points
+    offsets: AnyArray
+    corners: AnyArray
+    groups: AnyArray
+    tagged: AnyArray
+    base: int | None = 0
+    notes: tuple[str, ...] = ()
+    unit: float | None = None
+
+    @property
+    def shares_vertices(self) -> bool:
+        return self.base is not None
+
+    def packed(self) -> bytes:
+        """Return the surface as bytes: a line of JSON, and its arrays as npz."""
+        file = io.BytesIO()
+        np.savez(
+            file,
+            points=self.points,
+            offsets=self.offsets,
+            corners=self.corners,
+            groups=self.groups,
+            tagged=self.tagged,
+        )
+        facts = {"base": self.base, "notes": self.notes, "unit": self.unit}
+        return json.dumps(facts).encode() + b"\n" + file.getvalue()
+
+    @staticmethod
+    def unpacked(content: bytes) -> FileSurface:
+        """Return the surface that `packed` turned into bytes."""
+        head, _, archive = content.partition(b"\n")
+        facts = json.loads(head)
+        with np.load(io.BytesIO(archive), allow_pickle=False) as arrays:
+            return FileSurface(**arrays, base=facts["base"], notes=tuple(facts["notes"]), unit=facts["unit"])
+
+
+def file_surface(
+    points: Points,
+    faces: Sequence[Sequence[int]] | AnyArray,
+    groups: Sequence[int] | None = None,
+    tagged: Sequence[tuple[int, int]] = (),
+    base: int | None = 0,
+) -> FileSurface:
+    """Return the surface of one corner sequence a face, or (F, n) where all faces have n corners.
+
+    Raises ValueError where a face names a missing vertex.
+    """
+    if isinstance(faces, np.ndarray):
+        offsets, corners = faces.shape[1] * np.arange(len(faces) + 1), faces.reshape(-1).astype(np.int64)
+    else:
+        offsets = offsets_of([len(face) for face in faces])
+        corners = np.fromiter(chain.from_iterable(faces), np.int64)
+    return polygon_surface(points, offsets, corners, groups, tagged, base)
+
+
+def offsets_of(sides: Sequence[int] | AnyArray) -> AnyArray:
+    """Return where the corners of each face begin, and the last end, int64 (F + 1,), by their counts (F,)."""
+    offsets = np.zeros(len(sides) + 1, np.int64)
+    np.cumsum(sides, out=offsets[1:])
+    return offsets
+
+
+def polygon_surface(
+    points: Points,
+    offsets: AnyArray,
+    corners: AnyArray,
+    groups: Sequence[int] | None = None,
+    tagged: Sequence[tuple[int, int]] = (),
+    base: int | None = 0,
+    notes: tuple[str, ...] = (),
+) -> FileSurface:
+    """Return the surface of faces whose corners, int64 (C,), are in one list; `offsets` as in FileSurface.
+
+    Raises ValueError where a face names a missing vertex.
+    """
+    outside = (corners < 0) | (corners >= len(points))
+    if outside.any():
+        c = int(np.argmax(outside))
+        face = int(np.searchsorted(offsets, c, side="right")) - 1
+        first = base or 0
+        raise ValueError(
+            f"face {face + first} names vertex {corners[c] + first}; the file has {len(points)} vertices, "
+            f"numbered from {first}"
+        )
+    alike = np.zeros(len(offsets) - 1, np.int64) if groups is None else np.array(groups, np.int64)
+    return FileSurface(
+        points, offsets, corners, alike, np.array(tagged, np.int64).reshape(-1, 2), base, notes
+    )
+
+
+def known_unit(length: float) -> float | None:
+    """Return the length of a unit, metres; None for one that is not above 0 and finite."""
+    return length if 0.0 < length < math.inf else None
+
+
+def early_end(promised: int, item: str, present: int) -> ValueError:
+    """Return the error of a file whose header promises more items than there are."""
+    there = f"{present} {'is' if present == 1 else 'are'} there"
+    count = plural(promised, item, "vertices" if item == "vertex" else "")
+    return ValueError(f"it ends early: its header promises {count}, and {there}")
+
 
 MOST_BYTES = 1 << 30
 """Bytes of a mesh file at most."""
@@ -57,6 +179,7 @@ class MeshFormat:
     states_up  whether files say which axis points up; `files` then returns it
     usual_up   axis, y or z, that points up in most files of a format that does not say it
     read_part  reads a part of a scene; None where parts have no names
+    misread    matches the beginning of files that an earlier reader read otherwise: they are other models now
     """
 
     read: Callable[[Path], FileSurface]
@@ -64,6 +187,7 @@ class MeshFormat:
     states_up: bool = False
     usual_up: str = "y"
     read_part: Callable[[Path, ScenePart], FileSurface] | None = None
+    misread: re.Pattern[bytes] | None = None
 
 
 def reader_of(parse: Callable[[bytes], T]) -> Callable[[Path], T]:
@@ -74,59 +198,3 @@ def reader_of(parse: Callable[[bytes], T]) -> Callable[[Path], T]:
 def suffix_of(path: str | Path) -> str:
     """Return the suffix of a path in small letters, without its dot."""
     return Path(path).suffix.lower().lstrip(".")
-
-
-_CORE = {
-    "obj": MeshFormat(reader_of(read_wavefront)),
-    "ply": MeshFormat(reader_of(read_polygon_file)),
-    "stl": MeshFormat(reader_of(read_stl), usual_up="z"),  # most come from printing and construction
-    "off": MeshFormat(reader_of(read_object_file)),
-}
-
-
-def mesh_suffixes() -> tuple[str, ...]:
-    """Return the suffixes of readable mesh files."""
-    return (*_CORE, *plugins().mesh_formats)
-
-
-def format_of(path: str | Path) -> MeshFormat | None:
-    """Return the format of a file by its suffix; None where nothing reads it."""
-    suffix = suffix_of(path)
-    place = plugins().mesh_formats.get(suffix)
-    found: MeshFormat | None = _CORE.get(suffix) or (named(place) if place else None)
-    return found
-
-
-def names_parts(path: str | Path) -> bool:
-    """Tell whether parts of scenes in a file's format have names, as prims of USD have."""
-    form = format_of(path)
-    return form is not None and form.read_part is not None
-
-
-def own_file(path: Path) -> ModelFiles:
-    """Return the files of a model that is read from one."""
-    digest = digest_of_file(path)
-    reader = ["text reader 2"] if _was_misread(path) else []
-    return ModelFiles(joint_digest([*reader, digest]), ((path, digest),))
-
-
-_MISREAD = {
-    "obj": re.compile(
-        rb"\A\xef\xbb\xbf|^[ \t]*(?:o|g|usemtl|mtllib)[ \t][^\r\n]*\\[ \t]*[\r\n]", re.MULTILINE
-    ),
-    "off": re.compile(rb"^[ \t]*(?:ST|C|N)*4n?OFF", re.MULTILINE),
-    "ply": re.compile(rb"[\r\n]element[ \t]+tristrips[ \t]"),
-}
-"""What files begin with that an earlier reader read otherwise: they are other models now.
-
-It lost the first vertex behind a byte order mark, and statements behind names that end in a backslash; it
-divided by no w, and left out strips of triangles.
-"""
-
-
-def _was_misread(path: Path) -> bool:
-    pattern = _MISREAD.get(suffix_of(path))
-    if pattern is None:
-        return False
-    with opened_input(path) as (file, size):
-        return pattern.search(file.read(min(size, 1 << 14))) is not None

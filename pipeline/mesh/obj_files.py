@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.errors import MeshError
-from pipeline.mesh.file_surface import FileSurface, offsets_of, polygon_surface
+from pipeline.mesh.mesh_formats import FileSurface, offsets_of, polygon_surface
 from pipeline.text_encoding import number_fault, text_content
 from render.base.plural import plural
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.errors import MeshError
-from pipeline.mesh.file_surface import FileSurface, early_end, offsets_of, polygon_surface
+from pipeline.mesh.mesh_formats import FileSurface, early_end, offsets_of, polygon_surface
 from pipeline.text_encoding import as_utf8, number_fault
 from render.base.plural import plural
 

@@ -11,12 +11,11 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError
-from pipeline.mesh.file_surface import LARGEST_COORDINATE
-from pipeline.mesh.mesh_formats import reader_of
+from pipeline.mesh.mesh_formats import LARGEST_COORDINATE, reader_of
+from pipeline.mesh.meshes import TriangleMesh
 from pipeline.mesh.obj_files import read_wavefront
 from pipeline.mesh.ply_files import read_elements, vertex_positions
 from pipeline.mesh.read import read_by_suffix
-from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.npz import Archive
 from pipeline.text_encoding import number_fault, text_content
 from render.base.plural import plural

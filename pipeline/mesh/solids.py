@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.arrays import AnyArray, Faces, Floats, Points
 from pipeline.errors import UsageError
-from pipeline.mesh.polygon_mesh import PolygonMesh
-from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 
 ORIGIN = (0.0, 0.0, 0.0)
 

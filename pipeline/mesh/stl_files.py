@@ -8,7 +8,7 @@ from itertools import islice
 import numpy as np
 
 from pipeline.arrays import Points
-from pipeline.mesh.file_surface import FileSurface, early_end, file_surface
+from pipeline.mesh.mesh_formats import FileSurface, early_end, file_surface
 from pipeline.text_encoding import as_utf8, number_fault, text_content
 from render.base.plural import plural
 

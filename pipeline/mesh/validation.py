@@ -9,8 +9,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Indices, Points
 from pipeline.errors import MeshError
 from pipeline.mesh.kernels.halfedge import CROWDED, SOUND, find_nonmanifold_vertex, match_twins
-from pipeline.mesh.polygon_mesh import PolygonMesh
-from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 
 
 @dataclass(frozen=True)

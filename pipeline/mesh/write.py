@@ -12,9 +12,8 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices
 from pipeline.errors import MeshError
+from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 from pipeline.mesh.normals import NORMAL, vertex_normals
-from pipeline.mesh.polygon_mesh import PolygonMesh
-from pipeline.mesh.triangle_mesh import TriangleMesh
 from render.base.atomic_write import atomic_write
 
 _PLY_TYPES = {"f8": "double", "f4": "float", "i4": "int", "i2": "short", "i1": "char", "u1": "uchar"}

@@ -9,9 +9,8 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices, Points
 from pipeline.errors import UsageError
+from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 from pipeline.mesh.normals import angles_between, dihedral_angles
-from pipeline.mesh.polygon_mesh import PolygonMesh
-from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.mesh.validation import twin_corners
 
 Mesh = TriangleMesh | PolygonMesh

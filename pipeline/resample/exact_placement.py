@@ -10,6 +10,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError
 from pipeline.mesh.halfedge_mesh import HalfedgeMesh
+from pipeline.mesh.meshes import TriangleMesh
 from pipeline.mesh.normals import (
     carried_normals,
     normals_from_tangents,
@@ -17,7 +18,6 @@ from pipeline.mesh.normals import (
     unit,
     vertex_normals,
 )
-from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample.creases import edges_by_angle
 from pipeline.resample.kernels.closest_points import list_marked
 from pipeline.resample.kernels.limits import Changes, Limits

@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices, Points
 from pipeline.mesh.halfedge_mesh import HalfedgeMesh
-from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.mesh.meshes import TriangleMesh
 from pipeline.resample.kernels.curved_patches import curved_midpoints
 from pipeline.resample.kernels.limits import Changes, Limits
 from pipeline.resample.kernels.place_vertices import place_vertices

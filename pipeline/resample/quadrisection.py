@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
-from pipeline.mesh.triangle_mesh import TriangleMesh, edge_keys
+from pipeline.mesh.meshes import TriangleMesh, edge_keys
 from pipeline.resample.thresholds import Thresholds
 from pipeline.resample.vertex_budget import require_room
 

@@ -14,10 +14,8 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Points, Vectors
 from pipeline.errors import UsageError
-from pipeline.mesh.halfedge_mesh import HalfedgeMesh
-from pipeline.mesh.identity import Register
-from pipeline.mesh.point_order import morton_order
-from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.mesh.halfedge_mesh import HalfedgeMesh, Register
+from pipeline.mesh.meshes import TriangleMesh, morton_order
 from pipeline.resample.placement import Chord, Curved, Placement
 from pipeline.resample.quadrisection import quadrisect
 from pipeline.resample.report import Report

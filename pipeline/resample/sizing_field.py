@@ -9,10 +9,9 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
 from pipeline.errors import UsageError
-from pipeline.formula import PLACE, TIME, Expression
-from pipeline.formula.syntax import time_values
+from pipeline.formula import PLACE, TIME, Expression, time_values
+from pipeline.mesh.meshes import TriangleMesh
 from pipeline.mesh.normals import NORMAL, split_at_creases
-from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample.kernels.edge_scans import edge_curvature, limit_gradation
 
 SHORT = 0.4

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.arrays import Floats
 from pipeline.errors import UsageError
-from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.mesh.meshes import TriangleMesh
 from pipeline.resample.sizing_field import graded
 
 DEFAULT_RATIO = 0.4

@@ -12,8 +12,8 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.mesh import PolygonMesh, TriangleMesh
-from pipeline.mesh.mesh_formats import ScenePart, names_parts
-from pipeline.mesh.read import ImportedSurface, read_surface
+from pipeline.mesh.mesh_formats import ScenePart
+from pipeline.mesh.read import ImportedSurface, names_parts, read_surface
 from pipeline.shot.subjects import Subject
 from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
 

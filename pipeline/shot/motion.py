@@ -16,8 +16,7 @@ from pipeline.flow.flow_map import cache_data_or_failure, checked_cache_data
 from pipeline.flow.parameters import ORIGIN, Number, Vector
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.analytic_surfaces import AnalyticSurface, RepeatedSurface, nearest_middles
-from pipeline.mesh.polygon_mesh import PolygonMesh
-from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 from pipeline.resample import Curvature, DistanceToCamera, Thresholds
 from pipeline.resample.creases import Region
 from pipeline.resample.thresholds import DEFAULT_ROUNDNESS

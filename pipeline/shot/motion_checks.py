@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any, TypeGuard
 
 from pipeline.errors import shortened
-from pipeline.flow.easing import BEZIER
+from pipeline.flow.keyframes import BEZIER
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
 from pipeline.shot.clock import Clock

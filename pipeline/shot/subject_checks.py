@@ -12,8 +12,8 @@ import numpy as np
 
 from pipeline.errors import MeshError, MissingInputError, UsageError, shortened, suggestion
 from pipeline.mesh.control_net import LEAST, Lattice
-from pipeline.mesh.mesh_formats import names_parts
 from pipeline.mesh.points import read_net, read_points
+from pipeline.mesh.read import names_parts
 from pipeline.shot.documents.field_types import LARGEST, is_number
 from pipeline.shot.point_subjects import NETS, NetOfSolid, radii_of
 from pipeline.shot.subjects import SOLIDS, Measure, Solid

@@ -27,14 +27,15 @@ from pipeline.mesh import (
 )
 from pipeline.mesh.analytic_surfaces import (
     AnalyticSurface,
+    BarLattice,
     BoxSurface,
     CapsuleSurface,
     CylinderSurface,
     SheetSurface,
     SphereSurface,
     TorusSurface,
+    lattice,
 )
-from pipeline.mesh.bars import BarLattice, lattice
 from pipeline.mesh.control_net import Lattice
 from pipeline.mesh.solids import one_sided_sheet, six_sided_box
 from render.base.plural import plural

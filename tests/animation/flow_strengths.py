@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import pipeline.plugins.authoring.shot_templates as templates
-from pipeline.animation.growth import forecast_growth
+from pipeline.animation.flow_cost import forecast_growth
 from pipeline.errors import FlowsculptError
 from pipeline.mesh import icosphere
 from pipeline.plugins.authoring.shot_schemas import facts

@@ -10,7 +10,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from pipeline.animation import animate
-from pipeline.animation.growth import forecast_growth, growth_warning
+from pipeline.animation.flow_cost import forecast_growth, growth_warning
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRange
 from pipeline.plugins.authoring.shot_templates import usual_strength

@@ -7,8 +7,7 @@ import pytest
 
 from pipeline.animation import MeshFrame, animate, material_of
 from pipeline.errors import UsageError
-from pipeline.mesh.normals import split_at_creases
-from pipeline.mesh.pn_triangles import spread, tessellate
+from pipeline.mesh.normals import split_at_creases, spread, tessellate
 from pipeline.mesh.solids import box, icosphere
 from pipeline.shot import Shot, read_shot
 

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import pipeline.animation.progress as module
+import pipeline.animation.loop as module
 from pipeline.animation import FrameProgress, animate, animate_reporting
 from pipeline.animation.flow_cost import costliest_flow
-from pipeline.flow import Streamlines, step_plan
+from pipeline.flow import Streamlines, streamlines
 from pipeline.flow.catalogue.vortices import CurlNoise, Vortex
 from pipeline.long_computations import Progress, reporting_to
 from pipeline.shot import read_shot
@@ -48,7 +48,7 @@ def curl_noise(folder: Path, settings: str = "strength: 60") -> Shot:
 @pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have everything that takes over a few milliseconds called slow."""
-    monkeypatch.setattr(step_plan, "CALL_SECONDS", 0.002)
+    monkeypatch.setattr(streamlines, "CALL_SECONDS", 0.002)
     monkeypatch.setattr(module, "SLOW_SECONDS", 0.01)
     monkeypatch.setattr(module, "REPORT_SECONDS", 0.0)
 
@@ -62,14 +62,14 @@ def test_calls_of_any_size_move_points_to_the_same_bits(monkeypatch: pytest.Monk
     ):
         whole = flow.displace(points, 0.0, 1 / 24)
         with monkeypatch.context() as patch:
-            patch.setattr(step_plan, "CALL_SECONDS", 0.0)
-            patch.setattr(step_plan, "FIRST_CALL", 1)
+            patch.setattr(streamlines, "CALL_SECONDS", 0.0)
+            patch.setattr(streamlines, "FIRST_CALL", 1)
             assert flow.displace(points, 0.0, 1 / 24).tobytes() == whole.tobytes(), flow.name
 
 
 def test_a_flow_reports_its_points_in_ascending_order_up_to_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(step_plan, "CALL_SECONDS", 0.005)
-    monkeypatch.setattr(step_plan, "FIRST_CALL", 1)
+    monkeypatch.setattr(streamlines, "CALL_SECONDS", 0.005)
+    monkeypatch.setattr(streamlines, "FIRST_CALL", 1)
     reports: list[Progress] = []
     with reporting_to(reports.append):
         Streamlines(CurlNoise(), substeps=100).displace(np.random.default_rng(3).normal(size=(3000, 3)), 0, 1)

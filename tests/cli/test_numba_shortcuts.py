@@ -114,5 +114,5 @@ def test_no_kernel_that_python_calls_counts_as_called_by_kernels_alone() -> None
     inner = kernels_called_by_kernels()
     assert ("pipeline.resample.kernels.collapse", "collapse_queued") not in inner
     assert ("pipeline.flow.kernels.streamline_kernels", "advect") not in inner
-    assert ("pipeline.flow.kernels.adaptive", "advance_span") in inner
+    assert ("pipeline.flow.kernels.streamline_kernels", "advance_span") in inner
     assert len(inner) > 100

@@ -26,17 +26,14 @@ from pipeline.flow import (
     keyed,
 )
 from pipeline.flow.catalogue.attractors import Aizawa, Lorenz
-from pipeline.flow.catalogue.basic import Rotation, Strain, Translation
-from pipeline.flow.catalogue.cellular import ABC
+from pipeline.flow.catalogue.basic import ABC, Rotation, Strain, Translation
 from pipeline.flow.catalogue.deformations import Twist
-from pipeline.flow.catalogue.user_fields import FormulaField
+from pipeline.flow.catalogue.external_fields import FormulaField
 from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.composed_fields import RegionField, Within
-from pipeline.flow.composed_maps import Mirror, Placed, Transform
+from pipeline.flow.composition import Mirror, Placed, RegionField, Transform, Within
 from pipeline.flow.flow_map import FlowMap, FrameStep
 from pipeline.flow.regions import SphereRegion
-from pipeline.flow.step_plan import StepPlan
-from pipeline.flow.streamlines import MAX_SUBSTEPS
+from pipeline.flow.streamlines import MAX_SUBSTEPS, StepPlan
 
 DT = 1 / 24
 SWIRL = Sum((Vortex(radius=0.3, strength=keyed((0.0, 1.0), (0.0, 6.0))), Strain(rate=0.7)))

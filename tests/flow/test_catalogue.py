@@ -10,8 +10,18 @@ import pytest
 
 from pipeline.arrays import Floats, Points, Vectors
 from pipeline.flow import Streamlines
-from pipeline.flow.catalogue.basic import Rotation, Scaling, Sink, Source, Squeeze, Strain
-from pipeline.flow.catalogue.cellular import ABC, DoubleGyre, Kneading, TaylorGreen
+from pipeline.flow.catalogue.basic import (
+    ABC,
+    DoubleGyre,
+    Kneading,
+    Rotation,
+    Scaling,
+    Sink,
+    Source,
+    Squeeze,
+    Strain,
+    TaylorGreen,
+)
 from pipeline.flow.catalogue.vortices import SpiralVortex, Vortex, VortexPair, VortexRing
 
 POINTS = np.random.default_rng(11).normal(size=(60, 3))

@@ -13,8 +13,7 @@ from pipeline.flow import Blend, Flow, Repeated, Sequence, Streamlines, checked_
 from pipeline.flow.catalogue.basic import Rotation
 from pipeline.flow.catalogue.deformations import Stretch, Twist
 from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.composed_fields import RegionField, ScaledField, TransformedField, Within
-from pipeline.flow.composed_maps import Placed, Transform
+from pipeline.flow.composition import Placed, RegionField, ScaledField, Transform, TransformedField, Within
 from pipeline.flow.flow_map import FlowMap, FrameStep, checked_cache_data
 from pipeline.flow.keyframes import FormulaCurve
 from pipeline.flow.parameters import Number

@@ -28,11 +28,10 @@ from pipeline.flow import (
     as_flow,
     keyed,
 )
-from pipeline.flow.catalogue.basic import Expansion, Rotation, Translation
-from pipeline.flow.catalogue.cellular import Enright
+from pipeline.flow.catalogue.basic import Enright, Expansion, Rotation, Translation
 from pipeline.flow.catalogue.deformations import Shear, Twist
 from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.composed_fields import RegionField, ScaledField, TransformedField, blended, placed, within
+from pipeline.flow.composition import RegionField, ScaledField, TransformedField, blended, placed, within
 from pipeline.flow.regions import BoxRegion, CapsuleRegion, HalfSpaceRegion, Region, SphereRegion
 
 POINTS = np.random.default_rng(4).uniform(-1, 1, size=(300, 3))

@@ -14,14 +14,19 @@ from hypothesis import strategies as st
 from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Streamlines, Sum, VelocityField, checked_displacement, keyed
-from pipeline.flow.catalogue.attraction import Attraction, Target, Wind, catmull_rom
 from pipeline.flow.catalogue.basic import Rotation
-from pipeline.flow.catalogue.user_fields import FormulaField, largest_norm
+from pipeline.flow.catalogue.external_fields import (
+    Attraction,
+    FormulaField,
+    Target,
+    Wind,
+    catmull_rom,
+    largest_norm,
+)
 from pipeline.flow.catalogue.vortices import RMS, CurlNoise
-from pipeline.flow.composed_fields import ScaledField, TransformedField
-from pipeline.flow.composed_maps import Mirror, Transform
+from pipeline.flow.composition import Mirror, ScaledField, Transform, TransformedField
 from pipeline.flow.kernels import streamline_kernels as kernels
-from pipeline.flow.kernels.program import velocities
+from pipeline.flow.kernels.field_kernels import velocities
 from pipeline.flow.velocity import ExternalField
 from pipeline.mesh import icosphere, torus
 

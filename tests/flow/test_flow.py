@@ -12,7 +12,7 @@ from pipeline.errors import FrameError
 from pipeline.flow import Flow, Function, Sequence, Streamlines, Sum, as_flow, checked_displacement
 from pipeline.flow.catalogue.basic import Rotation, Translation
 from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.composed_fields import Blend, Within
+from pipeline.flow.composition import Blend, Within
 from pipeline.flow.regions import SphereRegion
 from pipeline.resample import Resampler, resample
 

@@ -15,17 +15,15 @@ from pipeline.arrays import Points
 from pipeline.errors import FrameError
 from pipeline.flow import Flow, Function, Reversed, Sequence, Streamlines, Sum, checked_displacement, keyed
 from pipeline.flow import flow_map as module
-from pipeline.flow.catalogue.attraction import Attraction, Target
 from pipeline.flow.catalogue.attractors import Lorenz
-from pipeline.flow.catalogue.basic import Expansion, Rotation
-from pipeline.flow.catalogue.cellular import Enright
+from pipeline.flow.catalogue.basic import Enright, Expansion, Rotation
 from pipeline.flow.catalogue.deformations import Shear, Stretch, Taper, Twist
+from pipeline.flow.catalogue.external_fields import Attraction, Target
 from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.composed_fields import RegionField
+from pipeline.flow.composition import RegionField
 from pipeline.flow.flow_map import FlowMap, FrameStep
-from pipeline.flow.regions import MeshRegion
-from pipeline.flow.step_plan import StepPlan
-from pipeline.flow.triangle_tree import ClosedSurface, _lookup
+from pipeline.flow.regions import ClosedSurface, MeshRegion, _lookup
+from pipeline.flow.streamlines import StepPlan
 from pipeline.mesh import icosphere
 
 DT = 1 / 24

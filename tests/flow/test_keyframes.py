@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.flow import EASINGS, Keyframes, keyed
-from pipeline.flow.easing import Handle, kinks
-from pipeline.flow.keyframes import FormulaCurve
+from pipeline.flow.keyframes import FormulaCurve, Handle, kinks
 from pipeline.flow.parameters import number_at, vector_at
 
 smooth = sorted(set(EASINGS) - {"constant"})

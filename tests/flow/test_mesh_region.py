@@ -11,9 +11,8 @@ from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError, MeshError
 from pipeline.flow import Streamlines, keyed
 from pipeline.flow.catalogue.basic import Translation
-from pipeline.flow.composed_fields import RegionField
-from pipeline.flow.regions import BoxRegion, MeshRegion
-from pipeline.flow.triangle_tree import ClosedSurface
+from pipeline.flow.composition import RegionField
+from pipeline.flow.regions import BoxRegion, ClosedSurface, MeshRegion
 from pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus
 
 POINTS = np.random.default_rng(8).uniform(-2, 2, size=(600, 3))

@@ -18,7 +18,7 @@ from pipeline.flow import Streamlines, Sum, VelocityField
 from pipeline.flow.catalogue.basic import Rotation, Strain
 from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.flow.kernels import instructions as op
-from pipeline.flow.kernels.program import level_count, velocities
+from pipeline.flow.kernels.field_kernels import level_count, velocities
 from pipeline.flow.kernels.region_kernels import weights
 from pipeline.flow.velocity import Instruction, Program, grouped, opcodes_of, scaled, transformed
 from pipeline.kernels import BLOCK_SIGNATURE

@@ -13,7 +13,7 @@ from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Streamlines, keyed
 from pipeline.flow.catalogue.basic import Translation
-from pipeline.flow.composed_fields import RegionField
+from pipeline.flow.composition import RegionField
 from pipeline.flow.regions import (
     MAX_SLOPE,
     BoxRegion,

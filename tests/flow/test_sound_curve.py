@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.flow.keyframes import elapsed
-from pipeline.flow.sound_curve import Envelope, Normalisation, SoundCurve
+from pipeline.flow.keyframes import Envelope, Normalisation, SoundCurve, elapsed
 
 STEP = (0.0,) * 20 + (0.5,) * 200
 

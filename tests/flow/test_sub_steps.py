@@ -12,11 +12,10 @@ from hypothesis import strategies as st
 from pipeline.arrays import Points
 from pipeline.flow import Streamlines, Sum, VelocityField, keyed
 from pipeline.flow.catalogue import FLOWS
-from pipeline.flow.catalogue.attraction import Attraction, Target
 from pipeline.flow.catalogue.basic import Expansion, Rotation, Translation
+from pipeline.flow.catalogue.external_fields import Attraction, Target
 from pipeline.flow.catalogue.vortices import CurlNoise, Vortex
-from pipeline.flow.composed_fields import RegionField, ScaledField, TransformedField
-from pipeline.flow.composed_maps import Mirror, Transform
+from pipeline.flow.composition import Mirror, RegionField, ScaledField, Transform, TransformedField
 from pipeline.flow.regions import BoxRegion, SphereRegion
 from pipeline.mesh import icosphere
 from pipeline.shot import read_shot

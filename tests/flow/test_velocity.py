@@ -17,22 +17,25 @@ from pipeline.flow import Reversed, Sequence, Streamlines, Sum, VelocityField, c
 from pipeline.flow.catalogue import FLOWS
 from pipeline.flow.catalogue.attractors import Aizawa, Chen, Chua, Halvorsen, Lorenz, Rossler, Thomas
 from pipeline.flow.catalogue.basic import (
+    ABC,
+    DoubleGyre,
+    Enright,
     Expansion,
+    Kneading,
     Rotation,
     Scaling,
     Sink,
     Source,
     Squeeze,
     Strain,
+    TaylorGreen,
     Translation,
 )
-from pipeline.flow.catalogue.cellular import ABC, DoubleGyre, Enright, Kneading, TaylorGreen
 from pipeline.flow.catalogue.vortices import SpiralVortex, Vortex, VortexPair, VortexRing
 from pipeline.flow.kernels import field_kernels as fields
 from pipeline.flow.kernels import instructions as op
 from pipeline.flow.kernels import streamline_kernels as kernels
-from pipeline.flow.kernels import vortex_kernels as vortex
-from pipeline.flow.kernels.program import velocities
+from pipeline.flow.kernels.field_kernels import velocities
 from pipeline.flow.parameters import summary
 from pipeline.flow.velocity import table_of
 
@@ -76,12 +79,10 @@ FIXED = [
 ]
 """Those whose centre stays where it is."""
 
-FAMILIES = (fields, vortex)
 EQUATIONS = {
-    code: getattr(family, name.lower())
-    for family in FAMILIES
-    for name, code in vars(family).items()
-    if isinstance(code, int) and hasattr(family, name.lower())
+    code: getattr(fields, name.lower())
+    for name, code in vars(fields).items()
+    if isinstance(code, int) and hasattr(fields, name.lower())
 }
 each_field = pytest.mark.parametrize("field", FIELDS.values(), ids=FIELDS)
 

@@ -53,8 +53,8 @@ def _model(path: Path) -> None:
 def _scene(path: Path) -> None:
     """Read glTF as `read_gltf` does, but in this process."""
     from pipeline.errors import MeshError
-    from pipeline.mesh.file_surface import file_surface
-    from pipeline.mesh.repair import repair_surface
+    from pipeline.mesh.mesh_formats import file_surface
+    from pipeline.mesh.read import repair_surface
     from pipeline.plugins.interchange.gltf_arrays import SceneArrays
     from pipeline.plugins.interchange.gltf_document import GltfDocument
     from pipeline.plugins.interchange.gltf_scene import DefaultScene
@@ -72,8 +72,8 @@ def _stage(path: Path) -> None:
     import json
 
     from pipeline.errors import MeshError
-    from pipeline.mesh.file_surface import FileSurface
-    from pipeline.mesh.repair import repair_surface
+    from pipeline.mesh.mesh_formats import FileSurface
+    from pipeline.mesh.read import repair_surface
     from pipeline.plugins.interchange.usd_reader import answer
     from render.base.input_files import parsing
 
@@ -91,8 +91,8 @@ def _fbx(path: Path) -> None:
     import json
 
     from pipeline.errors import MeshError
-    from pipeline.mesh.file_surface import FileSurface
-    from pipeline.mesh.repair import repair_surface
+    from pipeline.mesh.mesh_formats import FileSurface
+    from pipeline.mesh.read import repair_surface
     from pipeline.plugins.interchange.fbx_reader import answer
     from render.base.input_files import parsing
 

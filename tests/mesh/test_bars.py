@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import ShotError, UsageError
 from pipeline.mesh import TriangleMesh, dihedral_angles, face_normals, require
-from pipeline.mesh.bars import MAX_CROSSINGS, BarLattice, lattice
+from pipeline.mesh.analytic_surfaces import MAX_CROSSINGS, BarLattice, lattice
 from pipeline.shot import Solid, read_shot
 
 counts = st.tuples(*[st.integers(1, 4)] * 3)

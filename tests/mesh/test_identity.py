@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import UsageError
-from pipeline.mesh.identity import Ancestry, ancestry
+from pipeline.mesh.halfedge_mesh import Ancestry, ancestry
 
 
 @st.composite

@@ -22,8 +22,7 @@ from pipeline.mesh import (
     torus,
     validate,
 )
-from pipeline.mesh.normals import twins_of
-from pipeline.mesh.pn_triangles import tessellate
+from pipeline.mesh.normals import tessellate, twins_of
 
 MESHES: dict[str, TriangleMesh] = {
     "ball": icosphere(3),

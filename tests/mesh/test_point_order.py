@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.flow import Streamlines
 from pipeline.flow.catalogue.vortices import CurlNoise
-from pipeline.mesh.point_order import morton_order
+from pipeline.mesh.meshes import morton_order
 
 pytestmark = pytest.mark.quick
 

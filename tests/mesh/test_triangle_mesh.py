@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, icosphere
-from pipeline.mesh.triangle_mesh import freeze
+from pipeline.mesh.meshes import freeze
 
 
 def test_arrays_of_a_mesh_are_taken_into_others_without_a_copy() -> None:

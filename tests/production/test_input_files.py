@@ -12,8 +12,7 @@ from _pytest.mark import ParameterSet
 from pxr import Usd, UsdGeom, UsdUtils
 
 from pipeline.mesh import box, write_mesh
-from pipeline.mesh.mesh_formats import mesh_suffixes
-from pipeline.mesh.read import model_files, read_surface
+from pipeline.mesh.read import mesh_suffixes, model_files, read_surface
 from pipeline.production.execution.project import Project
 from pipeline.production.request.keys import appearance
 from pipeline.shot import Shot

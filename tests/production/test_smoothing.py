@@ -11,8 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import ShotError
-from pipeline.mesh.normals import split_at_creases
-from pipeline.mesh.pn_triangles import tessellate
+from pipeline.mesh.normals import split_at_creases, tessellate
 from pipeline.mesh.solids import icosphere
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.render_inputs.shading import pieces_for

@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.mesh.normals import split_at_creases
-from pipeline.mesh.pn_triangles import tessellate
+from pipeline.mesh.normals import split_at_creases, tessellate
 from pipeline.mesh.solids import box
 from render.base.render_errors import BadInputError
 from render.mitsuba.shapes import BACKGROUND

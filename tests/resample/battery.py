@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.mesh import TriangleMesh, box, icosphere, rod, sheet, torus
-from pipeline.mesh.bars import lattice
+from pipeline.mesh.analytic_surfaces import lattice
 
 Move = Callable[[Points, int], Points]
 """A flow of one frame: points (N, 3) and the frame's number to the moved points."""

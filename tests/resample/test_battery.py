@@ -18,7 +18,7 @@ import pytest
 from pipeline.arrays import Points
 from pipeline.errors import VertexBudgetError
 from pipeline.mesh import TriangleMesh, require
-from pipeline.mesh.identity import with_identities
+from pipeline.mesh.halfedge_mesh import with_identities
 from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds
 from tests.resample.battery import FLOWS, MESHES
 

@@ -13,7 +13,7 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import MeshError
 from pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus
 from pipeline.mesh.analytic_surfaces import SphereSurface
-from pipeline.mesh.identity import IDENTITY, ancestry, with_identities
+from pipeline.mesh.halfedge_mesh import IDENTITY, ancestry, with_identities
 from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds
 
 MENAGERIE = [box(edge_length=0.5), icosphere(6), sheet((2.0, 2.0), 0.3), torus(1.0, 0.4, 0.3)]

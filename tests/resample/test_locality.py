@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, icosphere, require
-from pipeline.mesh.identity import with_identities
+from pipeline.mesh.halfedge_mesh import with_identities
 from pipeline.resample import Resampler, Thresholds
 from pipeline.resample.resampler import in_memory_order
 

@@ -24,8 +24,7 @@ from pipeline.flow import (
 from pipeline.flow.catalogue.basic import Rotation
 from pipeline.flow.catalogue.deformations import Twist
 from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.composed_fields import RegionField, ScaledField, TransformedField
-from pipeline.flow.composed_maps import Mirror
+from pipeline.flow.composition import Mirror, RegionField, ScaledField, TransformedField
 from pipeline.flow.regions import (
     BoxRegion,
     CapsuleRegion,

@@ -9,8 +9,7 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.flow import Sequence, Streamlines
-from pipeline.flow.catalogue.attraction import Attraction, Wind
-from pipeline.flow.catalogue.user_fields import FormulaField, Sampled
+from pipeline.flow.catalogue.external_fields import Attraction, FormulaField, Sampled, Wind
 from pipeline.flow.catalogue.vortices import CurlNoise
 from pipeline.flow.flow import PythonFlow
 from pipeline.shot import Shot, read_shot

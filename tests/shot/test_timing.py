@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.flow import Keyframes
-from pipeline.flow.easing import Handle
+from pipeline.flow.keyframes import Handle
 from pipeline.flow.parameters import number_at, vector_at
 from pipeline.shot import read_shot
 

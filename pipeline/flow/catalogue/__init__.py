@@ -5,13 +5,13 @@ are made from their classes. The others (`attraction`, `formula`, `sampled` and 
 documents of shot files.
 """
 
-from pipeline.flow.catalogue import attractors, basic, cellular, deformations, vortices
+from pipeline.flow.catalogue import attractors, basic, deformations, vortices
 
 FLOWS: tuple[type, ...] = (
     *basic.LINEAR,
     *vortices.FLOWS,
     *basic.SOURCES,
-    *cellular.FLOWS,
+    *basic.CELLULAR,
     *attractors.FLOWS,
     *deformations.FLOWS,
 )

@@ -1,4 +1,7 @@
-"""Basic velocities: uniform or proportional to the distance, sources, sinks, expansion and squeezing."""
+"""Basic velocities: uniform or proportional to the distance, sources, sinks, expansion, squeezing; and cells.
+
+Flows in cells repeat: ABC, Taylor-Green, double gyre, Enright's test, and kneading.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,7 @@ from pipeline.flow.parameters import (
     Number,
     ParameterDoc,
     Positive,
+    PositiveConstant,
     VectorParameter,
     Y,
     Z,
@@ -221,3 +225,200 @@ class Squeeze(BasicField):
 
 LINEAR: tuple[type, ...] = (Translation, Rotation, Scaling, Strain)
 SOURCES: tuple[type, ...] = (Source, Sink, Expansion, Squeeze)
+
+
+@dataclass(frozen=True)
+class ABC(BasicField):
+    """Stirs in cells that repeat, by three crossed waves; keeps volume.
+
+        u = a sin kz + c cos ky    v = b sin kx + a cos kz    w = c sin ky + b cos kx
+
+    with k = 2π / scale. Its vorticity is k times the velocity, and its streamlines wander without a pattern.
+
+    Source: Arnold (1965), Beltrami, Childress (1970); Dombre et al., *Chaotic streamlines in the ABC flows*,
+    J. Fluid Mech. 167 (1986).
+    """
+
+    opcode: ClassVar[int] = kernels.ABC
+
+    centre: Annotated[VectorParameter, ParameterDoc("where kx, ky and kz are 0", "units")] = ORIGIN
+    scale: Annotated[Positive, ParameterDoc("the period along each axis", "units")] = 3.0
+    a: Annotated[Number, ParameterDoc("wave along z", "units/s")] = 1.0
+    b: Annotated[Number, ParameterDoc("wave along x", "units/s")] = (2.0 / 3.0) ** 0.5
+    c: Annotated[Number, ParameterDoc("wave along y", "units/s")] = (1.0 / 3.0) ** 0.5
+
+    def row(self, time: float) -> tuple[float, ...]:
+        return (*vector_at(self.centre, time), self._wave(time), *self._speeds(time))
+
+    def gradient_bound(self, time: float) -> float:
+        return self._wave(time) * math.hypot(*self._speeds(time))
+
+    def length_scale(self, time: float) -> float:
+        return 1.0 / self._wave(time)
+
+    def _wave(self, time: float) -> float:
+        return 2 * math.pi / number_at(self.scale, time)
+
+    def _speeds(self, time: float) -> tuple[float, float, float]:
+        return number_at(self.a, time), number_at(self.b, time), number_at(self.c, time)
+
+
+@dataclass(frozen=True)
+class TaylorGreen(BasicField):
+    """Turns in cubic cells, each against its neighbours on all sides; keeps volume and height.
+
+        u = speed · sin kx cos ky cos kz    v = −speed · cos kx sin ky cos kz    w = 0
+
+    with k = π / scale. Nothing crosses the planes between cells.
+
+    Source: Taylor & Green, *Mechanism of the Production of Small Eddies from Large Ones*, Proc. R. Soc. A 158
+    (1937).
+    """
+
+    opcode: ClassVar[int] = kernels.TAYLOR_GREEN
+
+    centre: Annotated[VectorParameter, ParameterDoc("a corner where cells meet", "units")] = ORIGIN
+    scale: Annotated[Positive, ParameterDoc("side of a cell", "units")] = 1.0
+    speed: Annotated[Number, ParameterDoc("the largest speed", "units/s")] = 1.0
+
+    def row(self, time: float) -> tuple[float, ...]:
+        return (*vector_at(self.centre, time), self._wave(time), number_at(self.speed, time))
+
+    def gradient_bound(self, time: float) -> float:
+        return math.sqrt(2.0) * self._wave(time) * abs(number_at(self.speed, time))
+
+    def length_scale(self, time: float) -> float:
+        return 1.0 / self._wave(time)
+
+    def _wave(self, time: float) -> float:
+        return math.pi / number_at(self.scale, time)
+
+
+@dataclass(frozen=True)
+class DoubleGyre(BasicField):
+    """Two gyres side by side in x and y, whose border swings to and fro; keeps volume.
+
+    From the stream function ψ = speed · scale · sin(π f) sin(π y), with 0 < x < 2 and 0 < y < 1 in heights of
+    a gyre,
+
+        f = ε sin(2π t/T) x² + (1 − 2 ε sin(2π t/T)) x    u = −∂ψ/∂y    v = ∂ψ/∂x
+
+    Points that the border passes change sides: it mixes. Nothing crosses the border around both; beyond it,
+    to the left and right, mirror images follow (the cells of the formula itself would grow ever narrower).
+
+    Source: Shadden, Lekien & Marsden, *Definition and properties of Lagrangian coherent structures*,
+    Physica D 212 (2005), §5.
+    """
+
+    opcode: ClassVar[int] = kernels.DOUBLE_GYRE
+
+    centre: Annotated[VectorParameter, ParameterDoc("the middle of both", "units")] = ORIGIN
+    scale: Annotated[Positive, ParameterDoc("height of a gyre, and about its width", "units")] = 1.0
+    speed: Annotated[Number, ParameterDoc("1/π of the largest speed", "units/s")] = 0.3
+    swing: Annotated[Number, ParameterDoc("ε, how far the border swings")] = 0.25
+    period: Annotated[PositiveConstant, ParameterDoc("of the swinging", "s")] = 3.0
+
+    def row(self, time: float) -> tuple[float, ...]:
+        scale, speed = number_at(self.scale, time), math.pi * number_at(self.speed, time)
+        return (*vector_at(self.centre, time), 1.0 / scale, speed, self._swing(time))
+
+    def gradient_bound(self, time: float) -> float:
+        """Bound the gradient: π² F² by the waves, F = 1 + 2 ε the largest slope of f, and 2 π ε by f''."""
+        rate = math.pi * abs(number_at(self.speed, time)) / number_at(self.scale, time)
+        swing = abs(self._swing(time))
+        return rate * (math.pi * (1.0 + 2.0 * swing) ** 2 + 2.0 * swing)
+
+    def length_scale(self, time: float) -> float:
+        """Return that of the waves, which are the narrower the larger the slope of f."""
+        return number_at(self.scale, time) / (math.pi * (1.0 + 2.0 * abs(self._swing(time))))
+
+    def _swing(self, time: float) -> float:
+        return number_at(self.swing, time) * math.sin(2 * math.pi * time / self.period)
+
+
+@dataclass(frozen=True)
+class Enright(BasicField):
+    """Draws a ball out to a thin curled sheet and back into a ball, within a cube; keeps volume.
+
+    With 0 < x, y, z < 1 in the cube of side `scale` about `centre`,
+
+        u =  2 sin²(πx) sin(2πy) sin(2πz) cos(πt/T)
+        v = −  sin(2πx) sin²(πy) sin(2πz) cos(πt/T)
+        w = −  sin(2πx) sin(2πy) sin²(πz) cos(πt/T)
+
+    in sides of the cube per second. Nothing crosses the faces of the cube; beyond them the pattern repeats.
+    The deformation is greatest half way through the period T; at its end all points are back.
+
+    Source: LeVeque, *High-Resolution Conservative Algorithms for Advection in Incompressible Flow*, SIAM
+    Journal on Numerical Analysis 33 (1996); with a ball of radius 0.15 about (0.35, 0.35, 0.35) and T = 3,
+    the test of Enright et al., *A Hybrid Particle Level Set Method*, J. Comput. Phys. 183 (2002). P3.
+    """
+
+    opcode: ClassVar[int] = kernels.ENRIGHT
+
+    centre: Annotated[VectorParameter, ParameterDoc("of the cube", "units")] = ORIGIN
+    scale: Annotated[Positive, ParameterDoc("side of the cube", "units")] = 2.0
+    period: Annotated[PositiveConstant, ParameterDoc("there and back", "s")] = 3.0
+
+    def row(self, time: float) -> tuple[float, ...]:
+        return (*vector_at(self.centre, time), number_at(self.scale, time), self._factor(time))
+
+    def gradient_bound(self, time: float) -> float:
+        """Return 4π times the factor, reached on an axis of the cube, half way from its centre to a face."""
+        return 4 * math.pi * abs(self._factor(time))
+
+    def length_scale(self, time: float) -> float:
+        return number_at(self.scale, time) / (2 * math.pi)
+
+    def _factor(self, time: float) -> float:
+        return math.cos(math.pi * time / self.period)
+
+
+@dataclass(frozen=True)
+class Kneading(BasicField):
+    """Stretches and folds like a baker, stroke after stroke: along x, along y, along z; keeps volume.
+
+    A period T has three strokes. In each only one of
+
+        u = a(t) sin ky    v = a(t) sin kz    w = a(t) sin kx        k = 2π / scale
+
+    acts: it bends straight lines into waves, and the next stroke folds the waves over themselves. Over a
+    stroke that begins at 0, a(t) = amount · 8/T · sin⁴(3π t/T), so that it begins and ends gently, and the
+    crests of the wave move by `amount` in all. Lengths grow exponentially with the number of strokes.
+
+    Source: the sine flow, in three dimensions: Liu, Muzzio & Peskin, *Quantification of mixing in aperiodic
+    chaotic flows*, Chaos, Solitons & Fractals 4 (1994); the gentle strokes are ours.
+    """
+
+    opcode: ClassVar[int] = kernels.KNEADING
+
+    centre: Annotated[VectorParameter, ParameterDoc("a crossing of the waves, a fixed point", "units")] = (
+        ORIGIN
+    )
+    scale: Annotated[Positive, ParameterDoc("length of a wave", "units")] = 4.0
+    amount: Annotated[Number, ParameterDoc("how far a stroke moves the crests", "units")] = 1.0
+    period: Annotated[PositiveConstant, ParameterDoc("of three strokes", "s")] = 3.0
+
+    def row(self, time: float) -> tuple[float, ...]:
+        stroke, speed = self._stroke(time)
+        speeds = [speed if stroke == axis else 0.0 for axis in range(3)]
+        return (*vector_at(self.centre, time), self._wave(time), *speeds)
+
+    def gradient_bound(self, time: float) -> float:
+        """Return the bound at the peak of a stroke, so that none is missed between two times."""
+        return self._wave(time) * abs(number_at(self.amount, time)) * 8.0 / self.period
+
+    def length_scale(self, time: float) -> float:
+        return 1.0 / self._wave(time)
+
+    def _wave(self, time: float) -> float:
+        return 2 * math.pi / number_at(self.scale, time)
+
+    def _stroke(self, time: float) -> tuple[int, float]:
+        """Return which of the three strokes acts, and its speed."""
+        strokes = 3.0 * time / self.period
+        speed = number_at(self.amount, time) * 8.0 / self.period * math.sin(math.pi * strokes) ** 4
+        return math.floor(strokes) % 3, speed
+
+
+CELLULAR: tuple[type, ...] = (ABC, TaylorGreen, DoubleGyre, Enright, Kneading)

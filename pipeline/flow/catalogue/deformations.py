@@ -33,7 +33,7 @@ from pipeline.flow.parameters import (
     number_at,
     unit,
 )
-from pipeline.flow.step_plan import StepPlan
+from pipeline.flow.streamlines import StepPlan
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
 from pipeline.flow.catalogue.basic import Strain
-from pipeline.flow.kernels import turbulence
-from pipeline.flow.kernels import vortex_kernels as kernels
+from pipeline.flow.kernels import external_kernels
+from pipeline.flow.kernels import field_kernels as kernels
 from pipeline.flow.parameters import (
     ORIGIN,
     Direction,
@@ -223,7 +223,7 @@ class CurlNoise(ExternalField):
 
     @property
     def block(self) -> BlockKernel:
-        return turbulence.curl_noise
+        return external_kernels.curl_noise
 
     @cached_property
     def _share(self) -> float:

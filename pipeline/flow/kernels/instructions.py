@@ -61,7 +61,7 @@ LINEAR, VORTICES, EXPANSION, ATTRACTORS, CELLULAR = 16, 32, 48, 64, 80
 """The first opcode of each family, whose kernels number its fields from there."""
 
 DEFORMATIONS = 96
-"""The first opcode of the deformations, which move points and have no velocity: see `deformations`."""
+"""The first opcode of the deformations, which move points and have no velocity: see `deformation_kernels`."""
 
 
 BLOCK = 256

@@ -8,7 +8,7 @@ A closed surface of triangles is one flat array. A header of HEADER numbers come
 triangles 0, of the dipoles 1 and of the nodes 2, the position of the first node 3:6, the spacing of nodes 6,
 and the node counts along x, y and z 7:10. The starts count from the end of the header, where follow
 
-    the tree     boxes, then triangles, as in `lookups`
+    the tree     boxes, then triangles, as in `external_kernels`
     dipoles      eight numbers a box that stand for its triangles from afar: centre 0:3, area vector 3:6, and
                  the squared distance from which on they do 6
     nodes        signed distances at the nodes of a grid around the surface, z running fastest
@@ -31,8 +31,8 @@ from numba import prange
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.flow.kernels import instructions as op
+from pipeline.flow.kernels.external_kernels import DEEPEST, nearest
 from pipeline.flow.kernels.instructions import doubles_at
-from pipeline.flow.kernels.lookups import DEEPEST, nearest
 from pipeline.kernels import kernel
 
 HEADER = 10

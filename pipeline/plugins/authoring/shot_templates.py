@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.mesh import PolygonMesh
-from pipeline.mesh.mesh_formats import names_parts
-from pipeline.mesh.parts import find_small_parts
-from pipeline.mesh.read import states_up, usual_up
+from pipeline.mesh.face_soup import find_small_parts
+from pipeline.mesh.read import names_parts, states_up, usual_up
 from pipeline.plugins.authoring.shot_schemas import default_text, facts
 from pipeline.shot.model_subjects import Model
 from pipeline.shot.subjects import SOLIDS

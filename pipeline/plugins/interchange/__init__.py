@@ -25,6 +25,7 @@ PLUGIN = Plugin(
         ),
     },
     mesh_formats={
+        "off": "pipeline.plugins.interchange.off_files:OFF",
         "glb": "pipeline.plugins.interchange.model_formats:GLTF",
         "gltf": "pipeline.plugins.interchange.model_formats:GLTF",
         "fbx": "pipeline.plugins.interchange.model_formats:FBX",

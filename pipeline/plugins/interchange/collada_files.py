@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.errors import MeshError, shortened
-from pipeline.mesh.file_surface import FileSurface, known_unit
+from pipeline.mesh.mesh_formats import FileSurface, known_unit
 from pipeline.plugins.interchange.collada_meshes import numbers_in, read_geometry
 from pipeline.plugins.interchange.placed_meshes import PlacedMeshes, Polygons, bound_note, joined
 from pipeline.plugins.interchange.xml_elements import Element, parse_elements

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.animation import MeshFrame, material_of
 from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError
-from pipeline.mesh.identity import IDENTITY
+from pipeline.mesh.halfedge_mesh import IDENTITY
 from pipeline.mesh.normals import ShadedMesh
 from pipeline.production.render_inputs.shading import (
     STEP,

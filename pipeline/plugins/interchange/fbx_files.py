@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from pipeline.errors import MachineError, MeshError
-from pipeline.mesh.file_surface import FileSurface
+from pipeline.mesh.mesh_formats import FileSurface
 from render.base.limited_process import answer_about_content, answer_of
 from render.base.python_process import command_line
 

@@ -20,7 +20,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError, shortened
 from pipeline.mesh.face_soup import FaceSoup
-from pipeline.mesh.file_surface import FileSurface, known_unit
+from pipeline.mesh.mesh_formats import FileSurface, known_unit
 from pipeline.plugins.interchange.placed_meshes import PlacedMeshes, Polygons, bound_note, joined
 from pipeline.text_encoding import text_content
 from render.base.input_files import read_input, require_input

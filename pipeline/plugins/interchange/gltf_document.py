@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 from urllib.parse import unquote, unquote_to_bytes
 
 from pipeline.errors import MeshError, brief
-from pipeline.mesh.file_surface import early_end
+from pipeline.mesh.mesh_formats import early_end
 from pipeline.plugins.interchange.gltf_version_1 import as_version_2
 from render.base.input_files import opened_input, read_input, size_of
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.errors import MachineError, MissingInputError
-from pipeline.mesh.file_surface import FileSurface, file_surface
+from pipeline.mesh.mesh_formats import FileSurface, file_surface
 from pipeline.plugins.interchange.gltf_arrays import SceneArrays
 from pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument
 from pipeline.plugins.interchange.gltf_scene import DefaultScene

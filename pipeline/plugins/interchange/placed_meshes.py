@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError
-from pipeline.mesh.file_surface import FileSurface
+from pipeline.mesh.mesh_formats import FileSurface
 from render.base.plural import plural
 
 MOST_MESHES, MOST_CORNERS = 20_000, 20_000_000

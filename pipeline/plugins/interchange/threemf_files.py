@@ -17,7 +17,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.errors import MeshError, brief, shortened
-from pipeline.mesh.file_surface import FileSurface
+from pipeline.mesh.mesh_formats import FileSurface
 from pipeline.plugins.interchange.placed_meshes import PlacedMeshes, Polygons, joined
 from pipeline.plugins.interchange.xml_elements import limited_parser, local_name, parse_elements
 from render.base.input_files import size_of

@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import MachineError, MeshError, MissingInputError
-from pipeline.mesh.file_surface import FileSurface
-from pipeline.mesh.mesh_formats import ScenePart
+from pipeline.mesh.mesh_formats import FileSurface, ScenePart
 from render.base.disk_cache import cache_path, load_answer, store_answer
 from render.base.input_files import digest_of_file, joint_digest
 from render.base.limited_process import answer_of

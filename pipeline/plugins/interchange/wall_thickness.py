@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points, Vectors
-from pipeline.flow.triangle_tree import TriangleTree
+from pipeline.flow.regions import TriangleTree
 from pipeline.mesh import TriangleMesh, face_normals
 
 RAYS = 4000

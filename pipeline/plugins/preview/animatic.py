@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.animation.moving_surface import step_into
+from pipeline.animation.loop import step_into
 from pipeline.arrays import AnyArray, Indices
 from pipeline.errors import FrameError
 from pipeline.plugins.preview.sketch import Sketch, is_closed

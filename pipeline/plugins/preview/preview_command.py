@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from pipeline.animation import FrameProgress
-from pipeline.animation.growth import growth_warning
+from pipeline.animation.flow_cost import growth_warning
 from pipeline.cli.options import Common, Frames, Shot, ShotOptions, at_option, output_option
 from pipeline.cli.output import (
     err,

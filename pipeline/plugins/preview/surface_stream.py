@@ -25,7 +25,7 @@ import psutil
 from pipeline.animation import FrameProgressCallback, MeshFrame, animate_reporting
 from pipeline.arrays import AnyArray
 from pipeline.errors import FrameError
-from pipeline.mesh.pn_triangles import MOST_PIECES
+from pipeline.mesh.normals import MOST_PIECES
 from pipeline.production.render_inputs.shading import Shading, speeds
 from pipeline.production.request.keys import speed_data, thresholds_at
 from pipeline.production.request.render_request import RenderRequest

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
-from pipeline.mesh.mesh_formats import format_of
-from pipeline.mesh.read import usual_up
+from pipeline.mesh.read import format_of, usual_up
 from pipeline.production.execution.project import Project
 from pipeline.production.maintenance.picture_sequences import shown_picture
 from pipeline.production.planning.plan import Plan

@@ -16,9 +16,19 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
-from pipeline.animation.fit_remedy import COARSE, FINE, TYPICAL_EXTENT, fit_remedy, is_usual_size
-from pipeline.animation.flow_cost import FlowCost, along_velocities, costliest_flow, flow_costs
-from pipeline.animation.growth import flows_of, growth_warning
+from pipeline.animation.flow_cost import (
+    COARSE,
+    FINE,
+    TYPICAL_EXTENT,
+    FlowCost,
+    along_velocities,
+    costliest_flow,
+    fit_remedy,
+    flow_costs,
+    flows_of,
+    growth_warning,
+    is_usual_size,
+)
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
 from pipeline.flow import Flow, Placed, VelocityField
@@ -27,7 +37,7 @@ from pipeline.flow.flow_map import checked_displacement
 from pipeline.flow.kernels.instructions import BLOCK
 from pipeline.flow.parameters import parameters_of, shot_name, unit, vector_at
 from pipeline.flow.streamlines import MAX_SUBSTEPS
-from pipeline.mesh.parts import find_small_parts
+from pipeline.mesh.face_soup import find_small_parts
 from pipeline.production.maintenance.first_frame import FirstFrame
 from pipeline.production.render_inputs.framing import frame_all
 from pipeline.shot import Motion, Shot

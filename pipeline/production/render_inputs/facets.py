@@ -12,8 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.mesh.normals import ShadedMesh
-from pipeline.mesh.pn_triangles import spread, tessellate
+from pipeline.mesh.normals import ShadedMesh, spread, tessellate
 from pipeline.production.render_inputs.view_geometry import rotate_y
 from render.scene.render_camera import Camera
 from render.scene.render_quality import Quality

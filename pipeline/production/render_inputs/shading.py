@@ -18,8 +18,15 @@ from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.flow.flow_map import checked_cache_data
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.control_net import bspline_surface, bspline_values
-from pipeline.mesh.normals import ShadedMesh, split_at_creases, twins_of, vertex_normals
-from pipeline.mesh.pn_triangles import MOST_PIECES, spread, tessellate
+from pipeline.mesh.normals import (
+    MOST_PIECES,
+    ShadedMesh,
+    split_at_creases,
+    spread,
+    tessellate,
+    twins_of,
+    vertex_normals,
+)
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.render_inputs.view_geometry import rotate_y
 from pipeline.resample import Thresholds

@@ -14,10 +14,8 @@ from render.base.input_files import kind_of_path
 
 SHOTS = Path("shots")
 FILM = SHOTS / "film.yaml"
-CORE_MODELS = ("obj", "ply", "stl", "off")
-"""Suffixes of model files that the core reads, as `pipeline.mesh.mesh_formats` has them, which takes long to
-import.
-"""
+CORE_MODELS = ("obj", "ply", "stl")
+"""Suffixes of models that the core reads, as in `pipeline.mesh.read`, which takes long to import."""
 
 OTHER_MODELS = (
     ".3ds",

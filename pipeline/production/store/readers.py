@@ -60,7 +60,7 @@ def arrays(key: Key) -> Callable[[Path], dict[str, AnyArray]]:
 def mesh_frame(key: Key) -> Callable[[Path], MeshFrame]:
     """Return a reader of the mesh frame of `key`."""
     from pipeline.animation import MeshFrame
-    from pipeline.mesh.triangle_mesh import freeze
+    from pipeline.mesh.meshes import freeze
 
     def read(path: Path) -> MeshFrame:
         named = arrays(key)(path)

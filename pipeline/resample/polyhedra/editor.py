@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
 from pipeline.errors import VertexBudgetError
-from pipeline.mesh.polygon_mesh import PolygonMesh
+from pipeline.mesh.meshes import PolygonMesh
 from pipeline.resample.polyhedra.polyhedron import (
     OUTSIDE,
     Point,

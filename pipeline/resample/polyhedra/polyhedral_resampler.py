@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import UsageError
-from pipeline.mesh.polygon_mesh import PolygonMesh
+from pipeline.mesh.meshes import PolygonMesh
 from pipeline.resample.polyhedra.editor import LengthLimits, PolyhedronEditor, inherited
 from pipeline.resample.polyhedra.polyhedral_collapse import Collapser
 from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Polyhedron

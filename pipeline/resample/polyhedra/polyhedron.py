@@ -12,8 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.arrays import AnyArray
-from pipeline.mesh.polygon_mesh import PolygonMesh
-from pipeline.mesh.triangle_mesh import edge_keys
+from pipeline.mesh.meshes import PolygonMesh, edge_keys
 from pipeline.mesh.validation import require, twin_corners
 
 OUTSIDE = -1

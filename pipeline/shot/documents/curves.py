@@ -8,10 +8,16 @@ from typing import Annotated, Any, Generic, NamedTuple, TypeGuard, TypeVar, cast
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from pipeline.errors import UsageError, shortened
-from pipeline.flow.easing import BEZIER, EASINGS, Handle
-from pipeline.flow.keyframes import Extrapolation, FormulaCurve, Keyframes
+from pipeline.flow.keyframes import (
+    BEZIER,
+    EASINGS,
+    Extrapolation,
+    FormulaCurve,
+    Handle,
+    Keyframes,
+    SoundCurve,
+)
 from pipeline.flow.parameters import Curve, Number, Values, VectorParameter
-from pipeline.flow.sound_curve import SoundCurve
 from pipeline.formula import TIME, Expression, FormulaError
 from pipeline.shot.clock import TIME_PATTERN, Clock
 from pipeline.shot.documents.field_types import (

@@ -26,15 +26,20 @@ from pydantic_core import CoreSchema
 
 from pipeline.errors import reason_of, shortened
 from pipeline.flow import Flow, VelocityField, catalogue
-from pipeline.flow.catalogue.attraction import Attraction, Target, Wind
-from pipeline.flow.catalogue.user_fields import MAX_NUMBERS, FormulaField, Sampled
+from pipeline.flow.catalogue.external_fields import (
+    MAX_NUMBERS,
+    Attraction,
+    FormulaField,
+    Sampled,
+    Target,
+    Wind,
+)
 from pipeline.flow.catalogue.vortices import CurlNoise
+from pipeline.flow.compiled_formulas import NAMES
 from pipeline.flow.flow import MOST_CODE, PythonFlow
 from pipeline.flow.parameters import Parameter, ParameterDoc, parameter, parameters_of, shot_name, summary
 from pipeline.flow.samples import Samples, read_samples
-from pipeline.formula import FUNCTIONS
-from pipeline.formula.compiled import NAMES
-from pipeline.formula.syntax import CONSTANTS
+from pipeline.formula import CONSTANTS, FUNCTIONS
 from pipeline.mesh.read import read_mesh
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents import curves

@@ -22,13 +22,21 @@ from pydantic_core import CoreSchema
 
 from pipeline.errors import shortened
 from pipeline.flow import Flow, Repeated, Reversed, Sequence, Streamlines, Sum, Transform, VelocityField
-from pipeline.flow.composed_fields import RegionField, ScaledField, TransformedField, blended, placed, within
-from pipeline.flow.composed_maps import Mirror
+from pipeline.flow.composition import (
+    Mirror,
+    RegionField,
+    ScaledField,
+    TransformedField,
+    blended,
+    placed,
+    within,
+)
 from pipeline.flow.parameters import Number
 from pipeline.flow.regions import (
     FALLOFF_TYPES,
     BoxRegion,
     CapsuleRegion,
+    ClosedSurface,
     CylinderRegion,
     FalloffType,
     HalfSpaceRegion,
@@ -36,7 +44,6 @@ from pipeline.flow.regions import (
     Region,
     SphereRegion,
 )
-from pipeline.flow.triangle_tree import ClosedSurface
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.read import read_mesh
 from pipeline.shot.clock import SECONDS_PATTERN, Clock

@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from pipeline.errors import shortened
 from pipeline.frames import FASTEST, SLOWEST
-from pipeline.mesh.pn_triangles import MOST_PIECES
+from pipeline.mesh.normals import MOST_PIECES
 from pipeline.shot.documents.camera_documents import CameraDocument, ShutterDocument
 from pipeline.shot.documents.config_tables import tables
 from pipeline.shot.documents.curves import NumberField

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
-from pipeline.flow.sound_curve import Envelope, SoundCurve
+from pipeline.flow.keyframes import Envelope, SoundCurve
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.field_types import (
     MAPPING_IS_SECOND,

@@ -9,8 +9,7 @@ import pytest
 
 from pipeline.errors import MeshError
 from pipeline.mesh import PolygonMesh
-from pipeline.mesh.read import model_files, read_surface, usual_up
-from pipeline.mesh.repair import repair_surface
+from pipeline.mesh.read import model_files, read_surface, repair_surface, usual_up
 from pipeline.plugins.interchange.collada_files import read_collada
 
 CORNERS = " ".join(f"{x} {y} {z}" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))

@@ -11,8 +11,7 @@ import pytest
 
 from pipeline.errors import MachineError, MeshError
 from pipeline.mesh import PolygonMesh
-from pipeline.mesh.read import model_files, read_surface, usual_up
-from pipeline.mesh.repair import repair_surface
+from pipeline.mesh.read import model_files, read_surface, repair_surface, usual_up
 from pipeline.plugins.authoring.shot_templates import model_template
 from pipeline.plugins.interchange import fbx_files
 from pipeline.plugins.interchange.fbx_reader import up_axis, visible_surface

@@ -14,8 +14,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdUtils
 from pipeline.errors import FlowsculptError, MachineError, MeshError, MissingInputError, ShotError
 from pipeline.mesh import PolygonMesh, read_mesh
 from pipeline.mesh.mesh_formats import ScenePart
-from pipeline.mesh.read import model_files, read_surface, usual_up
-from pipeline.mesh.repair import repair_surface
+from pipeline.mesh.read import model_files, read_surface, repair_surface, usual_up
 from pipeline.plugins.authoring.shot_templates import model_template
 from pipeline.plugins.interchange import usd_files
 from pipeline.plugins.interchange.placed_meshes import joined

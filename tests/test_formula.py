@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import UsageError
-from pipeline.formula import FUNCTIONS, MOST_CHARACTERS, PLACE, TIME, Expression, FormulaError
-from pipeline.formula.syntax import time_values
+from pipeline.formula import FUNCTIONS, MOST_CHARACTERS, PLACE, TIME, Expression, FormulaError, time_values
 
 NAMES = ("x", "y", "z", "time")
 X, Y = np.array([-1.5, 0.0, 0.5, 2.0]), np.array([3.0, 1.0, -2.0, 0.25])

@@ -12,7 +12,14 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError
-from pipeline.mesh.file_surface import FileSurface, early_end, offsets_of, polygon_surface
+from pipeline.mesh.mesh_formats import (
+    FileSurface,
+    MeshFormat,
+    early_end,
+    offsets_of,
+    polygon_surface,
+    reader_of,
+)
 from pipeline.text_encoding import number_fault, text_content
 
 _KEYWORD = re.compile(rb"((?:ST|C|N|4|n)*)OFF(\d*)")
@@ -216,3 +223,9 @@ def _read_binary(body: bytes, prefixes: bytes) -> FileSurface:
     _require_faces(faces, len(sides), 4 * (len(words) - at), "byte")
     points = layout.points(table[:, : layout.numbers])
     return polygon_surface(points, offsets_of(sides), np.array(corners, np.int64))
+
+
+OFF = MeshFormat(
+    reader_of(read_object_file),
+    misread=re.compile(rb"^[ \t]*(?:ST|C|N)*4n?OFF", re.MULTILINE),  # a reader divided by no w
+)

@@ -1,8 +1,8 @@
 """Formulas compiled to functions that add a velocity to each point of a block.
 
 A formula becomes Python source of plain arithmetic, one line an operation. Infinities and NaN come out as in
-numpy (see `syntax`): tests compare the two. The source is compiled on first use and cached with the kernels.
-The values of names are arguments: changing them compiles nothing.
+numpy (see `pipeline.formula`): tests compare the two. The source is compiled on first use and cached with the
+kernels. The values of names are arguments: changing them compiles nothing.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from types import ModuleType
 
 import numpy as np
 
-from pipeline.formula.expression import Expression
-from pipeline.formula.syntax import PLACE, TIME
+from pipeline.formula import PLACE, TIME, Expression
 from pipeline.kernels import BlockKernel
 from render.base.atomic_write import atomic_write
 from render.base.kernel_cache import formula_folder
