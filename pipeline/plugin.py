@@ -8,12 +8,21 @@ imported when used.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import logging
+import re
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+LOG = logging.getLogger("flowsculpt.plugins")
+"""Warnings about parts of plug-ins that fail when they are first used."""
 
 GROUP = "flowsculpt.plugins"
 """The group of entry points that name plug-ins."""
@@ -40,7 +49,12 @@ class Command:
 class Plugin:
     """A plug-in and what it adds; functions and classes are named as "module:name".
 
+    name           a letter, then letters, digits and _; shot files write `NAME.part` for what a plug-in adds
+                   to them, so that they say which plug-ins a shot needs
+    version        part of the keys of what the plug-in decides
     api            the API version that it is built for
+    flows          velocity fields and other flows, dataclasses with documented parameters, by their names
+    looks          `Material`s by their names
     commands       commands by name
     exporters      formats of the command `export` by name
     watchers       functions of the common options, a plan, and whether previews are wanted; each returns a
@@ -59,6 +73,8 @@ class Plugin:
     name: str
     version: str
     api: int = API
+    flows: Mapping[str, str] = field(default_factory=dict)
+    looks: Mapping[str, str] = field(default_factory=dict)
     commands: Mapping[str, Command] = field(default_factory=dict)
     exporters: Mapping[str, Command] = field(default_factory=dict)
     watchers: tuple[str, ...] = ()
@@ -68,6 +84,24 @@ class Plugin:
     sequences: tuple[str, ...] = ()
     notes: str = ""
     remote_stores: str = ""
+
+    @property
+    def sources(self) -> list[Path]:
+        """The Python files of the packages and modules with what it adds to shots; none of flowsculpt's."""
+        tops = {
+            place.partition(":")[0].partition(".")[0]
+            for place in (*self.flows.values(), *self.looks.values())
+        }
+        specs = [find_spec(top) for top in sorted(tops - {"pipeline", "render"})]
+        found: list[Path] = []
+        for spec in filter(None, specs):
+            if spec.submodule_search_locations:
+                found += sorted(
+                    file for place in spec.submodule_search_locations for file in Path(place).rglob("*.py")
+                )
+            elif spec.origin:
+                found.append(Path(spec.origin))
+        return found
 
 
 @dataclass(frozen=True)
@@ -82,6 +116,34 @@ class Plugins:
 
     def __iter__(self) -> Iterator[Plugin]:
         return iter(self.loaded.values())
+
+    def parts(self, door: str, make: Callable[[Plugin, str, Any], T]) -> dict[str, T]:
+        """Return what plug-ins add to shot files by a field of `Plugin`, by names such as `marbling.swirl`.
+
+        make  gets the plug-in, the name and the object, and returns the entry. A part for which it raises, or
+              that cannot be imported, is left out with a warning
+        """
+        found = {}
+        for plugin in self:
+            for part, place in getattr(plugin, door).items():
+                name = f"{plugin.name}.{part}"
+                try:
+                    found[name] = make(plugin, name, named(place))
+                except (Exception, SystemExit) as error:  # a stranger's module may raise anything
+                    LOG.warning(f"plug-in {plugin.name}: {name} is left out: {type(error).__name__}: {error}")
+        return found
+
+    def lacking(self, name: str) -> str | None:
+        """Return the sentence about a plug-in that a name in a shot file needs; None where all is there."""
+        plugin, _, part = name.partition(".")
+        if not part or not _NAME.fullmatch(plugin):
+            return None
+        if plugin not in self.loaded:
+            failed = any(fault.startswith(f"plug-in {plugin} ") for fault in self.faults)
+            state = "did not load; see the warning" if failed else "is not installed (pip install …)"
+            return f"It needs plug-in {plugin}, which {state}."
+        doors = self.loaded[plugin].flows, self.loaded[plugin].looks
+        return f"Plug-in {plugin} could not load it." if any(part in door for door in doors) else None
 
     @property
     def commands(self) -> dict[str, Command]:
@@ -163,10 +225,15 @@ def _loaded(entry: EntryPoint) -> Plugin:
     return plugin
 
 
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+
+
 def _refusal(plugin: Plugin, loaded: Mapping[str, Plugin], taken: Mapping[str, str]) -> str | None:
     """Return why a plug-in cannot be used next to those that are loaded; None where it can."""
     if plugin.api > API:
         return f"it is built for version {plugin.api} of the API, and this is {API}; update flowsculpt"
+    if not _NAME.fullmatch(plugin.name):
+        return f"its name {plugin.name!r} is not a letter followed by letters, digits and _"
     if plugin.name in loaded:
         return f"there is another plug-in {plugin.name}; uninstall one of the two"
     for added in _added(plugin):

@@ -1,7 +1,9 @@
 """Plug-ins of strangers: what they add works, and one that is broken costs a line and nothing else."""
 
+import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -78,6 +80,112 @@ def test_the_plug_in_of_the_docs_works(environment):
     assert "Greet a shot." in environment.run("--help").stdout
 
 
+MARBLING = """\
+from pipeline.plugin import Plugin
+
+FLOWS, LOOKS = {"swirl": "marbling_parts:Swirl"}, {"ink": "marbling_parts:INK"}
+PLUGIN = Plugin("marbling", "1.0", flows=FLOWS, looks=LOOKS)
+"""
+PARTS = """\
+from dataclasses import dataclass
+from typing import Annotated
+
+from pipeline.flow.parameters import Number, ParameterDoc, number_at
+from pipeline.flow.velocity import ExternalField
+from pipeline.kernels import block_kernel
+from render.scene.materials.models import Plastic
+
+INK = Plastic((0.02, 0.05, 0.2), roughness=0.1)
+
+
+@block_kernel
+def turning(numbers, count, x, y, z, t, u, v, w):
+    for i in range(count):
+        u[i] -= numbers[0] * z[i]
+        w[i] += numbers[0] * x[i]
+
+
+@dataclass(frozen=True)
+class Swirl(ExternalField):
+    \"\"\"Turns about the vertical.\"\"\"
+
+    strength: Annotated[Number, ParameterDoc("angular speed", "1/s")] = 1.0
+    block = turning
+
+    def numbers(self, time):
+        return (number_at(self.strength, time),)
+
+    def gradient_bound(self, time):
+        return abs(number_at(self.strength, time))
+
+    def length_scale(self, time):
+        return float("inf")
+"""
+INKED = """\
+title: Ink
+frames: 1-3
+subject: {solid: box}
+resample: {max_edge_length: 0.2}
+flows: [{marbling.swirl: {strength: 2}}]
+look: {material: marbling.ink, roughness: 0.2}
+"""
+
+
+@pytest.fixture
+def marbling(environment):
+    environment.install("marbling", MARBLING)
+    (environment.folder / "marbling_parts.py").write_text(PARTS)
+    (environment.folder / "shots").mkdir()
+    (environment.folder / "shots" / "A010_ink.yaml").write_text(INKED)
+    return environment
+
+
+def test_a_shot_is_made_of_a_flow_and_a_look_of_a_plug_in_and_made_again_with_its_next_version(marbling):
+    shot = marbling.folder / "shots" / "A010_ink.yaml"
+    setting = ("--set", "flows.0.marbling.swirl.strength=3")
+    assert marbling.run("simulate", "A010_ink", *setting).returncode == 0
+    assert json.loads(marbling.run("--json", "status", "A010_ink").stdout)
+    shot.write_text(INKED.replace("strength: 2", "strength: 3"))
+    assert "1-3   –      –" in marbling.run("status", "A010_ink").stdout
+    (marbling.folder / "marbling.py").write_text(MARBLING.replace("1.0", "1.1"))
+    assert "1     2-3    –" in marbling.run("status", "A010_ink").stdout, (
+        "a version decides what the flow moves"
+    )
+    shot.write_text(shot.read_text().replace("marbling.swirl: {strength: 3}", "twist: {amount: 20}"))
+    assert marbling.run("simulate", "A010_ink").returncode == 0
+    (marbling.folder / "marbling.py").write_text(MARBLING.replace("1.0", "1.2"))
+    assert "1-3   –      –" in marbling.run("status", "A010_ink").stdout, "and nothing else"
+
+
+def test_flows_and_looks_of_plug_ins_are_listed_completed_and_proposed(marbling):
+    assert "marbling.swirl" in marbling.run("flows").stdout
+    assert "angular speed" in marbling.run("flows", "marbling.swirl").stdout
+    schema = marbling.run("schema").stdout
+    assert '"marbling.swirl": {' in schema and '"marbling.ink"' in schema
+    text = INKED.replace("marbling.swirl", "swirl").replace("marbling.ink", "marbling.inc")
+    (marbling.folder / "shots" / "A010_ink.yaml").write_text(text)
+    told = marbling.run("validate").stderr
+    assert "flows.0.swirl: unknown name. Did you mean 'marbling.swirl'?" in told
+    assert "look.material: 'marbling.inc' is not a look. Did you mean 'marbling.ink'?" in told
+
+
+def test_a_shot_whose_plug_in_is_missing_or_broken_is_refused_with_its_name(marbling):
+    (marbling.folder / "marbling_parts.py").write_text("import no_such_module")
+    told = marbling.run("validate").stderr
+    missing = "is left out: ModuleNotFoundError: No module named 'no_such_module'"
+    assert f"plug-in marbling: marbling.swirl {missing}" in told
+    assert f"plug-in marbling: marbling.ink {missing}" in told
+    assert "flows.0.marbling.swirl: unknown name. Plug-in marbling could not load it." in told
+    (marbling.folder / "marbling.py").write_text("1 / 0")
+    assert "It needs plug-in marbling, which did not load" in marbling.run("validate").stderr
+    shutil.rmtree(marbling.folder / "marbling-1.dist-info")
+    refused = marbling.run("render", "A010_ink")
+    assert refused.returncode == 2
+    needs = "It needs plug-in marbling, which is not installed (pip install …)."
+    assert f"shots/A010_ink.yaml:5:10: flows.0.marbling.swirl: unknown name. {needs}" in refused.stderr
+    assert f"look.material: 'marbling.ink' is not a look. {needs}" in refused.stderr
+
+
 def plugin(name: str = "greeter", rest: str = "") -> str:
     return f"from pipeline.plugin import Command, Plugin\nPLUGIN = Plugin({name!r}, '1'{rest})\n"
 
@@ -87,6 +195,7 @@ def plugin(name: str = "greeter", rest: str = "") -> str:
     [
         ("broken", "import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
         ("later", plugin("later", f", api={API + 1}"), f"it is built for version {API + 1} of the API"),
+        ("named", plugin("my-plug.in"), "its name 'my-plug.in' is not a letter followed by"),
         ("none", "PLUGIN = 3", "none:PLUGIN is not a pipeline.plugin.Plugin"),
         ("twin", plugin("greeter"), "there is another plug-in greeter; uninstall one of the two"),
         (

@@ -148,6 +148,27 @@ class Function(Flow):
         return getattr(self.displacement, "__qualname__", type(self.displacement).__name__)
 
 
+@dataclass(frozen=True)
+class PluginMap(Flow):
+    """A map of a plug-in.
+
+    origin  the plug-in, its version and the map's name, which are part of what decides it
+    """
+
+    flow: Flow
+    origin: tuple[str, str, str]
+
+    def displace(self, points: Points, time: float, dt: float) -> Points:
+        return self.flow.displace(points, time, dt)
+
+    def cache_data(self, time: float, dt: float) -> Any:
+        return {"plugin": self.origin, "data": self.flow.cache_data(time, dt)}
+
+    @property
+    def name(self) -> str:
+        return self.origin[2]
+
+
 def as_flow(flow: Flow | Displacement) -> Flow:
     """Return a flow unchanged, and any other callable wrapped as one."""
     return flow if isinstance(flow, Flow) else Function(flow)

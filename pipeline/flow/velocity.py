@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from dataclasses import is_dataclass, replace
+from dataclasses import dataclass, is_dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -144,13 +144,41 @@ class ExternalField(VelocityField):
     def numbers(self, time: float) -> tuple[float, ...]:
         """Return the function's numbers at a time, at most ten; some may be addresses of arrays."""
 
-    @abstractmethod
     def cache_data(self, time: float) -> Any:
         """Return all that decides its velocities at a time, JSON-able and without any address."""
+        return [time, *self.numbers(time)]
 
     def program(self, time: float) -> Program:
         row = (float(self.block.address), time, *self.numbers(time))
         return (Instruction(op.EXTERNAL, row, self.cache_data(time), self),)
+
+
+@dataclass(frozen=True)
+class PluginField(VelocityField):
+    """A field of a plug-in.
+
+    origin  the plug-in, its version and the field's name, which are part of what decides it
+    """
+
+    field: VelocityField
+    origin: tuple[str, str, str]
+
+    def program(self, time: float) -> Program:
+        rows = self.field.program(time)
+        return tuple(row._replace(cache_data=[*self.origin, row.as_data()]) for row in rows)
+
+    def gradient_bound(self, time: float) -> float:
+        return self.field.gradient_bound(time)
+
+    def length_scale(self, time: float) -> float:
+        return self.field.length_scale(time)
+
+    def leaves(self, point: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
+        return self.field.leaves(point, time)
+
+    @property
+    def name(self) -> str:
+        return self.origin[2]
 
 
 CLEARLY = 0.6

@@ -11,11 +11,10 @@ from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
 from pipeline.shot.documents.field_types import is_number
 from pipeline.shot.documents.light_documents import ENVIRONMENTS, softbox_name
-from pipeline.shot.documents.look_documents import check_bsdf
+from pipeline.shot.documents.look_documents import LOOKS, check_bsdf
 from pipeline.shot.yaml.plain_text import listed
 from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from render.scene.light_groups import BACKGROUND
-from render.scene.materials import LOOKS
 from render.scene.measure import Measure
 from render.scene.projection import KINDS
 from render.scene.render_quality import MIN_ADAPTIVE_SAMPLES, QUALITIES

@@ -28,13 +28,13 @@ from pipeline.production.request.turntable import TURNS, Turntable
 from pipeline.production.stages import TURNTABLE_SHEET
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store, key_of
+from pipeline.shot.documents.look_documents import LOOKS
 from render.base.plural import plural
 from render.graphics.contact_sheet import Caption, ContactSheet, columns_for, fitted_sheet
 from render.movie.codecs import movie_encode
 from render.movie.encode import write_movie
 from render.movie.sequences import prefetch
 from render.post.image import write_png
-from render.scene.materials import LOOKS
 
 BOTH = "both"
 

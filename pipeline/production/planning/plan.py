@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.frames import FrameRange
+from pipeline.plugin import plugins
 from pipeline.production.planning.timings import MeasuredResources
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.render_request import RenderRequest
@@ -255,8 +256,9 @@ class Plan:
 
 
 def versions_here() -> dict[str, str]:
-    """Return the versions that keys hold: of stages, as `render's results`, and of packages by name."""
-    return {
+    """Return the versions that keys hold: of stages, as `render's results`, of plug-ins and of packages."""
+    of_plugins = {f"plug-in {plugin.name}": plugin.version for plugin in plugins()}
+    return of_plugins | {
         f"{stage.name}'s results" if part == "version" else part: str(value)
         for stage in STAGES.values()
         for part, value in stage.recipe.items()

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from pipeline.errors import MachineError
+from pipeline.plugin import plugins
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store, key_of
 from render.base.atomic_write import atomic_write
@@ -101,7 +102,12 @@ def _code() -> list[str]:
         for file in sorted((_PROJECT / package).rglob("*.py")):
             digest.update(file.relative_to(_PROJECT).as_posix().encode())
             digest.update(file.read_bytes())
-    return [digest.hexdigest(), sys.version, *(f"{name}={version(name)}" for name in PACKAGES)]
+    for plugin in plugins():
+        for file in plugin.sources:
+            digest.update(file.read_bytes())
+    versions = [f"{name}={version(name)}" for name in PACKAGES]
+    versions += [f"{plugin.name}={plugin.version}" for plugin in plugins()]
+    return [digest.hexdigest(), sys.version, *versions]
 
 
 def _entry(path: str) -> Any:

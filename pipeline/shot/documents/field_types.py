@@ -25,6 +25,7 @@ from pipeline.errors import shortened, suggestion
 from pipeline.flow.parameters import Vector, X, Y, Z
 from pipeline.flow.streamlines import MAX_SUBSTEPS
 from pipeline.formula import Expression, FormulaError
+from pipeline.plugin import plugins
 from pipeline.shot.yaml.document_validation import bad_value, finding
 from pipeline.shot.yaml.messages import number_in
 from pipeline.shot.yaml.plain_text import in_yaml
@@ -112,7 +113,7 @@ def one_of(names: Iterable[str], kind: str) -> OneOf:
     def check(word: str) -> str:
         if word not in known:
             meant = value_meant(word, known)
-            hint = f"Did you mean {meant!r}?" if meant else suggestion(word, known)
+            hint = f"Did you mean {meant!r}?" if meant else plugins().lacking(word) or suggestion(word, known)
             raise bad_value(f"{shortened(word)} is not {indefinite(kind)}. {hint}")
         return word
 

@@ -36,11 +36,13 @@ from pipeline.flow.catalogue.external_fields import (
 )
 from pipeline.flow.catalogue.vortices import CurlNoise
 from pipeline.flow.compiled_formulas import NAMES
-from pipeline.flow.flow import MOST_CODE, PythonFlow
+from pipeline.flow.flow import MOST_CODE, PluginMap, PythonFlow
 from pipeline.flow.parameters import Parameter, ParameterDoc, parameter, parameters_of, shot_name, summary
 from pipeline.flow.samples import Samples, read_samples
+from pipeline.flow.velocity import PluginField
 from pipeline.formula import CONSTANTS, FUNCTIONS
 from pipeline.mesh.read import read_mesh
+from pipeline.plugin import Plugin, plugins
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents import curves
 from pipeline.shot.documents.curves import NumberField, number
@@ -65,18 +67,23 @@ class FlowParameters(Document):
 
     parameters  those of the flow's dataclass
     own         those that the document adds, such as a file to read
+    origin      of a plug-in's flow, the plug-in, its version and the flow's name
     """
 
     flow: ClassVar[type[Flow] | type[VelocityField]]
+    origin: ClassVar[tuple[str, str, str] | None] = None
     parameters: ClassVar[tuple[Parameter, ...]]
     own: ClassVar[tuple[Parameter, ...]]
 
     def build(self, clock: Clock) -> Any:
         """Return the flow; parameters that the file leaves out take the defaults of the code."""
         given = [p for p in self.parameters if p.name in self.model_fields_set]
-        return self.flow(
+        flow = self.flow(
             **{p.name: _value(p, getattr(self, p.name), clock) for p in given}, **self.own_values(clock)
         )
+        if self.origin is None:
+            return flow
+        return PluginMap(flow, self.origin) if isinstance(flow, Flow) else PluginField(flow, self.origin)
 
     def own_values(self, clock: Clock) -> dict[str, Any]:
         """Return the arguments of the flow that come from the document's own fields."""
@@ -89,6 +96,15 @@ def document_of(flow: type, base: type[FlowParameters] = FlowParameters) -> type
     entries: dict[str, Any] = {p.name: (_kind(p), _field(p)) for p in parameters}
     document = create_model(f"{flow.__name__}Parameters", __base__=base, __doc__=summary(flow), **entries)
     document.flow, document.parameters, document.own = flow, parameters, _own(base)
+    return document
+
+
+def _document_of_plugin(plugin: Plugin, name: str, flow: Any) -> type[FlowParameters]:
+    """Return the document of a plug-in's flow. Raises TypeError for what is none."""
+    if not (isinstance(flow, type) and issubclass(flow, Flow | VelocityField)):
+        raise TypeError("it is neither a VelocityField nor a Flow")
+    document = document_of(flow)
+    document.origin = (plugin.name, plugin.version, name)
     return document
 
 
@@ -354,8 +370,9 @@ _WRITTEN_OUT: dict[str, type[FlowParameters]] = {
 DOCUMENTS: dict[str, type[FlowParameters]] = {
     **{shot_name(flow): document_of(flow) for flow in catalogue.FLOWS},
     **{name: document_of(base.flow, base) for name, base in _WRITTEN_OUT.items()},
+    **plugins().parts("flows", _document_of_plugin),
 }
-"""The flows that a shot can name, in the order of the docs."""
+"""The flows that a shot can name, in the order of the docs; those of plug-ins last."""
 
 BARE = BeforeValidator(lambda value: {} if value is None else value)
 """`- enright:` is the same as `- enright: {}`."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from pipeline.errors import shortened, suggestion
+from pipeline.plugin import Plugin, plugins
 from pipeline.shot.documents.field_types import (
     HEX_PATTERN,
     MAPPING_IS_SECOND,
@@ -47,9 +48,21 @@ from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from render.base.input_files import digest_of_file
 from render.base.render_errors import RenderError
 from render.mitsuba.bsdf_plugins import refusal
-from render.scene.materials import LOOKS, Material, MitsubaMaterial, PatternedMaterial
+from render.scene.materials import LOOKS as OWN_LOOKS
+from render.scene.materials import Material, MitsubaMaterial, PatternedMaterial
 from render.scene.materials.mitsuba_bsdf import BSDFS, PLUGINS, TEXTURES, Bsdf, MitsubaPlugin
 from render.scene.textures import Texture, read_picture, reading_of
+
+
+def _look_of_plugin(plugin: Plugin, name: str, look: Any) -> Material:
+    """Return the look of a plug-in. Raises TypeError for what is none."""
+    if not isinstance(look, Material):
+        raise TypeError("it is not a Material")
+    return look
+
+
+LOOKS: Mapping[str, Material] = {**OWN_LOOKS, **plugins().parts("looks", _look_of_plugin)}
+"""The looks that a shot can name, those of plug-ins last."""
 
 _KINDS = {
     "number": "a number",

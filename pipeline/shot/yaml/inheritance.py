@@ -128,6 +128,9 @@ def _take(steps: list[str], holder: Any, in_keys: bool) -> str:
     `keys.17.1` is the second number of key 17 if that is a list, and otherwise key 17.1.
     """
     joined = ".".join(steps[:2])
+    if isinstance(holder, dict) and joined in holder and steps[0] not in holder:  # such as a plug-in's flow
+        del steps[:2]
+        return joined
     if in_keys and isinstance(holder, dict) and len(steps) > 1 and _TIME.fullmatch(joined):
         item = holder.get(_key(holder, steps[0]))
         if _key(holder, joined) in holder or not isinstance(item, list | dict):

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from pipeline.errors import suggestion
+from pipeline.plugin import plugins
 from pipeline.shot.yaml.plain_text import dotted, shown
 from pipeline.shot.yaml.schema_walk import (
     Models,
@@ -91,6 +92,8 @@ class _Mapping:
 
 def _hint(mapping: _Mapping, name: Any, found: UnknownNames) -> str:
     """Return a did-you-mean, or the names there are; note what it explains."""
+    if (sentence := plugins().lacking(str(name))) is not None:
+        return sentence
     fields = field_names(mapping.models)
     spelt = re.split(r"[:={]|\s+(?=[-\d{])", str(name).lstrip("- "))[0]
     if (meant := synonym(spelt, fields)) is not None:

@@ -171,8 +171,9 @@ def value_meant(word: object, values: Iterable[str]) -> str | None:
 
 
 def _meant(word: object, names: Iterable[str], meanings: dict[str, list[str]]) -> str | None:
-    known = tuple(names)
-    spelt = as_name(word)
-    return (
-        spelt if spelt in known else next((name for name in meanings.get(spelt, ()) if name in known), None)
-    )
+    known, spelt = tuple(names), as_name(word)
+    if spelt in known:
+        return spelt
+    of_plugins = (name for name in known if name.endswith(f".{spelt}"))
+    meant = (name for name in meanings.get(spelt, ()) if name in known)
+    return next(of_plugins, next(meant, None))
