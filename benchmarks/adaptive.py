@@ -33,7 +33,7 @@ from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import AnyArray
 from pipeline.production.planning.plan import Plan
 from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.shown_frame import ShownFrame
+from pipeline.production.tasks.render import ShownFrame
 from render.frame.render_frame import render_frame
 from render.mitsuba.engine import choose
 from render.post.denoise import denoise

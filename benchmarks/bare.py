@@ -32,7 +32,7 @@ from benchmarks.report import OUT, Row, Target, keep, show
 from pipeline.arrays import AnyArray
 
 if TYPE_CHECKING:  # the script imports what it needs, as one does
-    from pipeline.production.render_inputs.framing import Framing
+    from pipeline.production.request.framing import Framing
     from pipeline.production.request.render_request import RenderRequest
 
 SHOTS = ("A010_cube", "A020_lorenz", "A030_taffy", "B100_torus")
@@ -86,10 +86,10 @@ def pictures(path: Path, count: int | None) -> Iterator[AnyArray]:
     import pyoidn
 
     from pipeline.animation import animate
-    from pipeline.production.render_inputs.framing import frame_all, with_stage_in_view
-    from pipeline.production.render_inputs.shading import Shading
+    from pipeline.production.request.framing import frame_all, with_stage_in_view
     from pipeline.production.request.keys import thresholds_at
     from pipeline.production.request.render_request import RenderRequest
+    from pipeline.production.request.shading import Shading
     from pipeline.production.request.shot_source import ShotSource
 
     source = ShotSource(path.read_text(encoding="utf-8"), path).with_inputs()

@@ -37,8 +37,8 @@ from pipeline.plugins.preview.animatic import Animatic
 from pipeline.plugins.preview.sketch import Sketch
 from pipeline.plugins.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project
-from pipeline.production.maintenance.first_frame import FirstFrames
-from pipeline.production.maintenance.scene_rules import findings
+from pipeline.production.first_frame import FirstFrames
+from pipeline.production.scene_rules import findings
 from pipeline.shot import read_shot
 
 FLOWS = {

@@ -33,9 +33,9 @@ from pipeline.production.execution import snakemake
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
-from pipeline.production.render_inputs.framing import Framing
-from pipeline.production.store.ended_runs import summarise
+from pipeline.production.request.framing import Framing
 from pipeline.production.store.event_log import RUNS
+from pipeline.production.store.history import summarise
 from pipeline.production.store.paths import EVENTS, STATE
 from pipeline.production.store.store import Store
 from render.base.serialise import to_plain

@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from pipeline.production.request.picture_header import picture_header
+from pipeline.production.request.keys import picture_header
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from render.post.image import read_exr, write_exr

@@ -26,7 +26,7 @@ from pipeline.arrays import AnyArray
 from pipeline.flow import Streamlines
 from pipeline.flow.catalogue.basic import Rotation
 from pipeline.frames import FrameRange, FrameRate
-from pipeline.production.render_inputs.shading import Shading
+from pipeline.production.request.shading import Shading
 from pipeline.resample import Report, ThresholdFormula, Thresholds
 from pipeline.shot import Motion, Resampling, Solid
 from render.mitsuba import emitters, materials

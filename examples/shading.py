@@ -11,7 +11,7 @@ import numpy as np
 from examples.drawing import INK
 from pipeline.arrays import AnyArray
 from pipeline.mesh import PolygonMesh, TriangleMesh, split_at_creases
-from pipeline.production.render_inputs.framing import Framing, frame_all
+from pipeline.production.request.framing import Framing, frame_all
 from pipeline.shot.camera_path import View
 from render.frame.render_frame import render_frame
 from render.mitsuba.engine import choose

@@ -15,9 +15,8 @@ from PIL import Image
 
 from pipeline.animation import animate, material_of
 from pipeline.mesh.normals import split_at_creases, spread, tessellate
-from pipeline.production.render_inputs.framing import Framing, frame_all
-from pipeline.production.render_inputs.shading import Shading, speeds
-from pipeline.production.render_inputs.view_geometry import BoundingSpheres
+from pipeline.production.request.framing import BoundingSpheres, Framing, frame_all
+from pipeline.production.request.shading import Shading, speeds
 from pipeline.shot import read_shot
 from pipeline.shot.camera_path import View
 from pipeline.shot.shot import Shot

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from pipeline.production.render_inputs.framing import Framing, with_stage_in_view
+from pipeline.production.request.framing import Framing, with_stage_in_view
 from render.base.serialise import from_plain
 from render.frame.batch_schedule import seed_of
 from render.frame.render_frame import render_frame

@@ -12,11 +12,10 @@ from pipeline.cli.options import Common
 from pipeline.cli.output import duration, exit_with, print_error, print_result, print_warning, size
 from pipeline.cli.stage_bars import StageBars, slow_frames_told
 from pipeline.plugin import plugins
-from pipeline.production.execution.recovery import PATIENCE
-from pipeline.production.execution.run import Outcome, run
-from pipeline.production.maintenance.run_report import RunReport
+from pipeline.production.execution.run import PATIENCE, Outcome, run
 from pipeline.production.planning.estimate import Estimate, Forecast, estimate
 from pipeline.production.planning.plan import Plan
+from pipeline.production.planning.timings import RunReport
 from pipeline.production.request.render_request import FORMS
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import EventReader

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pipeline.errors import UsageError, suggestion
-from pipeline.production.request.crop_and_scale import today_name
+from pipeline.production.request.lookup import today_name
 from render.mitsuba.engine import VARIANTS
 from render.scene.render_quality import CONVENTIONS, QUALITIES, qualities_of_size
 
@@ -174,7 +174,7 @@ class PictureOptions:
 
         Raises UsageError for what cannot be cropped, among it shots and edits with pictures of several sizes.
         """
-        from pipeline.production.request.crop_and_scale import cropped_name, is_quality
+        from pipeline.production.request.lookup import cropped_name, is_quality
 
         if self.crop is None or not shots or not is_quality(name):
             return cropped_name(name, self.crop, self.scale)

@@ -12,8 +12,8 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, Tex
 from rich.text import Text
 
 from pipeline.cli.output import ProgressLines, done_words, duration, err, print_warning
+from pipeline.production.planning.estimate import TimeLeft
 from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.time_left import TimeLeft
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import Event, EventReader, poll
 

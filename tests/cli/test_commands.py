@@ -16,7 +16,7 @@ from pipeline.cli import commands
 from pipeline.cli.app import all_commands, command_line, command_named, command_words
 from pipeline.cli.common_options import REFERENCE
 from pipeline.mesh import TriangleMesh, icosphere, write_mesh
-from pipeline.production.execution.recovery import PATIENCE
+from pipeline.production.execution.run import PATIENCE
 from render.movie.probe import probe_movie
 from render.post.image import read_png
 from tests.conftest import QUALITY

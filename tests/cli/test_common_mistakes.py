@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 
 from pipeline.errors import UsageError
 from pipeline.mesh.read import mesh_suffixes
-from pipeline.production.request.shot_lookup import OTHER_MODELS, find_shot
+from pipeline.production.request.lookup import OTHER_MODELS, find_shot
 from tests.conftest import FILM, TINY, commanded
 from tests.mistakes import is_named
 

@@ -13,7 +13,7 @@ import pytest
 from pipeline.cli.output import err, frame_progress, out
 from pipeline.cli.output import table as empty_table
 from pipeline.errors import UsageError
-from pipeline.production.request.shot_lookup import find_shot
+from pipeline.production.request.lookup import find_shot
 from render.base.atomic_write import atomic_write
 from tests.conftest import ProjectFolder
 

@@ -12,7 +12,7 @@ from typer.main import get_command
 
 from pipeline.cli.app import command_line, command_named, command_words
 from pipeline.mesh import icosphere, write_mesh
-from pipeline.production.request.crop_and_scale import is_quality
+from pipeline.production.request.lookup import is_quality
 from tests.conftest import commanded
 
 ROOT = Path(__file__).parents[2]

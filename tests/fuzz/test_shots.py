@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError
-from pipeline.production.request.shot_lookup import find_shot
+from pipeline.production.request.lookup import find_shot
 from pipeline.shot import read_shot
 from pipeline.shot.yaml.yaml_source import DEEPEST, MOST_VALUES
 from tests.fuzz.shots import SHOT_FILES, fault_of, faults

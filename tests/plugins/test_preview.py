@@ -18,7 +18,7 @@ from pipeline.plugins.preview.animatic import Animatic, framings_of, outline, si
 from pipeline.plugins.preview.sketch import Sketch, is_closed
 from pipeline.plugins.preview.surface_stream import SpillCache, SurfaceStream
 from pipeline.production.execution.project import Project
-from pipeline.production.render_inputs.framing import frame_all
+from pipeline.production.request.framing import frame_all
 from pipeline.production.request.render_request import RenderRequest
 from render.post.image import read_png
 from tests.conftest import TINY, ProjectFolder

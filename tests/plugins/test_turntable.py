@@ -23,11 +23,15 @@ from pipeline.plugins.turntable.turntable_movie import (
     turn_and_angle,
 )
 from pipeline.production.execution.project import Project
-from pipeline.production.render_inputs.framing import Framing, frame_all, with_stage_in_view
-from pipeline.production.render_inputs.view_geometry import rotate_y
+from pipeline.production.request.framing import Framing, frame_all, rotate_y, with_stage_in_view
 from pipeline.production.request.keys import raw_key
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.turntable import TURNS, Turntable, TurntableAngle, framed_whole
+from pipeline.production.request.render_request import (
+    TURNS,
+    RenderRequest,
+    Turntable,
+    TurntableAngle,
+    framed_whole,
+)
 from pipeline.shot.camera_path import Lens, View
 from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_png

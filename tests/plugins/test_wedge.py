@@ -16,7 +16,7 @@ from pipeline.plugins.sheets.wedge_grid import Grid, Variation
 from pipeline.production.execution.project import Project
 from pipeline.production.planning import planner
 from pipeline.production.planning.plan import Plan
-from pipeline.production.request.variants import avoid
+from pipeline.production.planning.profile import avoid
 from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_png
 from tests.conftest import commanded, done

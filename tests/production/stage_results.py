@@ -21,8 +21,8 @@ import numpy as np
 
 from pipeline.plugins.turntable.turntable_movie import TurntableRequest, TurntableSheets
 from pipeline.production.execution.project import Project
-from pipeline.production.maintenance.measures import measures_of
-from pipeline.production.request.shot_lookup import find_shot
+from pipeline.production.measures import measures_of
+from pipeline.production.request.lookup import find_shot
 from pipeline.production.stages import DELIVER, MEASURE, STAGES, STILLS, TURNTABLE_SHEET, PipelineStage
 from pipeline.production.store import readers
 from render.post.image import read_exr, read_png

@@ -14,7 +14,7 @@ from pipeline.production.execution.project import Project
 from pipeline.production.execution.snakefile import PlannedWorkflow
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.keys import FrameKeys
-from pipeline.production.request.shot_lookup import edit_names, find_edit, find_shot, shot_names
+from pipeline.production.request.lookup import edit_names, find_edit, find_shot, shot_names
 from pipeline.shot import read_film
 from pipeline.shot.yaml.named_files import is_edit
 from render.movie.probe import probe_movie

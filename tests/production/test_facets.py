@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from pipeline.mesh import box, icosphere
 from pipeline.mesh.normals import split_at_creases
-from pipeline.production.render_inputs.facets import LEAST, diced, pieces_without_facets
-from pipeline.production.render_inputs.framing import frame_all
+from pipeline.production.request.framing import frame_all
+from pipeline.production.request.shading import LEAST, diced, pieces_without_facets
 from pipeline.shot import read_shot
 from pipeline.shot.camera_path import View
 from render.scene.render_quality import QUALITIES

@@ -13,7 +13,7 @@ from pipeline.plugins.maintenance.why import explain
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.estimate import Forecast
 from pipeline.production.planning.frame_states import KnownPictures, mesh_states, picture_states
-from pipeline.production.request.shot_lookup import find_shot
+from pipeline.production.request.lookup import find_shot
 from pipeline.production.store.event_log import EventReader
 from pipeline.production.store.history import History
 from pipeline.production.store.paths import EVENTS

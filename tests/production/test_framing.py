@@ -5,8 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.render_inputs.framing import AHEAD, Framer, envelope, frame_all, smooth
-from pipeline.production.render_inputs.view_geometry import BoundingSpheres, fitting_distance, rotate_y
+from pipeline.production.request.framing import (
+    AHEAD,
+    BoundingSpheres,
+    Framer,
+    envelope,
+    fitting_distance,
+    frame_all,
+    rotate_y,
+    smooth,
+)
 from pipeline.shot.camera_path import View
 from render.base.render_errors import BadInputError
 

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.render_inputs.framing import FOOTING, STEADINESS, Framing, frame_all
-from pipeline.production.render_inputs.view_geometry import BoundingSpheres
+from pipeline.production.request.framing import FOOTING, STEADINESS, BoundingSpheres, Framing, frame_all
 from pipeline.shot.camera_path import Lens, View
 from render.base.serialise import from_plain, to_plain
 

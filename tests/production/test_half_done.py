@@ -19,8 +19,7 @@ from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.store.event_log import EventLog, EventReader
 from pipeline.production.store.paths import CHECKPOINTS, EVENTS
-from pipeline.production.store.store import Store
-from pipeline.production.store.unfinished import checkpoint_of, remove_checkpoints, sweep
+from pipeline.production.store.store import Store, checkpoint_of, remove_checkpoints, sweep
 from pipeline.production.tasks import supervisor
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.supervisor import (

@@ -11,10 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.production.store import ended_runs, history
-from pipeline.production.store.ended_runs import summarise
+from pipeline.production.store import history
 from pipeline.production.store.event_log import RUNS, EventLog, logs_of
-from pipeline.production.store.history import History, Made
+from pipeline.production.store.history import History, Made, summarise
 from pipeline.production.store.paths import EVENTS
 
 pytestmark = pytest.mark.quick
@@ -107,8 +106,8 @@ def test_logs_of_old_runs_go_once_they_are_summarised(tmp_path: Path) -> None:
 
 
 def test_large_logs_go_earlier(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ended_runs, "KEPT_BYTES", 0)
-    for number in range(ended_runs.LATEST + 2):
+    monkeypatch.setattr(history, "KEPT_BYTES", 0)
+    for number in range(history.LATEST + 2):
         write_log(tmp_path, f"20260101-00000{number}-1", [("frame", "render", "A", number)])
     summarise(tmp_path)
     assert [log.stem for log in logs_of(tmp_path)] == [f"20260101-00000{n}-1" for n in (2, 3, 4)]

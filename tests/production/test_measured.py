@@ -10,12 +10,11 @@ import pytest
 
 from pipeline.animation import animate
 from pipeline.plugins.preview.sketch import shape_of
-from pipeline.production.render_inputs.framing import Framing
-from pipeline.production.render_inputs.shading import Shading, speeds
+from pipeline.production.request.framing import Framing
 from pipeline.production.request.keys import raw_key
-from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.render_request import RenderRequest, Turntable
+from pipeline.production.request.shading import Shading, speeds
 from pipeline.production.request.shot_source import ShotSource
-from pipeline.production.request.turntable import Turntable
 from pipeline.resample import Thresholds
 from pipeline.shot import read_shot
 from render.scene.materials import LOOKS

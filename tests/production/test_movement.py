@@ -11,16 +11,16 @@ import pytest
 
 from pipeline.animation import MeshFrame, animate, mesh_at_subframe
 from pipeline.mesh.normals import split_at_creases
-from pipeline.production.render_inputs.framing import Framing
-from pipeline.production.render_inputs.shading import (
+from pipeline.production.request.framing import Framing
+from pipeline.production.request.keys import raw_key
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shading import (
     Shading,
     SurfaceMotion,
     flow_motion,
     framing_at,
     turntable_motion,
 )
-from pipeline.production.request.keys import raw_key
-from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.resample import Thresholds
 from pipeline.shot import Shot, read_shot

@@ -17,8 +17,8 @@ from pipeline.errors import UsageError
 from pipeline.production.execution.project import Project
 from pipeline.production.execution.snakefile import PlannedWorkflow
 from pipeline.production.planning.plan import Plan
+from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_lookup import find_shot
 from pipeline.production.store.readers import read_npz
 from pipeline.production.tasks import worker
 from pipeline.production.tasks.job import Context

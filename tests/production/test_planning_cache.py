@@ -13,11 +13,15 @@ from pathlib import Path
 import pytest
 
 from pipeline.production.execution.project import Project
-from pipeline.production.request import planning_cache
-from pipeline.production.request.planning_cache import NO_CACHE, PlanningCache
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_source import ShotSource, ShotSummary, input_digests
-from pipeline.production.request.turntable import Turntable
+from pipeline.production.request import shot_source
+from pipeline.production.request.render_request import RenderRequest, Turntable
+from pipeline.production.request.shot_source import (
+    NO_CACHE,
+    PlanningCache,
+    ShotSource,
+    ShotSummary,
+    input_digests,
+)
 from render.base import user_cache
 from render.base.input_files import digest_of_file
 from render.base.serialise import from_plain, to_plain
@@ -47,8 +51,8 @@ def root(tmp_path: Path) -> Path:
 def cache_folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The user's cache folder, with nothing in it."""
     folder = tmp_path_factory.mktemp("cache")
-    monkeypatch.setattr(planning_cache, "writable_cache", lambda: folder)
-    planning_cache._pruned_user_folder.cache_clear()
+    monkeypatch.setattr(shot_source, "writable_cache", lambda: folder)
+    shot_source._pruned_user_folder.cache_clear()
     return folder
 
 
@@ -121,7 +125,7 @@ def test_other_code_knows_nothing_of_it(shot: Path, monkeypatch: pytest.MonkeyPa
     book.put({"a": 1}, "of this")
     assert book.get(dict, "of this") == {"a": 1}
     assert book.get(dict, "of that") is None
-    monkeypatch.setattr(planning_cache, "_code", lambda: ["other"])
+    monkeypatch.setattr(shot_source, "_code", lambda: ["other"])
     assert book.get(dict, "of this") is None
 
 
@@ -178,7 +182,7 @@ def test_a_home_that_cannot_be_written_hinders_nothing(
     (shot.parent / ".flowsculpt").rmdir()
     home = tmp_path_factory.mktemp("home")
     (home / "file").write_text("")
-    monkeypatch.setattr(planning_cache, "writable_cache", user_cache.writable_cache)
+    monkeypatch.setattr(shot_source, "writable_cache", user_cache.writable_cache)
     monkeypatch.setenv("XDG_CACHE_HOME", str(home / "file"))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path_factory.mktemp("temporary")))
     keys = keys_of(take_of(shot))
@@ -189,9 +193,9 @@ def test_a_home_that_cannot_be_written_hinders_nothing(
 WRITE_MANY = """
 import sys
 from pathlib import Path
-from pipeline.production.request import planning_cache
-planning_cache.writable_cache = lambda: Path(sys.argv[1])
-cache = planning_cache.PlanningCache(Path(sys.argv[1], "root"))
+from pipeline.production.request import shot_source
+shot_source.writable_cache = lambda: Path(sys.argv[1])
+cache = shot_source.PlanningCache(Path(sys.argv[1], "root"))
 for number in range(200):
     cache.put({"number": number}, number % 20, sys.argv[2] if number % 2 else "of both")
 """
@@ -235,7 +239,7 @@ def test_entries_of_no_root_that_nobody_asks_for_go_when_a_process_writes_one(
     old.parent.mkdir()
     old.write_text("")
     os.utime(old, (0.0, 0.0))
-    planning_cache._pruned_user_folder.cache_clear()
+    shot_source._pruned_user_folder.cache_clear()
     PlanningCache(tmp_path).put({}, "new")
     assert not old.exists()
     assert PlanningCache(tmp_path).get(dict, "new") == {}

@@ -16,9 +16,9 @@ from pipeline.plugins.delivery.deliverables import Delivery, DeliveryOptions
 from pipeline.plugins.delivery.delivery_source import shot_source
 from pipeline.plugins.delivery.timeline import _delivered
 from pipeline.production.execution.project import Project
-from pipeline.production.request.picture_header import projection_of
-from pipeline.production.request.shot_lookup import find_edit
-from pipeline.production.request.turntable import Turntable
+from pipeline.production.request.keys import projection_of
+from pipeline.production.request.lookup import find_edit
+from pipeline.production.request.render_request import Turntable
 from pipeline.shot import read_film
 from render.movie.codecs import ENCODES
 from render.post.image import read_exr, read_header

@@ -13,9 +13,9 @@ from typing import Any
 import psutil
 import pytest
 
-from pipeline.production.execution.recovery import ROUNDS, RetryPolicy, watched
+from pipeline.production.execution.run import ROUNDS, RetryPolicy, watched
 from pipeline.production.store.event_log import EventLog, EventReader, poll
-from pipeline.production.store.processes import start_of
+from pipeline.production.store.locks import start_of
 from tests.numbered_process import process_numbered
 
 pytestmark = pytest.mark.quick

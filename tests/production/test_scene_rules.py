@@ -15,8 +15,8 @@ from pipeline.animation import animate
 from pipeline.errors import FrameError
 from pipeline.mesh import icosphere
 from pipeline.plugins.authoring.shot_templates import model_template
-from pipeline.production.maintenance.first_frame import FirstFrame, FirstFrames, estimated_vertices
-from pipeline.production.maintenance.scene_rules import Finding, findings, is_inside, rounded_up
+from pipeline.production.first_frame import FirstFrame, FirstFrames, estimated_vertices
+from pipeline.production.scene_rules import Finding, findings, is_inside, rounded_up
 from pipeline.resample import Thresholds, resample
 from pipeline.shot import read_shot
 from tests.conftest import ProjectFolder, commanded

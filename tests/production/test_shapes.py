@@ -15,8 +15,8 @@ from pipeline.plugins.sheets.wedge import Wedge
 from pipeline.plugins.sheets.wedge_grid import Grid
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.estimate import estimate
-from pipeline.production.request.shot_lookup import find_edit, find_shot
-from pipeline.production.request.turntable import Turntable
+from pipeline.production.request.lookup import find_edit, find_shot
+from pipeline.production.request.render_request import Turntable
 from render.movie.probe import probe_movie
 from render.post.image import read_png
 from tests.conftest import QUALITY, TINY, ProjectFolder, done

@@ -6,8 +6,8 @@ import pytest
 
 from pipeline.plugins.remote.remote_files import RemoteFiles
 from pipeline.production.planning.plan import Plan
-from pipeline.production.store.remote_store import VARIABLE
-from pipeline.production.store.shared_kernels import (
+from pipeline.production.store.remote_store import (
+    VARIABLE,
     fetch_kernels,
     has_kernels,
     kernels_key,

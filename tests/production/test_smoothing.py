@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from pipeline.errors import ShotError
 from pipeline.mesh.normals import split_at_creases, tessellate
 from pipeline.mesh.solids import icosphere
-from pipeline.production.render_inputs.framing import Framing
-from pipeline.production.render_inputs.shading import pieces_for
+from pipeline.production.request.framing import Framing
 from pipeline.production.request.keys import raw_key
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shading import pieces_for
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.shot import read_shot
 from render.scene.render_camera import Camera

@@ -17,7 +17,7 @@ import pytest
 
 from pipeline.production import stages
 from pipeline.production.execution.project import Project
-from pipeline.production.request import planning_cache
+from pipeline.production.request import shot_source
 from pipeline.production.stages import STAGES
 from tests.production.stage_results import (
     EVERY_STAGE,
@@ -120,7 +120,7 @@ FOLLOWING = {
 def test_a_raised_version_makes_the_stage_and_what_follows_again(
     name: str, made: tuple[Path, dict[str, Arrays]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(planning_cache, "_code", lambda: [f"with another {name}"])
+    monkeypatch.setattr(shot_source, "_code", lambda: [f"with another {name}"])
     monkeypatch.setitem(
         vars(STAGES[name]), "recipe", {**STAGES[name].recipe, "version": STAGES[name].version + 1}
     )
@@ -134,7 +134,7 @@ def test_a_package_that_decides_results_counts_and_others_do_not(
     monkeypatch.setattr(stages, "version", lambda name: versions.get(name) or true_version(name))
     for run in ("others", "pyoidn"):
         versions[run] = "999"
-        monkeypatch.setattr(planning_cache, "_code", lambda run=run: [run])
+        monkeypatch.setattr(shot_source, "_code", lambda run=run: [run])
         for stage in STAGES.values():
             monkeypatch.delitem(vars(stage), "recipe", raising=False)
         assert tasks_of_film(made[0]) == (set() if run == "others" else {"finish", "assemble", "film"})

@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import MachineError
-from pipeline.production.store.store import Store
-from pipeline.production.store.unfinished import sweep
+from pipeline.production.store.store import Store, sweep
 
 pytestmark = pytest.mark.quick
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.production.planning.estimate import TimeLeft
 from pipeline.production.planning.plan import Job, Plan
-from pipeline.production.planning.time_left import TimeLeft
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 

@@ -10,8 +10,8 @@ import pytest
 
 from pipeline.errors import MachineError, UsageError
 from pipeline.production.execution.project import Project
-from pipeline.production.request import variants
-from pipeline.production.request.variants import ON_GPU, avoid, require_variant, variant_for
+from pipeline.production.planning import profile
+from pipeline.production.planning.profile import ON_GPU, avoid, require_variant, variant_for
 from pipeline.production.store.event_log import EventReader
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.tasks import render, worker
@@ -26,7 +26,7 @@ NAME = "T010_tiny"
 def machine(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, int]]:
     """A machine whose GPU works or not (`gpu`), with the number of checks of that (`asked`)."""
     state = {"gpu": 0, "asked": 0}
-    choose = variants.choose
+    choose = profile.choose
 
     def works(variant: str) -> bool:
         state["asked"] += 1
@@ -35,11 +35,11 @@ def machine(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, int]]:
     def chosen(names: Any) -> Engine:
         return Engine(ON_GPU) if names and ON_GPU in names else choose(names)
 
-    variants._gpu_works.cache_clear()
-    monkeypatch.setattr(variants, "works", works)
-    monkeypatch.setattr(variants, "choose", chosen)
+    profile._gpu_works.cache_clear()
+    monkeypatch.setattr(profile, "works", works)
+    monkeypatch.setattr(profile, "choose", chosen)
     yield state
-    variants._gpu_works.cache_clear()
+    profile._gpu_works.cache_clear()
 
 
 def test_where_there_is_no_gpu_another_variant_serves_and_one_line_says_so(
@@ -90,7 +90,7 @@ def test_a_node_that_lacks_the_variant_says_its_name_what_it_lacks_and_what_to_d
     def refuses(names: Any) -> Engine:
         raise MachineError("none works")
 
-    monkeypatch.setattr(variants, "choose", refuses)
+    monkeypatch.setattr(profile, "choose", refuses)
     monkeypatch.setattr("platform.node", lambda: "node7")
     with pytest.raises(MachineError) as raised:
         require_variant(ON_GPU)

@@ -11,8 +11,8 @@ import pytest
 from pipeline.errors import UsageError
 from pipeline.mesh import icosphere
 from pipeline.production.execution.project import Project
-from pipeline.production.render_inputs.framing import Framing, frame_all
-from pipeline.production.request.turntable import Turntable
+from pipeline.production.request.framing import Framing, frame_all
+from pipeline.production.request.render_request import Turntable
 from pipeline.shot import read_shot
 from render.base.serialise import from_plain, to_plain
 from render.scene.projection import PERSPECTIVE, Projection

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.errors import UsageError
-from pipeline.production.request.crop_and_scale import base_of, cropped_name, quality_named
+from pipeline.production.request.lookup import base_of, cropped_name, quality_named
 from render.scene.render_quality import QUALITIES
 
 pytestmark = pytest.mark.quick

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.render_inputs.framing import frame_all, with_stage_in_view
+from pipeline.production.request.framing import frame_all, with_stage_in_view
 from pipeline.shot.camera_path import View
 from render.base.render_errors import BadInputError
 from render.scene.aovs import RenderedFrame

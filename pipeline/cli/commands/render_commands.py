@@ -25,8 +25,8 @@ from pipeline.errors import UsageError
 from pipeline.plugin import named, plugins
 from pipeline.production.planning.estimate import Forecast, estimate, typical_seconds
 from pipeline.production.planning.plan import Plan
+from pipeline.production.request.lookup import FILM, SHOTS, find_edit, shot_names
 from pipeline.production.request.render_request import FORMS
-from pipeline.production.request.shot_lookup import FILM, SHOTS, find_edit, shot_names
 from pipeline.production.store.store import Store
 from render.base.atomic_write import atomic_write
 from render.base.plural import plural

@@ -30,7 +30,7 @@ from pipeline.plugins.authoring.shot_templates import (
     show_files,
     without_shared,
 )
-from pipeline.production.request.shot_lookup import FILM, SHOTS, find_shot, shot_names
+from pipeline.production.request.lookup import FILM, SHOTS, find_shot, shot_names
 from pipeline.shot import read_shot
 from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.yaml.named_files import DEFAULTS, is_edit, name_fault, text_of

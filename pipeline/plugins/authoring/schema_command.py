@@ -24,7 +24,7 @@ from pipeline.plugins.authoring.shot_schemas import (
     shot_schema,
 )
 from pipeline.plugins.authoring.shot_templates import usual_strength
-from pipeline.production.request.shot_lookup import SHOTS
+from pipeline.production.request.lookup import SHOTS
 from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.yaml.named_files import DEFAULTS
 from pipeline.shot.yaml.yaml_source import YamlSource

@@ -42,8 +42,8 @@ from pipeline.plugins.delivery.delivery_source import film_source, shot_source
 from pipeline.plugins.delivery.relit_frames import RelitFrames, relit_version
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
+from pipeline.production.request.lookup import edit_names, find_edit
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_lookup import edit_names, find_edit
 from pipeline.shot.yaml.named_files import is_edit
 from render.base.plural import plural
 from render.graphics.burn_in import FIELDS, BurnIn

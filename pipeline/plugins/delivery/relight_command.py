@@ -24,9 +24,8 @@ from pipeline.cli.output import exit_with, print_error, print_result, progress_b
 from pipeline.errors import FrameError, MissingInputError, UsageError
 from pipeline.plugins.delivery.light_factors import LightSettings, permanent, version_name
 from pipeline.plugins.delivery.relit_frames import RelitFrames
-from pipeline.production.request.crop_and_scale import options_of
+from pipeline.production.request.lookup import find_shot, options_of
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_lookup import find_shot
 from pipeline.production.store.locks import writing
 from pipeline.shot.yaml.named_files import NAME, shown
 from render.base.plural import plural

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FrameError, MissingInputError
 from pipeline.frames import FrameRange, FrameRate
-from pipeline.production.maintenance.picture_sequences import PictureSequence, SequenceQuery, display_of
-from pipeline.production.request.crop_and_scale import movie_bits
+from pipeline.production.picture_sequences import PictureSequence, SequenceQuery, display_of
 from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.lookup import movie_bits
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import RELIGHT
 from pipeline.production.store import readers
 from pipeline.production.store.store import Key, Store, key_of
-from pipeline.production.tasks.finished_frames import exr_attributes
+from pipeline.production.tasks.finish import exr_attributes
 from render.base.render_errors import RenderError
 from render.base.serialise import Triple
 from render.movie.codecs import movie_encode
@@ -36,7 +36,7 @@ from render.scene.aovs import RenderedFrame
 from render.scene.light_groups import groups_in, mixed
 
 if TYPE_CHECKING:
-    from pipeline.production.render_inputs.framing import Framing
+    from pipeline.production.request.framing import Framing
 
 
 @dataclass(frozen=True, eq=False)

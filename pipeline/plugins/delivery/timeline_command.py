@@ -11,7 +11,7 @@ from pipeline.cli.options import Common, Quality, ShotOptions, output_option, re
 from pipeline.cli.output import print_result
 from pipeline.errors import UsageError
 from pipeline.plugins.delivery.timeline import MEDIA, Timeline
-from pipeline.production.request.shot_lookup import FILM, find_edit
+from pipeline.production.request.lookup import FILM, find_edit
 from render.base.plural import plural
 from render.scene.render_quality import DEFAULT_QUALITY
 

@@ -11,7 +11,9 @@ from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError
 from pipeline.mesh.halfedge_mesh import IDENTITY
 from pipeline.mesh.normals import ShadedMesh
-from pipeline.production.render_inputs.shading import (
+from pipeline.production.request.keys import thresholds_at
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shading import (
     STEP,
     Shading,
     flow_cache_data,
@@ -20,8 +22,6 @@ from pipeline.production.render_inputs.shading import (
     radii,
     vertex_motion,
 )
-from pipeline.production.request.keys import thresholds_at
-from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import EXPORT
 from pipeline.production.store import readers
 from pipeline.production.store.store import Key, Store, key_of

@@ -29,7 +29,7 @@ from pipeline.production.store.store import Key, Store, key_of
 from render.base.serialise import to_plain
 
 if TYPE_CHECKING:
-    from pipeline.production.render_inputs.framing import Framing
+    from pipeline.production.request.framing import Framing
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from pipeline.plugins.interchange.usd_clips import (
 )
 from pipeline.plugins.interchange.usd_lights import add_lights
 from pipeline.plugins.interchange.usd_materials import add_material, bind
-from pipeline.production.render_inputs.framing import Framing
+from pipeline.production.request.framing import Framing
 from pipeline.shot import Shot
 from render.base.serialise import Colour
 from render.scene.materials import Diffuse, Material, Satin

@@ -11,7 +11,7 @@ import typer
 from pipeline.cli.kernel_build import build_kernels, kernel_calls
 from pipeline.cli.options import Common
 from pipeline.cli.output import exit_with, print_result, progress_bars
-from pipeline.production.store.shared_kernels import fetch_kernels, note_all_compiled, send_kernels
+from pipeline.production.store.remote_store import fetch_kernels, note_all_compiled, send_kernels
 from pipeline.production.store.store import Store
 from render.base.kernel_cache import cache_folder
 from render.base.plural import plural

@@ -14,9 +14,9 @@ from rich.console import Group
 from pipeline.cli.options import Common, Quality, Settings, Shot, project_of, shots_argument
 from pipeline.cli.output import duration, exit_with, print_error, print_result, table
 from pipeline.errors import FlowsculptError
-from pipeline.production.maintenance.run_report import LABELS, RunReport, named_run
 from pipeline.production.planning.frame_states import FrameStates, states
-from pipeline.production.request.shot_lookup import find_shot, shot_names
+from pipeline.production.planning.timings import LABELS, RunReport, named_run
+from pipeline.production.request.lookup import find_shot, shot_names
 from pipeline.production.store.history import History
 from render.base.plural import plural
 from render.scene.render_quality import DEFAULT_QUALITY

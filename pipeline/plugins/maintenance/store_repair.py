@@ -20,11 +20,18 @@ from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import is_begun
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.planner import Planner
-from pipeline.production.request.crop_and_scale import is_quality, options_of
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.lookup import (
+    FILM,
+    edit_names,
+    find_edit,
+    find_shot,
+    is_quality,
+    options_of,
+    shot_names,
+)
 from pipeline.production.request.render_request import FORMS, RenderRequest
-from pipeline.production.request.shot_lookup import FILM, edit_names, find_edit, find_shot, shot_names
 from pipeline.production.store.paths import PLANS, RENDERS, output_folder
 from pipeline.production.store.store import Key, Store
 from render.base.serialise import from_plain

@@ -21,8 +21,7 @@ import numpy as np
 from pipeline.errors import FlowsculptError
 from pipeline.frames import FrameRange
 from pipeline.production.planning.frame_states import KnownPictures
-from pipeline.production.request.keys import PictureKeys
-from pipeline.production.request.picture_header import picture_header, raw_header
+from pipeline.production.request.keys import PictureKeys, picture_header, raw_header
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.stages import STAGES

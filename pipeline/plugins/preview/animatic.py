@@ -23,9 +23,16 @@ from pipeline.arrays import AnyArray, Indices
 from pipeline.errors import FrameError
 from pipeline.plugins.preview.sketch import Sketch, is_closed
 from pipeline.plugins.preview.surface_stream import SurfaceStream
-from pipeline.production.render_inputs.framing import AHEAD, Framer, Framing, frame_all, with_stage_in_view
-from pipeline.production.render_inputs.view_geometry import BoundingSpheres, Extent
 from pipeline.production.request.audio import samples_of
+from pipeline.production.request.framing import (
+    AHEAD,
+    BoundingSpheres,
+    Extent,
+    Framer,
+    Framing,
+    frame_all,
+    with_stage_in_view,
+)
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Store
 from pipeline.shot import Motion

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING
 
 from pipeline.errors import FlowsculptError
 from pipeline.production.planning.plan import Plan
-from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_source import PlanningCache
 from pipeline.production.store.event_log import EventLog, EventReader
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.store import Store

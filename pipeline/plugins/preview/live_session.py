@@ -17,10 +17,10 @@ from pipeline.plugins.preview.animatic import SIZES, FramedSurfaces, framings_of
 from pipeline.plugins.preview.live_feed import LiveFeed
 from pipeline.plugins.preview.sketch import Sketch, is_closed
 from pipeline.plugins.preview.surface_stream import SurfaceStream
-from pipeline.production.render_inputs.framing import Framing
-from pipeline.production.render_inputs.shading import STEP, flow_cache_data
+from pipeline.production.request.framing import Framing
 from pipeline.production.request.keys import speed_data
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shading import STEP, flow_cache_data
 from pipeline.production.request.shot_source import ShotSource
 from render.base.atomic_write import machine_error
 from render.post.image import jpeg_bytes

@@ -32,10 +32,10 @@ from pipeline.plugins.preview.shot_editor import ShotEditor
 from pipeline.plugins.preview.sketch import Sketch
 from pipeline.plugins.preview.staging import actions_of
 from pipeline.plugins.preview.surface_stream import SurfaceStream
-from pipeline.production.maintenance.first_frame import estimated_vertices, longest_edge
+from pipeline.production.first_frame import estimated_vertices, longest_edge
 from pipeline.production.request.edit import Edit
+from pipeline.production.request.lookup import find_edit, find_shot, names_edit
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_lookup import find_edit, find_shot, names_edit
 from pipeline.production.store.store import Store
 from render.base.plural import plural
 from render.graphics.burn_in import BurnIn

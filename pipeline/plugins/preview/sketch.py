@@ -16,7 +16,7 @@ from pipeline.flow import checked_displacement
 from pipeline.kernels import readable
 from pipeline.mesh import TriangleMesh, icosphere
 from pipeline.mesh.kernels.halfedge import SOUND, match_twins
-from pipeline.production.render_inputs.framing import Framing
+from pipeline.production.request.framing import Framing
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.shot import Motion
 from render.graphics.burn_in import BurnIn

@@ -26,9 +26,9 @@ from pipeline.animation import FrameProgressCallback, MeshFrame, animate_reporti
 from pipeline.arrays import AnyArray
 from pipeline.errors import FrameError
 from pipeline.mesh.normals import MOST_PIECES
-from pipeline.production.render_inputs.shading import Shading, speeds
 from pipeline.production.request.keys import speed_data, thresholds_at
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shading import Shading, speeds
 from pipeline.production.store import readers
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.atomic_write import atomic_write, disk_errors

@@ -22,9 +22,9 @@ from pipeline.plugins.preview.live_session import Drawn, LiveSession, camera_dat
 from pipeline.plugins.preview.shot_editor import ShotEditor
 from pipeline.plugins.preview.text_edits import ValueEdit
 from pipeline.plugins.preview.trial_surfaces import CarriedPoints, built, with_speeds
-from pipeline.production.render_inputs.framing import AHEAD, Framing, frame_all, with_stage_in_view
-from pipeline.production.request.planning_cache import NO_CACHE
+from pipeline.production.request.framing import AHEAD, Framing, frame_all, with_stage_in_view
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_source import NO_CACHE
 from pipeline.shot.yaml.yaml_source import Where
 from render.post.image import jpeg_bytes
 from render.scene.measure import SPEED

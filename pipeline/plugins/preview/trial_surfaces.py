@@ -20,8 +20,8 @@ from pipeline.arrays import AnyArray, Floats, Points, Vectors
 from pipeline.flow.flow_map import checked_displacement
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.normals import vertex_normals
-from pipeline.production.render_inputs.shading import STEP, Shading
 from pipeline.production.request.keys import thresholds_at
+from pipeline.production.request.shading import STEP, Shading
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling, Solid
 from render.scene.measure import SPEED

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.production.maintenance.picture_sequences import PictureSequence
+from pipeline.production.picture_sequences import PictureSequence
 from pipeline.production.store.store import DAMAGED, Store, key_of
 from render.base.render_errors import RenderError
 from render.post.colour import quantise, to_display, view_table

@@ -11,7 +11,7 @@ from pipeline.cli.options import Common, Shot, require_one_of
 from pipeline.cli.output import print_result, table
 from pipeline.plugins.review.notes_folder import NotesFolder
 from pipeline.plugins.review.review_notes import STATUSES, ReviewNote, as_data
-from pipeline.production.request.shot_lookup import find_shot
+from pipeline.production.request.lookup import find_shot
 from render.base.plural import plural
 from render.base.render_errors import readable
 

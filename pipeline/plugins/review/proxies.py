@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.production.maintenance.picture_sequences import PictureSequence
-from pipeline.production.request.picture_header import projection_of
+from pipeline.production.picture_sequences import PictureSequence
+from pipeline.production.request.keys import projection_of
 from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.paths import SUFFIXES
 from pipeline.production.store.store import Store, key_of

@@ -16,7 +16,7 @@ from pipeline.plugins.review.review_material import Search
 from pipeline.plugins.review.review_notes import merged
 from pipeline.plugins.review.review_page import ReviewPage
 from pipeline.plugins.review.view_3d import HINT, three_js
-from pipeline.production.request.crop_and_scale import require_quality
+from pipeline.production.request.lookup import require_quality
 from pipeline.production.store.history import History
 from pipeline.shot.yaml.named_files import NAME
 from render.base.plural import plural

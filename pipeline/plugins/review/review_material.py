@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pipeline.errors import MissingInputError
 from pipeline.plugin import plugins
 from pipeline.production.execution.project import Project
-from pipeline.production.maintenance.picture_sequences import PictureSequence, SequenceGrid, SequenceQuery
+from pipeline.production.picture_sequences import PictureSequence, SequenceGrid, SequenceQuery
+from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_lookup import find_shot
 from pipeline.production.store.history import History
 from render.scene.render_quality import DEFAULT_QUALITY
 

@@ -23,8 +23,8 @@ from pipeline.plugins.review.layers import LayerWriter
 from pipeline.plugins.review.proxies import Proxies, ProxyWriter
 from pipeline.plugins.review.review_material import ShotMaterial
 from pipeline.plugins.review.review_notes import ReviewNote, as_data
-from pipeline.production.maintenance.measures import TIMED_STAGES, limits_of, measured
-from pipeline.production.maintenance.picture_sequences import PictureSequence
+from pipeline.production.measures import TIMED_STAGES, limits_of, measured
+from pipeline.production.picture_sequences import PictureSequence
 from pipeline.production.planning.timings import LatestTimings
 from pipeline.production.store.store import Store, key_of
 from render.base.atomic_write import disk_errors

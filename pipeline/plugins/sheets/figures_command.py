@@ -9,10 +9,10 @@ from pipeline.cli.output import make_folder_of, print_result
 from pipeline.errors import MissingInputError, UsageError
 from pipeline.plugins.sheets.shot_sheet import panels
 from pipeline.production.execution.project import Project
-from pipeline.production.maintenance.measures import TIMED_STAGES, limits_of, measured
+from pipeline.production.measures import TIMED_STAGES, limits_of, measured
 from pipeline.production.planning.timings import LatestTimings, render_seconds
+from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_lookup import find_shot
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store
 from pipeline.shot import read_shot

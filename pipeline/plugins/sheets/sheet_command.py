@@ -20,7 +20,7 @@ from pipeline.cli.options import (
 from pipeline.cli.output import exit_with, print_result
 from pipeline.errors import UsageError
 from pipeline.production.planning.plan import Plan
-from pipeline.production.request.shot_lookup import find_shot
+from pipeline.production.request.lookup import find_shot
 from render.base.plural import plural
 from render.scene.render_quality import DEFAULT_QUALITY
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.frames import FrameRange
-from pipeline.production.maintenance.picture_sequences import shown_picture
+from pipeline.production.picture_sequences import shown_picture
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import STAGES
 from pipeline.production.store.store import Store

@@ -18,7 +18,7 @@ from pipeline.errors import FlowsculptError, ShotError, UsageError
 from pipeline.frames import FrameRange
 from pipeline.plugins.sheets.wedge_grid import OPTION, Cell, Grid, Variation
 from pipeline.production.execution.project import Project
-from pipeline.production.maintenance.picture_sequences import SequenceGrid, SequenceQuery, shown_picture
+from pipeline.production.picture_sequences import SequenceGrid, SequenceQuery, shown_picture
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import paths

@@ -19,7 +19,7 @@ from pipeline.cli.output import exit_with, print_result, print_warning
 from pipeline.plugins.sheets.wedge import Wedge
 from pipeline.plugins.sheets.wedge_grid import MOST_CELLS, OPTION, Grid, Variation
 from pipeline.production.planning.estimate import Forecast, estimate
-from pipeline.production.request.shot_lookup import find_shot
+from pipeline.production.request.lookup import find_shot
 from pipeline.production.stages import STAGES
 from pipeline.shot.yaml.inheritance import inherited
 from render.base.plural import plural
@@ -88,7 +88,7 @@ def _notes(made: Wedge) -> list[str]:
     varied = [variation for variation in made.grid.variations if variation.name.endswith(".amount")]
     if not varied:
         return []
-    from pipeline.production.maintenance.scene_rules import deforms_nothing  # loads Numba, which takes long
+    from pipeline.production.scene_rules import deforms_nothing  # loads Numba, which takes long
 
     for _, request in made.requests:
         for finding in deforms_nothing(request.shot):

@@ -11,7 +11,7 @@ from pipeline.cli.execution import execute_and_report
 from pipeline.cli.options import Common, Quality, Scale, ShotOptions, Subject, Variant, at_option, words_of
 from pipeline.cli.output import progress_bars
 from pipeline.plugins.turntable.turntable_movie import BOTH, TurntableRequest, TurntableSheets
-from pipeline.production.request.crop_and_scale import cropped_name
+from pipeline.production.request.lookup import cropped_name
 from render.scene.render_quality import DEFAULT_QUALITY
 
 

@@ -18,13 +18,11 @@ from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
 from pipeline.mesh.read import format_of, usual_up
 from pipeline.production.execution.project import Project
-from pipeline.production.maintenance.picture_sequences import shown_picture
+from pipeline.production.picture_sequences import shown_picture
 from pipeline.production.planning.plan import Plan
-from pipeline.production.request.crop_and_scale import movie_bits
 from pipeline.production.request.keys import PictureKeys
-from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_lookup import find_shot
-from pipeline.production.request.turntable import TURNS, Turntable
+from pipeline.production.request.lookup import find_shot, movie_bits
+from pipeline.production.request.render_request import TURNS, RenderRequest, Turntable
 from pipeline.production.stages import TURNTABLE_SHEET
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store, key_of

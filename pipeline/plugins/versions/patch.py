@@ -12,8 +12,8 @@ from pipeline.errors import FrameError, MissingInputError, UsageError
 from pipeline.frames import FrameRange
 from pipeline.plugins.versions.publishing import Release
 from pipeline.production.request.audio import samples_of
-from pipeline.production.request.crop_and_scale import movie_bits
 from pipeline.production.request.keys import FrameKeys
+from pipeline.production.request.lookup import movie_bits
 from pipeline.production.request.provenance import FILE, VERSION, FrameRecord, Provenance
 from pipeline.production.store.paths import published
 from pipeline.production.store.store import Key

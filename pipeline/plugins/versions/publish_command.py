@@ -16,8 +16,8 @@ from pipeline.frames import FrameRange
 from pipeline.plugins.versions.hook import Hook
 from pipeline.plugins.versions.patch import Patch
 from pipeline.plugins.versions.publishing import Release
+from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.provenance import FILE, Provenance, records
-from pipeline.production.request.shot_lookup import find_shot
 from pipeline.production.store.paths import PUBLISHED, published
 from render.base.plural import plural
 from render.scene.render_quality import DEFAULT_QUALITY

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pipeline.errors import FlowsculptError
-from pipeline.production.maintenance.picture_sequences import (
+from pipeline.production.picture_sequences import (
     PLAIN,
     PictureDisplay,
     PictureSequence,

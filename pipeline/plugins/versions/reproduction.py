@@ -16,11 +16,11 @@ from pipeline.errors import MachineError, UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
+from pipeline.production.planning.profile import variant_for
 from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.provenance import Provenance, pixels_of, restored
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
-from pipeline.production.request.variants import variant_for
 from pipeline.production.store.paths import repeated
 from pipeline.production.store.store import Store
 from render.base.input_files import digest_of_file

@@ -19,15 +19,12 @@ from pipeline.production.planning.frame_states import (
 )
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.planner import Planner
-from pipeline.production.planning.profile import Profile
+from pipeline.production.planning.profile import Profile, variant_for
 from pipeline.production.planning.timings import measured
-from pipeline.production.request.crop_and_scale import require_quality
 from pipeline.production.request.edit import Edit, ResolvedEdit, resolved_edit
-from pipeline.production.request.planning_cache import PlanningCache
+from pipeline.production.request.lookup import FILM, find_edit, find_shot, names_edit, require_quality
 from pipeline.production.request.render_request import FORMS, RenderRequest
-from pipeline.production.request.shot_lookup import FILM, find_edit, find_shot, names_edit
-from pipeline.production.request.shot_source import ShotSource, SourceCache, shot_around
-from pipeline.production.request.variants import variant_for
+from pipeline.production.request.shot_source import PlanningCache, ShotSource, SourceCache, shot_around
 from pipeline.production.stages import forced_with
 from pipeline.production.store import paths
 from pipeline.production.store.history import History

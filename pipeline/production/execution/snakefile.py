@@ -27,13 +27,11 @@ from snakemake_interface_executor_plugins.executors.remote import RemoteExecutor
 from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.execution.run import with_inputs_here
 from pipeline.production.planning import timings
-from pipeline.production.planning.done_files import check_done_files, movie_record
-from pipeline.production.planning.plan import Job, Plan
+from pipeline.production.planning.plan import Job, Plan, check_done_files, movie_record
 from pipeline.production.planning.profile import Share
-from pipeline.production.request.crop_and_scale import today_name
-from pipeline.production.request.shot_lookup import FILM, find_edit, find_shot
+from pipeline.production.request.lookup import FILM, find_edit, find_shot, today_name
 from pipeline.production.stages import STAGES, forced_with
-from pipeline.production.store.ended_runs import summarise
+from pipeline.production.store.history import summarise
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.remote_store import upload_missed
 from pipeline.production.store.store import Store

@@ -1,8 +1,9 @@
 """The plan of a run: render requests and the jobs that make what they lack, frozen to a file.
 
-A job is a batch of frames of one stage. Its output is a done-file, or a movie. Which jobs wait for which is
-no part of a plan: the Snakefile says which stage reads which, and Snakemake walks that graph. The frozen file
-is all that Snakemake and the tasks read, so shots may be edited while a run goes on.
+A job is a batch of frames of one stage. Its output is a done-file, by which Snakemake sees that it is done
+and which lists the keys of what it made, or a movie. Which jobs wait for which is no part of a plan: the
+Snakefile says which stage reads which, and Snakemake walks that graph. The frozen file is all that Snakemake
+and the tasks read, so shots may be edited while a run goes on.
 """
 
 from __future__ import annotations
@@ -27,15 +28,62 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import logs_of
 from pipeline.production.store.locks import lock_name
-from pipeline.production.store.paths import PLANS
-from pipeline.production.store.remote_store import remote_stores, store_url
-from pipeline.production.store.shared_kernels import send_kernels
+from pipeline.production.store.paths import DONE, PLANS
+from pipeline.production.store.remote_store import remote_stores, send_kernels, store_url
 from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write
 from render.base.serialise import NOT_PLAIN, from_plain, to_plain
 
 if TYPE_CHECKING:
     from pipeline.production.planning.profile import Share
+
+
+def done_file(stage: str, shot: str, quality: str, frames: Sequence[int], key: str) -> str:
+    """Return where a job says that it is done. The name holds the key, so an edited shot asks for another."""
+    home = f"{DONE}/{shot}/{quality}" if STAGES[stage].per_quality else f"{DONE}/{shot}"
+    return f"{home}/{stage}/{min(frames):04d}-{max(frames):04d}.{key}"
+
+
+def movie_record(movie: str) -> str:
+    """Return the file, relative to the root, that holds the key by which Snakemake knows a movie."""
+    return f"{DONE}/{movie}.key"
+
+
+def write_manifest(path: Path, kind: str, keys: Sequence[Key]) -> None:
+    """Write a done-file: the kind and the keys of what its job has made."""
+    with atomic_write(path) as draft:
+        draft.write_text(json.dumps({"kind": kind, "keys": list(keys)}), encoding="utf-8")
+
+
+def check_done_files(plan: Plan, store: Store) -> None:
+    """Have done-files tell the truth: what was evicted from the store is not done, what is in it is.
+
+    All get the same old time, for Snakemake runs jobs again whose inputs are newer than their outputs.
+    """
+    for job in plan.jobs:
+        if STAGES[job.stage].makes == "movie":
+            continue
+        path = store.root / job.output
+        if job.output in plan.manifests and not path.exists():
+            write_manifest(path, *plan.manifests[job.output])
+        # What pictures are cannot be told before their cameras are known.
+        is_motion = not STAGES[job.stage].per_quality
+        if job.output in plan.manifests or (is_motion and _is_true(job, path, store)):
+            os.utime(path, (1, 1))
+        else:
+            path.unlink(missing_ok=True)
+
+
+def _is_true(job: Job, path: Path, store: Store) -> bool:
+    """Tell whether a done-file names all that its job makes, and the store holds it."""
+    try:
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+        kind, keys = manifest["kind"], manifest["keys"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+    made = 1 if job.stage == "frame_camera" else len(job.frames)
+    return len(keys) == made and all(store.holds(kind, key) for key in keys)
+
 
 TIME_FORMAT = "%Y%m%d-%H%M%S"
 """The format of times in names of plans. Names in alphabetical order are in the order of their times."""
@@ -99,7 +147,7 @@ class Plan:
     farm      whether jobs run on a farm's nodes
     host      the machine that made the plan
     versions  those that keys hold, of stages and packages, where the plan was made
-    kernels   names the compiled kernels that workers may take from the remote store: see `shared_kernels`
+    kernels   names the compiled kernels that workers may take from the remote store: see `send_kernels`
     """
 
     requests: tuple[RenderRequest, ...]

@@ -19,8 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import UsageError
-from pipeline.production.planning.done_files import done_file
-from pipeline.production.planning.plan import Job, Link, Plan, with_threads
+from pipeline.production.planning.plan import Job, Link, Plan, done_file, with_threads
 from pipeline.production.planning.profile import Share
 from pipeline.production.planning.timings import measured
 from pipeline.production.request.cameras import CameraFile

@@ -22,7 +22,7 @@ from render.base.render_errors import BadInputError
 from render.base.serialise import from_plain
 
 if TYPE_CHECKING:
-    from pipeline.production.render_inputs.framing import Framing
+    from pipeline.production.request.framing import Framing
     from pipeline.production.request.render_request import RenderRequest
 
 
@@ -96,7 +96,7 @@ class CameraFile(Mapping[int, "Framing"]):
         if number not in self._numbers:
             raise KeyError(number)
         if number not in self._built:
-            from pipeline.production.render_inputs.framing import Framing
+            from pipeline.production.request.framing import Framing
 
             try:
                 self._built[number] = from_plain(Framing, self._data[str(number)])
@@ -201,7 +201,7 @@ def _inputs(request: RenderRequest) -> dict[int, Key]:
 
     One that follows the sculpture depends on the frames near its own, others on all frames.
     """
-    from pipeline.production.render_inputs.framing import AHEAD
+    from pipeline.production.request.framing import AHEAD
 
     numbers = sorted(request.angles)
     views = {number: request.view(number) for number in numbers}

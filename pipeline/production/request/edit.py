@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 from pipeline.errors import FlowsculptError
 from pipeline.frames import FrameRate
 from pipeline.production.request.audio import AudioClip, AudioTrack, sound_of_frames
-from pipeline.production.request.crop_and_scale import movie_bits
-from pipeline.production.request.planning_cache import PlanningCache
-from pipeline.production.request.shot_source import ShotSummary, spare_modules
+from pipeline.production.request.lookup import movie_bits
+from pipeline.production.request.shot_source import PlanningCache, ShotSummary, spare_modules
 from pipeline.production.stages import FILM
 from pipeline.production.store import paths
 from pipeline.production.store.store import Key, key_of

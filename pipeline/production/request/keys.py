@@ -1,4 +1,4 @@
-"""The keys of a request's files: digests of all that these are made from.
+"""The keys of a request's files: digests of all that these are made from; and the headers that repeat it.
 
 Meshes and normals are keyed by the motion of a shot, each mesh by the one before it. Pictures are keyed by
 normals, camera and appearance; their keys are found by need, since most runs need few.
@@ -8,18 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.production.request.cameras import CameraFile
-from pipeline.production.stages import FINISH, RENDER, SIMULATE, SMOOTH_NORMALS
+from pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS
 from pipeline.production.store.store import Key, Store, key_of
-from render.base.serialise import to_plain
+from render.base.serialise import from_plain, to_plain
 
-if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
-    from pipeline.production.render_inputs.framing import Framing
+if TYPE_CHECKING:
+    from pipeline.production.request.framing import Framing
     from pipeline.production.request.render_request import RenderRequest
     from pipeline.resample import Thresholds
     from pipeline.shot import Motion, Shot
+    from render.scene.projection import Projection
 
 
 def mesh_keys(motion: Motion) -> dict[int, Key]:
@@ -111,7 +113,7 @@ def _motion_data(request: RenderRequest, number: int, framings: Mapping[int, Fra
     turn = request.turntable.step(number) if request.turntable else None
     flow: list[Any] = []
     if request.turntable is None and offsets:
-        from pipeline.production.render_inputs.shading import flow_cache_data
+        from pipeline.production.request.shading import flow_cache_data
 
         flow = [flow_cache_data(part.motion, number, offsets) for part in request.shot.parts]
         flow = flow if request.shot.subjects else flow[0]
@@ -122,7 +124,7 @@ def speed_data(request: RenderRequest, number: int) -> list[Any]:
     """Return what decides the colours of a picture that shows speeds; nothing of others."""
     if not request.measures_speed:
         return []
-    from pipeline.production.render_inputs.shading import STEP, flow_cache_data
+    from pipeline.production.request.shading import STEP, flow_cache_data
     from render.scene.measure import SPEED
 
     mesh, motions = request.angles[number].mesh, [part.motion for part in request.shot.parts]
@@ -232,3 +234,69 @@ class PictureKeys(Mapping[int, FrameKeys]):
         if number not in self._raws:
             self._raws[number] = raw_key(self._request, number, self._cameras)
         return self._raws[number]
+
+
+def raw_header(request: RenderRequest, number: int, framing: Framing, keys: FrameKeys) -> dict[str, Any]:
+    """Return what the EXR of a raw picture says of itself, plain data: enough to make it again.
+
+    It stands in the file as `flowsculpt:` entries.
+    """
+    return {
+        "key": keys.raw,
+        **to_plain(framing),
+        "stage_placement": to_plain(framing.placement),  # resampling has a setting of the shorter name
+        **picture_header(request, number),
+    }
+
+
+def picture_header(request: RenderRequest, number: int) -> dict[str, Any]:
+    """Return the part of `raw_header` that is known before the shot is framed.
+
+    inputs  digests of the files that the shot reads, by their names without folders
+    """
+    angle, picture = request.angles[number], request.picture(number)
+    resampling = request.shot.motion.resampling_at(angle.mesh)
+    several = {"subjects": [_subject_header(part, number) for part in request.parts]}
+    return {
+        "shot": request.shot.name,
+        "frame": number,
+        "quality": request.quality_name,
+        "variant": request.variant,
+        "mesh_key": request.mesh_key(angle.mesh),
+        "seed": request.seed(number),
+        "angle": to_plain(angle),
+        "normals_key": request.normals_key(angle.mesh),
+        "inputs": {Path(path).name: digest for path, digest in request.source.summary.inputs},
+        "stages": {stage.name: stage.recipe for stage in (SIMULATE, SMOOTH_NORMALS, FRAME_CAMERA, RENDER)},
+        "look": to_plain(picture.look),
+        "lights": to_plain(replace(picture.lights, exposure=0.0)),
+        "stage": to_plain(picture.stage),
+        "settings": to_plain(request.quality_of(number)),
+        "dicing": picture.dicing,
+        "aovs": dict(request.aovs.precision),
+        "working_space": picture.working_space.name,
+        "shutter": request.open_at(number),
+        **(resampling.settings() if resampling else {"resample": "off"}),
+        **(several if request.shot.subjects else {}),
+    }
+
+
+def projection_of(header: Mapping[str, Any]) -> Projection:
+    """Return the projection of a picture by its header."""
+    from render.scene.projection import PERSPECTIVE, Projection  # numpy, which planning does without
+
+    wide = header.get("camera", {}).get("wide")
+    return from_plain(Projection, wide) if wide else PERSPECTIVE
+
+
+def _subject_header(part: RenderRequest, number: int) -> dict[str, Any]:
+    """Return what the header says of one of several subjects."""
+    mesh = part.angles[number].mesh
+    resampling = part.shot.motion.resampling_at(mesh)
+    return {
+        "name": part.source.subject,
+        "look": to_plain(part.picture(number).look),
+        "mesh_key": part.mesh_key(mesh),
+        "normals_key": part.normals_key(mesh),
+        **(resampling.settings() if resampling else {"resample": "off"}),
+    }

@@ -17,7 +17,7 @@ import numpy as np
 import psutil
 
 from pipeline.errors import MissingInputError, UsageError
-from pipeline.production.request.crop_and_scale import is_quality, today_name
+from pipeline.production.request.lookup import is_quality, today_name
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.stages import ASSEMBLE, FINISH, FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS
 from pipeline.shot.yaml.named_files import NAME, is_there

@@ -1,10 +1,12 @@
 """Render requests: frames of one shot at one quality, and the key of every file on the way to them.
 
-The request of a shot shows each mesh frame once. That of a turntable shows one of them many times, turned.
+The request of a shot shows each mesh frame once. That of a turntable shows one of them many times: from all
+around, then in turning light.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,23 +17,104 @@ from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.request.audio import AudioClip, sound_of_frames
 from pipeline.production.request.cameras import CameraFile
-from pipeline.production.request.crop_and_scale import crop_of, movie_bits, quality_named
 from pipeline.production.request.keys import PictureKeys, appearance
-from pipeline.production.request.planning_cache import PlanningCache
+from pipeline.production.request.lookup import crop_of, movie_bits, quality_named
 from pipeline.production.request.request_summary import RequestSummary
-from pipeline.production.request.shot_source import ShotSource
-from pipeline.production.request.turntable import Turntable, TurntableAngle, framed_whole
+from pipeline.production.request.shot_source import PlanningCache, ShotSource
 from pipeline.production.stages import ASSEMBLE, STAGES, STILLS
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.serialise import to_plain
 from render.scene.render_quality import QUALITIES, Quality
 
-if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
+if TYPE_CHECKING:
     from pipeline.shot import Shot
     from pipeline.shot.camera_path import View
     from pipeline.shot.shot import AovSelection, Picture
     from render.scene.projection import Projection
+
+
+TURNS = ("object", "lights")
+"""The turns of a turntable, in their order."""
+
+MARGIN, WIDEST = 0.1, math.radians(40.0)
+"""The least margin around the object, as in `View`, and the widest field of view of a turntable with balls
+and chart: in a wider one what is near would hide them."""
+
+
+@dataclass(frozen=True)
+class TurntableAngle:
+    """A mesh frame turned about the vertical by `spin` radians; pictures of a shot have 0.
+
+    lights  turn of the lights about it, radians
+    """
+
+    mesh: int
+    spin: float = 0.0
+    lights: float = 0.0
+
+
+@dataclass(frozen=True)
+class Turntable:
+    """A full turn of one mesh frame, and then one of the lights around it.
+
+    The end of a turn, which equals its start, is left out. Numbers of pictures do not depend on the turns
+    asked for.
+
+    frames   pictures of a turn: the object's from 1 on, then the lights'
+    of_file  True for a mesh file, whose files must not be confused with those of a shot of the same name
+    look     the name of its look, if it is one of several with folders of their own
+    """
+
+    at: int
+    frames: int
+    of_file: bool = False
+    look: str | None = None
+
+    def numbers(self, turn: str) -> range:
+        """Return the numbers of the pictures of one of TURNS."""
+        first = 1 + TURNS.index(turn) * self.frames
+        return range(first, first + self.frames)
+
+    def angles(self) -> dict[int, TurntableAngle]:
+        """Return the angles of all pictures, by number."""
+        angles = [2.0 * math.pi * i / self.frames for i in range(self.frames)]
+        turned = [TurntableAngle(self.at, spin=angle) for angle in angles]
+        lit = [TurntableAngle(self.at, lights=angle) for angle in angles]
+        return dict(enumerate(turned + lit, start=1))
+
+    def step(self, number: int) -> float:
+        """Return the turn of the object from a picture to the next, radians."""
+        return 2.0 * math.pi / self.frames if number in self.numbers("object") else 0.0
+
+    def turn_of(self, numbers: Iterable[int]) -> str | None:
+        """Return the one of TURNS that has exactly these pictures, or None."""
+        known = {frozenset(self.numbers(turn)): turn for turn in TURNS}
+        return known.get(frozenset(numbers))
+
+
+def framed_whole(view: View) -> View:
+    """Return the view from the same side that shows the whole object, with room for balls and chart.
+
+    Distance, aim, roll and lens of the shot at that moment are dropped; so is a wide projection.
+    """
+    azimuth, elevation = view.azimuth, view.elevation
+    if view.position is not None and view.target is not None:
+        x, y, z = (a - b for a, b in zip(view.position, view.target, strict=True))
+        azimuth, elevation = math.atan2(x, z), math.atan2(y, math.hypot(x, z))
+    return view._replace(
+        azimuth=azimuth,
+        elevation=elevation,
+        field_of_view=min(view.field_of_view, WIDEST),
+        margin=max(view.margin, MARGIN),
+        roll=0.0,
+        dolly=1.0,
+        distance=None,
+        target=None,
+        position=None,
+        lens=None,
+    )
+
 
 FORMS = tuple(stage.name for stage in STILLS)
 """Forms of stills; a stage has the name of each."""
@@ -275,7 +358,7 @@ class RenderRequest:
 
     @cached_property
     def _offsets_of_aovs(self) -> tuple[float, ...]:
-        from pipeline.production.render_inputs.shading import STEP
+        from pipeline.production.request.shading import STEP
 
         steps = {"velocity": (-STEP, STEP), "motion": (1.0,), "after": (1.0,), "before": (-1.0,)}
         return tuple(offset for name in self.aovs.extra for offset in steps.get(name, ()))

@@ -10,10 +10,9 @@ from typing import TypeVar
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.frames import FrameRate
 from pipeline.production.request.audio import AudioClip, samples_of
-from pipeline.production.request.crop_and_scale import movie_bits
 from pipeline.production.request.edit import Edit
-from pipeline.production.request.keys import PictureKeys
-from pipeline.production.request.picture_header import projection_of
+from pipeline.production.request.keys import PictureKeys, projection_of
+from pipeline.production.request.lookup import movie_bits
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Key
 from pipeline.production.tasks.job import Context

@@ -15,13 +15,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import FlowsculptError, FrameError
-from pipeline.production.planning.done_files import movie_record, write_manifest
-from pipeline.production.planning.plan import Job, Plan
-from pipeline.production.request.planning_cache import PlanningCache
+from pipeline.production.planning.plan import Job, Plan, movie_record, write_manifest
+from pipeline.production.request.shot_source import PlanningCache
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import Event, EventLog, EventReader
+from pipeline.production.store.locks import start_of
 from pipeline.production.store.paths import EVENTS
-from pipeline.production.store.processes import start_of
 from pipeline.production.store.remote_store import LOG
 from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write

@@ -18,12 +18,11 @@ from pipeline.animation import FrameProgress, MeshFrame, animate_reporting
 from pipeline.arrays import AnyArray
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.mesh.control_net import bspline_surface
-from pipeline.production.render_inputs.framing import frame_all, with_stage_in_view
-from pipeline.production.render_inputs.shading import Shading, radii
-from pipeline.production.render_inputs.view_geometry import BoundingSpheres, rotate_y
 from pipeline.production.request.cameras import note_framing
+from pipeline.production.request.framing import BoundingSpheres, frame_all, rotate_y, with_stage_in_view
 from pipeline.production.request.keys import thresholds_at
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shading import Shading, radii
 from pipeline.production.store import readers
 from pipeline.production.store.readers import write_npz
 from pipeline.production.tasks.job import Context

@@ -22,7 +22,7 @@ import psutil
 
 from pipeline.errors import UsageError
 from pipeline.production.planning.plan import Job
-from pipeline.production.request.variants import avoid
+from pipeline.production.planning.profile import avoid
 from pipeline.production.store.event_log import Event, EventReader
 from pipeline.production.tasks.job import ENVIRONMENT, Context
 from render.base import python_process

@@ -20,12 +20,11 @@ from types import FrameType
 from typing import Any
 
 from pipeline.errors import FlowsculptError, FrameError, MachineError
-from pipeline.production.planning.done_files import write_manifest
-from pipeline.production.planning.plan import Plan
-from pipeline.production.request.variants import ON_GPU, VariantError, require_variant
+from pipeline.production.planning.plan import Plan, write_manifest
+from pipeline.production.planning.profile import ON_GPU, VariantError, require_variant
 from pipeline.production.stages import STAGES
 from pipeline.production.store.locks import of_key, writing
-from pipeline.production.store.shared_kernels import fetch_kernels, has_kernels
+from pipeline.production.store.remote_store import fetch_kernels, has_kernels
 from pipeline.production.tasks.job import ENVIRONMENT, Context, cpu_of_job
 from pipeline.production.tasks.supervisor import (
     INTERRUPTED,

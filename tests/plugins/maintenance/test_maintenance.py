@@ -12,7 +12,7 @@ import pytest
 from pipeline.plugins.maintenance.clean import collect_garbage
 from pipeline.plugins.maintenance.verify import verify
 from pipeline.production.execution.project import Project
-from pipeline.production.request.shot_lookup import find_shot
+from pipeline.production.request.lookup import find_shot
 from pipeline.production.store.store import Store
 from render.post.image import read_header
 from tests.conftest import QUALITY

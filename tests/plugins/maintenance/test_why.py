@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from pipeline.mesh import box, write_mesh
 from pipeline.plugins.maintenance.why import Explanation, differences, explain, option_differences
 from pipeline.production.execution.project import Project
-from pipeline.production.request.picture_header import picture_header
-from pipeline.production.request.shot_lookup import find_shot
+from pipeline.production.request.keys import picture_header
+from pipeline.production.request.lookup import find_shot
 from pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER
 from render.post.image import read_exr, write_exr
 from render.scene.aovs import RenderedFrame

@@ -16,7 +16,7 @@ import pytest
 
 from pipeline.plugins.review.layers import LayerWriter, as_script
 from pipeline.production.execution.project import Project
-from pipeline.production.maintenance.picture_sequences import PLAIN, PictureSequence
+from pipeline.production.picture_sequences import PLAIN, PictureSequence
 from render.post.image import read_exr, read_png, write_exr
 from render.scene.aovs import RenderedFrame
 from tests.plugins.review.looker import Looker, Opened

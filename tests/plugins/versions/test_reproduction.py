@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import MachineError, MissingInputError, UsageError
+from pipeline.production.planning.profile import avoid
 from pipeline.production.request.provenance import FILE, Provenance
-from pipeline.production.request.variants import avoid
 from pipeline.production.stages import FINISH
 from render.post.image import read_exr, write_exr
 from tests.plugins.versions.desk import MODEL, NAME, Desk, done

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import PICTURE_STAGES, picture_states
 from pipeline.production.planning.timings import render_seconds
-from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.lookup import is_quality
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.stages import STAGES

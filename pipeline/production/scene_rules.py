@@ -38,8 +38,8 @@ from pipeline.flow.kernels.instructions import BLOCK
 from pipeline.flow.parameters import parameters_of, shot_name, unit, vector_at
 from pipeline.flow.streamlines import MAX_SUBSTEPS
 from pipeline.mesh.face_soup import find_small_parts
-from pipeline.production.maintenance.first_frame import FirstFrame
-from pipeline.production.render_inputs.framing import frame_all
+from pipeline.production.first_frame import FirstFrame
+from pipeline.production.request.framing import frame_all
 from pipeline.shot import Motion, Shot
 from pipeline.shot.model_subjects import Model
 

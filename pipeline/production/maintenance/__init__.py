@@ -1,1 +1,0 @@
-"""Look after a root: why a frame is stale, verify, clean, report on runs."""

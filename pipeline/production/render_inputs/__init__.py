@@ -1,1 +1,0 @@
-"""Inputs of a render besides the mesh: shading normals, cameras, motion."""
