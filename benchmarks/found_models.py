@@ -32,13 +32,13 @@ from benchmarks.report import OUT, Row, Target, keep, show
 from benchmarks.sample_models import MODELS, UNUSABLE, UNUSUAL
 from pipeline.errors import FlowsculptError
 from pipeline.mesh.read import format_of, read_polygons
+from pipeline.plugins.authoring.first_frame import FirstFrames
+from pipeline.plugins.authoring.scene_rules import findings
 from pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
 from pipeline.plugins.preview.animatic import Animatic
 from pipeline.plugins.preview.sketch import Sketch
 from pipeline.plugins.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project
-from pipeline.production.first_frame import FirstFrames
-from pipeline.production.scene_rules import findings
 from pipeline.shot import read_shot
 
 FLOWS = {

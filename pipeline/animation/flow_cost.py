@@ -15,16 +15,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import astuple, dataclass, replace
-from typing import NamedTuple
+from dataclasses import astuple, dataclass, fields, is_dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pipeline.arrays import Faces, Floats, Points
 from pipeline.errors import FrameError
 from pipeline.flow import Flow, Sequence, Streamlines, VelocityField
+from pipeline.flow.catalogue.deformations import Deformation, Stretch
 from pipeline.flow.flow_map import checked_displacement
+from pipeline.flow.parameters import parameters_of, shot_name
 from pipeline.flow.velocity import Sensitivity, sensitivity
+from pipeline.mesh import TriangleMesh
 from pipeline.shot import Motion
 from pipeline.shot.model_subjects import Model
 
@@ -420,3 +423,43 @@ def _sides(corners: Points) -> Floats:
     """Return the two sides (N, 3, 2) that leave the first corner of triangles (3 N, 3)."""
     a, b, c = corners.reshape(-1, 3, 3).swapaxes(0, 1)
     return np.stack([b - a, c - a], axis=2)
+
+
+def constant_deformations(motion: Motion) -> Iterator[tuple[int, str]]:
+    """Yield the place among the flows, and a message, of deformations whose amount never changes.
+
+    They move nothing, for each frame applies what the amount differs by.
+    """
+    first, last = motion.frames.first, motion.frames.last
+    for k, flow in enumerate(flows_of(motion.flow)):
+        for part in _deformations(flow):
+            if isinstance(part.amount, int | float):
+                at_rest = 1 if isinstance(part, Stretch) else 0
+                amount = next(each for each in parameters_of(type(part)) if each.name == "amount")
+                keys = f"{{keys: {{{first}: {at_rest}, {last}: {part.amount / amount.doc.factor:g}}}}}"
+                name = shot_name(type(part))
+                fact = f"{name} moves nothing, for its amount is the same in every frame."
+                yield k, f"{fact} Write amount: {keys}."
+
+
+def _deformations(flow: Any) -> Iterator[Deformation]:
+    """Yield the deformations in a flow."""
+    if isinstance(flow, Deformation):
+        yield flow
+    elif isinstance(flow, tuple):
+        for part in flow:
+            yield from _deformations(part)
+    elif is_dataclass(flow) and not isinstance(flow, type):
+        for field in fields(flow):
+            yield from _deformations(getattr(flow, field.name))
+
+
+EDGE = 0.66
+"""Mean edge length of a resampled surface over the maximum, about."""
+
+
+def estimated_vertices(mesh: TriangleMesh, max_edge_length: float) -> int:
+    """Return about how many vertices a surface has when it is resampled: by the area of its triangles."""
+    a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
+    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    return math.ceil(0.5 * area / (math.sqrt(3.0) / 4.0 * (EDGE * max_edge_length) ** 2))

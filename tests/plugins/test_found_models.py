@@ -14,8 +14,8 @@ from benchmarks import found_models
 from benchmarks.found_models import verdict
 from benchmarks.sample_models import MODELS, UNUSABLE
 from pipeline.errors import MeshError
+from pipeline.plugins.authoring.first_frame import FirstFrames
 from pipeline.plugins.preview import animatic
-from pipeline.production.first_frame import FirstFrames
 from pipeline.shot import read_shot
 
 SHOT = """title: A model

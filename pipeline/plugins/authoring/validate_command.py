@@ -18,9 +18,9 @@ from pipeline.cli.output import (
 )
 from pipeline.errors import FlowsculptError, FrameError, ShotError, UsageError
 from pipeline.flow.flow import python_flows
-from pipeline.production.first_frame import FirstFrame, FirstFrames
+from pipeline.plugins.authoring.first_frame import FirstFrame, FirstFrames
+from pipeline.plugins.authoring.scene_rules import Finding, findings
 from pipeline.production.request.lookup import NO_SHOTS, edit_names, find_edit, find_shot, shot_names
-from pipeline.production.scene_rules import Finding, findings
 from pipeline.shot import Shot, read_film, read_shot
 from pipeline.shot.subject_checks import SubjectView, subject_views
 from pipeline.shot.yaml.inheritance import inherited

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from pipeline.animation import FrameProgress
-from pipeline.animation.flow_cost import growth_warning
+from pipeline.animation.flow_cost import estimated_vertices, growth_warning
 from pipeline.cli.options import Common, Frames, Shot, ShotOptions, at_option, output_option
 from pipeline.cli.output import (
     err,
@@ -32,7 +32,6 @@ from pipeline.plugins.preview.shot_editor import ShotEditor
 from pipeline.plugins.preview.sketch import Sketch
 from pipeline.plugins.preview.staging import actions_of
 from pipeline.plugins.preview.surface_stream import SurfaceStream
-from pipeline.production.first_frame import estimated_vertices, longest_edge
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.lookup import find_edit, find_shot, names_edit
 from pipeline.production.request.render_request import RenderRequest
@@ -184,7 +183,7 @@ def _warn_of_growth(request: RenderRequest, last: int) -> None:
     """Warn of subjects whose vertices multiply up to the frame `last`, before they are simulated."""
     for part in request.shot.parts:
         motion = part.motion
-        longest = longest_edge(motion)
+        longest = motion.longest_edge(motion.frames.first)
         if motion.resampling is None or longest is None:
             continue
         mesh = motion.mesh_at_rest()

@@ -88,14 +88,14 @@ def _notes(made: Wedge) -> list[str]:
     varied = [variation for variation in made.grid.variations if variation.name.endswith(".amount")]
     if not varied:
         return []
-    from pipeline.production.scene_rules import deforms_nothing  # loads Numba, which takes long
+    from pipeline.animation.flow_cost import constant_deformations  # loads Numba, which takes long
 
     for _, request in made.requests:
-        for finding in deforms_nothing(request.shot):
-            place, name = ".".join(map(str, finding.where)), finding.text.partition(" ")[0]
+        for flow, text in constant_deformations(request.shot.motion):
+            place, name = f"flows.{flow}", text.partition(" ")[0]
             for variation in varied:
                 if variation.name.startswith(f"{place}.") and variation.name.endswith(f".{name}.amount"):
-                    notes.setdefault(variation.name, _remedied(made, variation, finding.text))
+                    notes.setdefault(variation.name, _remedied(made, variation, text))
     return list(notes.values())
 
 

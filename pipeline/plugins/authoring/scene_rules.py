@@ -22,6 +22,7 @@ from pipeline.animation.flow_cost import (
     TYPICAL_EXTENT,
     FlowCost,
     along_velocities,
+    constant_deformations,
     costliest_flow,
     fit_remedy,
     flow_costs,
@@ -32,13 +33,12 @@ from pipeline.animation.flow_cost import (
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
 from pipeline.flow import Flow, Placed, VelocityField
-from pipeline.flow.catalogue.deformations import Deformation, Stretch
 from pipeline.flow.flow_map import checked_displacement
 from pipeline.flow.kernels.instructions import BLOCK
-from pipeline.flow.parameters import parameters_of, shot_name, unit, vector_at
+from pipeline.flow.parameters import shot_name, unit, vector_at
 from pipeline.flow.streamlines import MAX_SUBSTEPS
 from pipeline.mesh.face_soup import find_small_parts
-from pipeline.production.first_frame import FirstFrame
+from pipeline.plugins.authoring.first_frame import FirstFrame
 from pipeline.production.request.framing import frame_all
 from pipeline.shot import Motion, Shot
 from pipeline.shot.model_subjects import Model
@@ -110,33 +110,10 @@ def _norm(vector: Points) -> float:
     return float(np.linalg.norm(vector))
 
 
-def deforms_nothing(shot: Shot, _: FirstFrame | None = None) -> Iterator[Finding]:
-    """Check that the amount of a deformation changes: each frame applies what it differs by."""
-    last = shot.frames.last
-    for k, flow in enumerate(flows_of(shot.motion.flow)):
-        for part in _deformations(flow):
-            if isinstance(part.amount, int | float):
-                at_rest = 1 if isinstance(part, Stretch) else 0
-                amount = next(each for each in parameters_of(type(part)) if each.name == "amount")
-                value = part.amount / amount.doc.factor
-                keys = f"{{keys: {{{shot.frames.first}: {at_rest}, {last}: {value:g}}}}}"
-                name = shot_name(type(part))
-                yield Finding(
-                    ("flows", k),
-                    f"{name} moves nothing, for its amount is the same in every frame. Write amount: {keys}.",
-                )
-
-
-def _deformations(flow: Any) -> Iterator[Deformation]:
-    """Yield the deformations in a flow."""
-    if isinstance(flow, Deformation):
-        yield flow
-    elif isinstance(flow, tuple):
-        for part in flow:
-            yield from _deformations(part)
-    elif dataclasses.is_dataclass(flow) and not isinstance(flow, type):
-        for field in dataclasses.fields(flow):
-            yield from _deformations(getattr(flow, field.name))
+def _deforms_nothing(shot: Shot, _: FirstFrame) -> Iterator[Finding]:
+    """Check that the amount of a deformation changes."""
+    for k, text in constant_deformations(shot.motion):
+        yield Finding(("flows", k), text)
 
 
 def takes_long(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
@@ -278,7 +255,7 @@ def findings(shot: Shot, first: FirstFrame) -> list[Finding]:
         _parts,
         _openness,
         acts_elsewhere,
-        deforms_nothing,
+        _deforms_nothing,
         _precision,
         _coordinates,
         takes_long,

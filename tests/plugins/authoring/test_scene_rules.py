@@ -12,11 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.animation import animate
+from pipeline.animation.flow_cost import estimated_vertices
 from pipeline.errors import FrameError
 from pipeline.mesh import icosphere
+from pipeline.plugins.authoring.first_frame import FirstFrame, FirstFrames
+from pipeline.plugins.authoring.scene_rules import Finding, findings, is_inside, rounded_up
 from pipeline.plugins.authoring.shot_templates import model_template
-from pipeline.production.first_frame import FirstFrame, FirstFrames, estimated_vertices
-from pipeline.production.scene_rules import Finding, findings, is_inside, rounded_up
 from pipeline.resample import Thresholds, resample
 from pipeline.shot import read_shot
 from tests.conftest import ProjectFolder, commanded

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from pipeline.animation import animate
+from pipeline.animation.flow_cost import estimated_vertices
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
-from pipeline.mesh import TriangleMesh
-from pipeline.resample import Curvature, DistanceToCamera
 from pipeline.shot import Motion
 from pipeline.shot.model_subjects import Model
 from pipeline.shot.subjects import Solid
@@ -27,9 +25,6 @@ POSSIBLY, CERTAINLY = 0.25, 1.5
 
 BYTES_OF_VERTEX = 130
 """Memory of a mesh frame: positions, rest positions, normals, identities, and two triangles a vertex."""
-
-EDGE = 0.66
-"""Mean edge length of a resampled surface over the maximum, about."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +94,7 @@ class FirstFrames:
 
 
 def _first_frame(motion: Motion) -> FirstFrame:
-    longest, resampling = longest_edge(motion), motion.resampling
+    longest, resampling = motion.longest_edge(motion.frames.first), motion.resampling
     if resampling is None or longest is None:
         return _computed(motion, longest)
     at_rest, budget = motion.mesh_at_rest(), resampling.thresholds.max_vertices
@@ -139,22 +134,6 @@ def _computed(motion: Motion, longest: float | None) -> FirstFrame:
         longest,
         notes=_notes(motion),
     )
-
-
-def longest_edge(motion: Motion) -> float | None:
-    """Return the maximum edge length of the first frame, units: the coarsest where it varies; else None."""
-    resampling = motion.resampling_at(motion.frames.first)
-    longest = None if resampling is None else resampling.thresholds.max_edge_length
-    if isinstance(longest, Curvature | DistanceToCamera):
-        longest = longest.coarsest
-    return longest if isinstance(longest, float) else None
-
-
-def estimated_vertices(mesh: TriangleMesh, max_edge_length: float) -> int:
-    """Return about how many vertices a surface has when it is resampled: by the area of its triangles."""
-    a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
-    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-    return math.ceil(0.5 * area / (math.sqrt(3.0) / 4.0 * (EDGE * max_edge_length) ** 2))
 
 
 def _repairs(motion: Motion) -> tuple[str, ...]:
