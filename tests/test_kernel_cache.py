@@ -147,7 +147,7 @@ CALLS = [
         "pipeline.flow.kernels.streamline_kernels",
     ),
     ("pipeline.resample.kernels.ring", "pipeline.resample.kernels.collapse"),
-    ("render.raster.raster_projection", "render.raster.triangles"),
+    ("render.raster.raster_shapes", "render.raster.triangles"),
 ]
 """A module, and kernels that call or use it."""
 

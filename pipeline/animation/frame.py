@@ -17,7 +17,7 @@ from pipeline.mesh import PolygonMesh, TriangleMesh
 from pipeline.mesh.control_net import Lattice
 from pipeline.mesh.halfedge_mesh import IDENTITY, Ancestry, ancestry
 from pipeline.resample import PolyhedralReport, Report
-from pipeline.resample.rest_surface import REST
+from pipeline.resample.placement import REST
 from pipeline.shot import Motion
 from pipeline.statistics import MeshStatistics
 from render.base.serialise import to_plain

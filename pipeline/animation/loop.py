@@ -25,9 +25,9 @@ from pipeline.mesh.control_net import Lattice
 from pipeline.mesh.halfedge_mesh import Register, with_identities
 from pipeline.mesh.normals import NORMAL, carried_normals, tangent_distance, vertex_normals
 from pipeline.resample import Exact, PolyhedralResampler, Report, Resampler, Thresholds, edges_by_angle
-from pipeline.resample.creases import edges_in_region
+from pipeline.resample.placement import REST, REST_NORMAL
 from pipeline.resample.resampler import STATELESS
-from pipeline.resample.rest_surface import REST, REST_NORMAL
+from pipeline.resample.thresholds import edges_in_region
 from pipeline.shot import Motion, Resampling, Shot
 from pipeline.statistics import COUNTED_FRAMES, MeshStatistics, mesh_statistics
 

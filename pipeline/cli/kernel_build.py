@@ -23,7 +23,7 @@ PREPARED = (
     "render.frame.feature_edges",
     "render.frame.fireflies",
     "render.frame.sample_sums",
-    "render.movie.planes",
+    "render.movie.movie_frames",
     "render.post.colour",
     "render.raster",
 )

@@ -1,13 +1,11 @@
 """Adaptive resampling of a surface in flow (Reynolds 1991)."""
 
-from pipeline.resample.creases import WithinBall, WithinBox, edges_by_angle, edges_in_region
-from pipeline.resample.exact_placement import Exact
-from pipeline.resample.placement import Chord, Curved, Placement
+from pipeline.resample.placement import Chord, Curved, Exact, Placement
 from pipeline.resample.polyhedra import PolyhedralReport, PolyhedralResampler
-from pipeline.resample.report import Report
+from pipeline.resample.resample_pass import Report
 from pipeline.resample.resampler import Resampler, resample
 from pipeline.resample.sizing_field import Curvature, DistanceToCamera, ThresholdFormula
-from pipeline.resample.thresholds import Thresholds
+from pipeline.resample.thresholds import Thresholds, WithinBall, WithinBox, edges_by_angle, edges_in_region
 
 __all__ = [
     "Chord",

@@ -1,20 +1,47 @@
-"""Placements of new vertices: a rule's interface, on the chord, and on a curved patch."""
+"""Placements of new vertices: on the chord, on a curved patch, or exactly, by the surface at rest.
+
+The surface at rest is the undeformed one. Exact placement carries its points to the present by the known
+flow.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields
 from typing import ClassVar
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Indices, Points
+from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
+from pipeline.errors import FrameError
 from pipeline.mesh.halfedge_mesh import HalfedgeMesh
 from pipeline.mesh.meshes import TriangleMesh
-from pipeline.resample.kernels.curved_patches import curved_midpoints
+from pipeline.mesh.normals import (
+    carried_normals,
+    normals_from_tangents,
+    tangent_points,
+    unit,
+    vertex_normals,
+)
+from pipeline.resample.kernels.closest_points import (
+    LATTICE,
+    MAX_OPPOSITE,
+    choose_nearest,
+    keep_nearer,
+    list_marked,
+    measure_at_rest,
+    opposite_corners,
+    place_lattice,
+    step_aside,
+    step_to_goals,
+    tangent_frames,
+)
+from pipeline.resample.kernels.curved_patches import curved_midpoints, rest_midpoints
 from pipeline.resample.kernels.limits import Changes, Limits
-from pipeline.resample.kernels.place_vertices import place_vertices
+from pipeline.resample.kernels.relax_vertices import relax_goals, relax_vertices
 from pipeline.resample.kernels.ring import new_ring
-from pipeline.resample.kernels.split import BIRTH_HALFEDGE
+from pipeline.resample.kernels.split import BIRTH_HALFEDGE, place_vertices
+from pipeline.resample.thresholds import edges_by_angle
 
 RING, SCRATCH = new_ring(), np.empty(7)
 """Scratch arrays of the kernels that place vertices."""
@@ -101,3 +128,303 @@ def move_without_folds(
     moved = np.zeros(len(spokes), np.uint8)
     place_vertices(mesh.arrays, np.ascontiguousarray(spokes), RING, places, goals, limits, moved)
     return moved > 0
+
+
+REST, REST_NORMAL, NORMAL, ASTRAY = "rest", "rest_normal", "normal", "astray"
+"""Vertex attributes of exact placement: position and normal on the undeformed surface, present normal, and a
+flag for vertices that had to be left off the surface.
+"""
+
+
+_RING = new_ring()
+
+
+def column_of(mesh: HalfedgeMesh, name: str) -> int:
+    """Return the first column of an attribute. Raises FrameError where the mesh does not have it."""
+    column = mesh.column(name)
+    if column is None:
+        raise FrameError(f"the surface has no vertex attribute {name!r}; exact placement needs it")
+    return column
+
+
+def rest_of(mesh: HalfedgeMesh) -> Points:
+    """Return a view (V, 3) of the vertices' rest positions."""
+    column = column_of(mesh, REST)
+    return mesh.arrays.attributes[: mesh.sizes[0], column : column + 3]
+
+
+@dataclass(frozen=True)
+class RestRings:
+    """The rings of vertices at rest.
+
+    spokes   (N,) a half-edge that leaves each vertex
+    centre   (N, 3) the vertices
+    corners  (N, K, 2, 3) the other corners of the surrounding faces, nan where there are fewer than K; on a
+             crease its two edges, each as twice the same corner
+    normals  (N, 3) unit, zero on creases
+    middle   (N, 3) the mean of the corners
+    sizes    (N,) the length of one spoke, scene units
+    """
+
+    spokes: Indices
+    centre: Points
+    corners: Points
+    normals: Vectors
+    middle: Points
+    sizes: Floats
+
+    @classmethod
+    def of(cls, mesh: HalfedgeMesh, spokes: Indices) -> RestRings:
+        many, vertices = len(spokes), mesh.arrays.vert[spokes]
+        opposite = np.empty((many, MAX_OPPOSITE, 2), np.int32)
+        opposite_corners(mesh.arrays, spokes, _RING, opposite)
+        centre, normals, middle = np.empty((3, many, 3))
+        corners, sizes = np.empty((many, MAX_OPPOSITE, 2, 3)), np.empty(many)
+        columns = column_of(mesh, REST), column_of(mesh, REST_NORMAL)
+        attributes = mesh.arrays.attributes
+        measure_at_rest(attributes, vertices, *columns, opposite, centre, corners, normals, middle, sizes)
+        return cls(spokes, centre, corners, normals, middle, sizes)
+
+    def only(self, selected: AnyArray) -> RestRings:
+        """Return the rings of the vertices with a flag in `selected` (N,)."""
+        return RestRings(*(getattr(self, field.name)[selected] for field in fields(self)))
+
+
+PointMap = Callable[[Points], Points]
+
+_ROUNDS = 2
+_STEP = 1e-4  # finite difference, in sides of the triangle
+
+
+def closest_points(
+    carry: PointMap, project: PointMap, centre: Points, corners: Points, goals: Points
+) -> tuple[Points, Points]:
+    """Return the points of the surface that the flow brings closest to the goals: at rest, and now.
+
+    carry    points at rest (N, 3) to their present positions
+    project  points beside the surface at rest (N, 3) onto it
+    centre   (N, 3) vertices at rest
+    corners  (N, K, 2, 3) the other corners of K triangles at each, at rest; nan where there are fewer, and
+             twice the same for an edge that the point must stay on
+    goals    (N, 3) points now
+
+    Takes the best point of a lattice within the triangles, then Gauss-Newton steps while they improve.
+    """
+    many = len(centre)
+    lattice, starts = np.empty((LATTICE * many, 3)), np.empty(many + 1, np.int64)
+    candidates = project(lattice[: place_lattice(centre, corners, lattice, starts)])
+    nearest_rest, places = np.empty((2, many, 3))
+    choose_nearest(starts, candidates, carry(candidates), goals, nearest_rest, places)
+    frames, beside, new_rest = np.empty((many, 2, 3)), np.empty((2 * many, 3)), np.empty((many, 3))
+    tangent_frames(centre, corners, frames)
+    for _ in range(_ROUNDS):
+        step_aside(nearest_rest, frames, _STEP, beside)
+        moved = carry(project(beside))
+        step_to_goals(nearest_rest, places, moved, goals, _STEP, frames, new_rest)
+        projected = project(new_rest)
+        keep_nearer(projected, carry(projected), goals, nearest_rest, places)
+    return nearest_rest, places
+
+
+_TANGENT = 1e-5  # distance of tangent points from their vertex, in edge lengths at rest
+
+
+@dataclass(frozen=True)
+class Exact(Placement):
+    """New vertices on the exact surface: placed on the surface at rest, then carried to the present.
+
+    carry         `rest_points (N, 3) -> (N, 3)`, their present positions; called once a round with all new
+                  points and those that carry their normals, and again for the few that would fold
+    project       `rest_points (N, 3) -> (N, 3)`, the nearest points of the analytic surface at rest, if it is
+                  known; without it new rest points lie on curved patches over the mesh at rest
+    tags_creases  True: edges that are hard at rest, by their angle, are tagged as creases
+
+    Tagged edges and boundaries are hard whatever becomes of them, and no others: the rim of a sheet that the
+    flow has made thin is as sharp as a crease, and must not be kept as one.
+
+    The mesh given to a `Resampler` is the surface at rest. Collapses keep one end, since midpoints would
+    leave the surface. If the mesh has a `normal` at each vertex, a new vertex gets its exact normal from two
+    points carried along beside it; at creases, which have several normals, it is zero.
+    """
+
+    carry: PointMap
+    project: PointMap | None = None
+    tags_creases: bool = True
+    leaves_chord: ClassVar[bool] = True
+    can_relax: ClassVar[bool] = True
+    hard_by_angle: ClassVar[bool] = False
+
+    def prepare(self, mesh: TriangleMesh, hard_angle: float | Floats) -> TriangleMesh:
+        rest = mesh.attributes.get(REST, mesh.vertices)
+        if self.tags_creases:
+            mesh = mesh.with_creases(np.concatenate([mesh.creases, edges_by_angle(mesh, hard_angle)]))
+        normals = vertex_normals(mesh.with_vertices(rest))
+        astray = np.zeros(len(rest), np.uint8)
+        return mesh.with_attributes(**{REST: rest, REST_NORMAL: normals, ASTRAY: astray})
+
+    def rest_columns(self, mesh: HalfedgeMesh) -> tuple[int, int]:
+        return column_of(mesh, REST), column_of(mesh, REST_NORMAL)
+
+    def place(self, mesh: HalfedgeMesh, births: Indices, limits: Limits) -> int:
+        last, spokes = int(mesh.sizes[0]), np.ascontiguousarray(births[:, BIRTH_HALFEDGE])
+        born = mesh.arrays.attributes[last - len(births) : last]
+        middles, normals, sizes = self._midpoints_at_rest(mesh, births)
+        goals = self._project(middles)
+        places, carried = self._carry_with_normals(mesh, goals, normals, sizes)
+        moved = move_without_folds(mesh, spokes, places, goals, limits)
+        column = mesh.column(NORMAL)
+        if column is not None:
+            born[moved, column : column + 3] = carried[moved]
+        if not moved.all():
+            moved[~moved] = self._place_nearby(mesh, spokes[~moved], limits)
+        born[:, column_of(mesh, ASTRAY)] = ~moved
+        if column is not None:  # vertices left on the chord keep the mean of their parents' normals
+            born[~moved, column : column + 3] = unit(born[~moved, column : column + 3])
+        return len(births) - int(moved.sum())
+
+    def _midpoints_at_rest(self, mesh: HalfedgeMesh, births: Indices) -> tuple[Points, Vectors, Floats]:
+        """Return where new vertices (N, 3) are at rest, beside the surface if that is known.
+
+        And unit normals (N, 3) there, zero on creases, and the lengths (N,) of the edges that were split;
+        where a known surface has neither creases nor normals to be carried, zeros.
+        """
+        column, normals, sizes = column_of(mesh, REST), np.zeros((len(births), 3)), np.zeros(len(births))
+        if self.project is not None and mesh.column(NORMAL) is None and not mesh.arrays.tagged.any():
+            last = int(mesh.sizes[0])
+            return rest_of(mesh)[last - len(births) :].copy(), normals, sizes
+        middles = np.empty((len(births), 3))
+        rest = np.empty_like(
+            mesh.arrays.points
+        )  # the rows of a few rings are used, and only they take memory
+        columns = column, column_of(mesh, REST_NORMAL)
+        rest_midpoints(mesh.arrays, births, *columns, RING, rest, SCRATCH, middles, normals, sizes)
+        return middles, normals, sizes
+
+    def restore(self, mesh: HalfedgeMesh, limits: Limits) -> None:
+        """Carry vertices that had to stay off the surface back onto it, where no face then folds.
+
+        If a vertex's own place at rest folds, the middle of its ring at rest may not.
+        """
+        column, halfedges = column_of(mesh, ASTRAY), 3 * int(mesh.sizes[1])
+        spokes = np.empty(np.count_nonzero(mesh.arrays.attributes[: mesh.sizes[0], column]), np.int32)
+        if not len(spokes):
+            return
+        list_marked(mesh.arrays, halfedges, column, spokes)
+        goals = self._project(rest_of(mesh)[mesh.arrays.vert[spokes]])
+        moved = move_without_folds(mesh, spokes, self._carry(goals), goals, limits)
+        if not moved.all():
+            rings = RestRings.of(mesh, spokes[~moved])
+            moved[~moved] = self._move_to_middle(mesh, rings, limits)
+        astray = mesh.arrays.vert[spokes[moved]]
+        _write(mesh, ASTRAY, astray, np.zeros((len(astray), 1)))
+
+    def _place_nearby(self, mesh: HalfedgeMesh, spokes: Indices, limits: Limits) -> AnyArray:
+        """Move vertices to the nearest point of the surface around them, or the middle of their rest ring.
+
+        Returns flags (N,) of those that moved. Where the flow shears or stretches unevenly, the midpoint of
+        an edge at rest is now far from the middle of the edge, and beyond the faces beside it.
+        """
+        rings = RestRings.of(mesh, spokes)
+        goals = mesh.vertices[mesh.arrays.vert[spokes]]
+        nearest_rest, places = closest_points(self._carry, self._project, rings.centre, rings.corners, goals)
+        moved = self._move(mesh, spokes, nearest_rest, places, rings.normals, rings.sizes, limits)
+        if not moved.all():
+            moved[~moved] = self._move_to_middle(mesh, rings.only(~moved), limits)
+        return moved
+
+    def _move_to_middle(self, mesh: HalfedgeMesh, rings: RestRings, limits: Limits) -> AnyArray:
+        """Move vertices to the middle of their rings at rest; return flags of those that moved."""
+        goals = self._project(rings.middle)
+        places = self._carry(goals)
+        return self._move(mesh, rings.spokes, goals, places, rings.normals, rings.sizes, limits)
+
+    def _move(
+        self,
+        mesh: HalfedgeMesh,
+        spokes: Indices,
+        goals: Points,
+        places: Points,
+        normals: Vectors,
+        sizes: Floats,
+        limits: Limits,
+    ) -> AnyArray:
+        """Move vertices to `goals` at rest and to `places` now; return flags of those that moved."""
+        moved = move_without_folds(mesh, spokes, places, goals, limits)
+        self._set_normals(mesh, mesh.arrays.vert[spokes], goals, places, normals, sizes, moved)
+        return moved
+
+    def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Limits, changes: Changes) -> int:
+        """Move vertices where the surface at rest is known around them: by `project`, or as it is flat."""
+        places, normals = np.empty((2, spokes[0], 3))
+        sizes, anywhere = np.empty(spokes[0]), self.project is not None
+        many = relax_goals(mesh.arrays, spokes, limits, RING, anywhere, places, normals, sizes)
+        if not many:
+            return 0
+        goals, moved = self._project(places[:many]), np.zeros(many, np.uint8)
+        places_now, carried = self._carry_with_normals(mesh, goals, normals[:many], sizes[:many])
+        done = int(relax_vertices(mesh.arrays, spokes, places_now, goals, limits, RING, changes, moved))
+        if mesh.column(NORMAL) is not None:
+            went = moved > 0
+            _write(mesh, NORMAL, mesh.arrays.vert[spokes[1 : many + 1][went]], carried[went])
+        return done
+
+    def _project(self, points: Points) -> Points:
+        return points if self.project is None else np.array(self.project(points), np.float64, order="C")
+
+    def _set_normals(
+        self,
+        mesh: HalfedgeMesh,
+        vertices: Indices,
+        rest: Points,
+        places: Points,
+        normals: Vectors,
+        sizes: Floats,
+        selected: AnyArray,
+    ) -> None:
+        """Set the exact normals of the selected vertices, if the mesh has normals.
+
+        normals   (N, 3) at rest, unit, or zero where there is none
+        sizes     (N,) length of an edge of each at rest
+        selected  (N,) flags
+        """
+        if mesh.column(NORMAL) is None or not selected.any():
+            return
+        carried = carried_normals(
+            lambda beside: self._carry(self._project(beside)),
+            rest[selected],
+            places[selected],
+            normals[selected],
+            _TANGENT * sizes[selected],
+        )
+        _write(mesh, NORMAL, vertices[selected], carried)
+
+    def _carry_with_normals(
+        self, mesh: HalfedgeMesh, goals: Points, normals: Vectors, sizes: Floats
+    ) -> tuple[Points, Vectors]:
+        """Return the present places (N, 3) of points at rest and, if the mesh has normals, those there.
+
+        normals, sizes  as in `_set_normals`
+
+        All is carried by one call: the flow starts along its streamlines once.
+        """
+        if mesh.column(NORMAL) is None:
+            return self._carry(goals), normals
+        beside = self._project(tangent_points(goals, normals, _TANGENT * sizes))
+        carried = self._carry(np.concatenate([goals, beside]))
+        places = carried[: len(goals)]
+        return places, normals_from_tangents(normals, places, carried[len(goals) :])
+
+    def _carry(self, rest_points: Points) -> Points:
+        moved = np.array(self.carry(np.ascontiguousarray(rest_points)), dtype=np.float64, order="C")
+        if moved.shape != rest_points.shape or not np.isfinite(moved).all():
+            raise FrameError(
+                f"carry returned an array of shape {moved.shape} for {len(rest_points)} points at rest, or "
+                "numbers that are not finite; it must return the current position of each point"
+            )
+        return moved
+
+
+def _write(mesh: HalfedgeMesh, name: str, vertices: AnyArray, values: AnyArray) -> None:
+    """Write rows (N, k) of an attribute that the mesh has."""
+    column = column_of(mesh, name)
+    mesh.arrays.attributes[vertices, column : column + values.shape[1]] = values

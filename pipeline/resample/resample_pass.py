@@ -1,18 +1,19 @@
-"""One resample pass over a surface: find edges, split, collapse, flip, relax, compact."""
+"""One resample pass over a surface: find edges, split, collapse, flip, relax, compact; and its report."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
-from pipeline.arrays import Indices, Points
-from pipeline.errors import FlowsculptError, FrameError
+from pipeline.arrays import Faces, Indices, Points
+from pipeline.errors import FlowsculptError, FrameError, VertexBudgetError
 from pipeline.long_computations import interruptible, report_progress
 from pipeline.mesh.halfedge_mesh import WORTH_SHARING, HalfedgeMesh
-from pipeline.resample.kernels.can_collapse import REASONS, TOO_LONG
-from pipeline.resample.kernels.collapse import collapse_and_flip, collapse_queued
+from pipeline.resample.kernels.collapse import REASONS, TOO_LONG, collapse_and_flip, collapse_queued
 from pipeline.resample.kernels.edge_scans import (
     BLOCK,
     CHUNK,
@@ -22,17 +23,96 @@ from pipeline.resample.kernels.edge_scans import (
     list_flagged_edges,
     list_long_edges,
 )
-from pipeline.resample.kernels.flip import MAX_STACK
+from pipeline.resample.kernels.flip import MAX_STACK, count_tangled, untangle
 from pipeline.resample.kernels.limits import QUEUED, REFUSED, Changes, Limits, items_of, work_list
-from pipeline.resample.kernels.place_vertices import MAX_SPOKES_OF_NEW, classify_around
 from pipeline.resample.kernels.relax_vertices import list_poor_vertices
 from pipeline.resample.kernels.ring import MAX_SPOKES, new_ring
-from pipeline.resample.kernels.split import BIRTH_HALFEDGE, BIRTH_SIZE, longest_edges_first, split_edges
-from pipeline.resample.kernels.untangle import count_tangled, untangle, untangle_listed
+from pipeline.resample.kernels.split import (
+    BIRTH_HALFEDGE,
+    BIRTH_SIZE,
+    MAX_SPOKES_OF_NEW,
+    classify_around,
+    longest_edges_first,
+    split_edges,
+)
 from pipeline.resample.placement import Placement
-from pipeline.resample.report import Report
 from pipeline.resample.thresholds import Thresholds, TriangleShape
-from pipeline.resample.vertex_budget import require_room, require_room_for_area
+from render.base.plural import plural
+
+
+@dataclass(frozen=True)
+class Report:
+    """Counts of one frame.
+
+    splits, collapses, flips   operations done
+    passes                     rounds of splitting until no edge was too long
+    refused                    edges still too short, by the reason why they may not collapse:
+                               link       the surface would no longer be a manifold
+                               boundary   two boundaries would meet, or a boundary triangle vanish
+                               feature    two corners or two creases would become one
+                               too_long   an edge over the maximum would appear
+                               fold       a face would turn over or become a sliver
+                               shape      a tendril would lose over 5% of the maximum edge at its tip
+                               crowded    an end has more than 511 neighbours
+    vertices, faces, edges     counts after the pass
+    too_long, too_short        edges outside their limits; too_long is 0, too_short the sum of `refused`
+    shortest, longest          edge lengths, scene units
+    relaxed                    vertices moved within the surface for the shape of their triangles
+    on_chord                   new vertices left at the middle of their edge, because the surface would have
+                               folded at their proper place
+    """
+
+    splits: int
+    collapses: int
+    flips: int
+    passes: int
+    vertices: int
+    faces: int
+    edges: int
+    too_long: int
+    too_short: int
+    shortest: float
+    longest: float
+    relaxed: int = 0
+    on_chord: int = 0
+    refused: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "refused", MappingProxyType(dict(self.refused)))
+
+    @property
+    def within_limits(self) -> float:
+        """Share of the edges within their length limits, 0 to 1."""
+        return 1.0 - (self.too_long + self.too_short) / self.edges
+
+
+_SHARE_OF_BOUND = 1.01  # a surface of equilateral triangles takes a little fewer vertices than faces / 2
+
+
+def require_room(vertices: int, more: int, budget: int, lengths: str = "") -> None:
+    """Raise VertexBudgetError where that many splits would exceed the budget.
+
+    vertices  those of the surface, without collapsed ones
+    lengths   a clause on edge lengths, for the message
+    """
+    if vertices + more > budget:
+        raise VertexBudgetError(
+            f"{vertices} vertices and {plural(more, 'edge')} to split exceed the budget of {budget} "
+            f"vertices{lengths}"
+        )
+
+
+def require_room_for_area(points: Points, faces: Faces, longest: float, budget: int) -> None:
+    """Raise VertexBudgetError where even the largest triangles allowed, equilateral ones, are too many."""
+    a, b, c = (points[corners] for corners in faces.T)
+    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    needed = 0.5 * area / (math.sqrt(3.0) / 4.0 * longest**2)  # half as many vertices as faces
+    if needed > _SHARE_OF_BOUND * budget:
+        raise VertexBudgetError(
+            f"a surface of {area:.3g} square units takes at least {needed:,.0f} vertices where edges are "
+            f"{longest:g} units long at most, which exceeds the budget of {budget}"
+        )
+
 
 _MAX_PLACED = 16  # rounds of splits; an edge halved that often has been stretched 65,000-fold in one frame
 _MANY_FACES = 200_000  # from which on one compiled call may take over a second
@@ -150,12 +230,11 @@ class ResamplePass:
         """Flip edges of faces that look inwards at rest, where fewer then do."""
         if self.limits.rest_column < 0:
             return
-        mesh, limits, changes = self.mesh, self.limits, self.changes
         if self._all_upright[0]:
-            faces = np.sort(items_of(changes.changed))
-            flips, self._tangled = untangle_listed(mesh.arrays, faces, limits, changes)
-        else:
-            flips, self._tangled = untangle(mesh.arrays, int(mesh.sizes[1]), limits, changes)
+            faces = np.sort(items_of(self.changes.changed))
+        else:  # a face that has not changed may by now be able to
+            faces = np.arange(self.mesh.sizes[1], dtype=np.int32)
+        flips, self._tangled = untangle(self.mesh.arrays, faces, self.limits, self.changes)
         self._all_upright[0] = 0
         self.flips += flips
         if flips:

@@ -18,8 +18,7 @@ from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.analytic_surfaces import AnalyticSurface, RepeatedSurface, nearest_middles
 from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 from pipeline.resample import Curvature, DistanceToCamera, Thresholds
-from pipeline.resample.creases import Region
-from pipeline.resample.thresholds import DEFAULT_ROUNDNESS
+from pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Region
 from pipeline.shot.clock import Clock
 from pipeline.shot.subjects import Copies, Mesh, Solid, Subject, bounding_sphere, repeated
 from render.base.serialise import OMIT_DEFAULT

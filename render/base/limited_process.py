@@ -17,9 +17,9 @@ from importlib.metadata import version
 from pathlib import Path
 
 from render.base import python_process
-from render.base.disk_cache import cache_path, load_answer, store_answer
 from render.base.input_files import require_input
 from render.base.render_errors import MachineError, reason_of
+from render.base.user_cache import cache_path, load_answer, store_answer
 
 SECONDS = 60.0
 """Time that a parser may take for any file; a MiB of it adds a second."""

@@ -1,7 +1,14 @@
-"""Set lines of text with OpenImageIO, and lay them over pages of display values."""
+"""Set lines of text with OpenImageIO, lay them over pages of display values, and burn them into pictures.
+
+Burn-ins show shot, frame and timecode in small type along the upper and lower edge, on bands that darken the
+picture softly, so they can be read on any picture. Words, and the letters of changing values, are set once: a
+burn-in costs next to nothing per frame.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -9,7 +16,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from render.base.render_errors import BadInputError
+from render.base.render_errors import BadInputError, suggestion
 from render.base.serialise import Triple
 
 Floats = NDArray[np.float32]
@@ -120,3 +127,119 @@ def _ink_width(text: str, size: int, font: str) -> int:
     if not box.defined:
         raise BadInputError(f"font {font!r} not found; try DroidSans or DroidSerif")
     return int(box.xend - box.xbegin)
+
+
+FIELDS = ("shot", "frame", "timecode", "key", "quality", "version")
+"""The fields that a burn-in can show."""
+
+Strip = NDArray[np.float32]
+
+_CORNERS = {  # fields by band and side; the first of a corner stands at the edge of the picture
+    ("upper", "left"): ("quality",),
+    ("upper", "right"): ("key",),
+    ("lower", "left"): ("shot", "version"),
+    ("lower", "right"): ("timecode", "frame"),
+}
+_BRIGHT, _QUIET = 0.96, 0.78
+_INKS = {"shot": _BRIGHT, "timecode": _BRIGHT}
+_FONT = "DroidSans"
+"""All its digits have one width, so numbers stand still while they count."""
+_CHANGING = ("frame", "timecode", "key")
+"""Fields that change with every frame: put together from letters that are set once."""
+
+_SIZE, _MIN_SIZE = 0.0265, 9
+"""Font size as a share of the picture's height, and its minimum in pixels."""
+_WIDTH_SHARE = 0.0165
+"""Font size as a share of the width, for upright pictures."""
+_BAND, _DARKEST = 3.2, 0.66
+"""Height of a band in font sizes, and the share of light that it takes at the picture's edge."""
+
+
+@dataclass(frozen=True)
+class BurnIn:
+    """The fields to burn in: shot and version below on the left, frame and timecode below on the right,
+    quality and key above.
+
+    fields  some of FIELDS; a field without a value is left out
+
+    Raises BadInputError for an unknown field.
+    """
+
+    fields: tuple[str, ...] = FIELDS
+
+    def __post_init__(self) -> None:
+        for field in self.fields:
+            if field not in FIELDS:
+                raise BadInputError(f"{field!r} cannot be burnt in. {suggestion(field, FIELDS)}")
+
+    @classmethod
+    def parse(cls, text: str) -> BurnIn:
+        """Read `shot,frame,timecode`; `all` means all fields. Raises BadInputError."""
+        words = tuple(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
+        return cls() if words in ((), ("all",)) else cls(words)
+
+    def over(self, picture: NDArray[Any], values: Mapping[str, str | int]) -> NDArray[Any]:
+        """Return a copy of a display picture (H, W, 3), uint8, uint16 or float 0 … 1, with `values` over it.
+
+        A frame number is written as in file names: 0012. Raises BadInputError for another shape.
+        """
+        if picture.ndim != 3 or picture.shape[2] != 3:
+            raise BadInputError(f"a burn-in goes over a picture (H, W, 3), not over {picture.shape}")
+        height, width = picture.shape[:2]
+        size = max(_MIN_SIZE, round(min(_SIZE * height, _WIDTH_SHARE * width)))
+        done = picture.copy()
+        for band in ("upper", "lower"):
+            texts = {side: self._texts(band, side, values) for side in ("left", "right")}
+            if any(texts.values()):
+                strip = done[: round(_BAND * size)] if band == "upper" else done[-round(_BAND * size) :]
+                _print(strip, size, band, texts["left"], texts["right"])
+        return done
+
+    def _texts(self, band: str, side: str, values: Mapping[str, str | int]) -> list[tuple[str, str]]:
+        shown = [field for field in _CORNERS[band, side] if field in self.fields and field in values]
+        written = [(field, _written(field, values[field])) for field in shown]
+        return [(field, text) for field, text in written if text]
+
+
+def _written(field: str, value: str | int) -> str:
+    return f"{value:04d}" if field == "frame" and isinstance(value, int) else str(value).strip()
+
+
+def _print(
+    strip: NDArray[Any], size: int, band: str, left: list[tuple[str, str]], right: list[tuple[str, str]]
+) -> None:
+    """Darken the pixels (h, W, 3) of a band and write the texts of its left and right corner."""
+    width, gap = strip.shape[1], round(0.9 * size)
+    light = _band(size, band)[: len(strip)] if band == "upper" else _band(size, band)[-len(strip) :]
+    top = 1.0 if strip.dtype.kind == "f" else float(np.iinfo(strip.dtype).max)
+    made = strip * light[:, None, None]
+    baseline = round(1.55 * size) if band == "upper" else len(strip) - round(0.85 * size)
+    at = width - size
+    for field, text in right:
+        words = _line(field, text, size)
+        at -= words.shape[1]
+        overlay(made, words, at, baseline - round(BASELINE * size), _INKS.get(field, _QUIET) * top)
+        at -= gap
+    start, room = size, at - size
+    for field, text in left:
+        words = line(cut_short(text, _FONT, size, room), _FONT, size)
+        overlay(made, words, start, baseline - round(BASELINE * size), _INKS.get(field, _QUIET) * top)
+        start, room = start + words.shape[1] + gap, room - words.shape[1] - gap
+    strip[:] = made if strip.dtype.kind == "f" else np.rint(made)
+
+
+def _line(field: str, text: str, size: int) -> Strip:
+    if field not in _CHANGING:
+        return line(text, _FONT, size)
+    letters = [line(letter, _FONT, size) for letter in text]
+    return np.concatenate(letters, axis=1) if letters else np.zeros((1, 0), np.float32)
+
+
+@lru_cache(maxsize=16)
+def _band(size: int, band: str) -> Strip:
+    """Return the share of light that each row keeps: little along the edge, all where the band ends."""
+    rows = round(_BAND * size)
+    inward = (np.arange(rows, dtype=np.float32) + 0.5) / rows
+    fade = np.clip((1.0 - inward) / 0.6, 0.0, 1.0)
+    left = 1.0 - _DARKEST * fade * fade * (3.0 - 2.0 * fade)
+    return np.asarray(left if band == "upper" else left[::-1], dtype=np.float32)

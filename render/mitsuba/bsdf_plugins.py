@@ -15,8 +15,8 @@ from importlib.metadata import version
 from typing import Any
 
 from render.base import python_process
-from render.base.disk_cache import cache_path, load_answer, store_answer
 from render.base.render_errors import BadInputError
+from render.base.user_cache import cache_path, load_answer, store_answer
 from render.mitsuba.engine import Engine
 from render.mitsuba.texture_coordinates import TextureCoordinates, bitmap, to_uv
 from render.scene.materials.mitsuba_bsdf import Bsdf, Plain

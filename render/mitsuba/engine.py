@@ -20,9 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from render.base import python_process
-from render.base.disk_cache import cache_path, load_answer, store_answer
 from render.base.render_errors import BadInputError, MachineError
-from render.base.user_cache import intruder, writable_cache
+from render.base.user_cache import cache_path, intruder, load_answer, store_answer, writable_cache
 from render.mitsuba import llvm
 from render.mitsuba.llvm import LibLlvm
 

@@ -19,8 +19,8 @@ import imageio.v3 as iio
 from render.base.atomic_write import atomic_write
 from render.base.render_errors import BadInputError, MachineError
 from render.movie.codecs import Encode, require_size
+from render.movie.movie_frames import Frame, pad_to_even, require_frame, to_pixel_format
 from render.movie.movie_sound import AudioStream, Samples
-from render.movie.planes import Frame, pad_to_even, require_frame, to_pixel_format
 from render.movie.projection_tags import is_tagged, tag_movie
 from render.scene.projection import PERSPECTIVE, Projection
 

@@ -17,9 +17,9 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from render.base.atomic_write import atomic_write
-from render.base.disk_cache import cache_path
 from render.base.kernel_cache import compiled
 from render.base.render_errors import BadInputError, MachineError
+from render.base.user_cache import cache_path
 from render.post.view import ACES, ColourView
 from render.scene.working_space import WORKING_SPACES
 

@@ -1,21 +1,142 @@
-"""Inputs of a quick preview: shapes, the stage with its lights, and what a camera may see of them."""
+"""Inputs of a quick preview: shapes, their materials and place on the screen, the stage with its lights.
+
+Materials are a matt body, a mirror of its colour, and a clear coat.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from render.base.kernel_cache import compiled
 from render.post.view import ACES, ColourView
-from render.raster.raster_projection import CLOCKWISE, project, sort_faces
-from render.scene.materials import Diffuse, Material
+from render.scene.materials import BrushedMetal, Diffuse, Gouraud, Material, Metal, Plastic, Satin, Smoke
 from render.scene.render_camera import Camera
 from render.scene.scene_lights import LightRig
 from render.scene.scene_stage import Stage, StagePlacement
+
+Array = NDArray[Any]
+
+FAST_MATH = {"contract", "reassoc", "arcp", "nsz"}
+"""Fast-math flags. A preview need not have the same bits on every processor."""
+
+exact, fast = compiled(), compiled(fastmath=FAST_MATH)
+"""`exact` keeps the order of operations, `fast` lets the compiler change it."""
+
+LARGE_SIZE = 8
+"""Subsamples across from which a triangle is large: shadows are computed per pixel, not at its corners."""
+
+EDGE = 1e-9
+"""Amount by which triangles are enlarged, so that rounding leaves no gap between neighbours."""
+
+SMALL, LARGE = 1, 2
+"""Bits of a vertex: a corner of small triangles, and of large ones."""
+
+CLOCKWISE = 2
+"""Shift of these bits for triangles that run clockwise on the screen."""
+
+
+@exact
+def project(
+    vertices: Array, origin: Array, axes: Array, near: float, rows: int, columns: int, screen: Array
+) -> None:
+    """Project vertices (V, 3) into a picture of so many rows and columns.
+
+    axes    (3, 3): right and up, over half of the view at depth 1, and forward
+    screen  (V, 3), output: column and row, whole numbers at the middle of subsamples, and one over the
+            depth, 0 nearer than `near`
+    """
+    for v in range(vertices.shape[0]):
+        x, y, z = corner(vertices, v, origin, axes)
+        inverse = 1.0 / z if z > near else 0.0
+        screen[v, 0] = (0.5 + 0.5 * x * inverse) * columns - 0.5
+        screen[v, 1] = (0.5 - 0.5 * y * inverse) * rows - 0.5
+        screen[v, 2] = inverse
+
+
+@exact
+def corner(vertices: Array, v: int, origin: Array, axes: Array) -> tuple[float, float, float]:
+    """Return x and y of a vertex, from -1 to 1 across the picture (y up) times its depth, and the depth."""
+    x, y, z = vertices[v, 0] - origin[0], vertices[v, 1] - origin[1], vertices[v, 2] - origin[2]
+    return (
+        axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z,
+        axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z,
+        axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z,
+    )
+
+
+@exact
+def sort_faces(
+    screen: Array, faces: Array, rows: int, columns: int, order: Array, corners: Array
+) -> tuple[int, int, float, bool]:
+    """Sort the faces (F, 3) that may be visible by the side they show.
+
+    order    (F,), output: from its beginning faces that run counter-clockwise or cross the camera plane, from
+             its end backwards those that run clockwise
+    corners  (V,) uint8, 0 at first; output: bits SMALL and LARGE of vertices
+
+    Returns both counts; a volume, above 0 if the faces of a closed surface face outwards; and True if no face
+    crosses the camera plane. If one does, the volume means nothing.
+    """
+    front, back, volume, is_whole = 0, faces.shape[0], 0.0, True
+    for f in range(faces.shape[0]):
+        a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
+        if not (screen[a, 2] > 0.0 and screen[b, 2] > 0.0 and screen[c, 2] > 0.0):
+            is_whole = False
+            if screen[a, 2] > 0.0 or screen[b, 2] > 0.0 or screen[c, 2] > 0.0:
+                order[front] = f
+                front += 1
+                corners[a] |= LARGE
+                corners[b] |= LARGE
+                corners[c] |= LARGE
+            continue
+        ax, ay, bx, by = screen[a, 0], screen[a, 1], screen[b, 0], screen[b, 1]
+        cx, cy = screen[c, 0], screen[c, 1]
+        # above 0 if counter-clockwise, since rows go down
+        area = (by - ay) * (cx - ax) - (bx - ax) * (cy - ay)
+        volume += area * (screen[a, 2] + screen[b, 2] + screen[c, 2])
+        left, right, top, bottom = box(ax, ay, bx, by, cx, cy, rows, columns)
+        if left > right or top > bottom or area == 0.0:
+            continue
+        bits = LARGE if max(right - left, bottom - top) >= LARGE_SIZE else SMALL
+        if area > 0.0:
+            order[front] = f
+            front += 1
+        else:
+            bits <<= CLOCKWISE
+            back -= 1
+            order[back] = f
+        corners[a] |= bits
+        corners[b] |= bits
+        corners[c] |= bits
+    return front, faces.shape[0] - back, volume, is_whole
+
+
+@exact
+def box(
+    ax: float, ay: float, bx: float, by: float, cx: float, cy: float, rows: int, columns: int
+) -> tuple[int, int, int, int]:
+    """Return the first and last column and the first and last row whose middles a triangle may cover."""
+    left, right = _ends(ax, bx, cx, columns)
+    top, bottom = _ends(ay, by, cy, rows)
+    return left, right, top, bottom
+
+
+@exact
+def _ends(a: float, b: float, c: float, count: int) -> tuple[int, int]:
+    """Return the range of three numbers, clipped to 0 … count - 1. `min` and `max` would also check for
+    NaN.
+    """
+    low, high = (a, b) if a < b else (b, a)
+    low, high = c if c < low else low, c if c > high else high
+    begin, end = int(np.ceil(low)), int(np.floor(high))
+    return begin if begin > 0 else 0, end if end < count else count - 1
+
 
 Floats = NDArray[np.float64]
 
@@ -131,3 +252,67 @@ class VisibleFaces:
     def corners_of(self, kind: int) -> NDArray[np.intp]:
         """Return the vertices (N,) that are corners of SMALL or LARGE triangles."""
         return np.flatnonzero(self.corners & kind)
+
+
+SHARPNESS = (6.0, 160.0)
+"""Least and greatest exponent of highlights at vertices: sharper ones fall between them, as dots."""
+
+COAT = 0.04
+"""Reflectance of a clear coat seen from straight above; its index of refraction is 1.5."""
+
+_LEAVES_COAT, _RETURNS = 0.42, 0.6
+"""Fraction of light that a coat of index 1.5 lets in and out again, and the fraction that it sends back from
+inside to the body (Egan and Hilgeman 1973): a body under a coat is darker than its colour."""
+
+
+class Reflectance(NamedTuple):
+    """Weights of reflection, in the order in which the kernel `shade_vertices` reads them.
+
+    body      of the colour, in all directions
+    mirror    of the colour, in the mirror direction
+    coat      reflectance of a clear coat seen from straight above
+    grazing   its reflectance at a grazing angle
+    exponent  of highlights (Blinn 1977)
+    """
+
+    body: float
+    mirror: float
+    coat: float
+    grazing: float
+    exponent: float
+
+
+def reflectance_of(material: Material, sharpness: tuple[float, float] = SHARPNESS) -> Reflectance:
+    """Return the reflectance of a material. sharpness: the least and greatest exponent"""
+    exponent = float(np.clip(2.0 / max(material.roughness, 0.02) ** 2 - 2.0, *sharpness))
+    grazing = 1.0 - material.roughness
+    match material:
+        case Diffuse() | Smoke() | Gouraud():
+            return Reflectance(1.0, 0.0, 0.0, 0.0, exponent)
+        case Metal() | BrushedMetal():
+            return Reflectance(0.0, 1.0, 0.0, 0.0, exponent)
+        case Satin():
+            coat = COAT * (1.0 - material.metallic)
+            return Reflectance(1.0 - material.metallic, material.metallic, coat, 0.5 * grazing, exponent)
+    if material.is_clear:
+        return Reflectance(0.0, 0.0, COAT, 1.0, exponent)
+    return Reflectance(1.0, 0.0, COAT, max(grazing, COAT), exponent)
+
+
+def body_colours(material: Material, colours: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the reflectances (N, 3) of bodies with these colours (N, 3): under a coat, less."""
+    if not isinstance(material, Plastic):
+        return colours
+    return _LEAVES_COAT * colours / (1.0 - _RETURNS * colours)
+
+
+def shadow_opacity(material: Material) -> float:
+    """Return the fraction of the key light that a subject's shadow lacks."""
+    return 1.0 - math.exp(-0.7 * material.density) if isinstance(material, Smoke) else 1.0
+
+
+def contact_opacity(material: Material) -> float:
+    """Return the fraction of light from above that a subject keeps from the floor where it touches it."""
+    if isinstance(material, Smoke):
+        return 0.5 * shadow_opacity(material)
+    return 0.6 if material.is_clear else 1.0

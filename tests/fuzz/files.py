@@ -129,8 +129,8 @@ def _decodable(path: Path, answer: Callable[[str], bytes], module: str, library:
     """Ask in this process what `answer_about_content` asks in another, and store the answer."""
     from importlib.metadata import version
 
-    from render.base.disk_cache import cache_path, store_answer
     from render.base.input_files import digest_of_file, parsing
+    from render.base.user_cache import cache_path, store_answer
 
     digest = digest_of_file(path)
     with parsing(path, "a file of its kind", ""):

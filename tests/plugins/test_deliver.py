@@ -14,7 +14,7 @@ from pipeline.plugins.delivery.deliverables import Delivery, DeliveryOptions
 from pipeline.plugins.delivery.delivery_source import FrameFormat, film_source, shot_source
 from pipeline.production.execution.project import Project
 from pipeline.production.request.render_request import RenderRequest
-from render.graphics.burn_in import BurnIn
+from render.graphics.typesetting import BurnIn
 from render.movie.codecs import ENCODES
 from render.movie.probe import probe_movie
 from tests.conftest import QUALITY

@@ -11,8 +11,14 @@ import OpenImageIO as oiio
 import pytest
 
 from render.frame.render_frame import render_frame
-from render.post.compositing import LayerInputs, Viewpoint, compositing_layers, mattes_header
-from render.post.cryptomatte import MATERIAL, OBJECT
+from render.post.compositing import (
+    MATERIAL,
+    OBJECT,
+    LayerInputs,
+    Viewpoint,
+    compositing_layers,
+    mattes_header,
+)
 from render.post.image import read_exr, write_exr
 from render.post.layer_names import cryptomatte_label
 from render.scene.aovs import RenderedFrame

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from render.base.render_errors import CorruptImageError
-from render.movie import boxes
-from render.movie.boxes import Box, edit_index, full_box, parse_boxes
+from render.movie import projection_tags
+from render.movie.projection_tags import Box, edit_index, full_box, parse_boxes
 
 BYTES = st.binary(min_size=1, max_size=40).map(lambda some: bytes(128 | each for each in some))
 """No letters, so none that are the kind of a box."""
@@ -88,7 +88,7 @@ def test_every_picture_is_found_after_the_index_grew(
     path = tmp_path_factory.getbasetemp() / "movie.mp4"
     path.write_bytes(before)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(boxes, "_BLOCK", block)  # what follows the index moves in blocks
+        patched.setattr(projection_tags, "_BLOCK", block)  # what follows the index moves in blocks
         edit_index(path, lambda index: next(index.within(b"trak")).boxes.append(Box(b"uuid", added)))
     after = path.read_bytes()
     assert len(after) == len(before) + 8 + len(added)
@@ -108,11 +108,11 @@ def test_pictures_that_move_past_four_gibibytes_get_positions_of_64_bits() -> No
     index = index_of([table(b"stco", [500, last]), table(b"stco", [400]), table(b"co64", [last])])
     size = len(bytes(index))
     index.boxes.append(Box(b"free", bytes(4)))
-    moved = Box.parse(b"moov", boxes._moved(index, 450, size)[8:])
+    moved = Box.parse(b"moov", projection_tags._moved(index, 450, size)[8:])
     tables = [track.boxes[0] for track in moved.within(b"trak", b"mdia", b"minf", b"stbl")]
     far = last + 12 + 8  # the box, and 64 bits for two positions
     assert [each.kind for each in tables] == [b"co64", b"stco", b"co64"]
-    assert [boxes._positions(each) for each in tables] == [(520, far), (400,), (far,)]
+    assert [projection_tags._positions(each) for each in tables] == [(520, far), (400,), (far,)]
 
 
 @given(st.recursive(st.binary(max_size=9), lambda inner: st.lists(inner, max_size=3), max_leaves=9))

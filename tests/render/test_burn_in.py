@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from render.base.render_errors import BadInputError
-from render.graphics.burn_in import FIELDS, BurnIn
-from render.movie.sequences import timecode
+from render.graphics.typesetting import FIELDS, BurnIn
+from render.movie.codecs import timecode
 
 VALUES = {
     "shot": "A010_cube",

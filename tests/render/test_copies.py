@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from render.frame.copy_counts import CopyCounts
 from render.frame.render_frame import render_frame
-from render.post.cryptomatte import OBJECT, RankedCoverage, cryptomatte_layers, matte_of
+from render.post.compositing import OBJECT, RankedCoverage, cryptomatte_layers, matte_of
 from render.scene.aovs import COPY
 from render.scene.materials import LOOKS
 from render.scene.scene import Scene, SceneSubject

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from render.base.atomic_write import atomic_write
-from render.base.exchanged_files import ChangedFileError
+from render.base.atomic_write import ChangedFileError, atomic_write
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.post import cryptomatte
+from render.post import compositing
 from render.post.compositing import LayerInputs, Viewpoint, compositing_layers, mattes_header, unmixed
 from render.post.exr_attributes import ExrAttributes
 from render.post.image import read_exr, write_exr
@@ -65,12 +65,12 @@ def half_covered():
     ],
 )
 def test_names_are_hashed_by_murmur_3(name, digest):
-    assert cryptomatte.murmur_hash(name) == digest
+    assert compositing.murmur_hash(name) == digest
 
 
 @given(st.text(max_size=40))
 def test_the_id_of_any_name_is_a_normal_float(name):
-    value = float(np.uint32(cryptomatte.id_bits(name)).view(np.float32))
+    value = float(np.uint32(compositing.id_bits(name)).view(np.float32))
     assert math.isfinite(value) and abs(value) >= np.finfo(np.float32).tiny
 
 
@@ -78,11 +78,11 @@ def test_the_id_of_any_name_is_a_normal_float(name):
 def test_mattes_give_every_coverage_back(parts):
     whole = max(64, sum(parts))
     coverage = {f"object {i}": np.full((1, 1), part / whole, np.float32) for i, part in enumerate(parts)}
-    layers = cryptomatte.cryptomatte_layers(cryptomatte.OBJECT, coverage)
+    layers = compositing.cryptomatte_layers(compositing.OBJECT, coverage)
     ranks = np.concatenate([layer[0, 0, 1::2] for layer in layers.values()])
     assert (np.diff(ranks) <= 0.0).all(), "greatest coverage first"
     for name, plane in coverage.items():
-        assert cryptomatte.matte_of(name, cryptomatte.OBJECT, layers) == plane
+        assert compositing.matte_of(name, compositing.OBJECT, layers) == plane
 
 
 @pytest.mark.parametrize(
@@ -104,7 +104,7 @@ def test_a_file_has_the_channel_names_of_its_program_and_is_read_back(tmp_path, 
     labels = {spec.getattribute(name) for name in standard if name.endswith("/name")}
     for label in labels:
         assert any(name.startswith(f"{label}00.") for name in spec.channelnames)
-        key = f"cryptomatte/{cryptomatte.murmur_hash(label):08x}"[:19]
+        key = f"cryptomatte/{compositing.murmur_hash(label):08x}"[:19]
         manifest = json.loads(spec.getattribute(f"{key}/manifest"))
         matte = "subject" if label.lower().endswith("object") else "clay"
         assert manifest.keys() == {matte, "stage"}

@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 
 from render.base.render_errors import MachineError
-from render.movie.boxes import Box
 from render.movie.codecs import ENCODES, Encode
 from render.movie.encode import write_movie
 from render.movie.movie_sound import Samples
 from render.movie.probe import probe_movie
-from render.movie.projection_tags import is_tagged
+from render.movie.projection_tags import Box, is_tagged
 from render.scene.projection import KINDS, PERSPECTIVE, Projection
 
 pytestmark = pytest.mark.renderer

@@ -9,10 +9,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from render.raster import Preview, Shape, StageSetup, preview, with_lines
-from render.raster.large_triangles import LargeTriangles
-from render.raster.raster_projection import LARGE, SMALL
-from render.raster.raster_shapes import ScreenProjection, VisibleFaces
-from render.raster.triangles import draw_triangles
+from render.raster.raster_shapes import LARGE, SMALL, ScreenProjection, VisibleFaces
+from render.raster.triangles import LargeTriangles, draw_triangles
 from render.scene.materials import LOOKS
 from render.scene.patterns import Pigment
 from render.scene.render_camera import Camera

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.graphics.screen import ANGLE, Screen
+from render.graphics.cards import ANGLE, Screen
 from render.scene.projection import PERSPECTIVE, Projection
 
 SIZES = {"spherical": (256, 128), "vr180": (256, 128), "dome": (128, 128)}

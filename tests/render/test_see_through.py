@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from pipeline.mesh import box, icosphere, vertex_normals
 from render.raster import Shape, StageSetup, preview
-from render.raster.contact import CELL, CELLS, ContactShadow
-from render.raster.large_triangles import SUPERSAMPLING
 from render.raster.raster_shapes import ScreenProjection
-from render.raster.visible_points import add_thickness
+from render.raster.see_through import add_thickness
+from render.raster.shadows import CELL, CELLS, ContactShadow
+from render.raster.triangles import SUPERSAMPLING
 from render.scene.materials import LOOKS, Diffuse, Smoke
 from render.scene.render_camera import Camera
 from render.scene.scene_lights import LIGHTS

@@ -13,7 +13,7 @@ from pipeline.arrays import Floats
 from pipeline.errors import FrameError, UsageError
 from pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus, validate
 from pipeline.resample import Curved, Exact, Resampler, ThresholdFormula, Thresholds, edges_by_angle, resample
-from pipeline.resample.quadrisection import quadrisect
+from pipeline.resample.resampler import quadrisect
 
 TRIANGLE = TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
 

@@ -9,7 +9,7 @@ from pipeline.arrays import Points
 from pipeline.mesh import TriangleMesh, icosphere
 from pipeline.mesh.analytic_surfaces import SphereSurface
 from pipeline.resample import Chord, Curved, DistanceToCamera, Exact, Placement, Resampler, Thresholds
-from pipeline.resample.rest_surface import REST
+from pipeline.resample.placement import REST
 
 STRETCH = np.array([1.06, 0.98, 0.97])
 

@@ -12,7 +12,7 @@ from pipeline.arrays import Floats, Points
 from pipeline.mesh import TriangleMesh, box, dihedral_angles, icosphere, require, rod, sheet, torus
 from pipeline.mesh.analytic_surfaces import AnalyticSurface, SphereSurface, TorusSurface
 from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds, resample
-from pipeline.resample.rest_surface import ASTRAY, NORMAL, REST
+from pipeline.resample.placement import ASTRAY, NORMAL, REST
 from tests.resample.battery import bipyramid
 
 Motion = Callable[[Points], Points]

@@ -9,7 +9,7 @@ import pytest
 from pipeline.arrays import Points
 from pipeline.mesh import dihedral_angles, require, rod, sheet
 from pipeline.resample import Chord, Exact, Resampler, Thresholds
-from pipeline.resample.rest_surface import REST
+from pipeline.resample.placement import REST
 
 
 def test_a_corner_at_rest_stays_though_the_flow_unbends_it() -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, dihedral_angles, icosphere, rod, sheet, torus
 from pipeline.resample import Thresholds, resample
-from pipeline.resample.kernels.can_collapse import BOUNDARY, CROWDED, LINK, can_collapse
+from pipeline.resample.kernels.collapse import BOUNDARY, CROWDED, LINK, can_collapse
 from pipeline.resample.kernels.flip import flip_edge, should_flip
 from pipeline.resample.kernels.limits import Limits
 from pipeline.resample.kernels.ring import MAX_SPOKES, new_ring

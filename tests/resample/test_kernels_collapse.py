@@ -9,17 +9,17 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, require, rod, sheet, torus
-from pipeline.resample.kernels.can_collapse import (
+from pipeline.resample.kernels.collapse import (
     AT_END,
     AT_START,
     FEATURE,
     NONE,
     SHAPE,
     can_collapse,
+    collapse_edge,
     removal_distance,
     swept_volume,
 )
-from pipeline.resample.kernels.collapse import collapse_edge
 from pipeline.resample.kernels.flip import flip_edge
 from pipeline.resample.kernels.limits import Limits
 from pipeline.resample.kernels.ring import Ring, collect_ring, folds, measure_ring, new_ring

@@ -11,9 +11,14 @@ from pipeline.arrays import AnyArray, Indices, Points, Vectors
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
 from pipeline.resample.kernels.curved_patches import curved_midpoints, incoming, side_normal
 from pipeline.resample.kernels.limits import Changes, Limits
-from pipeline.resample.kernels.place_vertices import classify_around, place_vertices
 from pipeline.resample.kernels.ring import new_ring
-from pipeline.resample.kernels.split import BIRTH_HALFEDGE, BIRTH_SIZE, split_edges
+from pipeline.resample.kernels.split import (
+    BIRTH_HALFEDGE,
+    BIRTH_SIZE,
+    classify_around,
+    place_vertices,
+    split_edges,
+)
 from pipeline.resample.resample_pass import changes_of, reset
 
 HARD = math.cos(math.radians(40))

@@ -22,12 +22,11 @@ from pipeline.mesh.analytic_surfaces import SphereSurface
 from pipeline.mesh.normals import vertex_normals
 from pipeline.resample import Curved, Exact, Resampler, Thresholds
 from pipeline.resample.kernels.closest_points import MAX_OPPOSITE, opposite_corners
-from pipeline.resample.kernels.flip import should_flip
+from pipeline.resample.kernels.flip import should_flip, untangle
 from pipeline.resample.kernels.limits import Limits
 from pipeline.resample.kernels.ring import collect_ring, move_at_rest, new_ring, rest_orientation, would_flip
-from pipeline.resample.kernels.untangle import untangle
+from pipeline.resample.placement import ASTRAY, REST, closest_points
 from pipeline.resample.resample_pass import changes_of, reset
-from pipeline.resample.rest_surface import ASTRAY, REST, closest_points
 
 BALL, RING, CLOTH, CUBE = icosphere(4), torus(1.0, 0.4, 0.3), sheet((2, 2), 0.25), box(edge_length=0.5)
 
@@ -111,7 +110,7 @@ def test_an_edge_is_flipped_where_a_face_looks_inwards_at_rest_and_then_none_doe
         live, limits = at_rest(kite, rest)
         changes = changes_of(live)
         reset(changes)
-        assert untangle(live.arrays, 2, limits, changes) == (flips, 0)
+        assert untangle(live.arrays, np.arange(2, dtype=np.int32), limits, changes) == (flips, 0)
         upright = [slow_upright(rest, vertex_normals(kite), face) > 0 for face in live.snapshot().faces]
         assert all(upright)
         assert changes.fresh[0] == 2 * flips
@@ -131,7 +130,7 @@ def test_untangling_leaves_fewer_faces_that_look_inwards_at_rest_and_a_sound_sur
         return sum(slow_upright(rest, normals, face) <= 0 for face in live.snapshot().faces)
 
     before = inwards()
-    turned, left = untangle(live.arrays, len(mesh.faces), limits, changes)
+    turned, left = untangle(live.arrays, np.arange(len(mesh.faces), dtype=np.int32), limits, changes)
     after = live.snapshot()
     assert inwards() <= min(before - turned, left + turned)
     assert require(after).euler == require(mesh).euler

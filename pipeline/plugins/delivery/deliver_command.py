@@ -46,7 +46,7 @@ from pipeline.production.request.lookup import edit_names, find_edit
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.shot.yaml.named_files import is_edit
 from render.base.plural import plural
-from render.graphics.burn_in import FIELDS, BurnIn
+from render.graphics.typesetting import FIELDS, BurnIn
 from render.movie.codecs import ENCODES, encode_named
 from render.scene.render_quality import DEFAULT_QUALITY
 

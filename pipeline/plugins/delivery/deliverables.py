@@ -16,14 +16,12 @@ from pipeline.production.request.audio import AudioClip, AudioTrack, samples_of
 from pipeline.production.stages import DELIVER
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.atomic_write import disk_errors
-from render.graphics.burn_in import BurnIn
-from render.graphics.cards import Slate
-from render.graphics.screen import Screen
-from render.movie.codecs import Encode
+from render.graphics.cards import Screen, Slate
+from render.graphics.typesetting import BurnIn
+from render.movie.codecs import Encode, timecode
 from render.movie.encode import write_movie
+from render.movie.movie_frames import Frame, prefetch
 from render.movie.movie_sound import Samples
-from render.movie.planes import Frame
-from render.movie.sequences import prefetch, timecode
 from render.post.colour import quantise
 
 SLATES = ("head", "apart")

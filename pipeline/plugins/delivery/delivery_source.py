@@ -29,11 +29,9 @@ from pipeline.production.store.store import Store
 from pipeline.production.tasks.encoding import cut_together
 from render.base.plural import plural
 from render.base.serialise import to_plain
-from render.graphics.cards import failure_card
-from render.graphics.screen import Screen
-from render.movie.codecs import NAME_ENDS
-from render.movie.planes import Frame
-from render.movie.sequences import FILM_START, dissolve, mix_frames
+from render.graphics.cards import Screen, failure_card
+from render.movie.codecs import FILM_START, NAME_ENDS
+from render.movie.movie_frames import Frame, dissolve, mix_frames
 from render.post.colour import quantise, to_display
 from render.scene.projection import Projection
 

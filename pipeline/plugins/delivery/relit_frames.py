@@ -28,8 +28,7 @@ from render.base.render_errors import RenderError
 from render.base.serialise import Triple
 from render.movie.codecs import movie_encode
 from render.movie.encode import write_movie
-from render.movie.planes import Frame
-from render.movie.sequences import prefetch
+from render.movie.movie_frames import Frame, prefetch
 from render.post.colour import quantise, to_display
 from render.post.image import read_header, write_exr
 from render.scene.aovs import RenderedFrame

@@ -20,8 +20,7 @@ from pipeline.plugins.delivery.timeline_sound import heard_sounds, sound_tracks
 from pipeline.production.request.edit import Edit, EditItem
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Store
-from render.movie.codecs import ENCODES, NAME_ENDS, Encode
-from render.movie.sequences import FILM_START
+from render.movie.codecs import ENCODES, FILM_START, NAME_ENDS, Encode
 
 MEDIA = ("frames", *(name for name, encode in ENCODES.items() if encode.has_timecode))
 """The media that clips refer to: finished frames, or deliverables of whole shots."""

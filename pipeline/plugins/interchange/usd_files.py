@@ -15,10 +15,10 @@ from typing import Any
 
 from pipeline.errors import MachineError, MeshError, MissingInputError
 from pipeline.mesh.mesh_formats import FileSurface, ScenePart
-from render.base.disk_cache import cache_path, load_answer, store_answer
 from render.base.input_files import digest_of_file, joint_digest
 from render.base.limited_process import answer_of
 from render.base.python_process import command_line
+from render.base.user_cache import cache_path, load_answer, store_answer
 
 USD_FORMATS = ("usd", "usda", "usdc", "usdz")
 

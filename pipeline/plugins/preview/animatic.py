@@ -36,9 +36,8 @@ from pipeline.production.request.framing import (
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Store
 from pipeline.shot import Motion
-from render.movie.codecs import PLAYBLAST
+from render.movie.codecs import PLAYBLAST, timecode
 from render.movie.encode import write_movie
-from render.movie.sequences import timecode
 from render.post.image import write_png
 
 SIZES = {"still": (960, 540), "movie": (480, 270)}

@@ -12,11 +12,10 @@ from pipeline.production.request.audio import samples_of
 from pipeline.production.request.edit import Edit
 from pipeline.production.store import paths
 from pipeline.production.tasks.encoding import cut_together
-from render.graphics.screen import Screen
+from render.graphics.cards import Screen
 from render.movie.codecs import PLAYBLAST
 from render.movie.encode import write_movie
-from render.movie.planes import Frame
-from render.movie.sequences import dissolve, mix_frames
+from render.movie.movie_frames import Frame, dissolve, mix_frames
 
 FOLDER = "preview"
 """Stands for the quality in the path of a film's animatic."""

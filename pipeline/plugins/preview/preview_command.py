@@ -37,7 +37,7 @@ from pipeline.production.request.lookup import find_edit, find_shot, names_edit
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Store
 from render.base.plural import plural
-from render.graphics.burn_in import BurnIn
+from render.graphics.typesetting import BurnIn
 from render.scene.render_quality import DEFAULT_QUALITY
 
 

@@ -25,8 +25,7 @@ from pipeline.shot.yaml.inheritance import inherited_files
 from pipeline.shot.yaml.named_files import text_of
 from pipeline.shot.yaml.plain_text import dotted
 from pipeline.shot.yaml.yaml_source import Where, YamlSource
-from render.base.atomic_write import atomic_write
-from render.base.exchanged_files import ChangedFileError
+from render.base.atomic_write import ChangedFileError, atomic_write
 from render.base.input_files import read_input
 
 MOST_STEPS = 200

@@ -19,8 +19,8 @@ from pipeline.mesh.kernels.halfedge import SOUND, match_twins
 from pipeline.production.request.framing import Framing
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.shot import Motion
-from render.graphics.burn_in import BurnIn
-from render.movie.sequences import timecode
+from render.graphics.typesetting import BurnIn
+from render.movie.codecs import timecode
 from render.post.colour import quantise
 from render.raster import Edges, Shape, StageSetup, preview, wide_picture, with_lines
 from render.scene.materials import Material

@@ -10,8 +10,7 @@ from pipeline.plugins.review.review_notes import ReviewNote, as_text, merged, re
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.paths import NOTES
 from pipeline.shot.yaml.named_files import is_there
-from render.base.atomic_write import atomic_write
-from render.base.exchanged_files import ChangedFileError
+from render.base.atomic_write import ChangedFileError, atomic_write
 
 
 @dataclass(frozen=True)

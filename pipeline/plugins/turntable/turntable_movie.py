@@ -31,7 +31,7 @@ from render.base.plural import plural
 from render.graphics.contact_sheet import Caption, ContactSheet, columns_for, fitted_sheet
 from render.movie.codecs import movie_encode
 from render.movie.encode import write_movie
-from render.movie.sequences import prefetch
+from render.movie.movie_frames import prefetch
 from render.post.image import write_png
 
 BOTH = "both"

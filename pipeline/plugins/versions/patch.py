@@ -21,7 +21,7 @@ from render.base.input_files import digest_of_file
 from render.base.render_errors import RenderError
 from render.movie.codecs import movie_encode
 from render.movie.encode import write_movie
-from render.movie.planes import Frame
+from render.movie.movie_frames import Frame
 from render.post.colour import quantise, to_display
 from render.post.image import read_exr
 

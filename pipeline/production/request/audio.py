@@ -14,8 +14,7 @@ from render.base.input_files import digest_of_file
 
 if TYPE_CHECKING:
     from pipeline.shot.shot import SoundTrack
-    from render.movie.mix import Segment
-    from render.movie.movie_sound import Samples, Sound
+    from render.movie.movie_sound import Samples, Segment, Sound
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,7 @@ class AudioClip:
 
     def segment(self, rate: FrameRate) -> Segment:
         """Return what is mixed. Raises FrameError where a file was changed."""
-        from render.movie.mix import Segment
+        from render.movie.movie_sound import Segment
 
         skipped = float(self.skipped / rate.fps)
         sounds = [track.sound() for track in self.tracks]
@@ -120,6 +119,6 @@ def samples_of(clips: Sequence[AudioClip], frames: int, rate: FrameRate) -> Iter
     """
     if not clips:
         return None
-    from render.movie.mix import mixed
+    from render.movie.movie_sound import mixed
 
     return mixed([clip.segment(rate) for clip in clips], Fraction(frames) / rate.fps)

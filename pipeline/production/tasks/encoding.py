@@ -17,12 +17,10 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Key
 from pipeline.production.tasks.job import Context
 from render.base.work_clock import WorkClock
-from render.graphics.cards import TitleCard, title_frames
-from render.graphics.screen import Screen
+from render.graphics.cards import Screen, TitleCard, title_frames
 from render.movie.codecs import movie_encode
 from render.movie.encode import write_movie
-from render.movie.planes import Frame
-from render.movie.sequences import ClipFrames, dissolve, mix_frames, prefetch
+from render.movie.movie_frames import ClipFrames, Frame, dissolve, mix_frames, prefetch
 from render.post.colour import quantise, to_display
 from render.post.image import write_jpeg, write_png
 
@@ -93,7 +91,7 @@ def _reported(context: Context, frames: Iterator[Frame], clock: WorkClock) -> It
 def cut_together(
     edit: Edit, screen: Screen, shown: Callable[[int], Iterator[T]], card: Callable[[Frame], T]
 ) -> Iterator[ClipFrames[T]]:
-    """Yield the clips of a film for `render.movie.sequences.dissolve`.
+    """Yield the clips of a film for `render.movie.movie_frames.dissolve`.
 
     screen  where cards stand in the pictures
     shown   the frames of the film's request in a place

@@ -16,7 +16,7 @@ from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import FINISH
 from pipeline.production.tasks.job import Context
-from render.movie.sequences import timecode
+from render.movie.codecs import timecode
 from render.post.compositing import LayerInputs, Viewpoint, compositing_layers, mattes_header
 from render.post.exr_attributes import ExrAttributes
 from render.post.film_denoiser import FilmDenoiser, RawFrame

@@ -1,4 +1,7 @@
-"""Curved patches over split edges (P37): midpoints on a surface that is smooth between creases."""
+"""Curved patches over split edges (P37): midpoints on a surface that is smooth between creases.
+
+It is the surface of now or, with exact placement, the one at rest.
+"""
 
 from __future__ import annotations
 
@@ -17,12 +20,14 @@ from pipeline.mesh.kernels.halfedge import (
     following,
     preceding,
 )
-from pipeline.resample.kernels.limits import area_vector, squared_length
-from pipeline.resample.kernels.split import BIRTH_HALFEDGE
+from pipeline.resample.kernels.limits import ONLY_TAGGED, area_vector, squared_length
+from pipeline.resample.kernels.ring import RING, Ring, collect_ring
+from pipeline.resample.kernels.split import BIRTH_HALFEDGE, incoming
 
 _TABLE = numba.int32[:, ::1]
 _LEAST_COSINE = 0.5  # a crease that turns by more than 60 degrees has a corner there
 _MOST_RISE = 0.342  # of an edge, along the normal at an end: sine of 20 degrees; with more the end is a tip
+_LEVEL = 1e-9  # the most that normals differ, and that edges rise by their length, in a plane
 _LONGEST = 6.0  # times as long as its faces are wide an edge is taken for
 _LEAST_RISE = 0.1  # with less an end is no tip
 _MOST_UNEVEN = 3.0  # an end that rises so many times as much as the other, on a crease, is a tip
@@ -222,18 +227,6 @@ def _bend_patch(
         normals[i, k] /= math.sqrt(norm) if norm > 0.0 else 1.0
 
 
-@kernel(numba.int64(MESH_ARRAYS, numba.int64, numba.int64), **LEAN)
-def incoming(mesh: MeshArrays, new: int, a: int) -> int:
-    """Return the half-edge a→vertex, given the half-edge from that vertex to its other parent.
-
-    If its face was cut again in the same pass, it has moved in the table since the vertex was made.
-    """
-    k = preceding(new)
-    while mesh.vert[k] != a:
-        k = preceding(mesh.twin[k])
-    return int(k)
-
-
 @kernel((MESH_ARRAYS, numba.int64, numba.int64, numba.float64, VECTOR, MATRIX, MATRIX, numba.int64), **LEAN)
 def set_curved_midpoint(
     mesh: MeshArrays,
@@ -272,3 +265,78 @@ def curved_midpoints(
         new = births[i, BIRTH_HALFEDGE]
         h = incoming(mesh, new, births[i, 0])
         set_curved_midpoint(mesh, h, new, cosine, scratch, places, normals, i)
+
+
+@kernel((MESH_ARRAYS, numba.int64, numba.int64, RING, MATRIX), **LEAN)
+def _copy_ring_at_rest(mesh: MeshArrays, spoke: int, column: int, ring: Ring, rest: Points) -> None:
+    """Copy the rest positions, `column` on, of the start of a spoke and of its ring into `rest` (V, 3)."""
+    attributes, v = mesh.attributes, mesh.vert[spoke]
+    if not collect_ring(mesh, spoke, ring):
+        return
+    for k in range(3):
+        rest[v, k] = attributes[v, column + k]
+    for j in range(ring.size[1]):
+        v = ring.vertex[j]
+        for k in range(3):
+            rest[v, k] = attributes[v, column + k]
+
+
+@kernel(numba.boolean(MATRIX, numba.int64, numba.int64, numba.int64, numba.int64), **LEAN)
+def _is_level(attributes: Points, column: int, normal_column: int, a: int, b: int) -> bool:
+    """Tell whether two vertices have the same unit normal at rest, and lie in the plane across it."""
+    leaning, height, length, size = 0.0, 0.0, 0.0, 0.0
+    for k in range(3):
+        along = attributes[b, column + k] - attributes[a, column + k]
+        normal = attributes[a, normal_column + k]
+        leaning += (attributes[b, normal_column + k] - normal) ** 2
+        height += normal * along
+        length += along * along
+        size += normal * normal
+    is_across = height * height <= _LEVEL * _LEVEL * length
+    return bool(is_across and leaning <= _LEVEL * _LEVEL and abs(size - 1.0) <= _LEVEL)
+
+
+@kernel((MESH_ARRAYS, _TABLE, numba.int64, numba.int64, RING, MATRIX, VECTOR, MATRIX, MATRIX, VECTOR))
+def rest_midpoints(
+    mesh: MeshArrays,
+    births: Indices,
+    column: int,
+    normal_column: int,
+    ring: Ring,
+    rest: Points,
+    scratch: Floats,
+    places: Points,
+    normals: Vectors,
+    sizes: Floats,
+) -> None:
+    """Compute what `curved_midpoints` does on the surface at rest, where only tagged edges are creases.
+
+    column, normal_column  first columns of the rest position and the rest normal; a new vertex gets its
+                           normal, since a split leaves the mean of both ends, which leans at creases
+    rest                   (V, 3) scratch for rest positions
+    sizes                  (N,) receives the length of each edge
+    """
+    attributes, vert = mesh.attributes, mesh.vert
+    at_rest = MeshArrays(rest, attributes, mesh.blends, vert, mesh.twin, mesh.tagged)
+    if len(births):
+        scratch[6] = vert[births[0, BIRTH_HALFEDGE]]
+    for i in range(len(births)):
+        a, b, new = births[i, 0], births[i, 1], births[i, BIRTH_HALFEDGE]
+        h = incoming(mesh, new, a)
+        middle, squares, known = vert[new], 0.0, 0.0
+        is_hard = mesh.twin[h] < 0 or mesh.tagged[h]
+        if not is_hard and _is_level(attributes, column, normal_column, a, b):
+            for k in range(3):
+                places[i, k] = 0.5 * (attributes[a, column + k] + attributes[b, column + k])
+                normals[i, k] = attributes[a, normal_column + k]
+        else:
+            _copy_ring_at_rest(mesh, h, column, ring, rest)
+            _copy_ring_at_rest(mesh, following(new), column, ring, rest)
+            set_curved_midpoint(at_rest, h, new, ONLY_TAGGED, scratch, places, normals, i)
+        for k in range(3):
+            squares += (attributes[b, column + k] - attributes[a, column + k]) ** 2
+            known += abs(normals[i, k])
+        sizes[i] = math.sqrt(squares)
+        for k in range(3):
+            if known > 0.0:
+                attributes[middle, normal_column + k] = normals[i, k]

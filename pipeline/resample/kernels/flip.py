@@ -1,4 +1,7 @@
-"""Flip soft edges of changed faces where angles improve; creases and the shape of the surface stay (P36)."""
+"""Flip soft edges: where angles improve (P36), and where fewer faces then look inwards at rest.
+
+Creases and the shape of the surface stay.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,7 @@ from pipeline.resample.kernels.limits import (
     squared_length,
     touch,
 )
-from pipeline.resample.kernels.ring import is_inverted
+from pipeline.resample.kernels.ring import MAX_TURN_COSINE, is_inverted
 
 _GAIN = 0.1  # cot α + cot β must be below -_GAIN: a flip must be worth the change of the surface
 MAX_STACK = 128  # edges to test around one flip and those that follow from it; each flip adds four
@@ -230,3 +233,71 @@ def flip_fresh(
         if h >= 0:
             flips += _flip_from(mesh, h, limits, changes, stack)
     return flips
+
+
+_PAIR = numba.types.UniTuple(numba.int64, 2)
+
+
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64, LIMITS), **LEAN)
+def can_untangle(mesh: MeshArrays, h: int, limits: Limits) -> bool:
+    """Tell whether fewer faces look inwards at rest once the edge of h is flipped.
+
+    The edge must be soft, the new one within its length limits, and no face may fold now: none turns by more
+    than the angle of MAX_TURN_COSINE from the mean of both.
+    """
+    points, vert, twin = mesh.points, mesh.vert, mesh.twin
+    i = np.uint64(h)
+    if twin[i] < 0 or mesh.tagged[i]:
+        return False
+    a, b, c, d = vert[i], vert[after(i)], vert[before(i)], vert[before(np.uint64(twin[i]))]
+    if inverted_by_flip(mesh.attributes, limits, a, b, c, d) >= 0:
+        return False
+    crossing, (max_squared, min_squared) = squared_length(points, c, d), length_limits(mesh, limits, c, d)
+    if crossing > max_squared or crossing < min_squared:
+        return False
+    if folds_by_flip(points, a, b, c, d, MAX_TURN_COSINE):
+        return False
+    return not are_adjacent(mesh, before(i), d)
+
+
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64, LIMITS), **LEAN)
+def _looks_inwards(mesh: MeshArrays, f: int, limits: Limits) -> bool:
+    """Tell whether a face exists and does not face outwards at rest."""
+    vert, i = mesh.vert, np.uint64(3 * f)
+    a = vert[i]
+    return a >= 0 and is_inverted(mesh.attributes, limits, a, vert[i + np.uint64(1)], vert[i + np.uint64(2)])
+
+
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64, LIMITS, CHANGES), **LEAN)
+def _untangle_face(mesh: MeshArrays, f: int, limits: Limits, changes: Changes) -> bool:
+    """Flip the first edge of a face with which fewer faces then look inwards; return whether there is one."""
+    for h in range(3 * f, 3 * f + 3):
+        if can_untangle(mesh, h, limits):
+            flip_and_touch(mesh, h, changes)
+            return True
+    return False
+
+
+@kernel(_PAIR(MESH_ARRAYS, INTS, LIMITS, CHANGES))
+def untangle(mesh: MeshArrays, faces: Indices, limits: Limits, changes: Changes) -> tuple[int, int]:
+    """Flip an edge of each of these faces that looks inwards at rest, where fewer then do.
+
+    Returns how many edges were flipped, and for how many faces none was.
+    """
+    flips, left = 0, 0
+    for f in faces:
+        if _looks_inwards(mesh, f, limits):
+            if _untangle_face(mesh, f, limits, changes):
+                flips += 1
+            else:
+                left += 1
+    return flips, left
+
+
+@kernel(numba.int64(MESH_ARRAYS, LIMITS, CHANGES))
+def count_tangled(mesh: MeshArrays, limits: Limits, changes: Changes) -> int:
+    """Return how many of the faces that have changed look inwards at rest."""
+    count = 0
+    for i in range(1, changes.changed[0] + 1):
+        count += _looks_inwards(mesh, changes.changed[i], limits)
+    return count

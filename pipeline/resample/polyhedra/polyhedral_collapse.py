@@ -7,8 +7,16 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from pipeline.resample.polyhedra.editor import PolyhedronEditor
-from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Point, box, difference, dot, newell, norm
+from pipeline.resample.polyhedra.polyhedron import (
+    OUTSIDE,
+    Point,
+    PolyhedronEditor,
+    box,
+    difference,
+    dot,
+    newell,
+    norm,
+)
 
 _EQUILATERAL = math.sqrt(3) / 4  # area of a triangle over its side squared
 
@@ -134,7 +142,7 @@ class _End(NamedTuple):
 def can_collapse(editor: PolyhedronEditor, h: int) -> Decision:
     """Decide whether the edge of h may collapse, and to which share of its length, by the rules of version 2.
 
-    Reasons as in `pipeline.resample.report`: link, boundary, feature, too_long, fold.
+    Reasons as in `pipeline.resample.resample_pass`: link, boundary, feature, too_long, fold.
     """
     near, far = _end(editor, h), _end(editor, h ^ 1)
     fault = _link_fault(editor, h, near, far)

@@ -11,12 +11,16 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import UsageError
 from pipeline.mesh.meshes import PolygonMesh
-from pipeline.resample.polyhedra.editor import LengthLimits, PolyhedronEditor, inherited
 from pipeline.resample.polyhedra.polyhedral_collapse import Collapser
-from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Polyhedron
+from pipeline.resample.polyhedra.polyhedron import (
+    OUTSIDE,
+    LengthLimits,
+    Polyhedron,
+    PolyhedronEditor,
+    inherited,
+)
 from pipeline.resample.polyhedra.slicing import Cutting, Slicer
-from pipeline.resample.report import Report
-from pipeline.resample.resample_pass import not_finite
+from pipeline.resample.resample_pass import Report, not_finite
 from pipeline.resample.thresholds import Thresholds
 
 Collapse = Literal["edges", "areas"]

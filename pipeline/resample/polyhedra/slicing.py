@@ -7,8 +7,16 @@ from itertools import pairwise
 from typing import Literal, NamedTuple
 
 from pipeline.errors import FrameError
-from pipeline.resample.polyhedra.editor import PolyhedronEditor
-from pipeline.resample.polyhedra.polyhedron import Point, between, box, difference, dot, newell, norm
+from pipeline.resample.polyhedra.polyhedron import (
+    Point,
+    PolyhedronEditor,
+    between,
+    box,
+    difference,
+    dot,
+    newell,
+    norm,
+)
 
 Cutting = Literal["slice", "recurse"]
 

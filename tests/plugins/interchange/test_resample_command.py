@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.mesh import TriangleMesh, box, icosphere, read_mesh, read_polygons, require, write_mesh
 from pipeline.plugins.interchange.resample_command import REFUSALS
-from pipeline.resample.kernels.can_collapse import REASONS
+from pipeline.resample.kernels.collapse import REASONS
 
 
 def lengths(mesh: TriangleMesh):

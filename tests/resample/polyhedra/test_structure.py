@@ -10,9 +10,14 @@ from hypothesis import strategies as st
 from pipeline.errors import MeshError
 from pipeline.mesh import PolygonMesh, require
 from pipeline.resample import Thresholds
-from pipeline.resample.polyhedra.editor import LengthLimits, PolyhedronEditor
 from pipeline.resample.polyhedra.polyhedral_collapse import Collapser, can_collapse
-from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Polyhedron, between
+from pipeline.resample.polyhedra.polyhedron import (
+    OUTSIDE,
+    LengthLimits,
+    Polyhedron,
+    PolyhedronEditor,
+    between,
+)
 
 Step = Callable[[Polyhedron, np.random.Generator], None]
 
