@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-from pipeline.errors import UsageError, suggestion
+from pipeline.errors import UsageError, shortened, suggestion
 from pipeline.frames import FrameRange
 from pipeline.shot.documents.field_types import is_number
 from pipeline.shot.documents.light_documents import ENVIRONMENTS, softbox_name
 from pipeline.shot.documents.look_documents import LOOKS, check_bsdf
-from pipeline.shot.yaml.plain_text import listed
+from pipeline.shot.yaml.plain_text import dotted, listed
 from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from render.scene.light_groups import BACKGROUND
 from render.scene.measure import Measure
@@ -30,6 +30,21 @@ ALTERNATIVES = {
 _IS_OPEN = (
     "is for closed surfaces, and a sheet is open. Take a thin box, or a look that light does not go through."
 )
+
+
+def check_named_settings(source: YamlSource) -> Iterator[Problem]:
+    """Check that looks and rigs with names of the show's own are there; documents know only the others."""
+    for names, entry, base_name, known in (
+        ("looks", "look", "material", LOOKS),
+        ("rigs", "lights", "rig", LIGHTS),
+    ):
+        named, value = source.get(names), source.get(entry)
+        name = value.get(base_name) if isinstance(value, dict) else value
+        if not (isinstance(named, dict) and isinstance(name, str)) or name in known:
+            continue
+        where: Where = (entry, base_name) if isinstance(value, dict) else (entry,)
+        if (hint := suggestion(name, map(str, named), listing="")).startswith("Did"):
+            yield where, f"{dotted(where)}: {shortened(name)} is not among `{names}`. {hint}"
 
 
 def check_clear_look(source: YamlSource) -> Iterator[Problem]:

@@ -266,3 +266,57 @@ def test_another_setting_is_another_mesh_and_the_same_is_none(folder: Path) -> N
     assert [a == b for a, b in zip(plain, late, strict=True)] == [number <= 25 for number in range(1, 50)]
     with pytest.raises(ShotError):
         keys("flows.0.vortex.strength=x")
+
+
+SHOW = """\
+looks:
+  ink: {material: glaze, colour: [0.01, 0.02, 0.2]}
+  wet_ink: {material: ink, roughness: 0.03}
+  mirror: chrome
+rigs:
+  duotone: {softboxes: [{position: [-4, 2, 2], radiance: 8, name: red}], sky: {zenith: 0.05}, exposure: 0.5}
+"""
+PLAIN = "title: A\nframes: 1-4\nsubject: {solid: box}\nresample: {max_edge_length: 0.1}\n"
+
+
+def shot_in_show(folder: Path, text: str, *settings: str, show: str = SHOW) -> Shot:
+    (folder / "defaults.yaml").write_text(show)
+    (folder / "A010.yaml").write_text(PLAIN + text)
+    return read_shot(folder / "A010.yaml", settings=settings)
+
+
+def test_looks_and_rigs_that_a_show_names_stand_for_their_settings(tmp_path):
+    ink = LOOKS["glaze"].with_values(colour=(0.01, 0.02, 0.2))
+    shot = shot_in_show(
+        tmp_path, "look: wet_ink\nlights: duotone\noverrides: [{frames: 2-3, look: mirror}]\n"
+    )
+    assert shot.picture.look == ink.with_values(roughness=0.03)
+    assert shot.picture.overrides[0].look == LOOKS["chrome"]
+    assert [box.name for box in shot.picture.lights.softboxes] == [
+        "red"
+    ] and shot.picture.lights.exposure == 0.5
+    assert shot_in_show(tmp_path, "look: clay\n", "look=ink").picture.look == ink
+    assert shot_in_show(tmp_path, "look: clay\n", show="looks: {clay: {material: clay, roughness: 0.4}}\n")
+
+
+def test_what_stands_beside_a_name_replaces_its_settings_and_adds_softboxes(tmp_path):
+    text = """\
+look: {material: ink, pigment: {marble: {colours: ['#fff', '#000']}}}
+lights: {rig: duotone, sun: {}, softboxes: [{position: [4, 2, 2], radiance: 3, name: blue}]}
+"""
+    picture = shot_in_show(tmp_path, text).picture
+    assert picture.look.pattern is not None and picture.lights.daylight is not None
+    assert {box.name: box.radiance[0] for box in picture.lights.softboxes} == {"red": 8.0, "blue": 3.0}
+
+
+def test_a_mistake_in_named_settings_is_reported_where_it_stands(tmp_path):
+    wrong = SHOW.replace("colour", "color").replace("name:", "nick:")
+    with pytest.raises(ShotError) as told:
+        shot_in_show(tmp_path, "look: wet_ink\nlights: duotone\n", show=wrong)
+    colour, box = told.value.messages
+    assert colour == f"{tmp_path}/defaults.yaml:2:26: look.color: unknown name. Did you mean 'colour'?"
+    assert box.startswith(f"{tmp_path}/defaults.yaml:6:61: lights.softboxes.0.nick: unknown name.")
+    with pytest.raises(
+        ShotError, match=r"A010.yaml:5:8: look.material: 'inc' is not among `looks`. Did you mean 'ink'"
+    ):
+        shot_in_show(tmp_path, "look: {material: inc}\n")

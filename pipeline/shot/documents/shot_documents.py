@@ -5,7 +5,7 @@ import math
 import re
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field, SkipValidation, ValidationInfo, model_validator
 
 from pipeline.errors import shortened
 from pipeline.frames import FASTEST, SLOWEST
@@ -212,6 +212,9 @@ class ShotDocument(Document):
         "the shape of the pictures: an aspect or a size; by default 16:9, 1920×1080 in `final`"
     )
     look: LookField = Field("clay", description="the material, by name or spelt out")
+    looks: dict[str, SkipValidation[LookField]] = Field(
+        default_factory=dict, description="names of your own for looks; in defaults.yaml for all shots"
+    )
     smooth: SmoothDocument = Field(
         default=SmoothDocument.model_construct(), description="curved patches over the triangles"
     )
@@ -219,6 +222,9 @@ class ShotDocument(Document):
         default=CameraDocument.model_construct(), description="framing finds distance and target"
     )
     lights: LightsField = Field("studio", description="the light rig, by name or spelt out")
+    rigs: dict[str, SkipValidation[LightsField]] = Field(
+        default_factory=dict, description="names of your own for light rigs; in defaults.yaml for all shots"
+    )
     light_groups: LightGroupsField = Field(
         "off", description="the light of emitters as layers: off, each, or groups of lights by name"
     )

@@ -2,7 +2,8 @@
 
 Mappings merge. Everything else replaces, also a mapping that defines another kind of thing: other keys, a
 formula, another subject, another shape of the picture. Every value keeps its position. A setting of the
-command line, `flows.0.vortex.strength=2`, replaces or adds a value and is its place in messages.
+command line, `flows.0.vortex.strength=2`, replaces or adds a value and is its place in messages. Looks and
+light rigs that the files name under `looks` and `rigs` stand in place of their names.
 """
 
 from __future__ import annotations
@@ -187,7 +188,76 @@ def inherited(
     defaults = read_text(DEFAULTS) if path.name != DEFAULTS else None
     if defaults is not None and isinstance(source.data, dict):
         source = over(source, _require_mapping(YamlSource.read(path.with_name(DEFAULTS), defaults)))
-    return with_settings(source, settings)
+    return with_named_settings(with_settings(source, settings))
+
+
+NAMED_SETTINGS = (("looks", "look", "material"), ("rigs", "lights", "rig"))
+"""Names of settings, where these stand, and which of their names says what they are based on."""
+
+_ALTERNATIVES = frozenset({"colour", "pigment", "measure"}), frozenset({"sky", "sun", "hdri"})
+"""Settings of a look, and of lights, of which one replaces the others."""
+
+
+def with_named_settings(source: YamlSource) -> YamlSource:
+    """Return the source with what `looks` and `rigs` hold in place of their names, at positions of their own.
+
+    What stands beside a name replaces single values, except softboxes, which are added.
+    """
+    for names, entry, base_name in NAMED_SETTINGS:
+        named = source.get(names)
+        if not isinstance(named, dict) or not isinstance(source.data, dict):
+            continue
+        places: list[Where] = [(entry,)]
+        for holder in ("subjects", "overrides"):
+            inside = source.get(holder)
+            keys = (
+                inside if isinstance(inside, dict) else range(len(inside) if isinstance(inside, list) else 0)
+            )
+            places += [(holder, key, entry) for key in keys]
+        for where in places:
+            seen: set[Any] = set()
+            while (name := _name_at(source, where, base_name)) in named and name not in seen:
+                seen.add(name)
+                source = _spelt_out(source, where, (names, name), base_name)
+    return source
+
+
+def _name_at(source: YamlSource, where: Where, base_name: str) -> Any:
+    """Return the name of a look or rig that a value is, or is based on; None where there is none."""
+    value = source.get(*where)
+    name = value.get(base_name) if isinstance(value, dict) else value
+    return name if isinstance(name, str) else None
+
+
+def _spelt_out(source: YamlSource, where: Where, named: Where, base_name: str) -> YamlSource:
+    """Return the source with the settings at `named` below those that stand at `where`."""
+    own, base = source.get(*where), source.get(*named)
+    own = {name: value for name, value in own.items() if name != base_name} if isinstance(own, dict) else {}
+    base = dict(base) if isinstance(base, dict) else {base_name: base}
+    for group in _ALTERNATIVES:
+        if group & own.keys():
+            base = {name: value for name, value in base.items() if name not in group}
+    merged = _merged(own, base, (), set())
+    first, others = own.get("softboxes"), base.get("softboxes")
+    shift = 0
+    if isinstance(first, list) and isinstance(others, list):
+        merged["softboxes"], shift = [*first, *others], len(first)
+    data = copy.deepcopy(source.data)
+    holder = data
+    for step in where[:-1]:
+        holder = holder[step]
+    holder[where[-1]] = merged
+    found = source.without_places(lambda path: path == (*where, base_name))
+    for path, spot in source.places.items():
+        inner = path[len(named) :]
+        if path[: len(named)] == named and inner:
+            if inner[0] == "softboxes" and len(inner) > 1:
+                inner = (inner[0], inner[1] + shift, *inner[2:])
+            if (new := (*where, *inner)) not in found.places:
+                found.places[new], found.others[new] = spot, source.others.get(path, str(source.path))
+                if path in source.texts:
+                    found.texts[new] = source.texts[path]
+    return replace(found, data=data)
 
 
 def inherited_files(path: Path, text: str) -> dict[str, str]:
