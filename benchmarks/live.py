@@ -31,12 +31,10 @@ from queue import SimpleQueue
 from typing import Any
 
 from benchmarks.report import Row, Target, keep, show
-from pipeline.plugins.preview.live_feed import LiveFeed, Message
-from pipeline.plugins.preview.live_server import serving
-from pipeline.plugins.preview.live_session import READY, LiveSession
+from pipeline.plugins.preview.live_server import actions_of, serving
+from pipeline.plugins.preview.live_session import READY, LiveFeed, LiveSession, Message
 from pipeline.plugins.preview.shot_editor import ShotEditor
 from pipeline.plugins.preview.sketch import Sketch
-from pipeline.plugins.preview.staging import actions_of
 from pipeline.plugins.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project
 

@@ -25,8 +25,7 @@ import numpy as np
 
 from benchmarks.report import Row, Target, keep, show
 from pipeline.mesh import TriangleMesh, icosphere, vertex_normals
-from pipeline.plugins.preview.live_feed import LiveFeed, Message
-from pipeline.plugins.preview.live_session import LiveSession
+from pipeline.plugins.preview.live_session import LiveFeed, LiveSession, Message
 from pipeline.plugins.preview.sketch import Sketch
 from pipeline.plugins.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project

@@ -55,8 +55,8 @@ def _scene(path: Path) -> None:
     from pipeline.errors import MeshError
     from pipeline.mesh.mesh_formats import file_surface
     from pipeline.mesh.read import repair_surface
-    from pipeline.plugins.interchange.gltf_arrays import SceneArrays
     from pipeline.plugins.interchange.gltf_document import GltfDocument
+    from pipeline.plugins.interchange.gltf_files import SceneArrays
     from pipeline.plugins.interchange.gltf_scene import DefaultScene
     from render.base.input_files import parsing
 
@@ -69,39 +69,32 @@ def _scene(path: Path) -> None:
 
 def _stage(path: Path) -> None:
     """Read USD as `read_surface` does, but in this process; a crash there is a message to users."""
-    import json
 
-    from pipeline.errors import MeshError
     from pipeline.mesh.mesh_formats import FileSurface
     from pipeline.mesh.read import repair_surface
-    from pipeline.plugins.interchange.usd_reader import answer
+    from pipeline.plugins.interchange.scene_readers import content_of
+    from pipeline.plugins.interchange.usd_files import answer
     from render.base.input_files import parsing
 
     with parsing(path, "a stage", ""):
-        answer(str(path), "facts", "")
-        head, _, content = answer(str(path), "surface", "[null, null]").partition(b"\n")
-        fault = json.loads(head).get("fault") or json.loads(head).get("missing")
-        if fault:
-            raise MeshError(fault)
+        answer(str(path), "facts", "[null, null]")
+        content = content_of(answer(str(path), "surface", "[null, null]"), path)
         repair_surface(FileSurface.unpacked(content)).mesh.triangulated()
 
 
 def _fbx(path: Path) -> None:
     """Read FBX as `read_surface` does, but in this process; a crash there is a message to users."""
-    import json
 
     from pipeline.errors import MeshError
     from pipeline.mesh.mesh_formats import FileSurface
     from pipeline.mesh.read import repair_surface
-    from pipeline.plugins.interchange.fbx_reader import answer
+    from pipeline.plugins.interchange.fbx_files import answer
+    from pipeline.plugins.interchange.scene_readers import content_of
     from render.base.input_files import parsing
 
     with parsing(path, "FBX", ""):
         answer(str(path), "up")
-        head, _, content = answer(str(path), "surface").partition(b"\n")
-        if head:
-            raise MeshError(json.loads(head)["fault"])
-        surface = FileSurface.unpacked(content)
+        surface = FileSurface.unpacked(content_of(answer(str(path), "surface"), path))
         if not len(surface.corners):
             raise MeshError("it has no faces")
         repair_surface(surface).mesh.triangulated()

@@ -17,7 +17,7 @@ from pxr import Sdf, UsdUtils
 
 from pipeline.mesh import box, icosphere, split_at_creases
 from pipeline.plugins.interchange.exported_frame import ExportedFrame
-from pipeline.plugins.interchange.mesh_files import write_glb, write_obj, write_ply
+from pipeline.plugins.interchange.model_export import write_glb, write_obj, write_ply
 from render.scene.materials import LOOKS
 from render.scene.working_space import ACESCG
 from tests.plugins.interchange.fbx_writer import N, binary, box_geometry, layer, model, scene, text

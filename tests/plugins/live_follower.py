@@ -6,8 +6,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
-from pipeline.plugins.preview.live_feed import LiveFeed
-from pipeline.plugins.preview.live_session import LiveSession
+from pipeline.plugins.preview.live_session import LiveFeed, LiveSession
 from pipeline.plugins.preview.sketch import Sketch
 from pipeline.plugins.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project

@@ -14,11 +14,9 @@ from typing import Any
 import pytest
 
 from pipeline.plugins.preview import live_server
-from pipeline.plugins.preview.live_feed import LiveFeed
-from pipeline.plugins.preview.live_server import serving
-from pipeline.plugins.preview.live_session import LiveSession
+from pipeline.plugins.preview.live_server import actions_of, serving
+from pipeline.plugins.preview.live_session import LiveFeed, LiveSession
 from pipeline.plugins.preview.shot_editor import ShotEditor
-from pipeline.plugins.preview.staging import actions_of
 from pipeline.plugins.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project
 from tests.conftest import TINY

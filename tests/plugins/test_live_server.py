@@ -18,8 +18,8 @@ import pytest
 
 from pipeline.errors import MachineError
 from pipeline.plugins.preview import live_server
-from pipeline.plugins.preview.live_feed import LiveFeed
 from pipeline.plugins.preview.live_server import serving
+from pipeline.plugins.preview.live_session import LiveFeed
 
 PATIENCE = 60.0
 

@@ -9,7 +9,7 @@ import av
 import numpy as np
 import pytest
 
-from pipeline.plugins.delivery.light_factors import permanent
+from pipeline.plugins.delivery.relight_command import permanent
 from pipeline.production.store.paths import output_folder
 from render.movie.probe import probe_movie
 from render.post.image import read_exr

@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import UsageError
-from pipeline.plugins.sheets.wedge import Wedge
-from pipeline.plugins.sheets.wedge_grid import Grid, Variation
+from pipeline.plugins.sheets.wedge import Grid, Variation, Wedge
 from pipeline.production.execution.project import Project
 from pipeline.production.planning import planner
 from pipeline.production.planning.plan import Plan

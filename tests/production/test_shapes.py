@@ -11,8 +11,7 @@ import pytest
 
 from pipeline.errors import ShotError, UsageError
 from pipeline.plugins.maintenance.store_repair import begun_requests
-from pipeline.plugins.sheets.wedge import Wedge
-from pipeline.plugins.sheets.wedge_grid import Grid
+from pipeline.plugins.sheets.wedge import Grid, Wedge
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.estimate import estimate
 from pipeline.production.request.lookup import find_edit, find_shot

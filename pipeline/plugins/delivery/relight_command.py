@@ -1,9 +1,13 @@
-"""The command `relight`: mix the light groups of finished frames again."""
+"""The command `relight`: mix light groups of finished frames again, by factors as `lights.key=1.4`."""
 
 from __future__ import annotations
 
+import math
 import re
 import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -21,15 +25,163 @@ from pipeline.cli.options import (
     project_of,
 )
 from pipeline.cli.output import exit_with, print_error, print_result, progress_bars
-from pipeline.errors import FrameError, MissingInputError, UsageError
-from pipeline.plugins.delivery.light_factors import LightSettings, permanent, version_name
+from pipeline.errors import FrameError, MissingInputError, UsageError, shortened, suggestion
 from pipeline.plugins.delivery.relit_frames import RelitFrames
 from pipeline.production.request.lookup import find_shot, options_of
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import writing
+from pipeline.shot.documents.field_types import HEX_PATTERN, linear_of
+from pipeline.shot.yaml.inheritance import OPTION, inherited
 from pipeline.shot.yaml.named_files import NAME, shown
+from pipeline.shot.yaml.plain_text import in_yaml
 from render.base.plural import plural
+from render.base.serialise import Triple
+from render.scene.light_groups import BACKGROUND, LightGroup
 from render.scene.render_quality import DEFAULT_QUALITY
+from render.scene.scene_lights import LightRig
+
+MAX_FACTOR = 1e6
+
+MOST_LETTERS = 60
+"""Letters of the longest name that factors give to a version."""
+
+_FACTOR = re.compile(r"\s*lights\.(\w+)\s*=(.*)", re.DOTALL)
+_INTENSITY = re.compile(r"\s*lights\.intensity(?:\.(\w+))?\s*=(.*)", re.DOTALL)
+
+_OF_SHOT = ("exposure", "hdri", "rig", "softboxes", "turn", "visible")
+"""Names under `lights` in a shot file that are not lights."""
+
+
+@dataclass(frozen=True)
+class LightSettings:
+    """Settings of the command line: factors on light groups as typed, and settings of the shot."""
+
+    factors: Mapping[str, str]
+    of_shot: tuple[str, ...]
+
+    @classmethod
+    def of(cls, settings: Iterable[str]) -> LightSettings:
+        """Split settings; of several factors on one group the last counts. Raises UsageError."""
+        factors, others = {}, []
+        for setting in settings:
+            if match := _INTENSITY.fullmatch(setting):
+                raise UsageError(
+                    f"{OPTION} {setting}: an intensity belongs to the shot; changing it renders frames "
+                    "again. Scale "
+                    f"the rendered light by a factor instead: lights.{match[1] or 'key'}={match[2]}"
+                )
+            match = _FACTOR.fullmatch(setting)
+            if match and match[1] not in _OF_SHOT:
+                factors[match[1]] = match[2].strip()
+            else:
+                others.append(setting)
+        return cls(factors, tuple(others))
+
+    def by_group(self, shot: str, groups: Sequence[LightGroup]) -> dict[str, Triple]:
+        """Return the factors (red, green, blue) by light group, in the order of the groups.
+
+        Raises UsageError where there are none, for a group that the shot does not have, and for text that is
+        no factor.
+        """
+        names = [group.name for group in groups]
+        if not self.factors:
+            raise UsageError(
+                f"no light is set. Write, for example, {OPTION} lights.{names[0]}=1.4; the light groups of "
+                f"{shot} are {', '.join(names)}"
+            )
+        for name in self.factors:
+            if name not in names:
+                owner = next((group.name for group in groups if name in group.lights), None)
+                remedy = f"It is in group {owner}: set lights.{owner}." if owner else suggestion(name, names)
+                raise UsageError(f"{OPTION} lights.{name}: {shot} has no light group {name}. {remedy}")
+        return {name: _parsed(name, self.factors[name]) for name in names if name in self.factors}
+
+
+def _parsed(name: str, text: str) -> Triple:
+    """Return a factor: one number, three of linear Rec.709, or a hexadecimal colour of sRGB."""
+    bare = text.strip("[]()'\" ")
+    if re.fullmatch(HEX_PATTERN, bare):
+        red, green, blue = linear_of(bare)
+        return red, green, blue
+    try:
+        numbers = [float(part) for part in bare.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (1, 3) or not all(math.isfinite(n) and 0.0 <= n <= MAX_FACTOR for n in numbers):
+        raise UsageError(
+            f"{OPTION} lights.{name}: {shortened(text)} is not a factor from 0 to 1e6. Write a number, "
+            f"lights.{name}=1.4, or a colour, lights.{name}=1,0.8,0.6 or 'lights.{name}=#ffd0a0'"
+        )
+    red, green, blue = numbers * (3 // len(numbers))
+    return red, green, blue
+
+
+def version_name(factors: Mapping[str, Triple]) -> str:
+    """Return a name for frames with these factors, as in `key1.4_rim1-0.8-0.6`."""
+    words = [
+        name + "-".join(f"{value:.4g}" for value in (factor[:1] if _is_grey(factor) else factor))
+        for name, factor in factors.items()
+    ]
+    return "_".join(words).replace("+", "")[:MOST_LETTERS]
+
+
+def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Mapping[str, Triple]) -> str:
+    """Return how the factors are written in the shot file at `path`; `of_shot` are settings over it."""
+    members = {
+        group.name: [light for light in group.lights if light != BACKGROUND] for group in lights.groups
+    }
+    refused = [
+        name
+        for name, factor in factors.items()
+        if not _is_grey(factor) and set(members[name]) & set(lights.keeping_colours)
+    ]
+    written_factors = {name: factor for name, factor in factors.items() if name not in refused}
+    words = []
+    if any(members[name] for name in written_factors):
+        data: Any = inherited(path, None, tuple(of_shot), None).data
+        written = data.get("lights")
+        before = written.get("intensity", 1.0) if isinstance(written, dict) else 1.0
+        if not isinstance(before, dict):
+            before = {} if before == 1.0 else dict.fromkeys(lights.names, float(before))
+        after = {
+            light: _multiplied(before.get(light, 1.0), factor)
+            for name, factor in written_factors.items()
+            for light in members[name]
+        }
+        intensity = {**before, **after}
+        if isinstance(written, dict):
+            words.append(f"write intensity: {in_yaml(intensity)} under lights in {shown(path)}")
+        else:
+            rig = {"rig": written or "studio", "intensity": intensity}
+            words.append(f"write lights: {in_yaml(rig)} in {shown(path)}")
+    if refused:
+        words.append(
+            f"{', '.join(refused)}: the colour of daylight and of an hdri cannot be set; write softboxes or "
+            "a sky "
+            "with a radiance of that colour"
+        )
+    sentences = ["To render with these lights, " + "; ".join(words) + "."] if words else []
+    if len({_factor_on(light, lights, factors) for light in ("sky", BACKGROUND)} - {None}) > 1:
+        sentences.append("Only relit frames can show a sky brighter or darker than its light.")
+    return " ".join(sentences)
+
+
+def _multiplied(intensity: Any, factor: Triple) -> float | list[float]:
+    """Return the intensity of a shot file, a number or a colour, times a factor."""
+    before = linear_of(intensity) if isinstance(intensity, str) else intensity
+    parts = before if isinstance(before, Sequence) else [before] * 3
+    product = [float(f"{float(a) * b:.6g}") for a, b in zip(parts, factor, strict=True)]
+    return product[0] if len(set(product)) == 1 else product
+
+
+def _factor_on(light: str, lights: LightRig, factors: Mapping[str, Triple]) -> Triple | None:
+    """Return the factor on a light, or None where it is in no group."""
+    owner = next((group.name for group in lights.groups if light in group.lights), None)
+    return None if owner is None else factors.get(owner, (1.0, 1.0, 1.0))
+
+
+def _is_grey(factor: Triple) -> bool:
+    return len(set(factor)) == 1
 
 
 def relight(

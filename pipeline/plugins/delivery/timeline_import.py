@@ -21,7 +21,7 @@ from ruamel.yaml.comments import CommentedMap
 
 from pipeline.errors import FlowsculptError, ShotError, UsageError, suggestion
 from pipeline.frames import FrameRange, FrameRate
-from pipeline.plugins.delivery.timeline_sound import LEVELS
+from pipeline.plugins.delivery.timeline import LEVELS
 from pipeline.shot.yaml.named_files import shown
 from pipeline.text_encoding import as_utf8
 from render.base.input_files import read_input

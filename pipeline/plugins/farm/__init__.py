@@ -7,18 +7,16 @@ PLUGIN = Plugin(
     version="1",
     commands={
         "task": Command(
-            "pipeline.plugins.farm.task_command:task",
+            "pipeline.plugins.farm.farm_commands:task",
             "Run part of a shot's plan, as a worker of a render manager.",
             "Render",
         ),
     },
     exporters={
         "openjd": Command(
-            "pipeline.plugins.farm.export_farm_commands:openjd", "Open Job Description, for render managers."
+            "pipeline.plugins.farm.farm_commands:openjd", "Open Job Description, for render managers."
         ),
-        "plan": Command(
-            "pipeline.plugins.farm.export_farm_commands:plan", "What tasks of a render manager read."
-        ),
-        "kubernetes": Command("pipeline.plugins.farm.export_farm_commands:kubernetes", "Manifests of Jobs."),
+        "plan": Command("pipeline.plugins.farm.farm_commands:plan", "What tasks of a render manager read."),
+        "kubernetes": Command("pipeline.plugins.farm.farm_commands:kubernetes", "Manifests of Jobs."),
     },
 )

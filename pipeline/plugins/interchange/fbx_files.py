@@ -1,30 +1,46 @@
 """Models in FBX files, text or binary of any version, which ufbx reads in a process of its own.
 
-ufbx is C that could crash on a damaged file; `fbx_reader` is the program of that process.
+ufbx is C that could crash on a damaged file. The process answers with an axis, or with a line of JSON, which
+is empty for a surface that follows. ufbx 0.0.5 crashes where an attribute is asked for that it does not have,
+as numpy.asarray does; so lists are read as buffers.
 """
 
 from __future__ import annotations
 
-import json
-from importlib.util import find_spec
+import ctypes
+import gc
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from pipeline.errors import MachineError, MeshError
-from pipeline.mesh.mesh_formats import FileSurface
-from render.base.limited_process import answer_about_content, answer_of
-from render.base.python_process import command_line
+import numpy as np
 
-PACKAGE, EXTRA = "ufbx", "models"
+from pipeline.arrays import AnyArray, Floats, Points
+from pipeline.errors import MeshError, shortened
+from pipeline.mesh.face_soup import FaceSoup
+from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, known_unit
+from pipeline.plugins.interchange.scene_readers import (
+    PlacedMeshes,
+    Polygons,
+    answered,
+    asked,
+    bound_note,
+    joined,
+    one_file,
+    require_package,
+)
+from pipeline.text_encoding import text_content
+from render.base.input_files import read_input, require_input
+from render.base.limited_process import MEMORY, allow_memory, answer_about_content, serve
+from render.base.plural import plural
+
+if TYPE_CHECKING:
+    import ufbx
 
 
-def require_ufbx() -> None:
-    """Raise MachineError where the package that reads FBX is not installed."""
-    if find_spec(PACKAGE) is None:
-        raise MachineError(
-            f"FBX files need the package {PACKAGE} (4 MB), which is not installed; "
-            f"pip install 'flowsculpt[{EXTRA}]', or only the package, for the Python of flowsculpt: "
-            f"{command_line('pip', 'install', PACKAGE)}"
-        )
+_MODULE = "pipeline.plugins.interchange.fbx_files"
 
 
 def read_fbx(path: Path) -> FileSurface:
@@ -33,19 +49,274 @@ def read_fbx(path: Path) -> FileSurface:
     Axes other than y up and z up, both right-handed, are turned to y up. Raises MachineError without ufbx,
     ParserError or MeshError where it cannot be read.
     """
-    require_ufbx()
-    head, _, content = answer_of("pipeline.plugins.interchange.fbx_reader", path, "surface").partition(b"\n")
-    if head:
-        raise MeshError(json.loads(head)["fault"])
-    return FileSurface.unpacked(content)
+    _require_ufbx()
+    return FileSurface.unpacked(asked(_MODULE, path, "surface"))
 
 
-def up_of_fbx(path: Path, digest: str) -> str:
-    """Return the axis that points up in the coordinates of `read_fbx`: y or z. The disk cache stores it.
+def _up_of(path: Path, digest: str) -> str:
+    """Return the axis that points up in the coordinates of `read_fbx`; the disk cache stores it by digest."""
+    _require_ufbx()
+    return answer_about_content(_MODULE, path, digest, "ufbx", "up")
 
-    digest  of the file's content
 
-    Raises as `read_fbx`.
+def _require_ufbx() -> None:
+    require_package("FBX files", "ufbx", "ufbx (4 MB)", "models")
+
+
+FBX = MeshFormat(read_fbx, one_file(_up_of), states_up=True)
+
+MOST_BYTES = 1 << 30
+"""Size of the largest file."""
+
+_BINARY = b"Kaydara FBX Binary"
+
+_DIRECTIONS = np.concatenate([np.eye(3), -np.eye(3)])[[0, 3, 1, 4, 2, 5]]
+"""The vectors of ufbx's CoordinateAxis: ±x, ±y, ±z."""
+
+_SCENES: list[Any] = []
+"""The scenes that were read, which ufbx 0.0.5 cannot free without a crash."""
+
+
+def _counted(element: Any) -> Any:
+    """Return a node or mesh of ufbx, which every access must pass: 0.0.5 counts one reference too few."""
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(element))
+    return element
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Keep the garbage collector from the objects of ufbx, whose references it would miscount."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
+def answer(path: str, question: str) -> bytes:
+    """Return the answer to `up` or `surface` about the file at a path."""
+    allow_memory(MEMORY + 40 * require_input(Path(path), MOST_BYTES))
+    content = read_input(Path(path), MOST_BYTES)
+    if question == "up":
+        return up_axis(content).encode()
+    return answered(lambda: visible_surface(content).packed())
+
+
+@_uncollected()
+def up_axis(content: bytes) -> str:
+    """Return the axis that points up in the coordinates of `visible_surface`: y or z."""
+    axes = _axes(_loaded(content, ignore_all_content=True))
+    return "z" if axes is not None and axes[1, 2] == 1.0 and np.linalg.det(axes) > 0.0 else "y"
+
+
+def _loaded(content: bytes, **options: bool) -> ufbx.Scene:
+    """Return the scene of a file. Raises UfbxError or ValueError where it cannot be read."""
+    import ufbx
+
+    try:
+        scene = ufbx.load_memory(
+            content if content.startswith(_BINARY) else text_content(content),
+            file_format=ufbx.FileFormat.FBX,  # it would read OBJ too
+            ignore_animation=True,
+            ignore_embedded=True,
+            skip_mesh_parts=True,
+            skip_skin_vertices=True,
+            index_error_handling=ufbx.IndexErrorHandling.NO_INDEX,
+            **options,
+        )
+    except ufbx.UfbxError as error:
+        if str(error) != "Failed to load":
+            raise
+        raise ValueError("its numbers contradict each other, or it ends early") from None
+    _SCENES.append(scene)
+    return scene
+
+
+def _axes(scene: ufbx.Scene) -> Floats | None:
+    """Return the directions right, up and front (3, 3) in the file's coordinates; None if it says none."""
+    axes = scene.settings.axes
+    numbers = [int(axes.right), int(axes.up), int(axes.front)]
+    if max(numbers) >= len(_DIRECTIONS):
+        return None
+    return _DIRECTIONS[numbers]
+
+
+def _turn(axes: Floats | None) -> Floats:
+    """Return the matrix (4, 4) of row vectors that turns coordinates of the file to y up where it must."""
+    matrix = np.eye(4)
+    if axes is not None and not (np.linalg.det(axes) > 0.0 and max(axes[1, 1], axes[1, 2]) == 1.0):
+        matrix[:3, :3] = axes.T
+    return matrix
+
+
+@_uncollected()
+def visible_surface(content: bytes) -> FileSurface:
+    """Return the visible meshes of a file as one surface. Raises MeshError where there is none."""
+    scene = _loaded(content)
+    meshes, left_out, cages, bound = PlacedMeshes("export fewer"), Counter[str](), 0, 0
+    read: dict[int, Polygons] = {}
+    turn = _turn(_axes(scene))
+    for node, is_shown in _nodes(scene):
+        mesh = _counted(node.mesh)
+        kind = _kind_of_shape(node) if mesh is None else "" if is_shown else "hidden mesh"
+        if kind:
+            left_out[kind] += 1
+        if kind or mesh is None:
+            continue
+        if mesh.element_id not in read:
+            read[mesh.element_id] = _polygons(mesh, shortened(node.name or mesh.name))
+        bound += len(mesh.skin_deformers) + len(mesh.blend_deformers) > 0
+        cages += int(mesh.subdivision_display_mode) != 0
+        meshes.add(read[mesh.element_id], _matrix(node) @ turn)
+    others = ", ".join(plural(count, kind, _PLURALS.get(kind, "")) for kind, count in left_out.items())
+    if not meshes.parts:
+        raise MeshError(
+            f"it has no visible mesh.{f' Left out: {others}.' if others else ''} "
+            "Convert its objects to meshes in the program that made it."
+        )
+    notes = [f"left out: {others}; convert or show it in the program that made it"] if others else []
+    if bound:
+        notes.append(bound_note(bound))
+    if cages:
+        notes.append(
+            f"{plural(cages, 'mesh', 'meshes')} would be smoothed by subdivision, which is not done here; "
+            "to make it smooth, subdivide it in the program that made the file"
+        )
+    return joined(meshes.parts, notes)._replace(unit=known_unit(scene.settings.unit_meters))
+
+
+_PLURALS = {"hidden mesh": "hidden meshes"}
+
+_SHAPES = {7: "curve", 8: "curve", 9: "NURBS surface", 10: "trimmed NURBS surface", 12: "procedural shape"}
+"""Kinds of shapes that are not meshes, by ufbx's ElementType."""
+
+_LOD_GROUP = 16
+
+
+def _kind_of_shape(node: ufbx.Node) -> str:
+    return _SHAPES.get(int(node.attrib_type), "")
+
+
+def _nodes(scene: ufbx.Scene) -> Iterator[tuple[ufbx.Node, bool]]:
+    """Yield the nodes of a scene, each with whether it is shown; of levels of detail, the first alone."""
+    import ufbx
+
+    waiting = [(_counted(scene.root_node), True)]
+    while waiting:
+        node, parent_shown = waiting.pop()
+        inherits = ufbx.find_bool(node.props, "Visibility Inheritance", True)
+        is_shown = node.visible and (parent_shown or not inherits)
+        yield node, is_shown
+        children = [_counted(child) for child in node.children]
+        if int(node.attrib_type) == _LOD_GROUP:
+            children = children[:1]
+        waiting += [(child, is_shown) for child in reversed(children)]
+
+
+def _matrix(node: ufbx.Node) -> Floats:
+    """Return the matrix (4, 4) of row vectors that places the mesh of a node, with its pivots and geometric
+    transform.
     """
-    require_ufbx()
-    return answer_about_content("pipeline.plugins.interchange.fbx_reader", path, digest, PACKAGE, "up")
+    matrix = np.eye(4)
+    matrix[:, :3] = node.geometry_to_world
+    return matrix
+
+
+def _polygons(mesh: ufbx.Mesh, name: str) -> Polygons:
+    """Return the faces of a mesh in its own coordinates, without holes.
+
+    name  of the mesh, for messages
+
+    Raises MeshError.
+    """
+    points = _numbers(mesh.vertices, np.float64, 3)
+    first, sides = _numbers(mesh.faces, np.uint32, 2).astype(np.int64).T
+    corners = _numbers(mesh.vertex_indices, np.uint32).astype(np.int64)
+    if not np.array_equal(first, np.cumsum(sides) - sides) or sides.sum() != len(corners):
+        raise MeshError(f"{name}: its faces do not fit its corners")
+    wrong = np.flatnonzero(corners >= len(points))
+    if len(wrong):
+        face = int(np.searchsorted(np.cumsum(sides), wrong[0], side="right"))
+        raise MeshError(f"{name}: face {face} names a vertex that is not there; it has {len(points)}")
+    polygons = Polygons(
+        points, sides, corners, _creases(mesh, points, corners, sides), _groups(mesh, len(sides))
+    )
+    holes = _numbers(mesh.face_hole, np.bool_)
+    return polygons.without(holes) if holes.any() else polygons
+
+
+def _groups(mesh: ufbx.Mesh, faces: int) -> AnyArray:
+    """Return a number (F,) for each face: those of one material and smoothing have the same."""
+    columns = [_numbers(mesh.face_material, np.uint32), _numbers(mesh.face_smoothing, np.bool_)]
+    known = [column.astype(np.int64) for column in columns if len(column) == faces]
+    if not known:
+        return np.zeros(faces, np.int64)
+    return np.unique(np.column_stack(known), axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def _creases(mesh: ufbx.Mesh, points: Points, corners: AnyArray, sides: AnyArray) -> AnyArray:
+    """Return the edges (K, 2) that have a crease weight, and the hard ones amid smooth ones.
+
+    Which are hard is said by smoothing of edges, or where a file has none, by its normals.
+    """
+    edges = corners[_numbers(mesh.edges, np.uint32, 2).astype(np.int64)]
+    weights = _numbers(mesh.edge_crease, np.float64)
+    weighted = edges[weights > 0.0] if len(weights) == len(edges) else edges[:0]
+    smooth = _numbers(mesh.edge_smoothing, np.bool_)
+    if len(smooth) == len(edges) and len(edges):
+        hard = edges[~smooth] if smooth.any() else edges[:0]
+    else:
+        hard = _parted_edges(mesh, points, corners, sides)
+    return np.concatenate([weighted, hard])
+
+
+_SAME_NORMAL = 0.999
+"""Cosine between normals, from which they are the same: 2.6 degrees."""
+
+
+def _parted_edges(mesh: ufbx.Mesh, points: Points, corners: AnyArray, sides: AnyArray) -> AnyArray:
+    """Return the edges (K, 2) where the normals of two faces differ; none of a mesh that is shaded flat."""
+    given = mesh.vertex_normal
+    values, index = _numbers(given.values, np.float64, 3), _numbers(given.indices, np.uint32)
+    none = np.empty((0, 2), np.int64)
+    if len(index) != len(corners) or not len(values) or index.max() >= len(values) or sides.min() < 3:
+        return none
+    normals = _unit_vectors(values[index])
+    offsets = np.concatenate([[0], np.cumsum(sides)])
+    soup = FaceSoup(points, offsets, corners, np.arange(len(sides)), np.arange(len(points)))
+    ends = np.sort(np.column_stack([corners, soup.heads]))
+    order = np.lexsort(ends.T)
+    starts = np.flatnonzero(np.append(True, (np.diff(ends[order], axis=0) != 0).any(axis=1)))
+    twice = starts[np.diff(np.append(starts, len(order))) == 2]
+    a, b = order[twice], order[twice + 1]
+    flips = corners[a] != corners[b]  # sides of neighbours run in opposite directions
+    tails, heads = np.where(flips, soup.next_side[b], b), np.where(flips, b, soup.next_side[b])
+    planes = _unit_vectors(soup.area_vectors)[soup.owners]
+    is_bent = _dot(planes[a], planes[b]) < _SAME_NORMAL
+    is_parted = (_dot(normals[a], normals[tails]) < _SAME_NORMAL) | (
+        _dot(normals[soup.next_side[a]], normals[heads]) < _SAME_NORMAL
+    )
+    if is_parted[is_bent].all():
+        return none
+    return ends[a[is_bent & is_parted]]
+
+
+def _unit_vectors(vectors: Points) -> Points:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), np.finfo(float).tiny)
+
+
+def _dot(a: Points, b: Points) -> AnyArray:
+    return np.einsum("ij,ij->i", a, b)
+
+
+def _numbers(values: Any, kind: Any, columns: int = 1) -> AnyArray:
+    """Return a list of ufbx as an array (N,) or (N, columns). Its lists of uint32 have no buffers."""
+    if kind is np.uint32 and columns == 1:
+        return np.fromiter(values, kind, len(values))
+    flat = np.frombuffer(values, kind) if len(values) else np.empty(0, kind)
+    return flat.reshape(-1, columns) if columns > 1 else flat
+
+
+if __name__ == "__main__":
+    serve(answer)

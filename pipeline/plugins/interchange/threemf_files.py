@@ -17,8 +17,8 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.errors import MeshError, brief, shortened
-from pipeline.mesh.mesh_formats import FileSurface
-from pipeline.plugins.interchange.placed_meshes import PlacedMeshes, Polygons, joined
+from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, reader_of
+from pipeline.plugins.interchange.scene_readers import PlacedMeshes, Polygons, joined, one_file
 from pipeline.plugins.interchange.xml_elements import limited_parser, local_name, parse_elements
 from render.base.input_files import size_of
 from render.base.plural import plural
@@ -101,6 +101,9 @@ def read_threemf(content: bytes) -> FileSurface:
     if not package.placed.parts:
         raise MeshError("; ".join(["its build has no triangles", *package.notes()]) + ". Export it again.")
     return joined(package.placed.parts, package.notes())._replace(unit=_UNITS[part.unit])
+
+
+THREEMF = MeshFormat(reader_of(read_threemf), one_file(lambda path, digest: "z"), states_up=True)
 
 
 @dataclass

@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
 from pipeline.errors import MeshError, brief
-from pipeline.plugins.interchange.placed_meshes import PlacedMeshes, Polygons, reversed_faces
+from pipeline.plugins.interchange.scene_readers import PlacedMeshes, Polygons, reversed_faces
 from render.base.plural import plural
 
 if TYPE_CHECKING:  # USD is an optional package, and takes a moment to import

@@ -1,4 +1,4 @@
-"""Previews of a shot as a still or a movie, and the cameras that they need.
+"""Previews of a shot as a still or a movie, and of a film, and the cameras that they need.
 
 The camera of a still depends on frames after it: for these a sample of its points is moved. Nothing is
 resampled after the still's own frame, so that a still takes the time of the frames up to it. The sample lies
@@ -24,6 +24,7 @@ from pipeline.errors import FrameError
 from pipeline.plugins.preview.sketch import Sketch, is_closed
 from pipeline.plugins.preview.surface_stream import SurfaceStream
 from pipeline.production.request.audio import samples_of
+from pipeline.production.request.edit import Edit
 from pipeline.production.request.framing import (
     AHEAD,
     BoundingSpheres,
@@ -34,10 +35,14 @@ from pipeline.production.request.framing import (
     with_stage_in_view,
 )
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.store import paths
 from pipeline.production.store.store import Store
+from pipeline.production.tasks.encoding import cut_together
 from pipeline.shot import Motion
+from render.graphics.cards import Screen
 from render.movie.codecs import PLAYBLAST, timecode
 from render.movie.encode import write_movie
+from render.movie.movie_frames import Frame, dissolve, mix_frames
 from render.post.image import write_png
 
 SIZES = {"still": (960, 540), "movie": (480, 270)}
@@ -297,3 +302,66 @@ def outline(points: AnyArray) -> Indices:
     directions = np.stack([across * np.cos(turn), height, across * np.sin(turn)])
     outermost = [int((points @ direction).argmax()) for direction in directions.T]
     return np.unique(np.concatenate([spread, outermost]))
+
+
+FOLDER = "preview"
+"""Stands for the quality in the path of a film's animatic."""
+
+
+def film_path(edit: Edit) -> Path:
+    """Return the path of a film's animatic, relative to the root."""
+    return paths.film(FOLDER, edit.name)
+
+
+def write_film_animatic(
+    edit: Edit,
+    clips: Sequence[Animatic],
+    path: Path,
+    tell: FrameCallback,
+    ready: Callable[[Animatic], object] = lambda clip: None,
+) -> int:
+    """Write an MP4 of a film and return its number of frames.
+
+    clips  the animatics of the edit's clips, in order, each with a stream of its own
+    ready  called before a clip is drawn, to wait for what it is drawn from
+
+    Raises FrameError if a frame fails, MachineError if the disk refuses.
+    """
+    first = clips[0]
+    request = first.sketch.request
+
+    def shown(place: int) -> Iterator[Picture]:
+        clip = clips[place]
+        ready(clip)
+        yield from _in_order(clip.sketch.request.requested, clip.pictures(tell))
+
+    screen, rate = Screen(request.projection, first.movie_size), edit.frame_rate
+    frames = dissolve(list(cut_together(edit, screen, shown, _as_bytes)), mix_frames)
+    told = _told(frames, tell)
+    sound = samples_of(edit.sounds, edit.length, rate)
+    first.stream.store.write(
+        path,
+        lambda draft: write_movie(
+            draft, told, rate.fps, PLAYBLAST, sound=sound, projection=request.projection
+        ),
+    )
+    return edit.length
+
+
+def _in_order(numbers: Sequence[int], pictures: Iterator[Picture]) -> Iterator[Picture]:
+    """Yield pictures, which are drawn in ascending order, in the order in which a clip shows them."""
+    if list(numbers) == sorted(set(numbers)):
+        return pictures
+    drawn = dict(zip(sorted(set(numbers)), pictures, strict=True))
+    return (drawn[number] for number in numbers)
+
+
+def _told(frames: Iterator[Frame], tell: FrameCallback) -> Iterator[Frame]:
+    for number, frame in enumerate(frames, 1):
+        yield frame
+        tell("drawing", number)
+
+
+def _as_bytes(card: Frame) -> Frame:
+    """Return a card of 16 bits with the 8 of an animatic."""
+    return (card // 257).astype(np.uint8)

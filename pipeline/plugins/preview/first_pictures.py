@@ -92,8 +92,7 @@ class FirstPictures:
 
     def animatics(self) -> Iterator[str]:
         """Draw the animatic of the film, or of each shot when it can be drawn; yield where they are."""
-        from pipeline.plugins.preview.animatic import Animatic
-        from pipeline.plugins.preview.film_animatic import film_path, write_film_animatic
+        from pipeline.plugins.preview.animatic import Animatic, film_path, write_film_animatic
         from pipeline.plugins.preview.sketch import Sketch
         from pipeline.plugins.preview.surface_stream import SurfaceStream
 

@@ -1,7 +1,7 @@
 """A server of the live page for browsers on this machine, and for the one page that knows its token.
 
 The address holds a random token. A request must name this machine as its host and, to change anything, this
-page as its origin; its body is JSON of bounded size.
+page as its origin; its body is JSON of bounded size, and so is its answer.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import FlowsculptError, MachineError
-from pipeline.plugins.preview.live_feed import LiveFeed
-from pipeline.plugins.preview.shot_editor import StaleError
+from pipeline.errors import FlowsculptError, MachineError, UsageError
+from pipeline.plugins.preview.live_session import LiveFeed, LiveSession
+from pipeline.plugins.preview.shot_editor import ShotEditor, StaleError, edits_in, where_in
+from pipeline.plugins.preview.trial_pictures import TrialPictures
 from render.base.atomic_write import machine_error
 
 ADDRESS = "127.0.0.1"
@@ -287,3 +288,62 @@ class _Handler(BaseHTTPRequestHandler):
 def _refuse_constant(word: str) -> Any:
     """Refuse NaN and infinite numbers, which Python's JSON would read."""
     raise ValueError(word)
+
+
+def actions_of(editor: ShotEditor, session: LiveSession) -> dict[str, Action]:
+    """Return the page's requests by name. Each may name the `frame` that the page shows."""
+
+    pictures = TrialPictures(editor, session)
+
+    def state(asked: Mapping[str, Any]) -> dict[str, Any]:
+        _note_frame(session, asked)
+        return editor.state()
+
+    def edited(asked: Mapping[str, Any], write: Callable[[str], dict[str, Any]]) -> dict[str, Any]:
+        """Write an edit of the text that the page shows, and end the rest of a drag."""
+        _note_frame(session, asked)
+        try:
+            return write(_text(asked, "digest"))
+        finally:
+            session.resume()
+
+    def edit(asked: Mapping[str, Any]) -> dict[str, Any]:
+        return edited(
+            asked,
+            lambda digest: editor.edit(digest, edits_in(asked.get("edits")), _text(asked, "gesture", "")),
+        )
+
+    def undo(asked: Mapping[str, Any]) -> dict[str, Any]:
+        return edited(asked, editor.undo)
+
+    def redo(asked: Mapping[str, Any]) -> dict[str, Any]:
+        return edited(asked, editor.redo)
+
+    def prepare(asked: Mapping[str, Any]) -> dict[str, Any]:
+        pictures.prepare(where_in(asked.get("where")), _frame(asked))
+        return {}
+
+    def follow(asked: Mapping[str, Any]) -> dict[str, Any]:
+        return pictures.picture(_text(asked, "digest"), edits_in(asked.get("edits")), _frame(asked))
+
+    return {action.__name__: action for action in (state, edit, undo, redo, prepare, follow)}
+
+
+def _frame(asked: Mapping[str, Any]) -> int:
+    frame = asked.get("frame")
+    if not isinstance(frame, int):
+        raise UsageError("frame must be a number")
+    return frame
+
+
+def _note_frame(session: LiveSession, asked: Mapping[str, Any]) -> None:
+    frame = asked.get("frame")
+    if isinstance(frame, int):
+        session.focus = frame
+
+
+def _text(asked: Mapping[str, Any], name: str, default: str | None = None) -> str:
+    value = asked.get(name, default)
+    if not isinstance(value, str) or len(value) > 100:
+        raise UsageError(f"{name} must be text of at most 100 characters")
+    return value

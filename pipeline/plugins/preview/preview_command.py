@@ -23,14 +23,17 @@ from pipeline.cli.output import (
 )
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.flow.flow import require_permission
-from pipeline.plugins.preview.animatic import Animatic, FrameCallback, FramedSurfaces
-from pipeline.plugins.preview.film_animatic import film_path, write_film_animatic
-from pipeline.plugins.preview.live_feed import LiveFeed
-from pipeline.plugins.preview.live_server import serving
-from pipeline.plugins.preview.live_session import LiveSession, files_of, stamp, wait_for_edit
+from pipeline.plugins.preview.animatic import (
+    Animatic,
+    FrameCallback,
+    FramedSurfaces,
+    film_path,
+    write_film_animatic,
+)
+from pipeline.plugins.preview.live_server import actions_of, serving
+from pipeline.plugins.preview.live_session import LiveFeed, LiveSession, files_of, stamp, wait_for_edit
 from pipeline.plugins.preview.shot_editor import ShotEditor
 from pipeline.plugins.preview.sketch import Sketch
-from pipeline.plugins.preview.staging import actions_of
 from pipeline.plugins.preview.surface_stream import SurfaceStream
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.lookup import find_edit, find_shot, names_edit

@@ -26,8 +26,14 @@ from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from pathlib import Path
 
-from pipeline.plugins.remote.remote_address import checked_url, load_package, open_url
-from pipeline.plugins.remote.remote_requests import NO_FOLDER, RemoteRequests, UnreachableError
+from pipeline.plugins.remote.remote_requests import (
+    NO_FOLDER,
+    RemoteRequests,
+    UnreachableError,
+    checked_url,
+    load_package,
+    open_url,
+)
 from pipeline.production.store.digests import digest_of
 from pipeline.production.store.remote_store import SIDE_BY_SIDE
 from render.base.atomic_write import machine_error

@@ -1,4 +1,7 @@
-"""Requests to the file system of the remote store, made again where they fail, and its faults in words.
+"""The address of the remote store, checked and opened as a file system, and requests to it.
+
+Credentials are no part of it. Each file system finds them where its own tools do: S3 in `AWS_PROFILE`,
+`AWS_ACCESS_KEY_ID` or `~/.aws`, and the server in `AWS_ENDPOINT_URL`.
 
 A request that fails is made again for some seconds. Then a warning is logged, and for a minute, later longer,
 nothing is asked: whoever asks gets `UnreachableError` at once.
@@ -12,11 +15,135 @@ import re
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, TypeVar
+from urllib.parse import urlsplit
 
+from pipeline.errors import MachineError, UsageError, suggestion
 from pipeline.production.store.remote_store import LOG
-from render.base.render_errors import MachineError
+from render.base.python_process import command_line
+
+OPTION = "--store"
+
+EXAMPLES = "s3://bucket/show, or a folder such as /mnt/share/show"
+
+CONNECT_SECONDS = 5.0
+"""Seconds until a server that does not accept a connection counts as absent."""
+
+READ_SECONDS = 20.0
+"""Seconds without a byte after which an answer counts as lost."""
+
+
+def checked_url(typed: str) -> str:
+    """Return the address that a user typed, a folder's made absolute.
+
+    Raises UsageError for an address that cannot be one, MachineError where its package is not installed.
+    """
+    from fsspec.registry import known_implementations  # takes a moment, and most runs have no remote store
+
+    text = typed.strip()
+    where = f"{OPTION} {_without_password(text)}"
+    if not text.isprintable() or not text:
+        raise UsageError(f"{OPTION} {typed!r}: is empty or contains control characters; write {EXAMPLES}")
+    scheme, separator, rest = text.partition("://")
+    if not separator:
+        return f"file://{_folder(text, where)}"
+    if scheme not in known_implementations:
+        likely = suggestion(scheme, _USUAL)
+        raise UsageError(f"{where}: {scheme}:// is not known. {likely}")
+    if not rest.strip("/"):
+        raise UsageError(f"{where}: a bucket or folder must follow; write {EXAMPLES}")
+    _check_host(text, where)
+    module = known_implementations[scheme]["class"].partition(".")[0]
+    if find_spec(module) is None:
+        raise MachineError(
+            f"{where}: {scheme}:// needs the package {module}, which is not installed; install it "
+            f"for the Python of flowsculpt: {command_line('pip', 'install', module)}"
+        )
+    return text
+
+
+def _folder(text: str, where: str) -> Path:
+    """Return the absolute path of a folder. Raises UsageError for a mistyped address."""
+    if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:", text):
+        raise UsageError(f"{where}: an address has :// after its scheme, as {EXAMPLES}; a folder is ./{text}")
+    try:
+        return Path(text).expanduser().absolute()
+    except RuntimeError as error:  # ~ of a user without a home
+        raise UsageError(f"{where}: {error}; write {EXAMPLES}") from None
+
+
+def _check_host(text: str, where: str) -> None:
+    """Raise UsageError where the bucket, the host or the port of an address cannot be one."""
+    scheme, _, rest = text.partition("://")
+    try:
+        parts = urlsplit(text)
+        has_password = parts.password is not None
+        if scheme not in _BUCKETS:
+            _ = parts.port  # parsed when it is asked for
+    except ValueError as error:
+        raise UsageError(f"{where}: cannot be parsed ({error}); write {EXAMPLES}") from None
+    if has_password:
+        raise UsageError(
+            f"{where}: it contains a password, which would end up in logs; leave it out, and put "
+            "credentials in the "
+            "file system's own settings (docs/farm.md)"
+        )
+    bucket = rest.partition("/")[0]
+    if scheme in _BUCKETS and not re.fullmatch(r"[\w.-]+|arn:[\w:.-]+", bucket, re.ASCII):
+        raise UsageError(
+            f"{where}: {bucket!r} cannot name a bucket; names have letters, digits, . and -. "
+            "Set AWS_ENDPOINT_URL for a server of your own"
+        )
+    if scheme in ("file", "local") and not rest.startswith("/"):
+        raise UsageError(f"{where}: an absolute path must follow, as in file:///mnt/share/show")
+
+
+def load_package(url: str) -> None:
+    """Import the package of an address, which takes a moment. It starts no thread."""
+    from fsspec import get_filesystem_class
+
+    with suppress(ImportError, ValueError):  # whoever opens the address says so
+        get_filesystem_class(url.partition("://")[0])
+
+
+def open_url(url: str) -> tuple[Any, str]:
+    """Return the fsspec file system of a checked address, and the path in it. Nothing is asked yet.
+
+    Raises MachineError where its package cannot be loaded.
+    """
+    from fsspec.core import url_to_fs
+
+    scheme, options = url.partition("://")[0], dict[str, Any](use_listings_cache=False)
+    if scheme in ("file", "local"):
+        options["auto_mkdir"] = True
+    elif scheme in ("s3", "s3a"):
+        once = {"total_max_attempts": 1}  # trying again is `RemoteStore`'s
+        seconds = {"connect_timeout": CONNECT_SECONDS, "read_timeout": READ_SECONDS}
+        options |= {"config_kwargs": {**seconds, "retries": once, "max_pool_connections": 64}}
+    try:
+        files, path = url_to_fs(url, **options)
+    except (ImportError, TypeError, ValueError) as error:  # TypeError: not a file system of its own
+        raise MachineError(f"{url}: cannot be opened: {error}") from error
+    if scheme in ("s3", "s3a"):
+        files.retries = 1
+    return files, path.rstrip("/")
+
+
+_BUCKETS = ("s3", "s3a")
+
+_USUAL = ("s3", "file", "gs", "abfs", "sftp", "smb", "memory")
+
+
+def _without_password(text: str) -> str:
+    """Return an address without the user and the password in it."""
+    scheme, separator, rest = text.partition("://")
+    host, slash, path = rest.partition("/")
+    return f"{scheme}{separator}{host.rpartition('@')[2]}{slash}{path}"
+
 
 T = TypeVar("T")
 

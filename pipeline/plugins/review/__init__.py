@@ -7,16 +7,16 @@ PLUGIN = Plugin(
     version="1",
     commands={
         "review": Command(
-            "pipeline.plugins.review.review_command:review",
+            "pipeline.plugins.review.review_commands:review",
             "Write a page for reviewing shots frame by frame and writing notes.",
             "Look",
         ),
         "notes": Command(
-            "pipeline.plugins.review.notes_command:notes",
+            "pipeline.plugins.review.review_commands:notes",
             "List the notes that reviewers wrote about a shot.",
             "Look",
         ),
     },
     schemas={"notes": "pipeline.plugins.review.review_notes:NotesDocument"},
-    notes="pipeline.plugins.review.notes_folder:notes_file",
+    notes="pipeline.plugins.review.review_notes:notes_file",
 )

@@ -1,22 +1,27 @@
-"""Notes of reviews: what a file of them holds, and the rule by which files are merged.
+"""Notes of reviews: what a file of them holds, how files are merged, and where a project has them.
 
 A file is JSON: ``{"format": "flowsculpt notes", "version": 1, "notes": [...]}``. A note has an id, which is a
 UUID, and revisions: the latest stands in the note itself, earlier ones under `history`. A deleted note stays,
 and its latest revision says so. The page of `review` follows the same rule (page/note_merging.js).
+
+The notes of a shot are `notes/<shot>.json` next to `shots/`, production data that `clean` leaves alone.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
 
 from pipeline.errors import MissingInputError, UsageError, brief
+from pipeline.production.store.locks import making, writing
+from pipeline.production.store.paths import NOTES
 from pipeline.shot.yaml.named_files import MOST_LETTERS, NAME, is_there
-from render.base.atomic_write import machine_error
+from render.base.atomic_write import ChangedFileError, atomic_write, machine_error
 
 FORMAT = "flowsculpt notes"
 VERSION = 1
@@ -212,3 +217,71 @@ def _fault(error: ValidationError) -> str:
         rule = "the format does not allow this text here"
     value = "" if first["type"] == "value_error" else f" is {brief(json.dumps(given, default=str))}"
     return f"{place}{value}: {rule[0].lower()}{rule[1:]}; take the file as the review page downloaded it"
+
+
+@dataclass(frozen=True)
+class NotesFolder:
+    """The notes below a root."""
+
+    root: Path
+
+    def path(self, shot: str) -> Path:
+        return self.root / NOTES / f"{shot}.json"
+
+    def notes(self, shot: str) -> list[ReviewNote]:
+        """Return the notes of a shot. Raises what `read_notes` raises."""
+        return _notes_in(self.path(shot))
+
+    def add(self, files: Sequence[Path], dry: bool = False) -> dict[str, int]:
+        """Merge files into those of their shots, and return the number of new and changed notes by shot.
+
+        All files are read first: one that is damaged leaves everything as it is. Raises what `read_notes`
+        raises, and MachineError where the disk refuses.
+        """
+        given = merged(*map(read_notes, files))
+        changes = {}
+        for shot in sorted({note.shot for note in given}):
+            theirs = [note for note in given if note.shot == shot]
+            changes[shot] = _count(theirs, self.notes(shot)) if dry else self._add(theirs, shot)
+        return changes
+
+    def _add(self, notes: list[ReviewNote], shot: str) -> int:
+        """Merge notes into the file of a shot, which is written whole or not at all.
+
+        Where another program replaces it meanwhile, they are merged into what that has written.
+        """
+        path, lock = self.path(shot), {f"notes.{shot}": f"the notes of {shot}"}
+
+        def is_same(path: Path) -> bool:
+            return _notes_in(path) == before
+
+        with writing(self.root), making(self.root, lock, wait=True):
+            while True:
+                before = self.notes(shot)
+                count = _count(notes, before)
+                if not count:
+                    return 0
+                try:
+                    with atomic_write(path, is_same=is_same) as draft:
+                        draft.write_text(as_text(merged(before, notes)), encoding="utf-8")
+                    return count
+                except ChangedFileError:
+                    continue
+
+
+def notes_file(root: Path, shot: str) -> bytes:
+    """Return the file of a shot's notes; empty if it has none. Raises what `read_notes` raises."""
+    notes = NotesFolder(root).notes(shot)
+    return as_text(notes).encode() if notes else b""
+
+
+def _notes_in(path: Path) -> list[ReviewNote]:
+    return read_notes(path) if is_there(path) else []
+
+
+def _count(notes: Iterable[ReviewNote], before: Iterable[ReviewNote]) -> int:
+    """Return how many of the notes merging them into those of `before` adds or changes."""
+    there = {note.id: note for note in before}
+    return sum(
+        merged([note], [there[note.id]]) != [there[note.id]] if note.id in there else 1 for note in notes
+    )

@@ -1,4 +1,4 @@
-"""Write the page: a folder of plain files that a browser opens without network and server.
+"""The review page: its material, and a folder of plain files that a browser opens without network and server.
 
 renders/review/<name>/index.html     open this
 renders/review/<name>/page/…         its scripts and style
@@ -18,16 +18,68 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from pipeline.errors import MissingInputError
+from pipeline.plugin import plugins
 from pipeline.plugins.review import view_3d
-from pipeline.plugins.review.layers import LayerWriter
-from pipeline.plugins.review.proxies import Proxies, ProxyWriter
-from pipeline.plugins.review.review_material import ShotMaterial
+from pipeline.plugins.review.page_pictures import LayerWriter, Proxies, ProxyWriter
 from pipeline.plugins.review.review_notes import ReviewNote, as_data
+from pipeline.production.execution.project import Project
 from pipeline.production.measures import TIMED_STAGES, limits_of, measured
-from pipeline.production.picture_sequences import PictureSequence
+from pipeline.production.picture_sequences import PictureSequence, SequenceGrid, SequenceQuery
 from pipeline.production.planning.timings import LatestTimings
+from pipeline.production.request.lookup import find_shot
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.store.history import History
 from pipeline.production.store.store import Store, key_of
 from render.base.atomic_write import disk_errors
+from render.scene.render_quality import DEFAULT_QUALITY
+
+KINDS = ("render", "relit", "version", "wedge")
+"""Kinds of sequences in their order on the page; others follow."""
+
+
+@dataclass(frozen=True)
+class ShotMaterial:
+    """All material of a shot that a page shows."""
+
+    request: RenderRequest
+    sequences: tuple[PictureSequence, ...]
+    wedges: tuple[SequenceGrid, ...]
+
+
+@dataclass(frozen=True)
+class Search:
+    """Finds material in a project, at these qualities; at all qualities if there are none."""
+
+    project: Project
+    qualities: tuple[str, ...]
+    history: History
+
+    def shot(self, name: str) -> ShotMaterial:
+        """Return the material of a shot. Raises MissingInputError if nothing is rendered, or ShotError."""
+        path = find_shot(name)
+        query = SequenceQuery(self.project, path, self.qualities, self.history)
+        found: list[PictureSequence | SequenceGrid] = [
+            query.rendered(request, "render", request.quality_name) for request in query.requests()
+        ]
+        found += [each for function in plugins().sequences for each in function(query)]
+        grids = tuple(each for each in found if isinstance(each, SequenceGrid))
+        single = [each for each in found if isinstance(each, PictureSequence)]
+        cells = [sequence for grid in grids for sequence in grid.sequences]
+        sequences = tuple(sorted((each for each in (*single, *cells) if each.files), key=_order))
+        if not sequences:
+            quality = self.qualities[0] if self.qualities else DEFAULT_QUALITY
+            at = f" at {', '.join(self.qualities)}" if self.qualities else ""
+            raise MissingInputError(
+                f"{path.stem} has no rendered frames{at} for a review page; flowsculpt render "
+                f"{path.stem} -q {quality} makes them"
+            )
+        return ShotMaterial(self.project.request(path, DEFAULT_QUALITY, variant="none"), sequences, grids)
+
+
+def _order(sequence: PictureSequence) -> int:
+    return KINDS.index(sequence.kind) if sequence.kind in KINDS else len(KINDS)
+
 
 SOURCES = files("pipeline.plugins.review") / "page"
 

@@ -7,7 +7,7 @@ PLUGIN = Plugin(
     version="1",
     commands={
         "turntable": Command(
-            "pipeline.plugins.turntable.turntable_command:turntable",
+            "pipeline.plugins.turntable.turntable_movie:turntable",
             "Render an object turning, then the lights turning around it.",
             "Render",
         ),

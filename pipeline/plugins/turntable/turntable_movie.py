@@ -1,4 +1,4 @@
-"""A requested turntable: its frames, its angles and its plan; and sheets and movies drawn from its pictures.
+"""The command `turntable`: frames, angles and plan, and the sheets and movies drawn from its pictures.
 
 renders/turntable/<name>/<quality>/<name>.png                   key angles, next to the movie
 renders/turntable/<name>/<quality>/<name>.clay-glaze.{mp4,png}  looks side by side, and their key angles
@@ -10,10 +10,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import typer
 from numpy.typing import NDArray
 
+from pipeline.cli.execution import execute_and_report
+from pipeline.cli.options import Common, Quality, Scale, ShotOptions, Subject, Variant, at_option, words_of
+from pipeline.cli.output import progress_bars
 from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
 from pipeline.mesh.read import format_of, usual_up
@@ -21,7 +25,7 @@ from pipeline.production.execution.project import Project
 from pipeline.production.picture_sequences import shown_picture
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.keys import PictureKeys
-from pipeline.production.request.lookup import find_shot, movie_bits
+from pipeline.production.request.lookup import cropped_name, find_shot, movie_bits
 from pipeline.production.request.render_request import TURNS, RenderRequest, Turntable
 from pipeline.production.stages import TURNTABLE_SHEET
 from pipeline.production.store.paths import Folders
@@ -33,6 +37,7 @@ from render.movie.codecs import movie_encode
 from render.movie.encode import write_movie
 from render.movie.movie_frames import prefetch
 from render.post.image import write_png
+from render.scene.render_quality import DEFAULT_QUALITY
 
 BOTH = "both"
 
@@ -298,3 +303,63 @@ class TurntableSheets:
         frames = [self._stored_key(look, number) for look, number in cells]
         displays = [dict(request.shown_as) for request in self._requests]
         return key_of(TURNTABLE_SHEET.recipe, kind, self._heading, frames, displays, *content)
+
+
+def turntable(
+    common: Common,
+    subject: Annotated[
+        str,
+        typer.Argument(
+            metavar="SHOT|MESHFILE", help="A shot, or an OBJ, PLY, STL, OFF, GLB, FBX, DAE, 3MF or USD."
+        ),
+    ],
+    options: ShotOptions,
+    at: Annotated[int | None, at_option("The frame of the shot. Default: its first.")] = None,
+    frames: Annotated[int, typer.Option(metavar="N", help="Pictures in a full turn.")] = 72,
+    turn: Annotated[
+        str, typer.Option(metavar="WHAT", help="object, lights, or both: the object first, then the lights.")
+    ] = BOTH,
+    look: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LOOKS",
+            help="Replace the shot's look. Several, as in clay,glaze, also give a movie side by side.",
+        ),
+    ] = None,
+    bare: Annotated[
+        bool,
+        typer.Option(
+            "--bare", help="Keep the shot's own stage, without the grey ball, chrome ball and colour chart."
+        ),
+    ] = False,
+    up: Annotated[
+        str | None,
+        typer.Option(
+            metavar="y|z",
+            help="The axis of the mesh file that points up. Default: what it states, or z of an STL, else y.",
+        ),
+    ] = None,
+    part: Subject = None,
+    quality: Quality = DEFAULT_QUALITY,
+    scale: Scale = None,
+    variant: Variant = None,
+) -> None:
+    """Render one frame of a shot, or a mesh file, turning; then the lights turning around it.
+
+    `flowsculpt turntable A010_cube --at 22` writes a movie and a sheet of key angles to renders/turntable.
+    A grey ball, a chrome ball and a colour chart are in the picture. `flowsculpt turntable model.obj
+    --look clay,glaze,chrome` renders each look, and one movie of all three side by side. For STL files
+    z is up, for others y, unless `--up` sets it. Several subjects turn together; `--subject heron` turns one
+    of them alone.
+    """
+    project = options.project(common, variant)
+    named = cropped_name(quality, None, scale)
+    fault = "--look names no look; write one, or several as in clay,glaze,chrome"
+    looks = () if look is None else words_of(look, fault)
+    request = TurntableRequest(project, subject, named, at, frames, turn, looks, bare, up, part)
+
+    def draw() -> list[Path]:
+        with progress_bars(common.progress) as bar:
+            return TurntableSheets(request).draw(bar)
+
+    execute_and_report(common, request.plan, draw)

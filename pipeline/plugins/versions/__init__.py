@@ -7,18 +7,18 @@ PLUGIN = Plugin(
     version="1",
     commands={
         "publish": Command(
-            "pipeline.plugins.versions.publish_command:publish",
+            "pipeline.plugins.versions.version_commands:publish",
             "Freeze a rendered shot as its next version.",
             "Deliver",
         ),
         "versions": Command(
-            "pipeline.plugins.versions.publish_command:versions", "List published versions.", "Deliver"
+            "pipeline.plugins.versions.version_commands:versions", "List published versions.", "Deliver"
         ),
         "reproduce": Command(
-            "pipeline.plugins.versions.reproduce_command:reproduce",
+            "pipeline.plugins.versions.version_commands:reproduce",
             "Render a published version again, and compare.",
             "Deliver",
         ),
     },
-    sequences=("pipeline.plugins.versions.published_sequences:published_sequences",),
+    sequences=("pipeline.plugins.versions.publishing:published_sequences",),
 )

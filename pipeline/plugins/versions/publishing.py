@@ -1,6 +1,12 @@
 """Publishing: the frames and the movie of a shot, frozen as a version that nothing overwrites.
 
-They stay whatever becomes of the shot, its renders and the store.
+They stay whatever becomes of the shot, its renders and the store. The folder of a version is laid whole or
+not at all, and read-only; frames are links to files of the store, or copies of them.
+
+renders/published/<shot>/v001/frames/<shot>.0001.exr
+renders/published/<shot>/v001/<shot>.mp4
+renders/published/<shot>/v001/notes.json          where the shot has notes
+renders/published/<shot>/v001/provenance.json
 """
 
 from __future__ import annotations
@@ -8,19 +14,30 @@ from __future__ import annotations
 import contextlib
 import getpass
 import hashlib
+import json
+import os
 import re
+import shutil
 import time
-from collections.abc import Collection, Mapping
+import uuid
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pipeline.errors import FrameError, MissingInputError, UsageError
+from pipeline.errors import FlowsculptError, FrameError, MissingInputError, UsageError
 from pipeline.frames import FrameRange
 from pipeline.plugin import plugins
-from pipeline.plugins.versions.version_folder import NOTES, freeze, sweep
+from pipeline.production.picture_sequences import (
+    PLAIN,
+    PictureDisplay,
+    PictureSequence,
+    SequenceQuery,
+    display_of,
+)
 from pipeline.production.planning.timings import seconds_of_render, total_seconds
 from pipeline.production.request.keys import FrameKeys, PictureKeys
 from pipeline.production.request.provenance import (
+    FILE,
     VERSION,
     FrameRecord,
     Provenance,
@@ -29,14 +46,87 @@ from pipeline.production.request.provenance import (
     pixels_of,
     portable,
     records,
+    restored,
     stage_versions,
 )
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import lock_name, making, writing
 from pipeline.production.store.paths import published
 from pipeline.production.store.store import DAMAGED, Key, Store
+from render.base.atomic_write import disk_errors
 from render.base.input_files import digest_of_file
 from render.movie.probe import probe_movie
+
+_DRAFT = ".draft."
+
+NOTES = "notes.json"
+"""The file of notes in the folder of a version."""
+
+
+def freeze(
+    store: Store,
+    record: Provenance,
+    final: Path,
+    copy: bool = False,
+    notes: bytes = b"",
+    files: Mapping[int, Path] | None = None,
+) -> None:
+    """Lay the frames and the movie of a version at `final`, with its provenance and notes.
+
+    Frames are links to the files of the store, which take no space. They are copies where links fail, and
+    with `copy`. The movie is a copy: the store's stays writable, for Snakemake makes no protected file again.
+
+    files  of frames that are not in the store, by their numbers
+
+    Raises MachineError where the disk refuses; then nothing is left of it.
+    """
+    draft = final.with_name(f"{_DRAFT}{final.name}.{uuid.uuid4().hex[:8]}")
+    freeze_frame = _copy if copy else _link
+    with disk_errors(final):
+        try:
+            for number, frame in record.frames.items():
+                source = (files or {}).get(number) or store.path("frame", frame.frame)
+                freeze_frame(source, draft / frame.file)
+                store.digests.add_copy(final / frame.file, source)
+            _copy(store.path("movie", record.movie["key"]), draft / record.movie["file"])
+            if notes:
+                (draft / NOTES).write_bytes(notes)
+                _settle(draft / NOTES)
+            text = json.dumps(record.as_data(), indent=1, ensure_ascii=False)
+            (draft / FILE).write_text(text + "\n", encoding="utf-8")
+            _settle(draft / FILE)
+            store.digests.add(final / FILE, draft / FILE)
+            draft.rename(final)
+        finally:
+            shutil.rmtree(draft, ignore_errors=True)
+
+
+def sweep(home: Path) -> None:
+    """Remove drafts of killed processes. Only the holder of the lock may call this."""
+    for draft in home.glob(f"{_DRAFT}*"):
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def _link(source: Path, place: Path) -> None:
+    """Link a file, which is read-only as the store's is."""
+    place.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        os.link(source, place)
+    except OSError:
+        _copy(source, place)
+
+
+def _copy(source: Path, place: Path) -> None:
+    place.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copy2(source, place)
+    _settle(place)
+
+
+def _settle(place: Path) -> None:
+    """Make a file read-only and flush it to the disk."""
+    place.chmod(0o444)
+    with place.open("rb") as file:
+        os.fsync(file.fileno())
 
 
 @dataclass(frozen=True)
@@ -243,3 +333,40 @@ def _user() -> str:
 def _listed(numbers: list[int]) -> str:
     """Return `frame 1` or `frames 1-4`."""
     return f"frame{'s' if len(numbers) > 1 else ''} {FrameRange.of(numbers)}"
+
+
+def published_sequences(query: SequenceQuery) -> Iterator[PictureSequence]:
+    """Yield the frames of every published version of a shot."""
+    name = query.path.stem
+    for place, record in records(query.project.root / published(name)):
+        if isinstance(record, Provenance) and query.includes(record.quality):
+            files = {number: place / frame.file for number, frame in record.frames.items()}
+            yield PictureSequence(
+                shot=name,
+                kind="version",
+                label=f"{record.version} {record.quality}",
+                quality=record.quality,
+                subject=name,
+                numbers=tuple(sorted(record.frames)),
+                files={number: path for number, path in files.items() if path.is_file()},
+                display=_display_of(record, query.project.allow_code),
+                faults={},
+                seconds={number: frame.seconds for number, frame in record.frames.items()},
+                note=_note_of(record),
+                source=record.source,
+            )
+
+
+def _display_of(record: Provenance, allow_code: bool) -> PictureDisplay:
+    try:
+        return display_of(RenderRequest(restored(record, allow_code), record.quality, record.variant, ()))
+    except FlowsculptError:
+        return PLAIN
+
+
+def _note_of(record: Provenance) -> str:
+    """Return the note of a version, and of a patch which frames it replaced."""
+    notes = [record.note] if record.note else []
+    if record.patch:
+        notes.append("patch of {version}: frames {frames} are new".format(**record.patch))
+    return "; ".join(notes)

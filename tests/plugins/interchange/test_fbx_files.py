@@ -13,8 +13,8 @@ from pipeline.errors import MachineError, MeshError
 from pipeline.mesh import PolygonMesh
 from pipeline.mesh.read import model_files, read_surface, repair_surface, usual_up
 from pipeline.plugins.authoring.shot_templates import model_template
-from pipeline.plugins.interchange import fbx_files
-from pipeline.plugins.interchange.fbx_reader import up_axis, visible_surface
+from pipeline.plugins.interchange import scene_readers
+from pipeline.plugins.interchange.fbx_files import up_axis, visible_surface
 from tests.plugins.interchange.fbx_writer import (
     CORNERS,
     SIDES,
@@ -183,7 +183,7 @@ def test_without_ufbx_one_line_says_how_to_install_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = write(tmp_path / "box.fbx", scene([box_geometry(1), model(2, "box")], LINKED))
-    monkeypatch.setattr(fbx_files, "find_spec", lambda name: None)
+    monkeypatch.setattr(scene_readers, "find_spec", lambda name: None)
     for read in (read_surface, model_files):
-        with pytest.raises(MachineError, match=r"pip install 'flowsculpt\[models\]'"):
+        with pytest.raises(MachineError, match=r"install the extra \[models\].*pip install ufbx"):
             read(path)

@@ -18,9 +18,9 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import MachineError, MeshError, MissingInputError
 from pipeline.mesh import box, icosphere
 from pipeline.mesh.read import model_files, read_surface
-from pipeline.plugins.interchange import gltf_files
-from pipeline.plugins.interchange.gltf_arrays import SceneArrays, Triangles
+from pipeline.plugins.interchange import scene_readers
 from pipeline.plugins.interchange.gltf_document import GltfDocument
+from pipeline.plugins.interchange.gltf_files import SceneArrays, Triangles
 from pipeline.plugins.interchange.gltf_scene import DefaultScene
 from tests.plugins.interchange.gltf_scenes import GltfScene, box_scene, with_instances
 from tests.plugins.interchange.test_meshopt import STREAMS
@@ -362,7 +362,7 @@ def test_draco_data_without_its_package_is_the_environments_fault(
     assert read_surface(path).faces == 12, "where the file has the same data uncompressed, that is read"
     del scene.json["accessors"][0]["bufferView"]
     assert "the Draco data of primitive 0 of mesh 0 cannot be decoded" in refusal(scene.glb(path))
-    monkeypatch.setattr(gltf_files, "find_spec", lambda _: None)
+    monkeypatch.setattr(scene_readers, "find_spec", lambda _: None)
     with pytest.raises(MachineError, match=r"need the package DracoPy.*\[models\]"):
         read_surface(path)
 

@@ -23,15 +23,14 @@ from pipeline.mesh.points import read_points
 from pipeline.mesh.read import read_mesh, read_surface
 from pipeline.mesh.write import write_mesh
 from pipeline.plugins.interchange.exported_frame import ExportedFrame
-from pipeline.plugins.interchange.mesh_files import (
+from pipeline.plugins.interchange.model_export import (
     point_normals,
     write_glb,
     write_obj,
     write_ply,
 )
-from pipeline.plugins.interchange.print_model import PrintReport, print_model
-from pipeline.plugins.interchange.usd_clips import sampled_attributes, write_clip
-from pipeline.plugins.interchange.wall_thickness import wall_thickness
+from pipeline.plugins.interchange.print_model import PrintReport, print_model, wall_thickness
+from pipeline.plugins.interchange.usd_stage import sampled_attributes, write_clip
 from render.scene.materials import LOOKS
 from render.scene.rgb_encoding import linear_of_srgb, srgb_of_linear
 from tests.conftest import commanded

@@ -17,8 +17,8 @@ from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade, UsdValidation
 from pipeline.animation import MeshFrame, animate, mesh_at_subframe
 from pipeline.errors import FrameError
 from pipeline.mesh.normals import split_at_creases
-from pipeline.plugins.interchange.usd_clips import clip_times
 from pipeline.plugins.interchange.usd_export import UsdExport
+from pipeline.plugins.interchange.usd_stage import clip_times
 from pipeline.production.execution.project import Project
 from pipeline.production.request.keys import thresholds_at
 from pipeline.production.store.readers import read_npz
@@ -349,7 +349,7 @@ def test_bad_requests_are_one_message(root, tmp_path, monkeypatch):
     code, words = commanded(root, "export", "usd", NAME, "-f", "5-9")
     assert code == 2 and "frames 7-9 are not in the shot, which has 1-6" in words
     monkeypatch.setitem(sys.modules, "pxr", None)
-    monkeypatch.setattr("pipeline.plugins.interchange.usd_files.find_spec", lambda name: None)
+    monkeypatch.setattr("pipeline.plugins.interchange.scene_readers.find_spec", lambda name: None)
     code, words = commanded(root, "export", "usd", NAME)
     assert code == 4 and "need the package usd-core (209 MB), which is not installed" in words
     assert "-m pip install usd-core" in words

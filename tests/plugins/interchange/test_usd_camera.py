@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from pipeline.plugins.interchange.usd_camera import CameraSettings, add_camera
+from pipeline.plugins.interchange.usd_prims import CameraSettings, add_camera
 from render.scene.render_camera import Camera
 
 pytestmark = pytest.mark.quick

@@ -16,8 +16,8 @@ from pipeline.mesh import PolygonMesh, read_mesh
 from pipeline.mesh.mesh_formats import ScenePart
 from pipeline.mesh.read import model_files, read_surface, repair_surface, usual_up
 from pipeline.plugins.authoring.shot_templates import model_template
-from pipeline.plugins.interchange import usd_files
-from pipeline.plugins.interchange.placed_meshes import joined
+from pipeline.plugins.interchange import scene_readers
+from pipeline.plugins.interchange.scene_readers import joined
 from pipeline.plugins.interchange.usd_meshes import StageMeshes
 from pipeline.shot import Model, read_shot
 
@@ -237,7 +237,7 @@ def test_without_usd_core_the_message_names_the_extra(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "a.usd").write_text("#usda 1.0\n")
-    monkeypatch.setattr(usd_files, "find_spec", lambda name: None)
+    monkeypatch.setattr(scene_readers, "find_spec", lambda name: None)
     with pytest.raises(MachineError, match=r"usd-core .* is not installed; install the extra \[usd\]"):
         read_mesh(tmp_path / "a.usd")
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import FrameError, MachineError, UsageError
-from pipeline.plugins.remote import remote_address, remote_files, remote_requests
+from pipeline.plugins.remote import remote_files, remote_requests
 from pipeline.plugins.remote.remote_files import RemoteFiles
 from pipeline.production.store.remote_store import (
     VARIABLE,
@@ -268,19 +268,19 @@ def test_the_environment_names_the_remote_store_to_every_process(monkeypatch, tm
 )
 def test_an_address_that_cannot_be_one_is_told_in_one_line(given, said):
     with pytest.raises(UsageError, match=said) as raised:
-        remote_address.checked_url(given)
+        remote_requests.checked_url(given)
     assert "secret" not in str(raised.value) and "\n" not in str(raised.value)
 
 
 def test_a_package_that_is_missing_is_named_with_the_command_that_installs_it(monkeypatch):
-    monkeypatch.setattr(remote_address, "find_spec", lambda module: None)
+    monkeypatch.setattr(remote_requests, "find_spec", lambda module: None)
     with pytest.raises(MachineError, match=r"needs the package s3fs.*pip install s3fs"):
-        remote_address.checked_url("s3://bucket/show")
+        remote_requests.checked_url("s3://bucket/show")
 
 
 def test_a_folder_is_an_address_from_wherever_jobs_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert remote_address.checked_url("my share") == f"file://{tmp_path}/my share"
+    assert remote_requests.checked_url("my share") == f"file://{tmp_path}/my share"
 
 
 KEYS = [f"{number:x}" * 32 for number in range(4)]

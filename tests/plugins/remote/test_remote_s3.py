@@ -7,7 +7,7 @@ import uuid
 
 import pytest
 
-from pipeline.plugins.remote import remote_address, remote_files, remote_requests
+from pipeline.plugins.remote import remote_files, remote_requests
 from pipeline.plugins.remote.remote_files import RemoteFiles
 from pipeline.production.store.remote_store import missed_uploads, upload_missed
 from pipeline.production.store.store import Store
@@ -23,7 +23,7 @@ def quick(monkeypatch, s3: Proxy):
     monkeypatch.setattr(remote_files, "LISTED_SECONDS", -1.0)
     monkeypatch.setattr(remote_requests, "PATIENCE", 1.0)
     monkeypatch.setattr(remote_requests, "FIRST_PAUSE", 0.05)
-    monkeypatch.setattr(remote_address, "READ_SECONDS", 1.0)
+    monkeypatch.setattr(remote_requests, "READ_SECONDS", 1.0)
     remote_files._opened.cache_clear()
 
 

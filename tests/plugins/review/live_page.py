@@ -13,12 +13,10 @@ from pathlib import Path
 from playwright.sync_api import Browser, FloatRect
 from playwright.sync_api import Page as Tab
 
-from pipeline.plugins.preview.live_feed import LiveFeed
-from pipeline.plugins.preview.live_server import serving
-from pipeline.plugins.preview.live_session import READY, LiveSession
+from pipeline.plugins.preview.live_server import actions_of, serving
+from pipeline.plugins.preview.live_session import READY, LiveFeed, LiveSession
 from pipeline.plugins.preview.shot_editor import ShotEditor
 from pipeline.plugins.preview.sketch import Sketch
-from pipeline.plugins.preview.staging import actions_of
 from pipeline.plugins.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project
 from tests.plugins.review.chromium import wait_for

@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.plugins.sheets.wedge import Wedge
-from pipeline.plugins.sheets.wedge_grid import Grid
+from pipeline.plugins.sheets.wedge import Grid, Wedge
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import RenderRequest

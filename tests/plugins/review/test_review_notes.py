@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 
 from pipeline.errors import UsageError
-from pipeline.plugins.review.notes_folder import NotesFolder
 from pipeline.plugins.review.review_notes import (
     NotesDocument,
+    NotesFolder,
     ReviewNote,
     as_text,
     merged,

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.plugins.review.layers import LayerWriter, as_script
+from pipeline.plugins.review.page_pictures import LayerWriter, as_script
 from pipeline.production.execution.project import Project
 from pipeline.production.picture_sequences import PLAIN, PictureSequence
 from render.post.image import read_exr, read_png, write_exr

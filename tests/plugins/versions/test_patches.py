@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import FrameError, MissingInputError, UsageError
-from pipeline.plugins.review.review_material import Search
+from pipeline.plugins.review.review_page import Search
 from pipeline.plugins.versions.patch import Patch
 from pipeline.plugins.versions.reproduction import Reproduction
 from pipeline.production.execution.project import Project

@@ -14,7 +14,7 @@ import pytest
 
 from pipeline.errors import FrameError, MachineError, UsageError
 from pipeline.plugins.review.review_notes import read_notes
-from pipeline.plugins.versions import version_folder
+from pipeline.plugins.versions import publishing
 from pipeline.production.request.provenance import FILE, Provenance, pixels_of
 from pipeline.production.store.locks import exclusive
 from render.base.input_files import digest_of_file
@@ -99,13 +99,13 @@ def test_a_version_is_there_whole_or_not_at_all(desk: Desk, monkeypatch: pytest.
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(version_folder, "_link", full)
+        patch.setattr(publishing, "_link", full)
         with pytest.raises(MachineError, match="the disk is full"):
             desk.release().publish()
     assert list(desk.home.iterdir()) == []
     with exclusive(desk.root), pytest.raises(MachineError, match="another flowsculpt run"):
         desk.release().publish()
-    monkeypatch.setattr(version_folder.os, "link", full)  # a file system without links
+    monkeypatch.setattr(publishing.os, "link", full)  # a file system without links
     assert desk.release().publish().folder.is_dir()
     assert desk.repetition().record.frames[1].sha256 == digest_of_file(
         desk.home / f"v001/frames/{NAME}.0001.exr"

@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 from pipeline.cli.options import Common, PictureOptions
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
-from pipeline.plugins.farm import export_farm_commands
+from pipeline.plugins.farm import farm_commands
 from pipeline.plugins.farm.openjd import _written, template
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.profile import Profile
@@ -196,4 +196,4 @@ def test_a_template_is_called_as_one(tmp_path):
         profile=Profile.local(),
     )
     with pytest.raises(UsageError, match=r"job\.yaml"):
-        export_farm_commands.openjd(common, [NAME], PictureOptions(), Path("job.txt"))
+        farm_commands.openjd(common, [NAME], PictureOptions(), Path("job.txt"))

@@ -1,16 +1,22 @@
-"""Meshes of a scene, placed by matrices and joined to one surface."""
+"""What readers of scenes share: placed meshes joined to one surface, the files, and answers of processes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Callable, Sequence
+from importlib.util import find_spec
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.errors import MeshError
-from pipeline.mesh.mesh_formats import FileSurface
+from pipeline.errors import FlowsculptError, MachineError, MeshError, MissingInputError
+from pipeline.mesh.mesh_formats import FileSurface, ModelFiles
+from render.base.input_files import digest_of_file, joint_digest
+from render.base.limited_process import answer_of
 from render.base.plural import plural
+from render.base.python_process import command_line
 
 MOST_MESHES, MOST_CORNERS = 20_000, 20_000_000
 """Meshes that are placed, and corners of faces of all; instances count each time."""
@@ -110,3 +116,51 @@ def bound_note(count: int) -> str:
         f"{plural(count, 'mesh', 'meshes')} would be moved by a skeleton or blend shapes, which are not "
         "applied; apply them in the program that made the file"
     )
+
+
+def one_file(up_of: Callable[[Path, str], str]) -> Callable[[Path], ModelFiles]:
+    """Return a function that returns the one file of a model and the axis that it says is up."""
+
+    def files(path: Path) -> ModelFiles:
+        digest = digest_of_file(path)
+        return ModelFiles(joint_digest([digest]), ((path, digest),), up_of(path, digest))
+
+    return files
+
+
+def require_package(files: str, module: str, package: str, extra: str) -> None:
+    """Raise MachineError where the package that reads some files is not installed; `extra` installs it."""
+    if find_spec(module) is None:
+        name = package.partition(" ")[0]
+        raise MachineError(
+            f"{files} need the package {package}, which is not installed; install the extra [{extra}], or "
+            f"only the package, for the Python of flowsculpt: {command_line('pip', 'install', name)}"
+        )
+
+
+def answered(read: Callable[[], bytes]) -> bytes:
+    """Return what `read` returns after an empty line, or a line of JSON with its error: see `asked`."""
+    try:
+        return b"\n" + read()
+    except FlowsculptError as error:
+        kind = "missing" if isinstance(error, MissingInputError) else "fault"
+        return json.dumps({kind: str(error)}).encode()
+
+
+def asked(module: str, path: Path, *options: str) -> bytes:
+    """Return what the process of a module answers by `answered`.
+
+    Raises MissingInputError or MeshError as it did, and what `answer_of` raises.
+    """
+    return content_of(answer_of(module, path, *options), path)
+
+
+def content_of(answer: bytes, path: Path) -> bytes:
+    """Return the content of an answer of `answered`. Raises the error in it."""
+    head, _, content = answer.partition(b"\n")
+    error = json.loads(head or b"{}")
+    if "missing" in error:
+        raise MissingInputError(f"{path}: {error['missing']}")
+    if "fault" in error:
+        raise MeshError(error["fault"])
+    return content

@@ -1,26 +1,103 @@
-"""The commands `publish` and `versions`: freeze a rendered shot as a version, and list versions."""
+"""The commands `publish`, `versions` and `reproduce`, and the hooks that a studio runs for each version."""
 
 from __future__ import annotations
 
+import json
+import os
 import shlex
+import shutil
+import subprocess
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from pipeline.cli.options import Common, Frames, PictureOptions, Quality, Shot
-from pipeline.cli.output import exit_with, print_error, print_result, table
-from pipeline.errors import MissingInputError, UsageError
+from pipeline.cli.execution import execute, report_plan
+from pipeline.cli.options import (
+    AllowCode,
+    Common,
+    Force,
+    Frames,
+    PictureOptions,
+    Quality,
+    Shot,
+    Variant,
+    project_of,
+)
+from pipeline.cli.output import exit_with, print_error, print_result, print_warning, table
+from pipeline.errors import MachineError, MissingInputError, UsageError
 from pipeline.frames import FrameRange
-from pipeline.plugins.versions.hook import Hook
 from pipeline.plugins.versions.patch import Patch
-from pipeline.plugins.versions.publishing import Release
+from pipeline.plugins.versions.publishing import Published, Release
+from pipeline.plugins.versions.reproduction import Comparison, Reproduction
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.provenance import FILE, Provenance, records
 from pipeline.production.store.paths import PUBLISHED, published
+from pipeline.production.store.remote_store import VARIABLE
 from render.base.plural import plural
+from render.base.python_process import environment_of_others
 from render.scene.render_quality import DEFAULT_QUALITY
+
+STANDARD_ERROR = 2
+"""The file descriptor of standard error."""
+
+
+@dataclass(frozen=True)
+class Hook:
+    """A command to run for each published version.
+
+    text   as the user wrote it
+    words  the program and its arguments
+    """
+
+    text: str
+    words: tuple[str, ...]
+
+    @classmethod
+    def of(cls, text: str) -> Hook:
+        """Read a command, without a shell. Raises UsageError or MissingInputError where it cannot run."""
+        try:
+            words = tuple(shlex.split(text))
+        except ValueError as error:
+            raise UsageError(f"--hook {text}: not a command ({error}); check its quotes") from None
+        if not words:
+            raise UsageError("--hook is empty; name a program and its arguments")
+        if shutil.which(words[0]) is None:
+            raise MissingInputError(
+                f"--hook {text}: program {words[0]} not found; check its name, path and permission to run"
+            )
+        return cls(text, words)
+
+    def tell(self, done: Published) -> None:
+        """Run the command and wait for its end. Raises MachineError where it does not end with 0."""
+        folder = done.folder.absolute()
+        provenance = json.loads((folder / FILE).read_text(encoding="utf-8"))
+        told = {
+            "event": "published",
+            "folder": str(folder),
+            "published_before": done.before,
+            "provenance": provenance,
+        }
+        try:
+            ended = subprocess.run(
+                self.words,
+                env=environment_of_others(),
+                input=json.dumps(told),
+                stdout=STANDARD_ERROR,
+                text=True,
+            )
+        except OSError as error:
+            raise self._failed(done, f"cannot run ({error.strerror})") from None
+        if ended.returncode != 0:
+            raise self._failed(done, f"ended with {ended.returncode}")
+
+    def _failed(self, done: Published, fact: str) -> MachineError:
+        return MachineError(
+            f"--hook {self.text}: it {fact}. {done.version} is published nevertheless, in {done.folder}; "
+            "the same command runs the hook again"
+        )
 
 
 def publish(
@@ -148,3 +225,54 @@ def _facts(folder: Path, record: Provenance) -> dict[str, Any]:
         "path": str(folder),
         "provenance": str(folder / FILE),
     }
+
+
+def reproduce(
+    common: Common,
+    provenance: Annotated[
+        Path, typer.Argument(metavar="PROVENANCE", help="The provenance.json of a published version.")
+    ],
+    frames: Frames = None,
+    variant: Variant = None,
+    allow_code: AllowCode = False,
+    force: Force = False,
+) -> None:
+    """Render a published version again, and compare it to the last bit.
+
+    `flowsculpt reproduce renders/published/A010_cube/v001/provenance.json` renders the version in
+    renders/repeated from its recorded shot file, and lists which frames are the same.
+    """
+    os.environ.pop(VARIABLE, None)  # what the remote store has would prove nothing
+    record, project = Provenance.read(provenance), project_of(common, None, allow_code, variant)
+    again = Reproduction(record, provenance, project.forcing("render") if force else project, frames)
+    inside = replace(common, root=again.home)
+    plan = again.plan()
+    for note in again.notes:
+        print_warning(f"{record.shot} {record.version}: {note}")
+    if common.dry_run:
+        report_plan(inside, plan)
+        return
+    outcome = execute(inside, again.plan)
+    comparisons = again.comparisons()
+    unlike = [each for each in comparisons if not each.same]
+    facts = {
+        "shot": record.shot,
+        "version": record.version,
+        "path": str(again.home),
+        "notes": again.notes,
+        "identical": [each.what for each in comparisons if each.same],
+        "different": {each.what: each.words for each in unlike if each.same is False},
+        "not_made": [each.what for each in unlike if each.same is None],
+    }
+    print_result(_compared(record, again.home, comparisons), facts, common.json)
+    exit_with(outcome.exit_code or (1 if unlike else 0))
+
+
+def _compared(record: Provenance, home: Path, comparisons: Sequence[Comparison]) -> str:
+    lines = [f"{each.what}: {each.words or 'differs'}" for each in comparisons if not each.same]
+    same = [each.what.removeprefix("frame ") for each in comparisons if each.same]
+    frames = FrameRange.of(int(what) for what in same if what != "movie")
+    numbers = [f"frame{'s' * (len(frames) > 1)} {frames}"] if frames else []
+    told = [*numbers, *(["the movie"] if "movie" in same else [])]
+    whole = f"{' and '.join(told) or 'nothing'} identical to the published version, bit for bit"
+    return "\n".join([*lines, f"{record.shot} {record.version}: {whole}. It lies in {home}"])

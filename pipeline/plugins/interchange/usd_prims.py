@@ -1,0 +1,351 @@
+"""Camera, lights and looks of a shot as prims of a USD stage.
+
+UsdGeomCamera measures focal lengths and sensors in tenths of a scene unit. So a lens of 50 mm is 0.5 where a
+scene unit is a metre, and reads as 50 mm in programs that heed `metersPerUnit`.
+
+UsdLux says radiance as intensity times colour or, where `normalize` is set, as that over the area of a light
+in the scene. Softboxes are written so, with the area at each frame, because Blender 5.0 takes intensity for
+power.
+
+UsdPreviewSurface, the material that every reader knows, has neither refraction nor scattering inside a body,
+and no patterns: those become colours of vertices.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Floats
+from pipeline.plugins.interchange.exported_frame import colour_texture, has_colours
+from render.base.serialise import Colour, Triple
+from render.mitsuba.emitters import gradient_map
+from render.post.image import write_exr
+from render.scene.aovs import RenderedFrame
+from render.scene.materials import (
+    BrushedMetal,
+    Diffuse,
+    Glass,
+    Glossy,
+    Material,
+    Metal,
+    MitsubaMaterial,
+    Satin,
+    Smoke,
+)
+from render.scene.render_camera import Camera
+from render.scene.scene_lights import LightRig, Softbox, Sun
+from render.scene.sky import SUN_WIDTH
+
+if TYPE_CHECKING:
+    from pxr import Usd, UsdShade
+
+
+class CameraSettings(NamedTuple):
+    """Settings of a camera that hold for all frames.
+
+    aspect        width to height of the picture
+    sensor_width  of the longer side of the picture, millimetres
+    unit          metres in a scene unit
+    exposure      stops
+    """
+
+    aspect: float
+    sensor_width: float
+    unit: float
+    exposure: float
+
+
+def add_camera(
+    stage: Usd.Stage,
+    path: str,
+    cameras: Mapping[int, Camera],
+    shutters: Mapping[int, tuple[float, float] | None],
+    settings: CameraSettings,
+) -> None:
+    """Add a camera to a stage; what is the same in all frames has no time samples.
+
+    cameras   by frame number
+    shutters  opening and closing by frame number, in frames from the frame; None without motion blur
+    """
+    from pxr import Gf, UsdGeom
+
+    camera = UsdGeom.Camera.Define(stage, path)
+    width = settings.sensor_width * min(1.0, settings.aspect)
+    tenths = width / 100.0 / settings.unit  # tenths of a scene unit
+    camera.CreateHorizontalApertureAttr(tenths)
+    camera.CreateVerticalApertureAttr(tenths / settings.aspect)
+    if settings.exposure:
+        camera.CreateExposureAttr(settings.exposure)
+    placed = UsdGeom.Xformable(camera).AddTransformOp()
+    sample(placed.GetAttr(), {n: Gf.Matrix4d(_matrix(c).tolist()) for n, c in cameras.items()})
+    focal = {n: tenths / 2.0 / math.tan(c.field_of_view / 2.0) for n, c in cameras.items()}
+    sample(camera.CreateFocalLengthAttr(), focal)
+    sample(camera.CreateFocusDistanceAttr(), {n: _focus(c) for n, c in cameras.items()})
+    stops = {n: focal[n] / 10.0 / (2.0 * c.lens_radius) if c.lens_radius else 0.0 for n, c in cameras.items()}
+    sample(camera.CreateFStopAttr(), stops)
+    sample(camera.CreateClippingRangeAttr(), {n: Gf.Vec2f(c.near, c.far) for n, c in cameras.items()})
+    sample(camera.CreateShutterOpenAttr(), {n: (s or (0.0, 0.0))[0] for n, s in shutters.items()})
+    sample(camera.CreateShutterCloseAttr(), {n: (s or (0.0, 0.0))[1] for n, s in shutters.items()})
+
+
+def sample(attribute: Usd.Attribute, values: Mapping[int, Any]) -> None:
+    """Set an attribute to values by frame number, or to one value where all are the same."""
+    different = iter(values.values())
+    first = next(different)
+    if all(value == first for value in different):
+        attribute.Set(first)
+        return
+    for number, value in values.items():
+        attribute.Set(value, float(number))
+
+
+def _matrix(camera: Camera) -> Floats:
+    """Return the transform (4, 4) of a camera, for row vectors; a camera of USD looks along -z."""
+    right, up, forward = camera.axes()
+    matrix = np.eye(4)
+    matrix[:3, :3] = right, up, -forward
+    matrix[3, :3] = camera.origin
+    return matrix
+
+
+def _focus(camera: Camera) -> float:
+    """Return the distance in focus, scene units; that of the target where all is sharp."""
+    if camera.has_depth_of_field:
+        return camera.focus_distance
+    return math.dist(camera.origin, camera.target)
+
+
+def sky_map(lights: LightRig) -> AnyArray | None:
+    """Return the radiance (H, W, 3) around the scene, linear Rec.709, or None where it needs no map.
+
+    A sun and sky of daylight becomes a gradient. Raises BadInputError where an environment map cannot be
+    read.
+    """
+    if lights.environment is not None:
+        return lights.environment.pixels()
+    sky = lights.without_maps().sky
+    return None if sky.is_uniform else gradient_map(sky)
+
+
+def write_picture(path: Path, pixels: AnyArray) -> None:
+    """Write linear pixels (H, W, 3) to an EXR of floats. Raises MachineError where the disk refuses."""
+    write_exr(path, RenderedFrame({"beauty": pixels}), {}, {"beauty": "float"})
+
+
+def add_lights(
+    stage: Usd.Stage, home: str, turned: str, lights: LightRig, sizes: Mapping[int, float], map_name: str
+) -> None:
+    """Add the lights of a rig to a stage.
+
+    home      path of the prim below which lights keep their place in the scene
+    turned    path of the prim that carries the set, in stage units
+    sizes     scene units in a stage unit, by frame number
+    map_name  the file of `sky_map`, relative to the stage
+    """
+    names: set[str] = set()
+    for index, box in enumerate(lights.softboxes, 1):
+        _add_softbox(stage, f"{turned}/{_free(box.name or f'softbox{index}', names)}", box, sizes)
+    for sun in lights.suns:
+        _add_sun(stage, f"{turned}/{_free('sun', names)}", sun)
+    if lights.daylight is not None:
+        for sun in lights.without_maps().suns[len(lights.suns) :]:
+            _add_sun(stage, f"{home}/{_free('sun', names)}", sun, lights.daylight.width)
+    _add_dome(stage, f"{home}/sky", lights, map_name)
+
+
+def _add_softbox(stage: Usd.Stage, path: str, box: Softbox, sizes: Mapping[int, float]) -> None:
+    from pxr import Gf, UsdGeom, UsdLux
+
+    light = UsdLux.RectLight.Define(stage, path)
+    light.CreateWidthAttr(box.width)
+    light.CreateHeightAttr(box.height)
+    light.CreateNormalizeAttr(True)
+    brightest = _set_colour(light, box.radiance)
+    area = box.width * box.height
+    sample(light.GetIntensityAttr(), {n: brightest * area * size**2 for n, size in sizes.items()})
+    matrix = facing(box.position, np.subtract(box.target, box.position))
+    UsdGeom.Xformable(light).AddTransformOp().Set(Gf.Matrix4d(matrix.tolist()))
+
+
+def _add_sun(stage: Usd.Stage, path: str, sun: Sun, width: float = SUN_WIDTH) -> None:
+    """Add a distant light. `width` is its angular diameter, radians."""
+    from pxr import Gf, UsdGeom, UsdLux
+
+    light = UsdLux.DistantLight.Define(stage, path)
+    light.CreateAngleAttr(math.degrees(width))
+    light.CreateNormalizeAttr(True)  # its colour is then irradiance, whatever its width
+    _set_colour(light, sun.irradiance)
+    matrix = facing((0.0, 0.0, 0.0), np.array(sun.direction))
+    UsdGeom.Xformable(light).AddTransformOp().Set(Gf.Matrix4d(matrix.tolist()))
+
+
+def _add_dome(stage: Usd.Stage, path: str, lights: LightRig, map_name: str) -> None:
+    """Add what surrounds the scene, unless it is black."""
+    from pxr import Sdf, UsdGeom, UsdLux
+
+    sky = lights.without_maps().sky
+    if lights.environment is None and sky.is_black:
+        return
+    light = UsdLux.DomeLight.Define(stage, path)
+    if lights.environment is None and sky.is_uniform:
+        _set_colour(light, sky.zenith)
+        return
+    light.CreateTextureFileAttr(Sdf.AssetPath(f"./{map_name}"))
+    light.CreateTextureFormatAttr(UsdLux.Tokens.latlong)
+    if lights.environment is not None:
+        light.CreateIntensityAttr(lights.environment.intensity)
+        # The middle of a map is at +z in UsdLux, and at -z in shot files.
+        UsdGeom.Xformable(light).AddRotateYOp().Set(180.0 + math.degrees(lights.environment.turn))
+
+
+def _set_colour(light: Any, radiance: Colour) -> float:
+    """Set intensity and colour of a light; the colour's largest component is 1. Return the intensity."""
+    from pxr import Gf
+
+    brightest = max(*radiance, 1e-9)
+    light.CreateIntensityAttr(brightest)
+    light.CreateColorAttr(Gf.Vec3f(*(part / brightest for part in radiance)))
+    return brightest
+
+
+def facing(position: Triple, direction: Sequence[float] | Floats) -> Floats:
+    """Return the matrix (4, 4), for row vectors, of what stands at a position and faces along -z."""
+    back = -np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
+    up = (0.0, 1.0, 0.0) if math.hypot(back[0], back[2]) > 1e-3 else (0.0, 0.0, -1.0)
+    right = np.cross(up, back)
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, :3] = right, np.cross(back, right), back
+    matrix[3, :3] = position
+    return matrix
+
+
+def _free(name: str, taken: set[str]) -> str:
+    """Return a name that a prim can have and none has yet, and take it."""
+    from pxr import Tf
+
+    valid = Tf.MakeValidIdentifier(name)
+    while valid in taken:
+        valid += "_"
+    taken.add(valid)
+    return str(valid)
+
+
+CLEAR_OPACITY = 0.3
+"""Opacity of clear bodies. Readers do not refract at a preview surface; at 0 some would show nothing."""
+
+
+class PreviewSurface(NamedTuple):
+    """Inputs of a UsdPreviewSurface. `colour` is linear Rec.709; the others lie between 0 and 1."""
+
+    colour: Colour
+    roughness: float
+    metallic: float = 0.0
+    clearcoat: float = 0.0
+    opacity: float = 1.0
+    refraction: float = 1.5
+    is_matt: bool = False
+
+
+def preview_surface(look: Material) -> PreviewSurface:
+    """Return the preview surface that is nearest to a look."""
+    if isinstance(look, Metal | BrushedMetal):
+        return PreviewSurface(look.colour, look.roughness, metallic=1.0)
+    if isinstance(look, Satin):
+        return PreviewSurface(look.colour, look.roughness, look.metallic, look.coat)
+    if isinstance(look, Glass):
+        return PreviewSurface(
+            look.auxiliary_colour, look.roughness, opacity=CLEAR_OPACITY, refraction=look.refraction
+        )
+    if isinstance(look, Smoke):
+        return PreviewSurface(look.colour, 1.0, opacity=CLEAR_OPACITY, is_matt=True)
+    if isinstance(look, Glossy | MitsubaMaterial):
+        return PreviewSurface(look.colour, look.roughness)
+    return PreviewSurface(look.colour, 1.0, is_matt=isinstance(look, Diffuse))
+
+
+def add_material(stage: Usd.Stage, path: str, look: Material, picture: str = "") -> UsdShade.Material:
+    """Add the material of a look. A colour that varies is read from a picture or from the vertices' colours.
+
+    picture  the file of the picture that colours the look, relative to the stage
+    """
+    from pxr import Sdf, UsdShade
+
+    material = UsdShade.Material.Define(stage, path)
+    shader = _shader(stage, f"{path}/surface", "UsdPreviewSurface")
+    surface = preview_surface(look)
+    _set(shader, "diffuseColor", "Color3f", surface.colour)
+    for name, value in (
+        ("roughness", surface.roughness),
+        ("metallic", surface.metallic),
+        ("clearcoat", surface.clearcoat),
+        ("opacity", surface.opacity),
+        ("ior", surface.refraction),
+    ):
+        _set(shader, name, "Float", value)
+    if surface.is_matt:
+        _set(shader, "useSpecularWorkflow", "Int", 1)
+        _set(shader, "specularColor", "Color3f", (0.0, 0.0, 0.0))
+    if colour_texture(look) is not None:
+        reader, output = _picture_reader(stage, path, picture), "rgb"
+    elif has_colours(look):
+        reader, output = _primvar_reader(stage, f"{path}/colour", 3, "displayColor"), "result"
+    else:
+        reader = None
+    if reader is not None:
+        shader.GetInput("diffuseColor").ConnectToSource(reader.ConnectableAPI(), output)
+    shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
+    material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
+    return material
+
+
+def _picture_reader(stage: Usd.Stage, path: str, picture: str) -> UsdShade.Shader:
+    """Add the shader that reads a picture of linear colours, which repeats, by texture coordinates."""
+    from pxr import Sdf
+
+    coordinates = _primvar_reader(stage, f"{path}/coordinates", 2, "st")
+    reader = _shader(stage, f"{path}/picture", "UsdUVTexture")
+    _set(reader, "file", "Asset", Sdf.AssetPath(f"./{picture}"))
+    for name, value in (("wrapS", "repeat"), ("wrapT", "repeat"), ("sourceColorSpace", "raw")):
+        _set(reader, name, "Token", value)
+    coordinate = reader.CreateInput("st", Sdf.ValueTypeNames.Float2)
+    coordinate.ConnectToSource(coordinates.ConnectableAPI(), "result")
+    reader.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
+    return reader
+
+
+def _primvar_reader(stage: Usd.Stage, path: str, size: int, name: str) -> UsdShade.Shader:
+    """Add the shader that reads a primvar of so many floats."""
+    from pxr import Sdf
+
+    reader = _shader(stage, path, f"UsdPrimvarReader_float{size}")
+    _set(reader, "varname", "String", name)
+    reader.CreateOutput("result", getattr(Sdf.ValueTypeNames, f"Float{size}"))
+    return reader
+
+
+def _shader(stage: Usd.Stage, path: str, kind: str) -> UsdShade.Shader:
+    from pxr import UsdShade
+
+    shader = UsdShade.Shader.Define(stage, path)
+    shader.CreateIdAttr(kind)
+    return shader
+
+
+def bind(prim: Usd.Prim, material: UsdShade.Material) -> None:
+    """Bind a material to a prim."""
+    from pxr import UsdShade
+
+    UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
+
+
+def _set(shader: UsdShade.Shader, name: str, kind: str, value: Any) -> None:
+    from pxr import Gf, Sdf
+
+    held = Gf.Vec3f(*value) if isinstance(value, tuple) else value
+    shader.CreateInput(name, getattr(Sdf.ValueTypeNames, kind)).Set(held)

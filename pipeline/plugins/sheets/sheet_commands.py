@@ -1,0 +1,300 @@
+"""The commands `sheet`, `figures`, `curves` and `wedge`: a shot over its frames, and in many variations."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pipeline.cli.execution import (
+    count_words,
+    execute,
+    forecast_facts,
+    forecast_words,
+    made_by_stage,
+    report_notes,
+    report_plan,
+)
+from pipeline.cli.options import (
+    Common,
+    Crossings,
+    PictureOptions,
+    Plot,
+    Quality,
+    Settings,
+    Shot,
+    ShotOptions,
+    Subject,
+    at_option,
+    frames_option,
+    output_option,
+)
+from pipeline.cli.output import exit_with, make_folder_of, print_result, print_warning
+from pipeline.errors import MissingInputError, UsageError
+from pipeline.plugins.sheets.shot_sheet import panels
+from pipeline.plugins.sheets.wedge import MOST_CELLS, OPTION, Grid, Variation, Wedge
+from pipeline.production.execution.project import Project
+from pipeline.production.measures import TIMED_STAGES, limits_of, measured
+from pipeline.production.planning.estimate import Forecast, estimate
+from pipeline.production.planning.plan import Plan
+from pipeline.production.planning.timings import LatestTimings, render_seconds
+from pipeline.production.request.lookup import find_shot
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.stages import STAGES
+from pipeline.production.store.paths import Folders
+from pipeline.production.store.store import Store
+from pipeline.shot import read_shot
+from pipeline.shot.settable_values import curves_of
+from pipeline.shot.yaml.inheritance import inherited
+from render.base.plural import plural
+from render.graphics.plot import Curves, plot_panels
+from render.scene.render_quality import DEFAULT_QUALITY
+
+
+def figures(
+    common: Common,
+    shot: Shot,
+    options: ShotOptions,
+    quality: Quality = DEFAULT_QUALITY,
+    output: Plot = None,
+    crossings: Crossings = False,
+    subject: Subject = None,
+) -> None:
+    """Plot the measures and times of a shot's meshes over its frames.
+
+    `flowsculpt figures A010_cube` writes renders/A010_cube/A010_cube.figures.svg: vertices, splits and
+    collapses, edge lengths, roundness of triangles, area and volume of all mesh frames simulated so far, and
+    crossings where there are any. The seconds of rendering are those of `--quality`. Several subjects have a
+    page each.
+    """
+    project = options.project(common)
+    whole = project.request(find_shot(shot), quality, variant="none").of_subject(subject)
+    if output is not None and len(whole.parts) > 1:
+        raise UsageError(f"-o {output} is one file, but {whole.name} has several subjects; choose --subject")
+    drawn = [_drawn(common, project, request, output, crossings) for request in whole.parts]
+    if not any(measured for _, _, measured in drawn):
+        raise MissingInputError(
+            f"{whole.name} has no meshes to draw figures from; flowsculpt simulate {shot} makes them"
+        )
+    told = [(page, names, frames) for page, names, frames in drawn if frames]
+    done = ", would be written" if common.dry_run else ""
+    words = "\n".join(f"{page}: {len(names)} figures{done}." for page, names, _ in told)
+    facts = [{"path": str(page), "figures": names, "frames": frames} for page, names, frames in told]
+    print_result(words, facts[0] if len(whole.parts) == 1 else facts, common.json)
+
+
+def _drawn(
+    common: Common, project: Project, request: RenderRequest, output: Path | None, crossings: bool
+) -> tuple[Path, list[str], list[int]]:
+    """Draw the figures of a shot with one subject, or of one of several.
+
+    Return the path, the names of the figures and the frames that were measured; no page without frames.
+    """
+    numbers, name = sorted(request.angles), request.motion_folders.part_name
+    page = output or common.root / request.folders.home / f"{name}.figures.svg"
+    measures = measured(request, project.store, numbers, common.cores, count_crossings=crossings)
+    if not measures:
+        return page, [], []
+    latest = LatestTimings(common.root)
+    seconds = latest.by_stage(request.subject, request.name, request.quality_name, TIMED_STAGES)
+    if rendered := render_seconds(request, common.root):
+        seconds["render"] = {number: sum(parts.values()) for number, parts in rendered.items()}
+    drawn = panels(numbers, measures, limits_of(request), seconds)
+    if not common.dry_run:
+        heading, rate = request.shot.heading, float(request.shot.rate.fps)
+        title = f"{heading}: {request.source.subject}" if request.source.subject else heading
+        project.store.write(page, lambda path: plot_panels(title, drawn, rate, path))
+    return page, [panel.name for panel in drawn], sorted(measures)
+
+
+def curves(common: Common, shot: Shot, output: Plot = None, settings: Settings = None) -> None:
+    """Draw everything in a shot that changes over time: values over frames, with their keys as dots.
+
+    `flowsculpt curves A010_cube` writes renders/A010_cube/A010_cube.curves.svg.
+    """
+    path = find_shot(shot)
+    keyed = curves_of(path, settings or ())
+    if not keyed:
+        raise UsageError(
+            f"{path} has nothing that changes over time; give a number keys, such as "
+            f"{{keys: {{1: 0, 24: 2}}}}"
+        )
+    clock = read_shot(path, settings=settings or ()).motion.clock
+    page = output or common.root / Folders.of_shot(path.stem).home / f"{path.stem}.curves.svg"
+    if not common.dry_run:
+        make_folder_of(page)
+        tracks = [Curves(c.name, c.unit, c.frames, c.values, c.keys) for c in keyed]
+        store, rate = Store(common.root), float(clock.rate.fps)
+        store.write(page, lambda draft: plot_panels(path.stem, tracks, rate, draft))
+    words = f"{page}: {len(keyed)} curves{', would be written' if common.dry_run else ''}."
+    print_result(words, {"path": str(page), "curves": [curve.name for curve in keyed]}, common.json)
+
+
+def sheet(
+    common: Common,
+    shot: Shot,
+    options: PictureOptions,
+    frames: Annotated[str | None, frames_option("Default: up to twelve, evenly over the shot.")] = None,
+    looks: Annotated[
+        str | None, typer.Option(metavar="NAMES", help="One frame in each of these looks, as in clay,glaze.")
+    ] = None,
+    at: Annotated[int | None, at_option("The frame of --looks. Default: the middle one.")] = None,
+    quality: Quality = DEFAULT_QUALITY,
+    columns: Annotated[int | None, typer.Option(min=1, metavar="N", help="Columns of the sheet.")] = None,
+    output: Annotated[Path | None, output_option("Write this PNG.")] = None,
+) -> None:
+    """Draw a contact sheet of a shot's frames, rendering what is missing.
+
+    `flowsculpt sheet A010_cube -f 1-58x3 --columns 5` shows the shot over time. `flowsculpt sheet A010_cube
+    --looks clay,glaze,chrome --at 44` shows one frame in three looks; it is a wedge.
+    """
+    if output is not None and output.suffix.lower() != ".png":
+        raise UsageError(f"{output} is not a PNG; a sheet's name ends in .png")
+    if looks is not None:
+        if output is not None or frames is not None:
+            raise UsageError(
+                "--looks draws the sheet of a wedge; leave out -o and -f, and choose the frame by --at"
+            )
+
+        if "," not in looks:
+            raise UsageError(f"--looks {looks}: one look needs no sheet; name several, as in clay,glaze")
+        wedge(common, shot, options, [f"look={looks}"], None, at, quality, columns)
+        return
+    if at is not None:
+        raise UsageError("--at is the frame of --looks; name the frames of a sheet with -f")
+    from pipeline.plugins.sheets.shot_sheet import ShotSheet, spread
+
+    project = options.project(common)
+    request = project.request(find_shot(shot), options.quality(quality, project, [shot]), frames)
+    made = ShotSheet(request if frames is not None else spread(request), project.store, columns)
+
+    def planned() -> Plan:
+        return project.frames([made.request])
+
+    if common.dry_run:
+        report_plan(common, planned())
+        return
+    outcome = execute(common, planned)
+    path = output or common.root / made.place
+    made.write(path)
+    many = len(made.request.requested)
+    facts = {"path": str(path), "frames": list(made.request.requested), "rendered": outcome.made("render")}
+    print_result(f"{path}: {plural(many, 'frame')}, {outcome.made('render')} rendered.", facts, common.json)
+    exit_with(outcome.exit_code)
+
+
+def wedge(
+    common: Common,
+    shot: Shot,
+    options: PictureOptions,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            OPTION,
+            metavar="NAME=VALUES",
+            help="Vary a value: NAME=first:last:count or NAME=value,value. Repeatable; cells are all "
+            "combinations.",
+        ),
+    ] = None,
+    frames: Annotated[str | None, frames_option("Frames of every cell. Default: the sheet's.")] = None,
+    at: Annotated[int | None, at_option("The frame of the sheet. Default: the middle one.")] = None,
+    quality: Quality = DEFAULT_QUALITY,
+    columns: Annotated[
+        int | None,
+        typer.Option(
+            min=1, metavar="N", help="Columns of the sheet. Default: the values of the last --vary."
+        ),
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help=f"Allow more than {MOST_CELLS} cells.")] = False,
+) -> None:
+    """Render a shot in a grid of variations, and put them on a contact sheet.
+
+    `flowsculpt wedge A010_cube --vary flows.1.twist.amount.keys.57=20:80:4 --vary look=clay,glaze`
+    renders the middle frame of eight cells to folders below renders/wedge/A010_cube, and a PNG labelled
+    with their values. With `-f 1-48` it renders these frames of every cell, and the sheet is a movie too.
+    Work that cells share is done once: a wedge over looks simulates the shot only once.
+
+    A value with keys is varied at one of them, here at frame 57; otherwise it would lose its keys.
+    """
+    grid = Grid.parse(vary or [], yes)
+    project = options.project(common)
+    named = options.quality(quality, project, [shot])
+    made = Wedge(project, find_shot(shot), grid, named, frames, at, columns)
+    for note in _notes(made):
+        print_warning(note)
+    if common.dry_run:
+        _report(common, made)
+        return
+    outcome = execute(common, made.plan)
+    sheets = made.draw()
+    facts = {
+        "cells": _cells(made),
+        "frame": made.number,
+        "sheets": [path.as_posix() for path in sheets],
+        "made": made_by_stage(outcome),
+        "done": not outcome.unfinished,
+    }
+    rendered = f"{plural(len(grid), 'cell')}, {plural(outcome.made('render'), 'frame')} rendered"
+    print_result(f"{', '.join(path.as_posix() for path in sheets)}: {rendered}.", facts, common.json)
+    exit_with(outcome.exit_code)
+
+
+def _notes(made: Wedge) -> list[str]:
+    """Return what to tell about deformations whose amount a variation makes the same in every frame."""
+    notes: dict[str, str] = {}
+    varied = [variation for variation in made.grid.variations if variation.name.endswith(".amount")]
+    if not varied:
+        return []
+    from pipeline.animation.flow_cost import constant_deformations  # loads Numba, which takes long
+
+    for _, request in made.requests:
+        for flow, text in constant_deformations(request.shot.motion):
+            place, name = f"flows.{flow}", text.partition(" ")[0]
+            for variation in varied:
+                if variation.name.startswith(f"{place}.") and variation.name.endswith(f".{name}.amount"):
+                    notes.setdefault(variation.name, _remedied(made, variation, text))
+    return list(notes.values())
+
+
+def _remedied(made: Wedge, variation: Variation, text: str) -> str:
+    """Return the text of a finding with a variation that moves something."""
+    value: Any = inherited(made.shot, None, made.project.settings, None).data
+    for step in variation.name.split("."):
+        value = value[int(step)] if isinstance(value, list) else value.get(step, {})
+    keys = value.get("keys") if isinstance(value, dict) else None
+    fact, _, remedy = text.partition(". ")
+    rest = variation.said.partition("=")[2].strip()
+    last = list(keys)[-1] if isinstance(keys, dict) and keys else made.requests[0][1].shot.frames.last
+    vary = f"{OPTION} {variation.name}.keys.{last}={rest}"
+    begin = "Vary one of its keys instead" if keys else f"{remedy.rstrip('.')} in the shot file, and vary it"
+    return f"{OPTION} {variation.said}: {fact}. {begin}: {vary}."
+
+
+def _report(common: Common, made: Wedge) -> None:
+    """Report the grid and what a run would do for it."""
+    plan = made.plan()
+    forecast = Forecast.of(plan, made.project.store)
+    expected = estimate(forecast.plan, common.root, common.cores)
+    counts, spared = forecast.plan.frame_counts(), plan.spared
+    report_notes(plan, set())
+    todo = {stage: counts[stage] for stage in STAGES if counts[stage]}
+    facts = {
+        "cells": _cells(made),
+        "frame": made.number,
+        "to_be_made": todo,
+        "shared": dict(spared),
+        "estimate": expected.as_data(),
+        **forecast_facts(forecast),
+    }
+    lines = [f"{'  '.join(cell.settings)}" for cell, _ in made.requests]
+    frames = len(made.requests[0][1].requested)
+    lines.append(f"{plural(len(lines), 'cell')} of {plural(frames, 'frame')}, the sheet at {made.number}.")
+    lines.append(forecast_words(forecast, expected) if todo else "Only the sheet is to be drawn.")
+    if spared:
+        lines.append(f"Shared by cells, and done once: {count_words(spared)}.")
+    print_result("\n".join(lines), facts, common.json)
+
+
+def _cells(made: Wedge) -> list[dict[str, object]]:
+    return [{"settings": list(cell.settings), "folder": request.home} for cell, request in made.requests]
