@@ -20,7 +20,6 @@ from render.raster.raster_shapes import (
     SHARPNESS,
     Array,
     Floats,
-    Reflectance,
     Shape,
     StageSetup,
     body_colours,
@@ -29,7 +28,7 @@ from render.raster.raster_shapes import (
 )
 from render.raster.shadows import CELL, REACH, ContactShadow, open_at, placed_softbox
 from render.scene.materials import Diffuse
-from render.scene.render_camera import Camera, unit
+from render.scene.render_camera import unit
 from render.scene.scene_lights import LightRig, Sky, Softbox
 from render.scene.scene_stage import Stage, StagePlacement
 
@@ -160,9 +159,16 @@ class Lighting:
     eye: Floats
 
     @classmethod
-    def of(cls, setup: StageSetup, contact: ContactShadow, camera: Camera) -> Lighting:
+    def of(cls, setup: StageSetup, contact: ContactShadow, eye: Floats) -> Lighting:
         """Return the lighting of a stage."""
-        return cls(setup, contact, _light_rows(setup), np.array(camera.origin))
+        return cls(setup, contact, _light_rows(setup), eye)
+
+    @classmethod
+    def of_stage(cls, rig: LightRig, stage: Stage) -> Lighting:
+        """Return the lighting of a stage alone, seen from above its middle, in stage units."""
+        setup = StageSetup(rig, stage, StagePlacement())
+        contact = ContactShadow.of(np.empty((0, 3), np.float32), setup.placement, has_floor=False)
+        return cls.of(setup, contact, np.array([0.0, EYE_HEIGHT, 0.0]))
 
     def shade(
         self,
@@ -182,8 +188,21 @@ class Lighting:
         colours = np.array([shape.material.colour]) if shape.colours is None else shape.colours
         colours = body_colours(shape.material, np.asarray(colours, np.float64))
         around = _surroundings(self.setup, 1.0 if is_stage else shape.material.roughness, is_stage)
-        reflectance = reflectance_of(shape.material, sharpness)
-        return _shaded(shape, colours, which, side, self.eye, reflectance, around, self.contact, self.lights)
+        out = np.empty((len(which), 6), np.float32)
+        shade_vertices(
+            shape.vertices,
+            shape.normals,
+            np.ascontiguousarray(colours),
+            which,
+            side,
+            self.eye,
+            np.array(reflectance_of(shape.material, sharpness)),
+            around,
+            self.contact,
+            self.lights,
+            out,
+        )
+        return out
 
     def mirrored(self, roughness: float) -> Table:
         """Return what a mirror of this roughness shows of the surroundings, as in `Surroundings`."""
@@ -200,9 +219,7 @@ def _surroundings_of(rig: LightRig, stage: Stage | None, roughness: float) -> Su
     """Return the tables of a stage, or those of the sky alone."""
     if stage is None:
         return surroundings_of(sky_radiance(rig.sky), roughness)
-    setup = StageSetup(rig, stage, StagePlacement())
-    contact = ContactShadow.of(np.empty((0, 3), np.float32), setup.placement, has_floor=False)
-    lighting = Lighting(setup, contact, _light_rows(setup), np.array([0.0, EYE_HEIGHT, 0.0]))
+    lighting = Lighting.of_stage(rig, stage)
 
     def light(points: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
         floor = Shape(points, normals, np.empty((0, 3), np.int32), Diffuse(stage.colour))
@@ -213,42 +230,10 @@ def _surroundings_of(rig: LightRig, stage: Stage | None, roughness: float) -> Su
 
 def floor_light(rig: LightRig, stage: Stage) -> NDArray[np.float32]:
     """Return the linear light (2, 3) of the middle of a stage's floor, with the key light and without it."""
-    setup = StageSetup(rig, stage, StagePlacement())
-    contact = ContactShadow.of(np.empty((0, 3), np.float32), setup.placement, has_floor=False)
-    lighting = Lighting(setup, contact, _light_rows(setup), np.array([0.0, EYE_HEIGHT, 0.0]))
+    lighting = Lighting.of_stage(rig, stage)
     middle, upwards = np.zeros((1, 3), np.float32), np.array([[0.0, 1.0, 0.0]], np.float32)
     floor = Shape(middle, upwards, np.empty((0, 3), np.int32), Diffuse(stage.colour))
     return lighting.shade(floor, np.arange(1), 1, is_stage=True).reshape(2, 3)
-
-
-def _shaded(
-    shape: Shape,
-    colours: Floats,
-    which: NDArray[np.intp],
-    side: int,
-    eye: Floats,
-    reflectance: Reflectance,
-    around: Surroundings,
-    contact: ContactShadow,
-    lights: Floats,
-) -> NDArray[np.float32]:
-    out = np.empty((len(which), 6), np.float32)
-    shade_vertices(
-        shape.vertices,
-        shape.normals,
-        np.ascontiguousarray(colours, np.float64),
-        which,
-        side,
-        eye,
-        np.array(reflectance),
-        around.mirrored,
-        around.matt,
-        contact.frame,
-        contact.open,
-        lights,
-        out,
-    )
-    return out
 
 
 def _light_rows(setup: StageSetup) -> Floats:
@@ -277,32 +262,25 @@ def shade_vertices(
     side: int,
     eye: Array,
     reflectance: Array,
-    mirrored: Array,
-    matt: Array,
-    frame: Array,
-    reached: Array,
+    around: Surroundings,
+    contact: ContactShadow,
     lights: Array,
     out: Array,
 ) -> None:
     """Compute the light of vertices with the first of the lights (3) and without it (3), into out (N, 6).
 
-    points          (V, 3), as normals (V, 3), and colours (V, 3) or (1, 3)
-    which           (N,), the vertices to shade
-    side            0 if both sides may be visible: normals then turn to the eye. For a closed surface 1, or
-                    -1 if its normals point inwards; a vertex just behind its outline stays outside
-    reflectance     (5,), as in `Reflectance`
-    mirrored, matt  the tables of `Surroundings`
-    frame, reached  the fields of `ContactShadow`
-    lights          (L, 10): for a softbox its position, the direction it faces, radiance times area, and half
-                    its width; for a sun the direction to it, 0, 0, 0, irradiance, and 0
+    points       (V, 3), as normals (V, 3), and colours (V, 3) or (1, 3)
+    which        (N,), the vertices to shade
+    side         0 if both sides may be visible: normals then turn to the eye. For a closed surface 1, or -1
+                 if its normals point inwards; a vertex just behind its outline stays outside
+    reflectance  (5,), as in `Reflectance`
+    lights       (L, 10): for a softbox its position, the direction it faces, radiance times area, and half
+                 its width; for a sun the direction to it, 0, 0, 0, irradiance, and 0
     """
-    body_weight, mirror_weight, coat, exponent = (
-        reflectance[0],
-        reflectance[1],
-        reflectance[2],
-        reflectance[4],
-    )
-    grazing = reflectance[3] - coat
+    mirrored, matt = around
+    frame, reached = contact
+    body_weight, mirror_weight, coat = reflectance[0], reflectance[1], reflectance[2]
+    grazing, exponent = reflectance[3] - coat, reflectance[4]
     least = _FAINT ** (1.0 / exponent)
     scale_to_stage, cosine_turn, sine_turn = 1.0 / frame[3], frame[4], frame[5]
     for row in range(which.shape[0]):

@@ -43,6 +43,7 @@ from render.raster.shadows import LOOKS_DARK, PACKED_DARK, ContactShadow, Shadow
 from render.raster.triangles import (
     SUPERSAMPLING,
     LargeTriangles,
+    Subsamples,
     average,
     draw_edges,
     draw_lines,
@@ -56,46 +57,36 @@ from render.scene.scene_lights import LIGHTS, LightRig
 from render.scene.scene_stage import STAGES, Stage, StagePlacement
 from render.scene.wide_camera import WideCamera
 
+Picture = NDArray[np.float32]
+
 
 @dataclass(frozen=True, eq=False)
 class Canvas:
-    """A picture to draw shapes into, SUPERSAMPLING times as fine as the result.
-
-    display                     of its values; empty for packed linear light
-    nearness, colour, face_ids  as the kernel `draw_triangles` takes them
-    """
+    """A picture to draw shapes into. display: of its values; empty for packed linear light"""
 
     projection: ScreenProjection
     lighting: Lighting
-    setup: StageSetup
     display: str
-    nearness: NDArray[np.float32]
-    colour: NDArray[np.uint32]
-    face_ids: NDArray[np.int32]
+    drawn: Subsamples
 
     @classmethod
     def of(
-        cls,
-        camera: Camera,
-        setup: StageSetup,
-        contact: ContactShadow,
-        size: tuple[int, int],
-        display: str,
-        has_face_ids: bool,
+        cls, camera: Camera, lighting: Lighting, size: tuple[int, int], display: str, has_face_ids: bool
     ) -> Canvas:
-        width, height = size
+        (width, height), setup = size, lighting.setup
         shape = SUPERSAMPLING * height, SUPERSAMPLING * width
         horizon = (0.0, 0.0, 0.0) if setup.fades else setup.lights.sky.horizon
         background = _values(np.array([horizon], np.float32), setup, display)[0]
-        return cls(
-            ScreenProjection.of(camera, width / height),
-            Lighting.of(setup, contact, camera),
-            setup,
-            display,
+        drawn = Subsamples(
             np.zeros(shape, np.float32),
             np.full(shape, pack(*background), np.uint32),
             np.full(shape if has_face_ids else (0, 0), -1, np.int32),
         )
+        return cls(ScreenProjection.of(camera, width / height), lighting, display, drawn)
+
+    def visible(self, shape: Shape) -> VisibleFaces:
+        """Return the faces of a shape that may be visible."""
+        return VisibleFaces.of(shape, self.projection, self.drawn.nearness.shape)
 
     def draw(self, faces: VisibleFaces, shadow: ShadowMap, first_id: int = 0, is_stage: bool = False) -> None:
         """Draw triangles with hidden surfaces removed. first_id: id of the shape's first face"""
@@ -111,48 +102,32 @@ class Canvas:
             large.values[:, :6] = np.tile(values, 2)
         self._draw(faces, values, large._replace(opacity=0.0), 0)
 
-    def _draw(
-        self, faces: VisibleFaces, colours: NDArray[np.float32], large: LargeTriangles, first_id: int
-    ) -> None:
+    def _draw(self, faces: VisibleFaces, colours: Picture, large: LargeTriangles, first_id: int) -> None:
         for order in faces.orders:
-            draw_triangles(
-                order,
-                faces.shape.faces,
-                first_id,
-                faces.screen,
-                colours,
-                large,
-                self.nearness,
-                self.colour,
-                self.face_ids,
-            )
+            draw_triangles(order, faces.shape.faces, first_id, faces.screen, colours, large, self.drawn)
 
-    def _vertex_colours(self, faces: VisibleFaces, shadow: ShadowMap, is_stage: bool) -> NDArray[np.float32]:
+    def _vertex_colours(self, faces: VisibleFaces, shadow: ShadowMap, is_stage: bool) -> Picture:
         """Return display values (V, 3) of the corners of small triangles."""
         shape, which = faces.shape, faces.corners_of(SMALL)
         light = np.empty((len(which), 3), np.float32)
-        apply_shadow(
-            self.lighting.shade(shape, which, faces.outwards, is_stage),
-            shadow.visibility(shadow.coordinates(shape, which, faces.outwards)),
-            light,
-        )
+        shaded = self.lighting.shade(shape, which, faces.outwards, is_stage)
+        apply_shadow(shaded, shadow.visibility(shadow.coordinates(shape, which, faces.outwards)), light)
         colours = np.empty((len(shape.vertices), 3), np.float32)
-        colours[which] = _values(light, self.setup, self.display)
+        colours[which] = _values(light, self.lighting.setup, self.display)
         return colours
 
     def _large_triangles(self, faces: VisibleFaces, shadow: ShadowMap, is_stage: bool) -> LargeTriangles:
         """Return the inputs of large triangles."""
-        shape, which = faces.shape, faces.corners_of(LARGE)
+        shape, which, setup = faces.shape, faces.corners_of(LARGE), self.lighting.setup
         values = np.empty((len(shape.vertices) if len(which) else 0, 12), np.float32)
         light = self.lighting.shade(shape, which, faces.outwards, is_stage).reshape(-1, 2, 3)
         light = np.concatenate([light, light.mean(axis=1, keepdims=True)], axis=1)
-        shown = _values(light.reshape(-1, 3), self.setup, self.display).reshape(-1, 3, 3)
+        shown = _values(light.reshape(-1, 3), setup, self.display).reshape(-1, 3, 3)
         values[which, :6], values[which, 9] = shown[:, :2].reshape(-1, 6), bulges(shown)
         values[which, 6:9] = shadow.coordinates(shape, which, faces.outwards).T
         contact = self.lighting.contact
         values[which, 10:] = contact.coordinates(shape.vertices[which]) if is_stage else -1.0
-        pixels = self.nearness.size // SUPERSAMPLING**2
-        hits, values_at_hits = np.empty((4, pixels), np.int32), np.empty((15, pixels), np.float32)
+        pixels = self.drawn.nearness.size // SUPERSAMPLING**2
         return LargeTriangles(
             shape.vertices,
             *self.projection,
@@ -160,17 +135,17 @@ class Canvas:
             shadow.nearness,
             shadow.blocks,
             contact.factors(LOOKS_DARK if self.display else PACKED_DARK),
-            _ambient(self.setup.lights, self.setup.stage, self.setup.view, self.display),
+            _ambient(setup.lights, setup.stage, setup.view, self.display),
             shadow.opacity,
-            hits,
-            values_at_hits,
+            hits=np.empty((4, pixels), np.int32),
+            at_hits=np.empty((15, pixels), np.float32),
         )
 
-    def picture(self) -> NDArray[np.float32]:
+    def picture(self) -> Picture:
         """Return the picture (H, W, 3)."""
-        rows, columns = self.nearness.shape
+        rows, columns = self.drawn.nearness.shape
         picture = np.empty((rows // SUPERSAMPLING, columns // SUPERSAMPLING, 3), np.float32)
-        average(self.colour, picture)
+        average(self.drawn.colour, picture)
         return picture
 
 
@@ -208,8 +183,6 @@ def displayed(light: NDArray[np.float32], setup: StageSetup, display: str) -> ND
     """Return display values (N, 3) of linear light (N, 3)."""
     return to_display(light[None], setup.lights.exposure, display, setup.view).reshape(light.shape)
 
-
-Picture = NDArray[np.float32]
 
 FACES = (
     ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
@@ -318,33 +291,31 @@ def preview(
     whole = _joined([*opaque, *clear])
     has_floor, opacity = setup.stage.kind != "none", contact_opacity(whole.material)
     contact = ContactShadow.of(whole.vertices, setup.placement, has_floor, opacity)
-    canvas = Canvas.of(camera, setup, contact, size, "" if clear else display, edges is not None)
-    faces = VisibleFaces.of(whole, canvas.projection, canvas.nearness.shape)
+    lighting = Lighting.of(setup, contact, np.array(camera.origin))
+    canvas = Canvas.of(camera, lighting, size, "" if clear else display, edges is not None)
+    faces = canvas.visible(whole)
     shadow = ShadowMap.of(faces.shape, setup, faces.outwards)
     drawn = 0
     for shape in opaque:
         canvas.draw(_faces_of(shape, faces, canvas), shadow, drawn)
         drawn += len(shape.faces)
-    if setup.stage.kind != "none":
+    if has_floor:
         stage = stage_shape(setup.stage, setup.placement, setup.fades)
-        stage_faces = VisibleFaces.of(stage, canvas.projection, canvas.nearness.shape)
-        canvas.draw(stage_faces, shadow, len(whole.faces), is_stage=True)
+        canvas.draw(canvas.visible(stage), shadow, len(whole.faces), is_stage=True)
     if clear:
         picture = _through(canvas, _faces_of(_joined(clear), faces, canvas), shadow, display)
     else:
         picture = canvas.picture()
     if edges is not None:
         ink = np.array([*edges.colour, edges.opacity, edges.width])
-        draw_edges(faces.screen, faces.shape.faces, canvas.face_ids, ink, picture)
+        draw_edges(faces.screen, faces.shape.faces, canvas.drawn.face_ids, ink, picture)
     middle = SUPERSAMPLING // 2
-    return Preview(picture, canvas.nearness[middle::SUPERSAMPLING, middle::SUPERSAMPLING])
+    return Preview(picture, canvas.drawn.nearness[middle::SUPERSAMPLING, middle::SUPERSAMPLING])
 
 
 def _faces_of(shape: Shape, whole: VisibleFaces, canvas: Canvas) -> VisibleFaces:
     """Return the faces of a shape that may be visible; those of the whole where that is the shape."""
-    if len(shape.faces) == len(whole.shape.faces):
-        return whole
-    return VisibleFaces.of(shape, canvas.projection, canvas.nearness.shape)
+    return whole if len(shape.faces) == len(whole.shape.faces) else canvas.visible(shape)
 
 
 def _joined(shapes: Sequence[Shape]) -> Shape:
@@ -353,12 +324,8 @@ def _joined(shapes: Sequence[Shape]) -> Shape:
     if len(shapes) == 1:
         return first
     starts = np.cumsum([0, *(len(shape.vertices) for shape in shapes[:-1])])
-    colours = [
-        np.broadcast_to(
-            shape.material.colour if shape.colours is None else shape.colours, shape.vertices.shape
-        )
-        for shape in shapes
-    ]
+    given = [shape.material.colour if shape.colours is None else shape.colours for shape in shapes]
+    colours = [np.broadcast_to(each, shape.vertices.shape) for each, shape in zip(given, shapes, strict=True)]
     return Shape(
         np.concatenate([shape.vertices for shape in shapes]),
         np.concatenate([shape.normals for shape in shapes]),
@@ -372,8 +339,7 @@ def _joined(shapes: Sequence[Shape]) -> Shape:
 def with_lines(
     shown: Preview, lines: Floats, colours: Floats, opacity: Floats, camera: Camera, width: float
 ) -> NDArray[np.float32]:
-    """Return the picture with lines (N, K, 3) over it, of colours (N, K, 3) and opacity (N, K) at their
-    points.
+    """Return the picture with lines (N, K, 3) over it, with colours (N, K, 3) and opacity (N, K).
 
     Parts behind the surface are faint. Far lines are drawn first.
     """
@@ -387,8 +353,7 @@ def with_lines(
     ends = np.stack([points[:, :-1], points[:, 1:]], axis=2).reshape(-1, 2, 3)
     segment_inks = ((inks[:, :-1] + inks[:, 1:]) / 2.0).reshape(-1, 4)
     picture = shown.picture.astype(np.float64)
-    ends, segment_inks = np.ascontiguousarray(ends), np.ascontiguousarray(segment_inks)
-    draw_lines(ends, segment_inks, width, HIDDEN_OPACITY, depth, picture)
+    draw_lines(np.ascontiguousarray(ends), segment_inks, width, HIDDEN_OPACITY, depth, picture)
     return picture.astype(np.float32)
 
 
@@ -405,19 +370,18 @@ def prepare() -> None:
 
 def _through(canvas: Canvas, faces: VisibleFaces, shadow: ShadowMap, display: str) -> NDArray[np.float32]:
     """Draw a clear subject over its stage, and return the picture (H, W, 3)."""
-    packed, behind = canvas.picture(), canvas.nearness.copy()
+    packed, behind = canvas.picture(), canvas.drawn.nearness.copy()
     background = np.empty_like(packed)
     unpack_light(packed, background)
     canvas.draw_normals(faces, shadow)
-    points = VisiblePoints.of(canvas.nearness, behind, canvas.colour, canvas.projection)
+    points = VisiblePoints.of(canvas.drawn, behind, canvas.projection)
     thickness, layers = np.zeros(packed.shape[:2], np.float32), np.zeros((*packed.shape[:2], 2), np.int32)
     add_thickness(faces.shape.faces, faces.screen, faces.outwards or 1, thickness, layers)
-    light = seen_through(
-        points, faces.shape, canvas.lighting, canvas.projection, thickness, layers, background
-    )
+    axes = canvas.projection.axes
+    light = seen_through(points, faces.shape, canvas.lighting, axes, thickness, layers, background)
     whole = points.coverage == 1.0
     background[tuple(points.pixels[whole].T)] = light[whole]
-    picture = displayed(background, canvas.setup, display)
-    edge = displayed(light[~whole], canvas.setup, display)
+    picture = displayed(background, canvas.lighting.setup, display)
+    edge = displayed(light[~whole], canvas.lighting.setup, display)
     lay_over(points.pixels[~whole], points.coverage[~whole], edge, picture)
     return picture

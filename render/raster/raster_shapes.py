@@ -129,9 +129,7 @@ def box(
 
 @exact
 def _ends(a: float, b: float, c: float, count: int) -> tuple[int, int]:
-    """Return the range of three numbers, clipped to 0 … count - 1. `min` and `max` would also check for
-    NaN.
-    """
+    """Return the range of three numbers, clipped to 0 … count - 1; `min` and `max` would check for NaN."""
     low, high = (a, b) if a < b else (b, a)
     low, high = c if c < low else low, c if c > high else high
     begin, end = int(np.ceil(low)), int(np.floor(high))
@@ -177,9 +175,7 @@ class StageSetup:
 
 
 class ScreenProjection(NamedTuple):
-    """A camera for kernels: its position, its axes over half of the view at depth 1, and its near
-    distance.
-    """
+    """A camera for kernels: its position, its axes over half of the view at depth 1, its near distance."""
 
     origin: Floats
     axes: Floats

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from render.raster.lighting import Lighting, table_place, table_value
 from render.raster.raster_shapes import Array, Floats, ScreenProjection, Shape, exact, fast
-from render.raster.triangles import SUPERSAMPLING, WHITE
+from render.raster.triangles import SUPERSAMPLING, WHITE, Subsamples
 from render.scene.materials import Glass, Material, Smoke
 
 GRID = 256
@@ -41,21 +41,15 @@ class VisiblePoints(NamedTuple):
 
     @classmethod
     def of(
-        cls,
-        nearness: NDArray[np.float32],
-        behind: NDArray[np.float32],
-        packed: NDArray[np.uint32],
-        projection: ScreenProjection,
+        cls, drawn: Subsamples, behind: NDArray[np.float32], projection: ScreenProjection
     ) -> VisiblePoints:
-        """Find them. nearness, behind: with the subject and without it; packed: its normals, from 0 to 1"""
-        most = nearness.size // SUPERSAMPLING**2
-        pixels, (coverage, depth) = np.empty((most, 2), np.int32), np.empty((2, most), np.float32)
-        points, normals = np.empty((2, most, 3), np.float32)
+        """Find them in a picture of the subject's normals, from 0 to 1. behind: the nearness without it"""
+        most = drawn.nearness.size // SUPERSAMPLING**2
+        pixels, vectors = np.empty((most, 2), np.int32), np.empty((2, most, 3), np.float32)
+        found = cls(pixels, *np.empty((2, most), np.float32), *vectors)
         axes = projection.axes / np.sum(projection.axes**2, axis=1, keepdims=True)
-        count = find_visible(
-            nearness, behind, packed, projection.origin, axes, pixels, coverage, depth, points, normals
-        )
-        return cls(pixels[:count], coverage[:count], depth[:count], points[:count], normals[:count])
+        count = find_visible(drawn.nearness, behind, drawn.colour, projection.origin, axes, found)
+        return cls._make(values[:count] for values in found)
 
 
 @fast
@@ -69,21 +63,13 @@ def pack_normals(normals: Array, sign: float, packed: Array) -> None:
 
 @exact
 def find_visible(
-    nearness: Array,
-    behind: Array,
-    packed: Array,
-    origin: Array,
-    axes: Array,
-    pixels: Array,
-    coverage: Array,
-    depth: Array,
-    points: Array,
-    normals: Array,
+    nearness: Array, behind: Array, packed: Array, origin: Array, axes: Array, found: VisiblePoints
 ) -> int:
-    """Write the fields of `VisiblePoints`, and return their number.
+    """Write the points of a subject, and return their number.
 
     axes  (3, 3): half of what the lens sees at depth 1 to the right and upwards, and forward
     """
+    pixels, coverage, depth, points, normals = found
     rows, columns = nearness.shape[0] // SUPERSAMPLING, nearness.shape[1] // SUPERSAMPLING
     count = 0
     for i in range(rows):
@@ -129,12 +115,8 @@ def add_thickness(faces: Array, screen: Array, outwards: int, thickness: Array, 
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         if not (screen[a, 2] > 0.0 and screen[b, 2] > 0.0 and screen[c, 2] > 0.0):
             continue
-        ax, ay, bx, by = (
-            _on_grid(screen, a, 0),
-            _on_grid(screen, a, 1),
-            _on_grid(screen, b, 0),
-            _on_grid(screen, b, 1),
-        )
+        ax, ay = _on_grid(screen, a, 0), _on_grid(screen, a, 1)
+        bx, by = _on_grid(screen, b, 0), _on_grid(screen, b, 1)
         cx, cy = _on_grid(screen, c, 0), _on_grid(screen, c, 1)
         area = (by - ay) * (cx - ax) - (bx - ax) * (cy - ay)
         if area == 0:
@@ -227,32 +209,31 @@ def seen_through(
     points: VisiblePoints,
     shape: Shape,
     lighting: Lighting,
-    projection: ScreenProjection,
+    axes: Floats,
     thickness: NDArray[np.float32],
     layers: NDArray[np.int32],
     background: NDArray[np.float32],
 ) -> NDArray[np.float32]:
     """Return the linear light (N, 3) of a clear subject.
 
+    axes               as of `ScreenProjection`
     thickness, layers  as `add_thickness` computes them
     background         (H, W, 3), the linear light of the stage
     """
     material, size = shape.material, lighting.setup.placement.size
     roughness = material.roughness if isinstance(material, Glass) else 0.0
-    across = float(np.linalg.norm(projection.axes[0]) * points.depth.mean()) if len(points.depth) else 1.0
+    across = float(np.linalg.norm(axes[0]) * points.depth.mean()) if len(points.depth) else 1.0
     reach = roughness * _BEHIND * size / across / 2.0
     surface = _surface_light(points, material, lighting)
     light = np.empty_like(surface)
     mix_light(
-        points.pixels,
-        points.depth,
-        points.normals,
-        projection.axes,
+        points,
+        axes,
         thickness,
         layers,
         _blurred(background, round(reach * background.shape[1])),
         surface,
-        *ClearBody.of(material, size),
+        ClearBody.of(material, size),
         lighting.mirrored(roughness),
         lighting.contact.frame[4:],
         size,
@@ -266,10 +247,7 @@ def _blurred(picture: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
     for axis in (0, 1) if reach > 0 else ():
         sides = [(reach + 1, reach) if side == axis else (0, 0) for side in range(3)]
         sums = np.pad(picture, sides, mode="edge").cumsum(axis=axis, dtype=np.float64)
-        last, first = (
-            np.split(sums, [2 * reach + 1], axis=axis)[1],
-            sums.take(range(picture.shape[axis]), axis),
-        )
+        first, last = sums.take(range(picture.shape[axis]), axis), np.split(sums, [2 * reach + 1], axis)[1]
         picture = ((last - first) / (2 * reach + 1)).astype(np.float32)
     return picture
 
@@ -306,17 +284,13 @@ def unpack_light(packed: Array, light: Array) -> None:
 
 @fast
 def mix_light(
-    pixels: Array,
-    depth: Array,
-    normals: Array,
+    points: VisiblePoints,
     axes: Array,
     thickness: Array,
     layers: Array,
     background: Array,
     surface: Array,
-    tint: Array,
-    rate: Array,
-    refraction: float,
+    body: ClearBody,
     around: Array,
     turn: Array,
     size: float,
@@ -324,13 +298,14 @@ def mix_light(
 ) -> None:
     """Add what is behind a clear body to the light of its surface (N, 3), into light (N, 3).
 
-    axes                    as of `ScreenProjection`
-    tint, rate, refraction  the fields of `ClearBody`
-    around                  the table `Surroundings.mirrored` of a smooth mirror: what glass shows that bends
-                            a line of sight far aside
-    turn                    (2,), cosine and sine of the stage's turn
-    size                    half the subject's, scene units
+    axes    as of `ScreenProjection`
+    around  the table `Surroundings.mirrored` of a smooth mirror: what glass shows that bends a line of sight
+            far aside
+    turn    (2,), cosine and sine of the stage's turn
+    size    half the subject's, scene units
     """
+    pixels, depth, normals = points.pixels, points.depth, points.normals
+    tint, rate, refraction = body
     rows, columns = thickness.shape
     across = math.sqrt(axes[0, 0] ** 2 + axes[0, 1] ** 2 + axes[0, 2] ** 2)
     upwards = math.sqrt(axes[1, 0] ** 2 + axes[1, 1] ** 2 + axes[1, 2] ** 2)

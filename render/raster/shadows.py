@@ -29,7 +29,7 @@ from render.raster.raster_shapes import (
     shadow_opacity,
 )
 from render.scene.render_camera import Camera, unit
-from render.scene.scene_lights import LightRig, Softbox
+from render.scene.scene_lights import Softbox
 from render.scene.scene_stage import StagePlacement
 
 CELLS, REACH = 48, 2.4
@@ -67,11 +67,7 @@ class ContactShadow(NamedTuple):
 
     @classmethod
     def of(
-        cls,
-        vertices: NDArray[np.float32],
-        placement: StagePlacement,
-        has_floor: bool,
-        opacity: float = 1.0,
+        cls, vertices: NDArray[np.float32], placement: StagePlacement, has_floor: bool, opacity: float = 1.0
     ) -> ContactShadow:
         """Return the contact shadow of a subject's vertices (V, 3). opacity: of the subject"""
         turn = np.cos(placement.turn), np.sin(placement.turn)
@@ -220,9 +216,7 @@ def move_halfway(nearness: Array) -> None:
 
 @exact
 def block_maxima(nearness: Array, blocks: Array) -> None:
-    """Write the maximum of each block of nearness (S, S) and its neighbours into blocks (S / BLOCK, S /
-    BLOCK).
-    """
+    """Write the maximum of each block of nearness and its neighbours into blocks (S / BLOCK, S / BLOCK)."""
     count = blocks.shape[0]
     maxima = np.zeros((count, count), np.float32)
     for i in range(nearness.shape[0]):
@@ -355,23 +349,19 @@ class ShadowMap:
 def _key_camera(setup: StageSetup) -> Camera | None:
     """Return a camera at the key light, for a square shadow map, or None where there is no light."""
     rig, size = setup.lights, setup.placement.size
-    if not (rig.softboxes or rig.suns):
+    if rig.softboxes:
+        position, target = placed_softbox(rig.softboxes[0], setup)
+    elif rig.suns:
+        target = np.add(setup.placement.origin, (0.0, size, 0.0))
+        position = target - SUN_DISTANCE * size * unit(np.array(rig.suns[0].direction))
+    else:
         return None
-    position, target = _key_position(rig, setup)
     distance = float(np.linalg.norm(target - position))
     x, y, z = position.tolist()
     a, b, c = target.tolist()
     up = (0.0, 1.0, 0.0) if np.hypot(a - x, c - z) > 1e-3 * distance else (0.0, 0.0, 1.0)
     angle = 2.0 * float(np.arctan(SHADOW_REACH * size / distance))
     return Camera((x, y, z), (a, b, c), up, angle, near=1e-3 * distance, far=1e3 * distance)
-
-
-def _key_position(rig: LightRig, setup: StageSetup) -> tuple[Floats, Floats]:
-    """Return the position of the key light, and its target."""
-    if rig.softboxes:
-        return placed_softbox(rig.softboxes[0], setup)
-    target = np.add(setup.placement.origin, (0.0, setup.placement.size, 0.0))
-    return target - SUN_DISTANCE * setup.placement.size * unit(np.array(rig.suns[0].direction)), target
 
 
 def placed_softbox(box: Softbox, setup: StageSetup) -> tuple[Floats, Floats]:

@@ -69,19 +69,25 @@ class LargeTriangles(NamedTuple):
     at_hits: Array
 
 
+class Subsamples(NamedTuple):
+    """A picture of subsamples, SUPERSAMPLING times as fine as its pixels each way.
+
+    nearness  (H, W), one over the depth of the nearest triangle so far
+    colour    (H, W) uint32, its packed colour
+    face_ids  (H, W) int32, its id; empty if not wanted
+    """
+
+    nearness: Array
+    colour: Array
+    face_ids: Array
+
+
 @exact
 def draw_large_triangle(
-    a: int,
-    b: int,
-    c: int,
-    face_id: int,
-    large: LargeTriangles,
-    nearness: Array,
-    colour: Array,
-    face_ids: Array,
+    a: int, b: int, c: int, face_id: int, large: LargeTriangles, drawn: Subsamples
 ) -> None:
     """Draw a triangle as `draw_triangles` does. a, b, c: indices of its corners"""
-    rows, columns = nearness.shape[0] // SUPERSAMPLING, nearness.shape[1] // SUPERSAMPLING
+    rows, columns = drawn.nearness.shape[0] // SUPERSAMPLING, drawn.nearness.shape[1] // SUPERSAMPLING
     corners, planes = np.empty((3, 3)), np.empty((3, 15))
     for k, v in enumerate((a, b, c)):
         corners[k, 0], corners[k, 1], corners[k, 2] = corner(large.vertices, v, large.origin, large.axes)
@@ -92,7 +98,7 @@ def draw_large_triangle(
     left, right, top, bottom = _bounds(corners, large.near, rows, columns)
     if left > right:
         return
-    count = _cover(planes, left, right, top, bottom, nearness, large.hits)
+    count = _cover(planes, left, right, top, bottom, drawn.nearness, large.hits)
     reaches_contact = _overlaps(large.values, a, b, c, 10) and _overlaps(large.values, a, b, c, 11)
     _interpolate(planes, large.hits, count, 12 if reaches_contact else 10, large.at_hits)
     visible = large.at_hits[12, :count]
@@ -101,7 +107,7 @@ def draw_large_triangle(
         dim_floor(large.at_hits[10:12, :count], large.contact, large.at_hits[13, :count])
     else:
         large.at_hits[13, :count] = 1.0
-    _write(large.hits, large.at_hits, count, large.ambient, face_id, colour, face_ids)
+    _write(large.hits, large.at_hits, count, large.ambient, face_id, drawn)
 
 
 @exact
@@ -164,8 +170,7 @@ def _cover(
 def _interpolate(planes: Array, hits: Array, count: int, channels: int, at_hits: Array) -> None:
     """Interpolate the first values of corners at the mean of a pixel's covered subsamples, into at_hits.
 
-    That point is always inside the triangle. Pixels are the inner loop, in single precision, so that it is
-    vectorised.
+    That point is always inside the triangle. The inner loop is vectorised: over pixels, in single precision.
     """
     x = np.float32(planes[0, 0] + planes[0, 1] + planes[0, 2])
     y = np.float32(planes[1, 0] + planes[1, 1] + planes[1, 2])
@@ -185,20 +190,13 @@ def _interpolate(planes: Array, hits: Array, count: int, channels: int, at_hits:
 
 
 @fast
-def _write(
-    hits: Array,
-    at_hits: Array,
-    count: int,
-    ambient: float,
-    face_id: int,
-    colour: Array,
-    face_ids: Array,
-) -> None:
+def _write(hits: Array, at_hits: Array, count: int, ambient: float, face_id: int, drawn: Subsamples) -> None:
     """Write colours of covered subsamples, mixed by the visibility of the key light in at_hits[12].
 
     The contact shadow in at_hits[13] is a factor on values without the key light.
     """
-    has_ids, packed = face_ids.shape[0] > 0, hits[3]
+    colour, face_ids, packed = drawn.colour, drawn.face_ids, hits[3]
+    has_ids = face_ids.shape[0] > 0
     none, white, half, one = np.float32(0.0), np.float32(WHITE), np.float32(0.5), np.float32(1.0)
     part, visible, open_above = np.float32(ambient), at_hits[12], at_hits[13]
     for n in range(count):
@@ -247,9 +245,8 @@ def _planes(
         planes[1, k], planes[2, k] = -2.0 / rows * y, 2.0 / columns * x
     for k in range(12):
         for m in range(3):
-            planes[m, 3 + k] = (
-                values[a, k] * planes[m, 0] + values[b, k] * planes[m, 1] + values[c, k] * planes[m, 2]
-            )
+            value = values[a, k] * planes[m, 0] + values[b, k] * planes[m, 1]
+            planes[m, 3 + k] = value + values[c, k] * planes[m, 2]
     return True
 
 
@@ -284,20 +281,16 @@ def draw_triangles(
     screen: Array,
     colours: Array,
     large: LargeTriangles,
-    nearness: Array,
-    colour: Array,
-    face_ids: Array,
+    drawn: Subsamples,
 ) -> None:
-    """Draw faces into a picture of subsamples, SUPERSAMPLING times as fine as its pixels each way.
+    """Draw faces into a picture.
 
-    order      (N,), indices of the faces (F, 3) to draw
-    first_id   id of face 0
-    screen     (V, 3), as `project` computes them
-    colours    (V, 3): display values of corners of small triangles
-    nearness   (H, W), one over the depth of the nearest triangle so far
-    colour     (H, W) uint32, its packed colour
-    face_ids   (H, W) int32, its id; empty if not wanted
+    order     (N,), indices of the faces (F, 3) to draw
+    first_id  id of face 0
+    screen    (V, 3), as `project` computes them
+    colours   (V, 3): display values of corners of small triangles
     """
+    nearness, colour, face_ids = drawn
     rows, columns = nearness.shape
     has_ids = face_ids.shape[0] > 0
     for n in range(order.shape[0]):
@@ -305,13 +298,13 @@ def draw_triangles(
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         depth_a, depth_b, depth_c = screen[a, 2], screen[b, 2], screen[c, 2]
         if not (depth_a > 0.0 and depth_b > 0.0 and depth_c > 0.0):
-            draw_large_triangle(a, b, c, first_id + f, large, nearness, colour, face_ids)
+            draw_large_triangle(a, b, c, first_id + f, large, drawn)
             continue
         ax, ay, bx, by = screen[a, 0], screen[a, 1], screen[b, 0], screen[b, 1]
         cx, cy = screen[c, 0], screen[c, 1]
         left, right, top, bottom = box(ax, ay, bx, by, cx, cy, rows, columns)
         if max(right - left, bottom - top) >= LARGE_SIZE:
-            draw_large_triangle(a, b, c, first_id + f, large, nearness, colour, face_ids)
+            draw_large_triangle(a, b, c, first_id + f, large, drawn)
             continue
         # barycentric coordinates u, v of corners a and b are linear across the picture
         scale = 1.0 / ((bx - ax) * (cy - ay) - (by - ay) * (cx - ax))

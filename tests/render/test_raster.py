@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from render.raster import Preview, Shape, StageSetup, preview, with_lines
 from render.raster.raster_shapes import LARGE, SMALL, ScreenProjection, VisibleFaces
-from render.raster.triangles import LargeTriangles, draw_triangles
+from render.raster.triangles import LargeTriangles, Subsamples, draw_triangles
 from render.scene.materials import LOOKS
 from render.scene.patterns import Pigment
 from render.scene.render_camera import Camera
@@ -237,7 +237,9 @@ def test_a_triangle_anywhere_covers_the_pixels_that_see_it_and_no_others(points)
     none = np.zeros((0, 0), np.float32)
     large = LargeTriangles(shape.vertices, *lens, grey, none, none, none, 1.0, 1.0, *room)
     for order in seen.orders:
-        draw_triangles(order, faces, 7, seen.screen, grey[:, :3].copy(), large, near, colour, name)
+        draw_triangles(
+            order, faces, 7, seen.screen, grey[:, :3].copy(), large, Subsamples(near, colour, name)
+        )
     shares = covered(corners, rows, columns)
     total = shares.sum(axis=2)
     inside = (shares > 1e-4 * abs(shares).max()).all(axis=2) & (total < 1.0 / closest - 1e-6)
