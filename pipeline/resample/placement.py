@@ -16,13 +16,7 @@ from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError
 from pipeline.mesh.halfedge_mesh import HalfedgeMesh
 from pipeline.mesh.meshes import TriangleMesh
-from pipeline.mesh.normals import (
-    carried_normals,
-    normals_from_tangents,
-    tangent_points,
-    unit,
-    vertex_normals,
-)
+from pipeline.mesh.normals import carried_normals, normals_from_tangents, tangent_points, unit, vertex_normals
 from pipeline.resample.kernels.closest_points import (
     LATTICE,
     MAX_OPPOSITE,
@@ -132,11 +126,7 @@ def move_without_folds(
 
 REST, REST_NORMAL, NORMAL, ASTRAY = "rest", "rest_normal", "normal", "astray"
 """Vertex attributes of exact placement: position and normal on the undeformed surface, present normal, and a
-flag for vertices that had to be left off the surface.
-"""
-
-
-_RING = new_ring()
+flag for vertices that had to be left off the surface."""
 
 
 def column_of(mesh: HalfedgeMesh, name: str) -> int:
@@ -177,7 +167,7 @@ class RestRings:
     def of(cls, mesh: HalfedgeMesh, spokes: Indices) -> RestRings:
         many, vertices = len(spokes), mesh.arrays.vert[spokes]
         opposite = np.empty((many, MAX_OPPOSITE, 2), np.int32)
-        opposite_corners(mesh.arrays, spokes, _RING, opposite)
+        opposite_corners(mesh.arrays, spokes, RING, opposite)
         centre, normals, middle = np.empty((3, many, 3))
         corners, sizes = np.empty((many, MAX_OPPOSITE, 2, 3)), np.empty(many)
         columns = column_of(mesh, REST), column_of(mesh, REST_NORMAL)
@@ -194,6 +184,7 @@ PointMap = Callable[[Points], Points]
 
 _ROUNDS = 2
 _STEP = 1e-4  # finite difference, in sides of the triangle
+_TANGENT = 1e-5  # distance of tangent points from their vertex, in edge lengths at rest
 
 
 def closest_points(
@@ -224,9 +215,6 @@ def closest_points(
         projected = project(new_rest)
         keep_nearer(projected, carry(projected), goals, nearest_rest, places)
     return nearest_rest, places
-
-
-_TANGENT = 1e-5  # distance of tangent points from their vertex, in edge lengths at rest
 
 
 @dataclass(frozen=True)
@@ -293,9 +281,7 @@ class Exact(Placement):
             last = int(mesh.sizes[0])
             return rest_of(mesh)[last - len(births) :].copy(), normals, sizes
         middles = np.empty((len(births), 3))
-        rest = np.empty_like(
-            mesh.arrays.points
-        )  # the rows of a few rings are used, and only they take memory
+        rest = np.empty_like(mesh.arrays.points)  # only the rows of a few rings are used and take memory
         columns = column, column_of(mesh, REST_NORMAL)
         rest_midpoints(mesh.arrays, births, *columns, RING, rest, SCRATCH, middles, normals, sizes)
         return middles, normals, sizes
@@ -327,7 +313,7 @@ class Exact(Placement):
         rings = RestRings.of(mesh, spokes)
         goals = mesh.vertices[mesh.arrays.vert[spokes]]
         nearest_rest, places = closest_points(self._carry, self._project, rings.centre, rings.corners, goals)
-        moved = self._move(mesh, spokes, nearest_rest, places, rings.normals, rings.sizes, limits)
+        moved = self._move(mesh, rings, nearest_rest, places, limits)
         if not moved.all():
             moved[~moved] = self._move_to_middle(mesh, rings.only(~moved), limits)
         return moved
@@ -335,22 +321,25 @@ class Exact(Placement):
     def _move_to_middle(self, mesh: HalfedgeMesh, rings: RestRings, limits: Limits) -> AnyArray:
         """Move vertices to the middle of their rings at rest; return flags of those that moved."""
         goals = self._project(rings.middle)
-        places = self._carry(goals)
-        return self._move(mesh, rings.spokes, goals, places, rings.normals, rings.sizes, limits)
+        return self._move(mesh, rings, goals, self._carry(goals), limits)
 
     def _move(
-        self,
-        mesh: HalfedgeMesh,
-        spokes: Indices,
-        goals: Points,
-        places: Points,
-        normals: Vectors,
-        sizes: Floats,
-        limits: Limits,
+        self, mesh: HalfedgeMesh, rings: RestRings, goals: Points, places: Points, limits: Limits
     ) -> AnyArray:
-        """Move vertices to `goals` at rest and to `places` now; return flags of those that moved."""
-        moved = move_without_folds(mesh, spokes, places, goals, limits)
-        self._set_normals(mesh, mesh.arrays.vert[spokes], goals, places, normals, sizes, moved)
+        """Move vertices to `goals` at rest and to `places` now; return flags of those that moved.
+
+        If the mesh has normals, theirs become the exact ones.
+        """
+        moved = move_without_folds(mesh, rings.spokes, places, goals, limits)
+        if mesh.column(NORMAL) is not None and moved.any():
+            carried = carried_normals(
+                lambda beside: self._carry(self._project(beside)),
+                goals[moved],
+                places[moved],
+                rings.normals[moved],
+                _TANGENT * rings.sizes[moved],
+            )
+            _write(mesh, NORMAL, mesh.arrays.vert[rings.spokes[moved]], carried)
         return moved
 
     def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Limits, changes: Changes) -> int:
@@ -371,39 +360,13 @@ class Exact(Placement):
     def _project(self, points: Points) -> Points:
         return points if self.project is None else np.array(self.project(points), np.float64, order="C")
 
-    def _set_normals(
-        self,
-        mesh: HalfedgeMesh,
-        vertices: Indices,
-        rest: Points,
-        places: Points,
-        normals: Vectors,
-        sizes: Floats,
-        selected: AnyArray,
-    ) -> None:
-        """Set the exact normals of the selected vertices, if the mesh has normals.
-
-        normals   (N, 3) at rest, unit, or zero where there is none
-        sizes     (N,) length of an edge of each at rest
-        selected  (N,) flags
-        """
-        if mesh.column(NORMAL) is None or not selected.any():
-            return
-        carried = carried_normals(
-            lambda beside: self._carry(self._project(beside)),
-            rest[selected],
-            places[selected],
-            normals[selected],
-            _TANGENT * sizes[selected],
-        )
-        _write(mesh, NORMAL, vertices[selected], carried)
-
     def _carry_with_normals(
         self, mesh: HalfedgeMesh, goals: Points, normals: Vectors, sizes: Floats
     ) -> tuple[Points, Vectors]:
         """Return the present places (N, 3) of points at rest and, if the mesh has normals, those there.
 
-        normals, sizes  as in `_set_normals`
+        normals  (N, 3) at rest, unit, or zero where there is none
+        sizes    (N,) length of an edge of each at rest
 
         All is carried by one call: the flow starts along its streamlines once.
         """

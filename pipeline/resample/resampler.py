@@ -128,7 +128,7 @@ def _halved(creases: Indices, edges: _Edges, middles: Indices) -> Indices:
     return np.concatenate([whole, *halves])
 
 
-_TURNED = [[0, 1, 2, 3, 4, 5], [1, 2, 0, 4, 5, 3], [2, 0, 1, 5, 3, 4]]
+_TURNED = np.array([[0, 1, 2, 3, 4, 5], [1, 2, 0, 4, 5, 3], [2, 0, 1, 5, 3, 4]])
 """Slots of a face, its corners and the midpoints of its sides, as seen from each of its corners."""
 
 
@@ -139,19 +139,15 @@ def _patterns() -> tuple[AnyArray, AnyArray]:
     piece between them is cut along its second diagonal.
     """
     table, count = np.zeros((16, 4, 3), np.int64), np.zeros(16, np.int64)
-    cases = {0: [(0, 1, 2)], 7: [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)]}
+    cases = [(0, _TURNED[0], [[0, 1, 2]]), (7, _TURNED[0], [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])]
     for turn, slots in enumerate(_TURNED):
         one, two = 1 << turn, (1 << turn) + (1 << (turn + 1) % 3)
-        cases[one] = _seen([(0, 3, 2), (3, 1, 2)], slots)
-        cases[two] = _seen([(3, 1, 4), (0, 3, 4), (0, 4, 2)], slots)
-        cases[two + 8] = _seen([(3, 1, 4), (0, 3, 2), (3, 4, 2)], slots)
-    for case, pieces in cases.items():
-        table[case, : len(pieces)], count[case] = pieces, len(pieces)
+        cases.append((one, slots, [[0, 3, 2], [3, 1, 2]]))
+        cases.append((two, slots, [[3, 1, 4], [0, 3, 4], [0, 4, 2]]))
+        cases.append((two + 8, slots, [[3, 1, 4], [0, 3, 2], [3, 4, 2]]))
+    for case, slots, pieces in cases:
+        table[case, : len(pieces)], count[case] = slots[pieces], len(pieces)
     return table, count
-
-
-def _seen(pieces: list[tuple[int, int, int]], slots: list[int]) -> list[tuple[int, int, int]]:
-    return [(slots[a], slots[b], slots[c]) for a, b, c in pieces]
 
 
 _PIECES, _COUNTS = _patterns()
@@ -208,7 +204,7 @@ class Resampler:
     Vertex attributes are carried along: a new vertex gets the mean of its parents' values, a merged one those
     of the end that stays (integers and flags are never mixed). If the mesh has an attribute `identity`, a
     different int64 for every vertex, a new vertex gets a number never used before, and `births` names its
-    parents.
+    parents. `unsorted` counts the vertices born since the vertices were last sorted; at first all.
     """
 
     def __init__(
@@ -222,7 +218,7 @@ class Resampler:
         self._configure(thresholds, placement, min_roundness, splits)
         mesh = in_memory_order(placement.prepare(mesh, thresholds.hard_angles(mesh)))
         self._mesh = HalfedgeMesh(mesh, Register.of(mesh))
-        self._unsorted = len(mesh.vertices)
+        self.unsorted = len(mesh.vertices)
         reset(changes_of(self._mesh))  # allocates the memory now, so that no frame waits for it
 
     def _configure(
@@ -277,18 +273,13 @@ class Resampler:
         """The number of identities given since the first frame; the next new vertex gets this number."""
         return 0 if self._mesh.register is None else self._mesh.register.given
 
-    @property
-    def unsorted(self) -> int:
-        """The number of vertices born since the vertices were last sorted; at first that of all vertices."""
-        return self._unsorted
-
     def state(self) -> dict[str, AnyArray]:
         """Return copies of all that later frames depend on; keep them by ``numpy.savez(file, **state)``."""
         mesh = self.mesh
         named = {_ATTRIBUTE + name: values for name, values in mesh.attributes.items()}
         given = {} if self._mesh.register is None else {_GIVEN: np.array(self.identities)}
         surface = {"vertices": mesh.vertices, "faces": mesh.faces, "creases": mesh.creases}
-        return {**surface, **named, **given, _UNSORTED: np.array(self._unsorted)}
+        return {**surface, **named, **given, _UNSORTED: np.array(self.unsorted)}
 
     @classmethod
     def from_state(
@@ -310,7 +301,7 @@ class Resampler:
         resumed._configure(thresholds, placement, min_roundness, splits)
         mesh = TriangleMesh(state["vertices"], state["faces"], attributes, state.get("creases"))
         resumed._mesh = HalfedgeMesh(mesh, Register.of(mesh, int(state.get(_GIVEN, 0))))
-        resumed._unsorted = int(state.get(_UNSORTED, 0))
+        resumed.unsorted = int(state.get(_UNSORTED, 0))
         reset(changes_of(resumed._mesh))
         return resumed
 
@@ -321,10 +312,10 @@ class Resampler:
         then still sound. Ctrl-C ends it at once and leaves the surface unusable.
         """
         report = self._resample()
-        self._unsorted += report.splits
-        if report.faces > _CACHED and self._unsorted > _NEW_SHARE * report.vertices:
+        self.unsorted += report.splits
+        if report.faces > _CACHED and self.unsorted > _NEW_SHARE * report.vertices:
             self._mesh.reorder(morton_order(self.vertices))
-            self._unsorted = 0
+            self.unsorted = 0
         return report
 
     def _resample(self) -> Report:

@@ -37,8 +37,7 @@ class Collapser:
         Includes edges that a collapse makes short. A refused edge is tried again once a face around it has
         changed.
         """
-        queue = self._short(edges)
-        refused: dict[int, str] = {}
+        queue, refused = self._short(edges), dict[int, str]()
         while queue:
             changed: set[int] = set()
             for h in queue:  # it grows as it is worked through
@@ -50,7 +49,7 @@ class Collapser:
                 else:
                     refused.pop(h, None)
                     queue += self._short(self._collapse(h, decision.share, changed))
-            queue = [h for h in refused if self._touches(h, changed)]
+            queue = [h for h in refused if not changed.isdisjoint(self._editor.surface.ends(h))]
         self.refused = Counter(reason for h, reason in refused.items() if self._is_short(h))
 
     def faces(self, faces: Iterable[int], edges: Iterable[int]) -> None:
@@ -71,7 +70,7 @@ class Collapser:
     def _shrink(self, f: int) -> list[int]:
         """Merge the corners of a face as far as possible; return the edges around the merged vertices."""
         surface, around = self._editor.surface, []
-        corners = [surface.origin[h] for h in surface.loop(surface.side[f])]
+        corners = surface.vertices(f)
         while True:
             inner = [h & ~1 for v in corners for h in surface.star(v) if surface.origin[h ^ 1] in corners]
             inner = sorted(set(inner), key=lambda h: (self._editor.length(h), h))
@@ -94,10 +93,6 @@ class Collapser:
         changed.update(surface.origin[k ^ 1] for k in star)
         return [k & ~1 for k in star]
 
-    def _touches(self, h: int, changed: set[int]) -> bool:
-        origin = self._editor.surface.origin
-        return origin[h] in changed or origin[h ^ 1] in changed
-
     def _is_short(self, h: int) -> bool:
         return self._editor.surface.origin[h] != OUTSIDE and self._editor.is_too_short(h)
 
@@ -110,8 +105,7 @@ class Collapser:
         surface, limits = self._editor.surface, self._editor.limits
         if f == OUTSIDE or surface.side[f] == OUTSIDE:
             return False
-        corners = [surface.origin[h] for h in surface.loop(surface.side[f])]
-        least = min(limits.min_edge_length(v, v) for v in corners)
+        least = min(limits.min_edge_length(v, v) for v in surface.vertices(f))
         return 0.5 * norm(self._editor.normal(f)) < _EQUILATERAL * least * least
 
 
@@ -173,19 +167,16 @@ def _link_fault(editor: PolyhedronEditor, h: int, near: _End, far: _End) -> str:
     surface = editor.surface
     face, origin = surface.face, surface.origin
     beside = [face[h], face[h ^ 1]]
-    if OUTSIDE not in beside and _on_boundary(editor, near) and _on_boundary(editor, far):
+    faces_near, faces_far = ({face[k] for k in end.star} for end in (near, far))
+    if OUTSIDE not in beside and OUTSIDE in faces_near and OUTSIDE in faces_far:
         return "boundary"
-    triangles = [
-        k
-        for k in (h, h ^ 1)
-        if face[k] != OUTSIDE and surface.previous[surface.previous[k]] == surface.next[k]
-    ]
+    inner = [k for k in (h, h ^ 1) if face[k] != OUTSIDE]
+    triangles = [k for k in inner if surface.previous[surface.previous[k]] == surface.next[k]]
     mine, theirs = ({origin[k ^ 1] for k in end.star} for end in (near, far))
     tips = {origin[surface.previous[k]] for k in triangles}
     if mine & theirs != tips or len(tips) != len(triangles):
         return "link"
-    faces_near, faces_far = ({face[k] for k in end.star} - {OUTSIDE} for end in (near, far))
-    if faces_near & faces_far != set(beside) - {OUTSIDE}:
+    if faces_near & faces_far - {OUTSIDE} != set(beside) - {OUTSIDE}:
         return "link"
     for k in triangles:
         one, two = face[surface.next[k] ^ 1], face[surface.previous[k] ^ 1]
@@ -196,20 +187,12 @@ def _link_fault(editor: PolyhedronEditor, h: int, near: _End, far: _End) -> str:
     return ""
 
 
-def _on_boundary(editor: PolyhedronEditor, end: _End) -> bool:
-    return any(editor.surface.face[k] == OUTSIDE for k in end.star)
-
-
 def _would_double(editor: PolyhedronEditor, f: int, g: int, keep: int, gone: int) -> bool:
     """Tell whether two faces would have the same vertices after `gone` merges into `keep`."""
     if OUTSIDE in (f, g):
         return False
-    surface = editor.surface
-    one, two = (
-        {keep if v == gone else v for v in (surface.origin[k] for k in surface.loop(surface.side[face]))}
-        for face in (f, g)
-    )
-    return one == two
+    one, two = (set(editor.surface.vertices(face)) for face in (f, g))
+    return {keep if v == gone else v for v in one} == {keep if v == gone else v for v in two}
 
 
 def _candidates(editor: PolyhedronEditor, h: int, near: _End, far: _End) -> tuple[float, ...]:
@@ -263,30 +246,24 @@ def _position_fault(editor: PolyhedronEditor, h: int, near: _End, far: _End, sha
     surface = editor.surface
     place = editor.place(h, share)
     merged = {near.vertex: place, far.vertex: place}
-    for end in (near, far):
-        if (share == START and end is near) or (share == END and end is far):
-            continue
-        for k in end.star:
-            v = surface.origin[k ^ 1]
-            if v not in merged:
-                # the merged vertex has limits between those of the ends; test the stricter ones
-                limit = min(editor.limits.max_edge_length(u, v) for u in merged)
-                if norm(difference(surface.points[v], place)) > limit:
-                    return "too_long"
-    stays = near if share == START else far if share == END else None
-    unchanged = (
-        set()
-        if stays is None
-        else {surface.face[k] for k in stays.star} - {surface.face[h], surface.face[h ^ 1]}
-    )
+    stay = [near] if share == START else [far] if share == END else []
+    around = [surface.origin[k ^ 1] for end in (near, far) if end not in stay for k in end.star]
+    for v in around:
+        if v not in merged:
+            # the merged vertex has limits between those of the ends; test the stricter ones
+            limit = min(editor.limits.max_edge_length(u, v) for u in merged)
+            if norm(difference(surface.points[v], place)) > limit:
+                return "too_long"
     faces = dict.fromkeys(surface.face[k] for end in (near, far) for k in end.star)
+    beside = {surface.face[h], surface.face[h ^ 1]}
+    unchanged = {surface.face[k] for end in stay for k in end.star} - beside
     changed = (f for f in faces if f != OUTSIDE and f not in unchanged)
     return next(filter(None, (_face_fault(editor, f, merged, place) for f in changed)), "")
 
 
 def _face_fault(editor: PolyhedronEditor, f: int, merged: dict[int, Point], place: Point) -> str:
     surface = editor.surface
-    vertices = [surface.origin[k] for k in surface.loop(surface.side[f])]
+    vertices = surface.vertices(f)
     rest = [v for v in vertices if v not in merged]
     if len(rest) == len(vertices) - 2:  # the face has both ends, and loses one
         at = next(i for i, v in enumerate(vertices) if v in merged and vertices[i - 1] not in merged)

@@ -202,19 +202,19 @@ _SLACK = 1e-9  # array and list arithmetic may round differently; exact tests fo
 def long_edges(surface: Polyhedron, limits: LengthLimits) -> list[int]:
     """Return the first half-edges of the edges over the maximum."""
     edges, lengths, longest = _measured(surface, limits.table[:, 0])
-    return _list(edges[lengths > (1 - _SLACK) * longest])
+    return edges[lengths > (1 - _SLACK) * longest].tolist()
 
 
 def short_edges(surface: Polyhedron, limits: LengthLimits) -> list[int]:
     """Return the first half-edges of the edges under the minimum."""
     edges, lengths, shortest = _measured(surface, limits.table[:, 1])
-    return _list(edges[lengths < (1 + _SLACK) * shortest])
+    return edges[lengths < (1 + _SLACK) * shortest].tolist()
 
 
 def wide_faces(mesh: PolygonMesh, limits: LengthLimits) -> list[int]:
     """Return the faces whose bounding box is longer than the maximum."""
     largest = np.minimum.reduceat(limits.table[mesh.corners, 0], mesh.offsets[:-1])
-    return _list(np.flatnonzero(mesh.extents > (1 - _SLACK) * largest))
+    return np.flatnonzero(mesh.extents > (1 - _SLACK) * largest).tolist()
 
 
 def edge_lengths(surface: Polyhedron) -> Floats:
@@ -229,7 +229,3 @@ def _measured(surface: Polyhedron, limit: Floats) -> tuple[AnyArray, Floats, Flo
     points = np.array(surface.points)
     a, b = ends[edges].T
     return 2 * edges, np.linalg.norm(points[a] - points[b], axis=1), np.sqrt(limit[a] * limit[b])
-
-
-def _list(numbers: AnyArray) -> list[int]:
-    return numbers.tolist()

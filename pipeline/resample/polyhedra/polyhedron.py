@@ -123,13 +123,21 @@ class Polyhedron:
             k = self.next[k ^ 1]
         return around
 
+    def ends(self, h: int) -> tuple[int, int]:
+        """Return the vertices at the start and the end of h."""
+        return self.origin[h], self.origin[h ^ 1]
+
     def joined(self, a: int, b: int) -> bool:
         """Tell whether an edge joins two vertices."""
         return any(self.origin[h ^ 1] == b for h in self.star(a))
 
+    def vertices(self, f: int) -> list[int]:
+        """Return the vertices of a face, in order."""
+        return [self.origin[h] for h in self.loop(self.side[f])]
+
     def corners(self, f: int) -> list[Point]:
         """Return the positions of a face's vertices, in order."""
-        return [self.points[self.origin[h]] for h in self.loop(self.side[f])]
+        return [self.points[v] for v in self.vertices(f)]
 
     def mesh(self) -> PolygonMesh:
         """Return the surface as a value, vertices and faces in the order of the lists."""
@@ -146,9 +154,8 @@ class Polyhedron:
     def _new_edge(self, a: int, b: int, crease: bool) -> tuple[int, int]:
         h = len(self.origin)
         self.origin += (a, b)
-        self.next += (OUTSIDE, OUTSIDE)
-        self.previous += (OUTSIDE, OUTSIDE)
-        self.face += (OUTSIDE, OUTSIDE)
+        for numbers in (self.next, self.previous, self.face):
+            numbers += (OUTSIDE, OUTSIDE)
         self.crease.append(crease)
         return h, h ^ 1
 
@@ -303,9 +310,8 @@ def inherited(
     """
     after = {}
     for name, values in attributes.items():
-        rows = np.zeros(
-            (max([len(values), *(step.vertex + 1 for step in inheritance)]), *values.shape[1:]), values.dtype
-        )
+        count = max([len(values), *(step.vertex + 1 for step in inheritance)])
+        rows = np.zeros((count, *values.shape[1:]), values.dtype)
         rows[: len(values)] = values
         if values.dtype.kind == "f":
             for vertex, a, b, share in inheritance:
@@ -337,7 +343,7 @@ class PolyhedronEditor:
         """
         self.keep_to_budget(len(shares))
         surface = self.surface
-        a, b = surface.origin[h], surface.origin[h ^ 1]
+        a, b = surface.ends(h)
         start, end = surface.points[a], surface.points[b]
         made = surface.split_edge(h, [between(start, end, share) for share in shares])
         for vertex, share in zip(made, shares, strict=True):
@@ -373,10 +379,9 @@ class PolyhedronEditor:
     def collapse(self, h: int, share: float) -> int:
         """Merge the ends of h at that share of its length from its origin; return the merged vertex."""
         surface = self.surface
-        a, b = surface.origin[h], surface.origin[h ^ 1]
-        for v in (a, b):
-            for one in surface.star(v):
-                self._normals.pop(surface.face[one], None)
+        a, b = surface.ends(h)
+        for one in (*surface.star(a), *surface.star(b)):
+            self._normals.pop(surface.face[one], None)
         self.collapses += 1
         place = self.place(h, share)
         if share > 0:
@@ -386,31 +391,27 @@ class PolyhedronEditor:
 
     def place(self, h: int, share: float) -> Point:
         """Return a point on the edge of h; its ends exactly."""
-        start = self.surface.points[self.surface.origin[h]]
-        end = self.surface.points[self.surface.origin[h ^ 1]]
+        start, end = (self.surface.points[v] for v in self.surface.ends(h))
         if share in (0.0, 1.0):
             return end if share else start
         return between(start, end, share)
 
     def length(self, h: int) -> float:
         """Return the length of the edge of h, scene units."""
-        surface = self.surface
-        return norm(difference(surface.points[surface.origin[h]], surface.points[surface.origin[h ^ 1]]))
+        a, b = self.surface.ends(h)
+        return norm(difference(self.surface.points[a], self.surface.points[b]))
 
     def is_too_long(self, h: int) -> bool:
-        surface = self.surface
-        return self.length(h) > self.limits.max_edge_length(surface.origin[h], surface.origin[h ^ 1])
+        return self.length(h) > self.limits.max_edge_length(*self.surface.ends(h))
 
     def is_too_short(self, h: int) -> bool:
-        surface = self.surface
-        return self.length(h) < self.limits.min_edge_length(surface.origin[h], surface.origin[h ^ 1])
+        return self.length(h) < self.limits.min_edge_length(*self.surface.ends(h))
 
     def normal(self, f: int) -> Point:
         """Return the Newell vector of a face, twice as long as its area."""
-        known = self._normals.get(f)
-        if known is None:
-            known = self._normals[f] = newell(self.surface.corners(f))
-        return known
+        if f not in self._normals:
+            self._normals[f] = newell(self.surface.corners(f))
+        return self._normals[f]
 
     def is_hard(self, h: int) -> bool:
         """Tell whether an edge is tagged, on a boundary, or bent by more than the hard angle.
@@ -422,7 +423,7 @@ class PolyhedronEditor:
         if surface.crease[h >> 1] or f == OUTSIDE or g == OUTSIDE:
             return True
         one, two = self.normal(f), self.normal(g)
-        cosine = self.limits.hard_cosine(surface.origin[h], surface.origin[h ^ 1])
+        cosine = self.limits.hard_cosine(*surface.ends(h))
         return dot(one, two) < cosine * norm(one) * norm(two)
 
 
@@ -451,11 +452,9 @@ class LengthLimits:
         return np.array(self._at)
 
     def max_edge_length(self, a: int, b: int) -> float:
-        """Return the maximum length of the edge between two vertices."""
         return math.sqrt(self._at[a][0] * self._at[b][0])
 
     def min_edge_length(self, a: int, b: int) -> float:
-        """Return the minimum length of the edge between two vertices."""
         return math.sqrt(self._at[a][1] * self._at[b][1])
 
     def hard_cosine(self, a: int, b: int) -> float:

@@ -62,8 +62,8 @@ class Slicer:
             h = waiting.pop()
             if not self._editor.is_too_long(h):
                 continue
-            limit = self._editor.limits.max_edge_length(surface.origin[h], surface.origin[h ^ 1])
-            ends = surface.points[surface.origin[h]], surface.points[surface.origin[h ^ 1]]
+            a, b = surface.ends(h)
+            limit, ends = self._editor.limits.max_edge_length(a, b), (surface.points[a], surface.points[b])
             parts = self._parts(self._editor.length(h), limit)
             if _longest_piece(*ends, parts) > limit and self._cutting == "slice":
                 parts += 1
@@ -81,8 +81,8 @@ class Slicer:
         surface, pieces = self._editor.surface, []
         edges_before = len(surface.crease)
         for f in faces:
-            corners = [surface.origin[h] for h in surface.loop(surface.side[f])]
-            axis, low, high = box([surface.points[v] for v in corners])
+            corners = surface.vertices(f)
+            axis, low, high = box(surface.corners(f))
             limit = self._editor.limits.max_face_size(corners)
             if high - low <= limit:
                 continue
@@ -162,7 +162,7 @@ class Slicer:
 
     def _crossing(self, h: int, plane: _Plane) -> _Crossing:
         surface, editor = self._editor.surface, self._editor
-        a, b = surface.origin[h], surface.origin[h ^ 1]
+        a, b = surface.ends(h)
         start, end = surface.points[a], surface.points[b]
         share = (plane.level - start[plane.axis]) / (end[plane.axis] - start[plane.axis])
         point = between(start, end, share)
@@ -183,9 +183,7 @@ class Slicer:
         one, two = self._crossing(h, plane), self._crossing(k, plane)
         if not self._is_chord(one, two, checked):
             return []
-        begin, end = self._corner(one), self._corner(two)
-        chord = self._editor.cut(begin, end)
-        return [surface.face[chord]]
+        return [surface.face[self._editor.cut(self._corner(one), self._corner(two))]]
 
     def _is_chord(self, one: _Crossing, two: _Crossing, checked: bool) -> bool:
         """Tell whether both sides of the line between two crossings are faces oriented like the whole one."""
@@ -201,12 +199,8 @@ class Slicer:
     def _between(self, first: _Crossing, last: _Crossing) -> list[Point]:
         """Return the corners of a face from one crossing to another, both included, each once."""
         surface = self._editor.surface
-        vertices, h = [], surface.next[first.h]
-        while True:
-            vertices.append(surface.origin[h])
-            if h == last.h:
-                break
-            h = surface.next[h]
+        sides = surface.loop(surface.next[first.h])
+        vertices = [surface.origin[h] for h in sides[: sides.index(last.h) + 1]]
         if first.share == 1:
             vertices = vertices[1:]
         if last.share == 0:
