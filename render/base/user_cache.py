@@ -72,8 +72,7 @@ def _first_writable(*folders: Path) -> Path:
             if reason is not None:
                 _warn(
                     f"{folder}: this cache is not used: {reason}, and files in it would run as code; remove "
-                    "that "
-                    "permission, or set XDG_CACHE_HOME to a folder of your own"
+                    "that permission, or set XDG_CACHE_HOME to a folder of your own"
                 )
     return Path(tempfile.mkdtemp(prefix="flowsculpt-cache-"))
 

@@ -32,13 +32,9 @@ class WorkClock:
     """Times the work of this process, piece by piece."""
 
     def __init__(self) -> None:
-        self._last = _now()
+        self._last = Timing(time.perf_counter(), cpu_seconds())
 
     def lap(self) -> Timing:
         """Return the time since the last call, or since the clock was made."""
-        before, self._last = self._last, _now()
+        before, self._last = self._last, Timing(time.perf_counter(), cpu_seconds())
         return Timing(self._last.seconds - before.seconds, self._last.cpu - before.cpu)
-
-
-def _now() -> Timing:
-    return Timing(time.perf_counter(), cpu_seconds())

@@ -32,16 +32,9 @@ WARNING: Triple = (0.86, 0.47, 0.30)
 
 _SANS, _SERIF = "DroidSans", "DroidSerif-Italic"
 
-BARS: tuple[Triple, ...] = (
-    (0.75, 0.75, 0.75),
-    (0.75, 0.75, 0.0),
-    (0.0, 0.75, 0.75),
-    (0.0, 0.75, 0.0),
-    (0.75, 0.0, 0.75),
-    (0.75, 0.0, 0.0),
-    (0.0, 0.0, 0.75),
-)
-"""Colour bars of 75%, in the order of SMPTE EG 1."""
+_LEVELS = 0.75, 0.0
+BARS = [(red, green, blue) for green in _LEVELS for red in _LEVELS for blue in _LEVELS][:-1]
+"""Colour bars of 75%, in the order of SMPTE EG 1: from white by falling luminance."""
 GREYS = 11
 """Steps of the ramp from black to white."""
 
@@ -211,7 +204,8 @@ class _Card:
             size = self._size(5.2)
             title = cut_short(slate.title, _SERIF, size, room)
             write(self.page, title, _SERIF, size, (self.margin, self._down(34.5)), QUIET)
-        self._rule(self._down(39.5))
+        y, thick = round(self._down(39.5)), max(1, round(0.16 * self.unit))
+        self.page[y : y + thick, round(self.margin) : round(right)] = FAINT
         self._picture(slate.picture, len(slate.facts))
         self._facts(slate.facts, with_picture=slate.picture is not None and not self.is_upright)
         self._references()
@@ -270,10 +264,6 @@ class _Card:
             size = self._size(3.0)
             words = "75% bars, BT.709" if colours is BARS else "greys, 0 to 100%"
             write(self.page, words, _SANS, size, (first, top + height + 3.9 * self.unit), QUIET)
-
-    def _rule(self, y: float) -> None:
-        thick = max(1, round(0.16 * self.unit))
-        self.page[round(y) : round(y) + thick, round(self.margin) : round(self.width - self.margin)] = FAINT
 
     def _fill(self, top: int, left: int, values: Floats) -> None:
         place = self.page[max(0, top) :, max(0, left) :][: values.shape[0], : values.shape[1]]
@@ -359,10 +349,7 @@ class Screen:
 
         With each the drawn pixel to its upper left, and the shares (N, 1) of those to the right and below.
         """
-        return list(self._find_covered())
-
-    def _find_covered(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], Floats, Floats]]:
-        (width, height), half = self.size, math.tan(ANGLE / 2.0)
+        (width, height), half, covered = self.size, math.tan(ANGLE / 2.0), []
         places = pixel_places(*self.picture)
         for row in range(0, len(places), _ROWS):
             right, up, forward = np.moveaxis(self.projection.directions(places[row : row + _ROWS]), -1, 0)
@@ -372,7 +359,6 @@ class Screen:
             across = np.clip((x.ravel()[pixels] + 1.0) * 0.5 * width - 0.5, 0.0, width - 1.001)
             down = np.clip((1.0 - y.ravel()[pixels]) * 0.5 * height - 0.5, 0.0, height - 1.001)
             first = np.floor(down).astype(np.int64) * width + np.floor(across).astype(np.int64)
-            right_share, lower_share = (
-                (along - np.floor(along)).astype(np.float32)[:, None] for along in (across, down)
-            )
-            yield pixels + row * self.picture[0], first, right_share, lower_share
+            shares = ((along - np.floor(along)).astype(np.float32)[:, None] for along in (across, down))
+            covered.append((pixels + row * self.picture[0], first, *shares))
+        return covered

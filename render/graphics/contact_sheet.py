@@ -119,9 +119,8 @@ class ContactSheet:
     @cached_property
     def _cell_width(self) -> int:
         """The width of a picture, or of its caption where that is wider."""
-        longest = max(
-            (_width(value, self._text_size) for caption in self.captions for _, value in caption), default=0
-        )
+        values = [value for caption in self.captions for _, value in caption]
+        longest = max((_width(value, self._text_size) for value in values), default=0)
         return max(self.size[0], min(self._tab + longest, round(_MAX_CAPTION * self._text_size)))
 
     @cached_property

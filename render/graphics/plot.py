@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -48,6 +48,9 @@ STYLE: Any = {
     "svg.hashsalt": "flowsculpt",
 }
 """Fonts and lines of pages of plots and of the figures in the docs."""
+
+
+_KEY_MARK: Any = {"color": "white", "markersize": 4.6, "markeredgewidth": 1.4, "clip_on": False, "zorder": 5}
 
 
 class Curves(NamedTuple):
@@ -125,16 +128,12 @@ def _page(title: str, panels: Sequence[Panel], fps: float) -> Figure:
         drawn.append(axes)
     drawn[-1].set_xlim(first, last if last > first else first + 1.0)
     drawn[-1].set_xlabel("frame", color=GREY, labelpad=1)
-    seconds = drawn[0].secondary_xaxis("top", functions=_seconds(first, fps))
+    to_seconds, to_frames = lambda frame: (frame - first) / fps, lambda seconds: seconds * fps + first
+    seconds = drawn[0].secondary_xaxis("top", functions=(to_seconds, to_frames))
     seconds.spines["top"].set_visible(False)
     seconds.tick_params(length=0, pad=24)
     seconds.xaxis.set_major_formatter("{x:g} s")
     return figure
-
-
-def _seconds(first: float, fps: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
-    """Return the functions from frames to seconds since the first frame, and back."""
-    return lambda frame: (frame - first) / fps, lambda seconds: seconds * fps + first
 
 
 def draw_panel(axes: Axes, panel: Panel) -> None:
@@ -157,17 +156,7 @@ def _draw_curves(axes: Axes, curves: Curves) -> None:
     for k, pen in enumerate(PENS if several else PENS[-1:]):
         axes.plot(curves.frames, curves.values[:, k], color=pen, linewidth=1.7, clip_on=False)
         if len(curves.keys):
-            axes.plot(
-                curves.keys[:, 0],
-                curves.keys[:, 1 + k],
-                "o",
-                color="white",
-                markeredgecolor=pen,
-                markersize=4.6,
-                markeredgewidth=1.4,
-                clip_on=False,
-                zorder=5,
-            )
+            axes.plot(curves.keys[:, 0], curves.keys[:, 1 + k], "o", markeredgecolor=pen, **_KEY_MARK)
         if several:
             _label(axes, "xyz"[k], float(curves.values[-1, k]), 7 + 8 * k, color=pen, size=8.5)
     low, high = float(np.nanmin(curves.values)), float(np.nanmax(curves.values))
@@ -207,16 +196,8 @@ def _draw_bars(axes: Axes, bars: StackedBars) -> None:
         ink = BAR_INKS[index % len(BAR_INKS)]
         axes.bar(bars.frames, heights, bottom=base, width=0.86, color=ink, linewidth=0)
         above, below = above + np.maximum(heights, 0.0), below + np.minimum(heights, 0.0)
-        axes.annotate(
-            name,
-            (0.0, 1.04),
-            xycoords="axes fraction",
-            xytext=(150 + 74 * index, 0),
-            textcoords="offset points",
-            size=8,
-            color=ink,
-            va="bottom",
-        )
+        place: Any = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "bottom"}
+        axes.annotate(name, (0.0, 1.04), xytext=(150 + 74 * index, 0), size=8, color=ink, **place)
     if below.any():
         axes.axhline(0.0, color=GREY, linewidth=0.7)
         axes.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")

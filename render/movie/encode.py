@@ -59,6 +59,8 @@ def write_movie(
     require_frame(first[0])
     shape, can_reorder, count = first[0].shape, len(first) == _REORDER, 0
     require_size(encode, shape[1], shape[0])
+    full = encode.format_of(shape[2]).replace("420", "444")
+    # Frames have colour at full resolution, which FFmpeg halves where the encode asks for it.
     with (
         _movie_file(path, encode, shape, projection) as file,
         _open_movie(file, encode, shape, rate, can_reorder) as (movie, container),
@@ -74,7 +76,8 @@ def write_movie(
                     f"{path}: frame {count} has {_size(frame.shape)} where the first has {_size(shape)}; all "
                     "must have the same"
                 )
-            _write_frame(movie, frame, encode)
+            padded = pad_to_even(frame) if encode.is_subsampled else frame
+            movie.write_frame(to_pixel_format(padded, full), pixel_format=full)
             count += 1
             if audio is not None:
                 audio.write_until(count / rate)
@@ -114,11 +117,7 @@ def _open_movie(
     and the container that it opened.
     """
     kind = encode.container
-    options: Any = {
-        "container": kind.format,
-        "options": dict(kind.options),
-        "io_open": file.opened_again,
-    }
+    options: Any = {"container": kind.format, "options": dict(kind.options), "io_open": file.opened_again}
     movie: Any = iio.imopen(file, "w", plugin="pyav", extension=kind.suffix, **options)
     try:
         movie.init_video_stream(encode.codec, fps=float(rate), pixel_format=encode.format_of(shape[2]))
@@ -167,13 +166,6 @@ def _has_avx512() -> bool:
     from llvmlite.binding import get_host_cpu_features
 
     return bool(get_host_cpu_features().get("avx512f"))
-
-
-def _write_frame(movie: Any, frame: Frame, encode: Encode) -> None:
-    """Convert a frame at full resolution of colour, which FFmpeg halves where the encode asks for it."""
-    full = encode.format_of(frame.shape[2]).replace("420", "444")
-    padded = pad_to_even(frame) if encode.is_subsampled else frame
-    movie.write_frame(to_pixel_format(padded, full), pixel_format=full)
 
 
 def _chain(first: deque[Frame], rest: Iterator[Frame]) -> Iterator[Frame]:

@@ -50,7 +50,8 @@ def to_pixel_format(frame: Frame, pixel_format: str) -> NDArray[Any]:
     if pixel_format == "bgra":
         return _bgra(frame)
     if pixel_format == "gbrp16le":
-        return _gbr(frame)
+        sixteen = frame.astype(np.uint16) * 257 if frame.dtype == np.uint8 else frame
+        return np.moveaxis(sixteen[..., [1, 2, 0]], 2, 0)
     kept = frame if pixel_format.startswith("yuva") else frame[..., :3]
     return _ycbcr(kept, 10 if "p10" in pixel_format else 8)
 
@@ -80,12 +81,6 @@ def _half(height: int, width: int) -> NDArray[np.float32]:
     noise = np.full((height, width), 0.5, np.float32)
     noise.setflags(write=False)  # shared by all callers
     return noise
-
-
-def _gbr(frame: Frame) -> NDArray[np.uint16]:
-    """Return G, B, R planes of 16 bits, lossless."""
-    sixteen = frame.astype(np.uint16) * 257 if frame.dtype == np.uint8 else frame
-    return np.asarray(np.moveaxis(sixteen[..., [1, 2, 0]], 2, 0), dtype=np.uint16)
 
 
 def _bgra(frame: Frame) -> NDArray[np.uint8]:

@@ -225,13 +225,9 @@ def _tag_entry(entry: Box, projection: Projection) -> None:
     """Add the boxes to a VisualSampleEntry: after what its codec needs, before what any may have."""
     boxes = parse_boxes(entry.fixed[_SAMPLE_ENTRY_BYTES:])
     place = next((i for i, box in enumerate(boxes) if box.kind in _TRAILING), len(boxes))
-    entry.boxes = [*boxes[:place], _stereo_box(projection), _spherical_box(projection), *boxes[place:]]
+    stereo = full_box(b"st3d", bytes([_LEFT_RIGHT if projection.is_stereo else _MONO]))
+    entry.boxes = [*boxes[:place], stereo, _spherical_box(projection), *boxes[place:]]
     entry.fixed = entry.fixed[:_SAMPLE_ENTRY_BYTES]
-
-
-def _stereo_box(projection: Projection) -> Box:
-    """Return the box `st3d`."""
-    return full_box(b"st3d", bytes([_LEFT_RIGHT if projection.is_stereo else _MONO]))
 
 
 def _spherical_box(projection: Projection) -> Box:

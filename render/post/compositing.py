@@ -26,6 +26,8 @@ from render.scene.projection import pixel_places
 from render.scene.render_camera import Camera
 from render.scene.scene_stage import Stage, StagePlacement
 
+Doubles = NDArray[np.float64]
+
 OBJECT, ASSET, MATERIAL = "CryptoObject", "CryptoAsset", "CryptoMaterial"
 """Names of the sets of mattes."""
 
@@ -106,19 +108,6 @@ def _floats(names: Sequence[str]) -> NDArray[np.float32]:
     return np.array([id_bits(name) for name in names], dtype=np.uint32).view(np.float32)
 
 
-def matte_of(name: str, crypto: str, layers: Mapping[str, Pixels]) -> NDArray[np.float32]:
-    """Return the coverage (H, W) of a name, as a compositor's Cryptomatte node picks it."""
-    own = np.uint32(id_bits(name))
-    ranked = [layer for label, layer in layers.items() if label.startswith(crypto)]
-    pairs = [(layer[..., first], layer[..., first + 1]) for layer in ranked for first in (0, 2)]
-    found = [np.where(_bits(ids) == own, weights, np.float32(0.0)) for ids, weights in pairs]
-    return np.sum(found, axis=0, dtype=np.float32)
-
-
-def _bits(ids: Pixels) -> NDArray[np.uint32]:
-    return np.ascontiguousarray(ids, dtype=np.float32).view(np.uint32)
-
-
 def cryptomatte_header(label: str, names: list[str]) -> dict[str, str]:
     """Return the entries of the EXR's header for a set of mattes.
 
@@ -186,13 +175,13 @@ def compositing_layers(raw: RenderedFrame, inputs: LayerInputs) -> dict[str, Pix
     planar = camera.depths(position, eyes)
     is_subject = (covered & (matte >= 0.5 * alpha))[..., None]
 
-    def motion(offset: NDArray[np.float64], then: Viewpoint) -> NDArray[np.float64]:
+    def motion(offset: Doubles, then: Viewpoint) -> Doubles:
         of_stage = inputs.view.placement.moved(position, then.placement) - position
         moved = position + np.where(is_subject, offset, of_stage)
         pixels = _pixels_between(inputs, position, moved, then.camera, eyes)
         return np.where(covered[..., None], pixels, 0.0)
 
-    return {
+    layers = {
         "beauty": raw["beauty"],
         "alpha": alpha,
         "planar_depth": np.where(covered, planar, NOTHING).astype(np.float32),
@@ -202,23 +191,19 @@ def compositing_layers(raw: RenderedFrame, inputs: LayerInputs) -> dict[str, Pix
         "matte": matte,
         "motion": motion(after, inputs.after).astype(np.float32),
         "backward_motion": motion(before, inputs.before).astype(np.float32),
-        **{
-            name: layer
-            for crypto, (planes, copies) in _mattes(raw, inputs).items()
-            for name, layer in cryptomatte_layers(crypto, planes, copies).items()
-        },
     }
+    for crypto, (planes, copies) in _mattes(raw, inputs).items():
+        layers |= cryptomatte_layers(crypto, planes, copies)
+    return layers
 
 
 def mattes_header(raw: RenderedFrame, inputs: LayerInputs, convention: str) -> dict[str, str]:
     """Return the header's entries for the mattes of `compositing_layers`, with a convention's names."""
-    entries = [
-        cryptomatte_header(
-            cryptomatte_label(crypto, convention), [*planes, *(copies.names if copies else ())]
-        )
-        for crypto, (planes, copies) in _mattes(raw, inputs).items()
-    ]
-    return {name: text for each in entries for name, text in each.items()}
+    entries: dict[str, str] = {}
+    for crypto, (planes, copies) in _mattes(raw, inputs).items():
+        names = [*planes, *(copies.names if copies else ())]
+        entries |= cryptomatte_header(cryptomatte_label(crypto, convention), names)
+    return entries
 
 
 def _mattes(
@@ -240,7 +225,7 @@ def _mattes(
     return {OBJECT: (single, copies), ASSET: (coverage, None), MATERIAL: material}
 
 
-def unmixed(values: Pixels, matte: Pixels, alpha: Pixels, has_stage: bool) -> NDArray[np.float64]:
+def unmixed(values: Pixels, matte: Pixels, alpha: Pixels, has_stage: bool) -> Doubles:
     """Return means over pixels (H, W, C) as those of the greater part of each pixel.
 
     Before a stage, pixels that show subject and stage take the mean of their neighbours that show only the
@@ -267,12 +252,8 @@ def unmixed(values: Pixels, matte: Pixels, alpha: Pixels, has_stage: bool) -> ND
 
 
 def _pixels_between(
-    inputs: LayerInputs,
-    points: NDArray[np.float64],
-    moved: NDArray[np.float64],
-    camera: Camera,
-    eyes: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    inputs: LayerInputs, points: Doubles, moved: Doubles, camera: Camera, eyes: Doubles
+) -> Doubles:
     """Return the pixels (H, W, 2), right and up, from points in the frame to moved ones in another camera.
 
     eyes  (H, W) of a stereo camera that the pixels belong to

@@ -93,17 +93,16 @@ def view_of(
         view = opened.getDefaultViewName(movie)
     for shown_on in dict.fromkeys((movie, still)):
         _require_known("view", view, list(opened.getViewNames(shown_on)), f"{config} on {shown_on}")
-    spaces = {
-        alias: name for name in opened.getColorSpaceNames() for alias in (name, *opened.getAliases(name))
-    }
+    names = list(opened.getColorSpaceNames())
+    spaces = [alias for name in names for alias in (name, *opened.getAliases(name))]
     if space is None:
         space = next((name for name in LINEAR_REC709 if name in spaces), None)
         if space is None:
             raise BadInputError(
                 f"{config} does not say which of its spaces is linear Rec.709, the space of our pictures. "
-                f"Name it as space; there are {', '.join(list(dict.fromkeys(spaces.values()))[:12])}."
+                f"Name it as space; there are {', '.join(names[:12])}."
             )
-    _require_known("space", space, list(spaces), config)
+    _require_known("space", space, spaces, config)
     return ColourView(config, view, movie, still, space, digest)
 
 

@@ -19,9 +19,10 @@ from pipeline.production.planning.frame_states import mesh_states
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.history import History
-from render.post.compositing import ASSET, OBJECT, matte_of
+from render.post.compositing import ASSET, OBJECT
 from render.post.image import read_exr, read_header
 from tests.conftest import commanded, done
+from tests.render.mattes import matte_of
 
 NAME, QUALITY = "T010_two", "draft.scale6.7"
 SHOT = """\

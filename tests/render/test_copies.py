@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from render.frame.copy_counts import CopyCounts
 from render.frame.render_frame import render_frame
-from render.post.compositing import OBJECT, RankedCoverage, cryptomatte_layers, matte_of
+from render.post.compositing import OBJECT, RankedCoverage, cryptomatte_layers
 from render.scene.aovs import COPY
 from render.scene.materials import LOOKS
 from render.scene.scene import Scene, SceneSubject
@@ -18,6 +18,7 @@ from render.scene.scene_lights import LIGHTS
 from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 from tests.render.conftest import CAMERA, TINY
+from tests.render.mattes import matte_of
 
 
 def test_the_coverage_of_a_copy_is_that_of_a_subject_in_its_place(sphere, engine):

@@ -19,6 +19,7 @@ from render.scene.aovs import RenderedFrame
 from render.scene.render_camera import Camera
 from render.scene.render_quality import CONVENTIONS
 from render.scene.scene_stage import STAGES, StagePlacement
+from tests.render.mattes import matte_of
 
 CAMERA = Camera((1.0, 2.0, 8.0), (0.0, 1.0, 0.0))
 SIZE = 16, 9
@@ -82,7 +83,7 @@ def test_mattes_give_every_coverage_back(parts):
     ranks = np.concatenate([layer[0, 0, 1::2] for layer in layers.values()])
     assert (np.diff(ranks) <= 0.0).all(), "greatest coverage first"
     for name, plane in coverage.items():
-        assert compositing.matte_of(name, compositing.OBJECT, layers) == plane
+        assert matte_of(name, compositing.OBJECT, layers) == plane
 
 
 @pytest.mark.parametrize(
