@@ -9,7 +9,7 @@ import numpy as np
 from examples.drawing import COOL, FAINT, OCHRE, WARM, outline, page, save
 from pipeline.mesh import PolygonMesh
 from pipeline.resample import PolyhedralResampler, Thresholds
-from pipeline.resample.polyhedra.slicing import Cutting
+from pipeline.resample.polyhedra.subdivision import Cutting
 
 LONGEST = 1.0
 SHADES = (FAINT, "white", OCHRE + "44")

@@ -4,8 +4,16 @@ from pipeline.resample.placement import Chord, Curved, Exact, Placement
 from pipeline.resample.polyhedra import PolyhedralReport, PolyhedralResampler
 from pipeline.resample.resample_pass import Report
 from pipeline.resample.resampler import Resampler, resample
-from pipeline.resample.sizing_field import Curvature, DistanceToCamera, ThresholdFormula
-from pipeline.resample.thresholds import Thresholds, WithinBall, WithinBox, edges_by_angle, edges_in_region
+from pipeline.resample.thresholds import (
+    Curvature,
+    DistanceToCamera,
+    ThresholdFormula,
+    Thresholds,
+    WithinBall,
+    WithinBox,
+    edges_by_angle,
+    edges_in_region,
+)
 
 __all__ = [
     "Chord",

@@ -30,11 +30,9 @@ from pipeline.resample.kernels.closest_points import (
     step_to_goals,
     tangent_frames,
 )
-from pipeline.resample.kernels.curved_patches import curved_midpoints, rest_midpoints
-from pipeline.resample.kernels.limits import Changes, Limits
+from pipeline.resample.kernels.pass_state import Changes, Limits, new_ring
 from pipeline.resample.kernels.relax_vertices import relax_goals, relax_vertices
-from pipeline.resample.kernels.ring import new_ring
-from pipeline.resample.kernels.split import BIRTH_HALFEDGE, place_vertices
+from pipeline.resample.kernels.split import BIRTH_HALFEDGE, curved_midpoints, place_vertices, rest_midpoints
 from pipeline.resample.thresholds import edges_by_angle
 
 RING, SCRATCH = new_ring(), np.empty(7)

@@ -24,9 +24,17 @@ from pipeline.resample.kernels.edge_scans import (
     list_long_edges,
 )
 from pipeline.resample.kernels.flip import MAX_STACK, count_tangled, untangle
-from pipeline.resample.kernels.limits import QUEUED, REFUSED, Changes, Limits, items_of, work_list
+from pipeline.resample.kernels.pass_state import (
+    MAX_SPOKES,
+    QUEUED,
+    REFUSED,
+    Changes,
+    Limits,
+    items_of,
+    new_ring,
+    work_list,
+)
 from pipeline.resample.kernels.relax_vertices import list_poor_vertices
-from pipeline.resample.kernels.ring import MAX_SPOKES, new_ring
 from pipeline.resample.kernels.split import (
     BIRTH_HALFEDGE,
     BIRTH_SIZE,

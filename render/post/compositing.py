@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from render.post.layer_names import cryptomatte_label
+from render.post.exr_names import cryptomatte_label
 from render.scene.aovs import COPIES, COVERAGE, MOST_RANKS, Pixels, RenderedFrame
 from render.scene.projection import pixel_places
 from render.scene.render_camera import Camera

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from render.base.atomic_write import atomic_write, cannot_write, machine_error
 from render.base.input_files import copied_to_memory
 from render.base.render_errors import BadInputError, CorruptImageError, MissingImageError
-from render.post.exr_attributes import ExrAttributes
-from render.post.layer_names import CRYPTO, channels_of
+from render.post.exr_names import CRYPTO, ExrAttributes, channels_of
 from render.scene.aovs import AOVS, COMPUTED, COPIES, Pixels, RenderedFrame
 from render.scene.picture_file import last_message
 from render.scene.projection import PERSPECTIVE, Projection

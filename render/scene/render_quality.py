@@ -24,7 +24,7 @@ MOST_TEMPORAL_FRAMES = 4
 """Most frames to either side that temporal denoising may read."""
 
 CONVENTIONS = ("blender", "arnold", "nuke")
-"""Programs whose names the channels of finished frames can have (`render.post.layer_names`)."""
+"""Programs whose names the channels of finished frames can have (`render.post.exr_names`)."""
 
 Crop = tuple[int, int, int, int]
 """Rendered pixels x0, y0, x1, y1 from the picture's upper left; x1 and y1 are excluded."""

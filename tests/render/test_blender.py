@@ -19,8 +19,8 @@ from render.post.compositing import (
     compositing_layers,
     mattes_header,
 )
+from render.post.exr_names import cryptomatte_label
 from render.post.image import read_exr, write_exr
-from render.post.layer_names import cryptomatte_label
 from render.scene.aovs import RenderedFrame
 from render.scene.materials import LOOKS
 from render.scene.render_quality import CONVENTIONS

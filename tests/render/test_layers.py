@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from render.post import compositing
 from render.post.compositing import LayerInputs, Viewpoint, compositing_layers, mattes_header, unmixed
-from render.post.exr_attributes import ExrAttributes
+from render.post.exr_names import ExrAttributes
 from render.post.image import read_exr, write_exr
 from render.scene.aovs import RenderedFrame
 from render.scene.render_camera import Camera

@@ -10,7 +10,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from render.post.exr_attributes import ExrAttributes
+from render.post.exr_names import ExrAttributes
 from render.post.image import read_exr, write_exr, write_jpeg
 from render.scene.aovs import RenderedFrame
 from render.scene.projection import KINDS, Projection

@@ -12,8 +12,7 @@ from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, dihedral_angles, icos
 from pipeline.resample import Thresholds, resample
 from pipeline.resample.kernels.collapse import BOUNDARY, CROWDED, LINK, can_collapse
 from pipeline.resample.kernels.flip import flip_edge, should_flip
-from pipeline.resample.kernels.limits import Limits
-from pipeline.resample.kernels.ring import MAX_SPOKES, new_ring
+from pipeline.resample.kernels.pass_state import MAX_SPOKES, Limits, new_ring
 
 TUBE = rod(2.0, 0.1, 0.4)
 MENAGERIE = [

@@ -21,8 +21,7 @@ from pipeline.resample.kernels.collapse import (
     swept_volume,
 )
 from pipeline.resample.kernels.flip import flip_edge
-from pipeline.resample.kernels.limits import Limits
-from pipeline.resample.kernels.ring import Ring, collect_ring, folds, measure_ring, new_ring
+from pipeline.resample.kernels.pass_state import Limits, Ring, collect_ring, folds, measure_ring, new_ring
 from pipeline.resample.kernels.split import split_edge
 
 HARD = math.cos(math.radians(40))

@@ -9,14 +9,15 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import AnyArray, Indices, Points, Vectors
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
-from pipeline.resample.kernels.curved_patches import curved_midpoints, incoming, side_normal
-from pipeline.resample.kernels.limits import Changes, Limits
-from pipeline.resample.kernels.ring import new_ring
+from pipeline.resample.kernels.pass_state import Changes, Limits, new_ring
 from pipeline.resample.kernels.split import (
     BIRTH_HALFEDGE,
     BIRTH_SIZE,
     classify_around,
+    curved_midpoints,
+    incoming,
     place_vertices,
+    side_normal,
     split_edges,
 )
 from pipeline.resample.resample_pass import changes_of, reset

@@ -11,14 +11,13 @@ from pipeline.arrays import Floats, Indices
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
 from pipeline.mesh.kernels.halfedge import following
 from pipeline.mesh.normals import vertex_normals
-from pipeline.resample.kernels.limits import UNCHANGED, Changes, Limits, length_limits, touch
+from pipeline.resample.kernels.pass_state import UNCHANGED, Changes, Limits, length_limits, new_ring, touch
 from pipeline.resample.kernels.relax_vertices import (
     list_poor_vertices,
     relax_goals,
     relax_vertices,
     roundness,
 )
-from pipeline.resample.kernels.ring import new_ring
 from pipeline.resample.placement import Chord
 from pipeline.resample.resample_pass import ResamplePass, changes_of, reset
 from pipeline.resample.thresholds import Thresholds, TriangleShape

@@ -23,8 +23,14 @@ from pipeline.mesh.normals import vertex_normals
 from pipeline.resample import Curved, Exact, Resampler, Thresholds
 from pipeline.resample.kernels.closest_points import MAX_OPPOSITE, opposite_corners
 from pipeline.resample.kernels.flip import should_flip, untangle
-from pipeline.resample.kernels.limits import Limits
-from pipeline.resample.kernels.ring import collect_ring, move_at_rest, new_ring, rest_orientation, would_flip
+from pipeline.resample.kernels.pass_state import (
+    Limits,
+    collect_ring,
+    move_at_rest,
+    new_ring,
+    rest_orientation,
+    would_flip,
+)
 from pipeline.resample.placement import ASTRAY, REST, closest_points
 from pipeline.resample.resample_pass import changes_of, reset
 

@@ -14,7 +14,7 @@ from pipeline.errors import UsageError
 from pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus, validate
 from pipeline.resample import Curvature, DistanceToCamera, Resampler, ThresholdFormula, Thresholds, resample
 from pipeline.resample.kernels.edge_scans import edge_curvature, limit_gradation
-from pipeline.resample.sizing_field import curvature, graded
+from pipeline.resample.thresholds import curvature, graded
 
 BALL = icosphere(12)
 

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.kernels import kernel
 from pipeline.mesh.kernels.halfedge import INTS, LEAN, MATRIX, MESH_ARRAYS, VECTOR, MeshArrays, following
-from pipeline.resample.kernels.ring import RING, Ring, collect_ring
+from pipeline.resample.kernels.pass_state import RING, Ring, collect_ring
 
 MAX_OPPOSITE = 8
 LATTICE = 5 * MAX_OPPOSITE

@@ -16,7 +16,7 @@ import numpy as np
 from pipeline.arrays import Faces, Floats, Indices, Points, Vectors
 from pipeline.kernels import kernel
 from pipeline.mesh.kernels.halfedge import INTS, LEAN, MATRIX, MESH_ARRAYS, VECTOR, MeshArrays, following
-from pipeline.resample.kernels.limits import (
+from pipeline.resample.kernels.pass_state import (
     CHANGES,
     FRESH,
     LIMITS,

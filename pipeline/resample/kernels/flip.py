@@ -22,22 +22,23 @@ from pipeline.mesh.kernels.halfedge import (
     join,
     preceding,
 )
-from pipeline.resample.kernels.limits import (
+from pipeline.resample.kernels.pass_state import (
     CHANGES,
     FRESH,
     LIMITS,
+    MAX_TURN_COSINE,
     UNLISTED,
     Changes,
     Limits,
     area_vector,
     enqueue,
     hard_cosine,
+    is_inverted,
     length_limits,
     push,
     squared_length,
     touch,
 )
-from pipeline.resample.kernels.ring import MAX_TURN_COSINE, is_inverted
 
 _GAIN = 0.1  # cot α + cot β must be below -_GAIN: a flip must be worth the change of the surface
 MAX_STACK = 128  # edges to test around one flip and those that follow from it; each flip adds four

@@ -18,26 +18,24 @@ from pipeline.mesh.kernels.halfedge import (
     MeshArrays,
     following,
 )
-from pipeline.resample.kernels.limits import (
+from pipeline.resample.kernels.pass_state import (
     CHANGES,
     LIMITS,
-    Changes,
-    Limits,
-    hard_cosine,
-    length_limits,
-    push,
-    squared_length,
-    touch,
-)
-from pipeline.resample.kernels.ring import (
     MAX_TURN_COSINE,
     RING,
+    Changes,
+    Limits,
     Ring,
     collect_ring,
     folds,
+    hard_cosine,
+    length_limits,
     measure_faces,
     measure_ring,
     move_at_rest,
+    push,
+    squared_length,
+    touch,
 )
 
 _LEAST_GAIN = 1e-3  # of roundness

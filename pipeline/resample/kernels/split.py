@@ -1,11 +1,17 @@
-"""Split long edges with their two faces, and move the new vertices (Figure D of the paper; P8, P24, P25)."""
+"""Split long edges with their two faces, and place the new vertices (Figure D; P8, P24, P25, P37).
+
+Their places may lie on curved patches over the split edges: on a surface that is smooth between creases. It
+is that of now or, with exact placement, the one at rest.
+"""
 
 from __future__ import annotations
+
+import math
 
 import numba
 import numpy as np
 
-from pipeline.arrays import AnyArray, Indices, Points
+from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.kernels import kernel
 from pipeline.mesh.kernels.halfedge import (
     BYTES,
@@ -13,23 +19,31 @@ from pipeline.mesh.kernels.halfedge import (
     LEAN,
     MATRIX,
     MESH_ARRAYS,
+    VECTOR,
     MeshArrays,
     following,
     join,
     preceding,
 )
-from pipeline.resample.kernels.limits import (
+from pipeline.resample.kernels.pass_state import (
     CHANGES,
     LIMITS,
+    ONLY_TAGGED,
+    RING,
     Changes,
     Limits,
+    Ring,
+    area_vector,
     classify_edge,
+    collect_ring,
+    folds,
     length_limits,
+    measure_faces,
+    move_at_rest,
     push,
     squared_length,
     touch,
 )
-from pipeline.resample.kernels.ring import RING, Ring, collect_ring, folds, measure_faces, move_at_rest
 
 BIRTH_HALFEDGE = 2  # index of the half-edge that leaves the new vertex
 BIRTH_SIZE = 3  # numbers recorded for each new vertex: parents a and b, half-edge vertex→b
@@ -231,3 +245,320 @@ def classify_around(
         if k < 0:  # on a boundary: the edge that no spoke has reached
             h = incoming(mesh, first, births[i, 0])
             classify_edge(mesh, h, limits, long_edges, changes)
+
+
+_LEAST_COSINE = 0.5  # a crease that turns by more than 60 degrees has a corner there
+_MOST_RISE = 0.342  # of an edge, along the normal at an end: sine of 20 degrees; with more the end is a tip
+_LEVEL = 1e-9  # the most that normals differ, and that edges rise by their length, in a plane
+_LONGEST = 6.0  # times as long as its faces are wide an edge is taken for
+_LEAST_RISE = 0.1  # with less an end is no tip
+_MOST_UNEVEN = 3.0  # an end that rises so many times as much as the other, on a crease, is a tip
+
+
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64, numba.float64), **LEAN)
+def _is_hard(mesh: MeshArrays, h: int, cosine: float) -> bool:
+    """Tell whether the edge of h is tagged, a boundary, or turns by more than the angle with that cosine."""
+    back = mesh.twin[h]
+    if back < 0 or mesh.tagged[h]:
+        return True
+    if cosine <= -1.0:
+        return False
+    vert, points = mesh.vert, mesh.points
+    a, b = vert[h], vert[following(h)]
+    mx, my, mz = area_vector(points, a, b, vert[preceding(h)])
+    nx, ny, nz = area_vector(points, b, a, vert[preceding(back)])
+    dot = mx * nx + my * ny + mz * nz
+    both = (mx * mx + my * my + mz * mz) * (nx * nx + ny * ny + nz * nz)
+    return bool(dot * abs(dot) < cosine * abs(cosine) * both)
+
+
+@kernel((MESH_ARRAYS, numba.int64, VECTOR, numba.int64), **LEAN)
+def _add_face_normal(mesh: MeshArrays, h: int, total: Floats, at: int) -> None:
+    """Add the unit normal of the face of h, weighted by its angle at the start of h, to `total[at:]`."""
+    vert, points = mesh.vert, mesh.points
+    a, b, c = vert[h], vert[following(h)], vert[preceding(h)]
+    x, y, z = area_vector(points, a, b, c)
+    area = math.sqrt(x * x + y * y + z * z)
+    if area == 0.0:
+        return
+    dot = 0.0
+    for k in range(3):
+        dot += (points[b, k] - points[a, k]) * (points[c, k] - points[a, k])
+    weight = math.atan2(area, dot) / area
+    total[at] += weight * x
+    total[at + 1] += weight * y
+    total[at + 2] += weight * z
+
+
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64, numba.float64, VECTOR, numba.int64), **LEAN)
+def side_normal(mesh: MeshArrays, h: int, cosine: float, out: Floats, at: int) -> bool:
+    """Write the unit normal of the smooth surface at the start of h, up to the next creases, into `out[at:]`.
+
+    The edge of h must be soft. Returns whether all edges around are.
+    """
+    twin = mesh.twin
+    out[at] = out[at + 1] = out[at + 2] = 0.0
+    k, whole = h, False
+    while True:
+        _add_face_normal(mesh, k, out, at)
+        if _is_hard(mesh, preceding(k), cosine):
+            break
+        k = twin[preceding(k)]
+        if k == h:
+            whole = True
+            break
+    k = h
+    while not whole and not _is_hard(mesh, k, cosine):
+        k = following(twin[k])
+        _add_face_normal(mesh, k, out, at)
+    length = math.sqrt(out[at] ** 2 + out[at + 1] ** 2 + out[at + 2] ** 2)
+    if length > 0.0:
+        for i in range(3):
+            out[at + i] /= length
+    return whole
+
+
+@kernel(numba.int64(MESH_ARRAYS, numba.int64, numba.int64, numba.float64), **LEAN)
+def _next_along_crease(mesh: MeshArrays, h: int, before: int, cosine: float) -> int:
+    """Return the vertex where the crease from `before` continues beyond the start of h; -1 at its end."""
+    vert, twin = mesh.vert, mesh.twin
+    onward, count, k = -1, 0, h
+    while True:
+        if vert[following(k)] != before and _is_hard(mesh, k, cosine):
+            onward, count = vert[following(k)], count + 1
+        back = preceding(k)
+        k = twin[back]
+        if k < 0 and vert[back] != before:
+            onward, count = vert[back], count + 1
+        if k < 0 or k == h:
+            break
+    while k < 0 and twin[h] >= 0:  # the fan is open: on to its other side
+        h = following(twin[h])
+        if vert[following(h)] != before and _is_hard(mesh, h, cosine):
+            onward, count = vert[following(h)], count + 1
+    return onward if count == 1 else -1
+
+
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64, numba.int64, numba.int64, numba.int64, VECTOR), **LEAN)
+def _tangent(mesh: MeshArrays, v: int, to: int, beyond: int, at: int, out: Floats) -> bool:
+    """Write the unit tangent at v of the circle through `beyond`, v, `to` to `out[at:]`; False at a corner.
+
+    The tangent is the mean of the two chords, each weighted by the length of the other. `out[6]` holds the
+    first vertex of this pass: if `beyond` is such a vertex, it is the midpoint of the chord.
+    """
+    if beyond < 0:
+        return False
+    points = mesh.points
+    p, q = math.sqrt(squared_length(points, v, beyond)), math.sqrt(squared_length(points, to, v))
+    whole = 2.0 * p if beyond >= out[6] else p
+    if p == 0.0 or q == 0.0:
+        return False
+    turn, length = 0.0, 0.0
+    for k in range(3):
+        one, two = (points[v, k] - points[beyond, k]) / p, (points[to, k] - points[v, k]) / q
+        turn += one * two
+        out[at + k] = q * one + whole * two
+        length += out[at + k] * out[at + k]
+    if turn < _LEAST_COSINE:
+        return False
+    for k in range(3):
+        out[at + k] /= math.sqrt(length)
+    return True
+
+
+@kernel((MESH_ARRAYS, numba.int64, numba.int64, numba.float64, VECTOR, MATRIX, numba.int64), **LEAN)
+def _bend_crease(
+    mesh: MeshArrays, h: int, new: int, cosine: float, scratch: Floats, places: Points, i: int
+) -> None:
+    """Move `places[i]` from the midpoint of a crease's edge onto the crease's curve (cubic Hermite).
+
+    Where the crease begins or ends at a corner, the curve is taken for a circle.
+    """
+    vert, points = mesh.vert, mesh.points
+    a, middle, b = vert[h], vert[new], vert[following(new)]
+    begins = _tangent(mesh, a, b, _next_along_crease(mesh, h, middle, cosine), 0, scratch)
+    ends = _tangent(mesh, b, a, _next_along_crease(mesh, following(new), middle, cosine), 3, scratch)
+    length = math.sqrt(squared_length(points, a, b))
+    if not (begins or ends) or length == 0.0:
+        return
+    along, known = 0.0, 0 if begins else 3
+    for k in range(3):
+        along += scratch[known + k] * (points[b, k] - points[a, k]) / length
+    for k in range(3):
+        mirrored = scratch[known + k] - 2.0 * along * (points[b, k] - points[a, k]) / length
+        start, end = scratch[k] if begins else mirrored, scratch[3 + k] if ends else mirrored
+        places[i, k] += 0.125 * length * (start + end)
+
+
+@kernel(numba.float64(MATRIX, *[numba.int64] * 2, numba.float64, *[numba.int64] * 2), **LEAN)
+def _face_width(points: Points, a: int, b: int, length: float, c: int, d: int) -> float:
+    """Return how far the nearer of two vertices is from the line through a and b, `length` apart."""
+    if length == 0.0:
+        return 0.0
+    x, y, z = area_vector(points, a, b, c)
+    u, v, w = area_vector(points, a, b, d)
+    return math.sqrt(min(x * x + y * y + z * z, u * u + v * v + w * w)) / length
+
+
+@kernel((MESH_ARRAYS, numba.int64, numba.int64, numba.float64, VECTOR, MATRIX, MATRIX, numba.int64), **LEAN)
+def _bend_patch(
+    mesh: MeshArrays,
+    h: int,
+    new: int,
+    cosine: float,
+    scratch: Floats,
+    places: Points,
+    normals: Vectors,
+    i: int,
+) -> None:
+    """Move `places[i]` from the midpoint of a soft edge onto the cubic normal to the surface at both ends.
+
+    A tip, such as that of a cone, has no tangent plane: the curve leaves it along the edge. Otherwise long
+    faces around it would bulge, and a cone would gain up to a third of its volume. An end is a tip if its
+    normal leans far along the edge, or much more than the normal at the other end, if that lies on a crease
+    or the edge is long for the width of its faces.
+
+    Source: Vlachos, Peters, Boyd & Mitchell, *Curved PN Triangles* (2001), the border curve at one half.
+    """
+    points, vert = mesh.points, mesh.vert
+    a, b = vert[h], vert[following(new)]
+    a_is_smooth = side_normal(mesh, h, cosine, scratch, 0)
+    b_is_smooth = side_normal(mesh, mesh.twin[new], cosine, scratch, 3)
+    rise, fall, norm = 0.0, 0.0, 0.0
+    for k in range(3):
+        rise += (points[b, k] - points[a, k]) * scratch[k]
+        fall += (points[a, k] - points[b, k]) * scratch[3 + k]
+    length, up, down = math.sqrt(squared_length(points, a, b)), abs(rise), abs(fall)
+    width = _face_width(points, a, b, length, vert[preceding(h)], vert[preceding(mesh.twin[new])])
+    reach, most = min(length, _LONGEST * width), _MOST_RISE * length
+    least, is_long = _LEAST_RISE * reach, reach < length
+    from_a, from_b = up > most, down > most
+    uneven_a = up > max(least, _MOST_UNEVEN * (0.0 if is_long and from_b else down))
+    uneven_b = down > max(least, _MOST_UNEVEN * (0.0 if is_long and from_a else up))
+    a_is_tip = from_a or (uneven_a and (is_long or not b_is_smooth))
+    b_is_tip = from_b or (uneven_b and (is_long or not a_is_smooth))
+    for k in range(3):
+        if a_is_tip:
+            scratch[k] = 0.0
+        if b_is_tip:
+            scratch[3 + k] = 0.0
+        normals[i, k] = scratch[k] + scratch[3 + k]
+        norm += normals[i, k] ** 2
+    for k in range(3):
+        places[i, k] -= 0.125 * (rise * scratch[k] + fall * scratch[3 + k])
+        normals[i, k] /= math.sqrt(norm) if norm > 0.0 else 1.0
+
+
+@kernel((MESH_ARRAYS, numba.int64, numba.int64, numba.float64, VECTOR, MATRIX, MATRIX, numba.int64), **LEAN)
+def set_curved_midpoint(
+    mesh: MeshArrays,
+    h: int,
+    new: int,
+    cosine: float,
+    scratch: Floats,
+    places: Points,
+    normals: Vectors,
+    i: int,
+) -> None:
+    """Set the place and the normal of the new vertex of the edge that h is the first half of."""
+    a, b = mesh.vert[h], mesh.vert[following(new)]
+    for k in range(3):
+        places[i, k] = 0.5 * (mesh.points[a, k] + mesh.points[b, k])
+        normals[i, k] = 0.0
+    if _is_hard(mesh, h, cosine):
+        _bend_crease(mesh, h, new, cosine, scratch, places, i)
+    else:
+        _bend_patch(mesh, h, new, cosine, scratch, places, normals, i)
+
+
+@kernel((MESH_ARRAYS, _TABLE, numba.float64, VECTOR, MATRIX, MATRIX))
+def curved_midpoints(
+    mesh: MeshArrays, births: Indices, cosine: float, scratch: Floats, places: Points, normals: Vectors
+) -> None:
+    """Compute positions and normals of the new vertices of `births` (N, BIRTH_SIZE) on a smooth surface.
+
+    Soft edges bend with the normals at their ends, which stop at creases. Crease edges bend with the crease
+    and get a zero normal. Flat faces and straight creases stay exact. With a cosine of -1 only tagged edges
+    and boundaries are creases. `scratch` has seven entries.
+    """
+    if len(births):
+        scratch[6] = mesh.vert[births[0, BIRTH_HALFEDGE]]
+    for i in range(len(births)):
+        new = births[i, BIRTH_HALFEDGE]
+        h = incoming(mesh, new, births[i, 0])
+        set_curved_midpoint(mesh, h, new, cosine, scratch, places, normals, i)
+
+
+@kernel((MESH_ARRAYS, numba.int64, numba.int64, RING, MATRIX), **LEAN)
+def _copy_ring_at_rest(mesh: MeshArrays, spoke: int, column: int, ring: Ring, rest: Points) -> None:
+    """Copy the rest positions, `column` on, of the start of a spoke and of its ring into `rest` (V, 3)."""
+    attributes, v = mesh.attributes, mesh.vert[spoke]
+    if not collect_ring(mesh, spoke, ring):
+        return
+    for k in range(3):
+        rest[v, k] = attributes[v, column + k]
+    for j in range(ring.size[1]):
+        v = ring.vertex[j]
+        for k in range(3):
+            rest[v, k] = attributes[v, column + k]
+
+
+@kernel(numba.boolean(MATRIX, numba.int64, numba.int64, numba.int64, numba.int64), **LEAN)
+def _is_level(attributes: Points, column: int, normal_column: int, a: int, b: int) -> bool:
+    """Tell whether two vertices have the same unit normal at rest, and lie in the plane across it."""
+    leaning, height, length, size = 0.0, 0.0, 0.0, 0.0
+    for k in range(3):
+        along = attributes[b, column + k] - attributes[a, column + k]
+        normal = attributes[a, normal_column + k]
+        leaning += (attributes[b, normal_column + k] - normal) ** 2
+        height += normal * along
+        length += along * along
+        size += normal * normal
+    is_across = height * height <= _LEVEL * _LEVEL * length
+    return bool(is_across and leaning <= _LEVEL * _LEVEL and abs(size - 1.0) <= _LEVEL)
+
+
+@kernel((MESH_ARRAYS, _TABLE, numba.int64, numba.int64, RING, MATRIX, VECTOR, MATRIX, MATRIX, VECTOR))
+def rest_midpoints(
+    mesh: MeshArrays,
+    births: Indices,
+    column: int,
+    normal_column: int,
+    ring: Ring,
+    rest: Points,
+    scratch: Floats,
+    places: Points,
+    normals: Vectors,
+    sizes: Floats,
+) -> None:
+    """Compute what `curved_midpoints` does on the surface at rest, where only tagged edges are creases.
+
+    column, normal_column  first columns of the rest position and the rest normal; a new vertex gets its
+                           normal, since a split leaves the mean of both ends, which leans at creases
+    rest                   (V, 3) scratch for rest positions
+    sizes                  (N,) receives the length of each edge
+    """
+    attributes, vert = mesh.attributes, mesh.vert
+    at_rest = MeshArrays(rest, attributes, mesh.blends, vert, mesh.twin, mesh.tagged)
+    if len(births):
+        scratch[6] = vert[births[0, BIRTH_HALFEDGE]]
+    for i in range(len(births)):
+        a, b, new = births[i, 0], births[i, 1], births[i, BIRTH_HALFEDGE]
+        h = incoming(mesh, new, a)
+        middle, squares, known = vert[new], 0.0, 0.0
+        is_hard = mesh.twin[h] < 0 or mesh.tagged[h]
+        if not is_hard and _is_level(attributes, column, normal_column, a, b):
+            for k in range(3):
+                places[i, k] = 0.5 * (attributes[a, column + k] + attributes[b, column + k])
+                normals[i, k] = attributes[a, normal_column + k]
+        else:
+            _copy_ring_at_rest(mesh, h, column, ring, rest)
+            _copy_ring_at_rest(mesh, following(new), column, ring, rest)
+            set_curved_midpoint(at_rest, h, new, ONLY_TAGGED, scratch, places, normals, i)
+        for k in range(3):
+            squares += (attributes[b, column + k] - attributes[a, column + k]) ** 2
+            known += abs(normals[i, k])
+        sizes[i] = math.sqrt(squares)
+        for k in range(3):
+            if known > 0.0:
+                attributes[middle, normal_column + k] = normals[i, k]

@@ -11,7 +11,6 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import UsageError
 from pipeline.mesh.meshes import PolygonMesh
-from pipeline.resample.polyhedra.polyhedral_collapse import Collapser
 from pipeline.resample.polyhedra.polyhedron import (
     OUTSIDE,
     LengthLimits,
@@ -19,7 +18,7 @@ from pipeline.resample.polyhedra.polyhedron import (
     PolyhedronEditor,
     inherited,
 )
-from pipeline.resample.polyhedra.slicing import Cutting, Slicer
+from pipeline.resample.polyhedra.subdivision import Collapser, Cutting, Slicer
 from pipeline.resample.resample_pass import Report, not_finite
 from pipeline.resample.thresholds import Thresholds
 

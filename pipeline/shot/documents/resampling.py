@@ -13,8 +13,7 @@ from pipeline.arrays import AnyArray, Points
 from pipeline.flow.parameters import Curve, Number, VectorParameter, number_at, vector_at
 from pipeline.formula import PLACE, Expression
 from pipeline.resample import Curvature, DistanceToCamera, ThresholdFormula, Thresholds
-from pipeline.resample.sizing_field import FORMULA_NAMES
-from pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, Threshold
+from pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, FORMULA_NAMES, Threshold
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import (
     ABOVE_0,

@@ -10,7 +10,7 @@ from pipeline.errors import UsageError
 from pipeline.mesh import PolygonMesh, require
 from pipeline.resample import PolyhedralResampler, Thresholds, edges_by_angle, edges_in_region
 from pipeline.resample.polyhedra.polyhedron import LengthLimits, Polyhedron, PolyhedronEditor
-from pipeline.resample.polyhedra.slicing import Cutting, Slicer
+from pipeline.resample.polyhedra.subdivision import Cutting, Slicer
 from pipeline.resample.thresholds import WithinBall, WithinBox
 
 KINDS = ["cube", "ell", "comb", "star", "drum", "ring", "open box", "leaf", "tetrahedron", "ball", "cloth"]

@@ -10,7 +10,7 @@ from pipeline.errors import FrameError
 from pipeline.mesh import PolygonMesh, require, validate
 from pipeline.resample import PolyhedralResampler, Thresholds
 from pipeline.resample.polyhedra.polyhedral_resampler import Collapse
-from pipeline.resample.polyhedra.slicing import Cutting
+from pipeline.resample.polyhedra.subdivision import Cutting
 
 KINDS = ["cube", "ell", "comb", "star", "drum", "ring", "open box", "leaf", "tetrahedron", "ball", "cloth"]
 

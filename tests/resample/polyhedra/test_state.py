@@ -8,7 +8,7 @@ import pytest
 from pipeline.errors import FrameError, MeshError, UsageError
 from pipeline.mesh import PolygonMesh, require
 from pipeline.resample import PolyhedralResampler, Thresholds
-from pipeline.resample.polyhedra.slicing import Cutting
+from pipeline.resample.polyhedra.subdivision import Cutting
 
 THRESHOLDS = Thresholds(0.35)
 

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from pipeline.errors import MeshError
 from pipeline.mesh import PolygonMesh, require
 from pipeline.resample import Thresholds
-from pipeline.resample.polyhedra.polyhedral_collapse import Collapser, can_collapse
 from pipeline.resample.polyhedra.polyhedron import (
     OUTSIDE,
     LengthLimits,
@@ -18,6 +17,7 @@ from pipeline.resample.polyhedra.polyhedron import (
     PolyhedronEditor,
     between,
 )
+from pipeline.resample.polyhedra.subdivision import Collapser, can_collapse
 
 Step = Callable[[Polyhedron, np.random.Generator], None]
 
