@@ -35,7 +35,7 @@ API = 1
 class Command:
     """A command, or a format of the command `export`.
 
-    function  "module:function" that has the options as parameters, as those in `pipeline/cli/commands`
+    function  "module:function" that has the options as parameters, as those of `render_commands`
     summary   its line in the help
     panel     the part of the help that lists it
     """

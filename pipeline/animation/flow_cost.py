@@ -29,7 +29,7 @@ from pipeline.flow.parameters import parameters_of, shot_name
 from pipeline.flow.velocity import Sensitivity, sensitivity
 from pipeline.mesh import TriangleMesh
 from pipeline.shot import Motion
-from pipeline.shot.model_subjects import Model
+from pipeline.shot.subjects import Model
 
 TYPICAL_EXTENT = 2.0
 """Units: the extent of the solids, for which flows have their defaults."""

@@ -18,15 +18,17 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
-from pipeline.cli.common_options import (
+from pipeline.cli.options import (
     REFERENCE,
     CommonOptions,
     parameters_of,
+    require_command,
+    require_one_of,
+    require_options,
+    require_readable,
     with_options,
     with_parameters,
 )
-from pipeline.cli.options import require_one_of
-from pipeline.cli.other_words import require_command, require_options, require_readable
 from pipeline.cli.output import print_error, print_warning
 from pipeline.cli.standard_streams import READER_LEFT, OutputError, discard_output
 from pipeline.errors import FlowsculptError, MachineError

@@ -1,22 +1,97 @@
-"""Options that several commands take, each declared once."""
+"""Options of commands, each declared once, and how a function that takes options becomes a command."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+import copy
+import functools
+import inspect
+import os
+import re
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
+from pipeline.cli.output import print_error, print_warning, tell_of_store
 from pipeline.errors import UsageError, suggestion
 from pipeline.production.request.lookup import today_name
-from render.mitsuba.engine import VARIANTS
+from pipeline.production.store.paths import require_store
+from pipeline.production.store.remote_store import VARIABLE, remote_stores
+from render.mitsuba.engine import VARIANTS, available_cores
 from render.scene.render_quality import CONVENTIONS, QUALITIES, qualities_of_size
 
 if TYPE_CHECKING:  # imported when a command runs, for help and --version need neither
     from pipeline.production.execution.project import Project
     from pipeline.production.planning.profile import Profile
+
+
+def require_readable(*words: str) -> None:
+    """Raise UsageError for words that are not UTF-8, and as `require_readable_path` for files."""
+    for word in words:
+        name = word.encode(errors="surrogateescape").decode(errors="backslashreplace")
+        if name != word:
+            raise UsageError(f"{name}: this name is not UTF-8, as on some old file shares; rename it")
+        if os.path.lexists(word):
+            require_readable_path(word)
+
+
+def require_readable_path(path: str) -> None:
+    """Raise UsageError for a path that messages, logs and shot files cannot hold in one line."""
+    if re.search(r"[\x00-\x1f\x7f]", path):
+        raise UsageError(f"{path!r}: a line break or control character in a path; rename it")
+
+
+_COMMANDS = {
+    "--help": "help",
+    "preview": "play view show",
+    "status": "list ls",
+    "validate": "check lint",
+    "new": "create init",
+    "film": "build make",
+    "why": "explain",
+    "clean": "delete remove",
+}
+"""By commands, those of other programs that do the same."""
+
+_OPTIONS = {
+    "--frames": "--frame --range --start --end",
+    "-f": "-r -s -e",
+    "-j": "--cores --threads --jobs -c",
+    "--dry-run": "-n --dryrun",
+    "--force": "--overwrite -F",
+    "--scale 50%": "--resolution --res --size",
+    "--set quality.draft.samples=16": "--samples --spp",
+    "--as": "--format",
+    "-o": "--out",
+    "--variant cuda_ad_rgb": "--device --gpu",
+    "--root": "--directory -d",
+}
+"""By options, those of other programs that do the same."""
+
+
+def _meant(table: dict[str, str], word: str) -> str | None:
+    return next((name for name, words in table.items() if word in words.split()), None)
+
+
+def require_command(name: str, known: Collection[str]) -> None:
+    """Raise UsageError for a command that has another name here."""
+    meant = _meant(_COMMANDS, name.lower())
+    if name not in known and meant:
+        raise UsageError(f"unknown command {name}. Did you mean {meant}?")
+
+
+def require_options(words: Iterable[str], known: Collection[str]) -> None:
+    """Raise UsageError for an option that has another name here.
+
+    known  the options of the command
+    """
+    for word in words:
+        name = word.partition("=")[0]
+        meant = _meant(_OPTIONS, name)
+        if name not in known and meant and meant.split()[0] in known:
+            raise UsageError(f"unknown option {name}. Did you mean {meant}?")
 
 
 def shots_argument(help: str) -> Any:
@@ -207,3 +282,154 @@ def words_of(text: str, fault: str) -> tuple[str, ...]:
     if not words:
         raise UsageError(fault)
     return words
+
+
+INTERRUPTED = 130
+"""Exit code of a command that was interrupted."""
+
+_common = functools.partial(typer.Option, rich_help_panel="Options of every command")
+
+REFERENCE = "Options of every command (-j, --json, --dry-run, …): flowsculpt --help"
+"""The line in the help of each command that stands for the common options, which the help lists once."""
+
+
+@dataclass(frozen=True)
+class CommonOptions:
+    """The common options as typed, before or after the command; what is not given is empty."""
+
+    json_: Annotated[
+        bool, _common("--json", help="Answer in JSON on standard output; messages go to standard error.")
+    ] = False
+    no_progress: Annotated[bool, _common("--no-progress", help="Show no progress.")] = False
+    cores: Annotated[int | None, _common("-j", min=1, metavar="N", help="Use N cores. Default: all.")] = None
+    dry_run: Annotated[bool, _common("--dry-run", help="Say what would be done, and do nothing.")] = False
+    root: Annotated[
+        Path | None,
+        _common("--root", metavar="DIR", help="Write outputs and the store below DIR. Default: this folder."),
+    ] = None
+    timeout: Annotated[
+        float | None,
+        _common(
+            "--timeout",
+            min=0.01,
+            metavar="MINUTES",
+            help="End a job that shows no sign of life for so long, and try it again. Default: 30.",
+        ),
+    ] = None
+    nice: Annotated[
+        int | None,
+        _common(
+            "--nice",
+            min=0,
+            max=19,
+            metavar="N",
+            help="Lower the priority of all processes: 10 is usual, 19 the lowest.",
+        ),
+    ] = None
+    store: Annotated[
+        str | None,
+        _common(
+            "--store",
+            metavar="URL",
+            envvar=VARIABLE,
+            help="Share what is made through this store too: s3://BUCKET/PREFIX, or a folder on a file "
+            "share; see docs/farm.md.",
+        ),
+    ] = None
+    profile: Annotated[
+        str | None,
+        _common(
+            "--profile",
+            metavar="NAME|DIR",
+            envvar="FLOWSCULPT_PROFILE",
+            help="Where jobs run: local, slurm, another folder in profiles/, or any path; see docs/farm.md.",
+        ),
+    ] = None
+    wait: Annotated[
+        bool,
+        _common("--wait", help="Wait for another run of the same shot and quality. Default: refuse to run."),
+    ] = False
+
+    def resolved(self, before: CommonOptions) -> Common:
+        """Return what holds for a command; `before` are the options given before its name, which yield."""
+        from pipeline.production.planning.profile import Profile
+
+        given = CommonOptions(*(getattr(self, f.name) or getattr(before, f.name) for f in fields(self)))
+        if given.nice:
+            os.nice(given.nice)  # processes that this one starts inherit it
+        progress = not (given.no_progress or given.json_)
+        profile = Profile.named(given.profile) if given.profile else Profile.local()
+        if given.profile and (own := profile.hides):
+            print_warning(
+                f"--profile {given.profile}: the shipped profile; {own} here is used by --profile {own}"
+            )
+        root = (given.root or Path()).resolve()
+        require_readable(str(root))
+        require_readable_path(str(root))
+        require_store(root)
+        if given.store:
+            os.environ[VARIABLE] = remote_stores().checked(given.store)  # so do they
+            tell_of_store(progress)
+        return Common(
+            json=given.json_,
+            progress=progress,
+            cores=given.cores or available_cores(),
+            dry_run=given.dry_run,
+            root=root,
+            patience=None if given.timeout is None else 60.0 * given.timeout,
+            profile=profile,
+            wait=given.wait,
+        )
+
+
+def with_options(function: Callable[..., None]) -> Callable[..., None]:
+    """Make a function a command: its parameter `common` stands for the common options, and a parameter whose
+    type is a dataclass for the options that are its fields."""
+    own = inspect.signature(function, eval_str=True).parameters
+    groups = {
+        name: p.annotation for name, p in own.items() if is_dataclass(p.annotation) and name != "common"
+    }
+    plain = [p for name, p in own.items() if name not in {"common", *groups}]
+    common = [_hidden(p) for p in parameters_of(CommonOptions)]
+
+    @functools.wraps(function)
+    def command(ctx: typer.Context, **values: Any) -> None:
+        def taken(options: Any) -> Any:
+            return options(**{f.name: values.pop(f.name) for f in fields(options)})
+
+        given = taken(CommonOptions)
+        values |= {name: taken(options) for name, options in groups.items()}
+        try:
+            function(given.resolved(ctx.obj or CommonOptions()), **values)
+        except KeyboardInterrupt:
+            print_error("interrupted; what is done stays done, run again to go on")
+            raise typer.Exit(INTERRUPTED) from None
+
+    inner = [p for options in groups.values() for p in parameters_of(options)]
+    return with_parameters(command, [*plain, *inner, *common])
+
+
+def parameters_of(options: Any) -> list[inspect.Parameter]:
+    """Return the fields of a dataclass of options as parameters of a command."""
+    types, kind = get_type_hints(options, include_extras=True), inspect.Parameter.KEYWORD_ONLY
+    return [
+        inspect.Parameter(f.name, kind, default=f.default, annotation=types[f.name]) for f in fields(options)
+    ]
+
+
+def _hidden(parameter: inspect.Parameter) -> inspect.Parameter:
+    """Return an option that works and is not in the help."""
+    option = copy.copy(parameter.annotation.__metadata__[0])
+    option.hidden = True
+    return parameter.replace(annotation=Annotated[parameter.annotation.__origin__, option])
+
+
+def with_parameters(
+    function: Callable[..., None], parameters: Sequence[inspect.Parameter]
+) -> Callable[..., None]:
+    """Give a function a context and these parameters, as typer reads them."""
+    context = inspect.Parameter("ctx", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
+    own = [context, *(p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in parameters)]
+    function.__signature__ = inspect.Signature(own)  # type: ignore[attr-defined]  # inspect reads it
+    function.__annotations__ = {p.name: p.annotation for p in own}
+    return function

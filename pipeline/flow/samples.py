@@ -19,7 +19,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
 from pipeline.errors import FlowsculptError, UsageError, reason_of
-from pipeline.npz import Archive
+from pipeline.file_contents import Archive
 from render.base.input_files import read_input
 
 MAX_BYTES = 8 << 30

@@ -15,8 +15,8 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.errors import MeshError
+from pipeline.file_contents import number_fault, text_content
 from pipeline.mesh.mesh_formats import FileSurface, offsets_of, polygon_surface
-from pipeline.text_encoding import number_fault, text_content
 from render.base.plural import plural
 
 _PARTING = (b"o", b"g", b"s", b"usemtl")

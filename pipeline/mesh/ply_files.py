@@ -9,8 +9,8 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.errors import MeshError
+from pipeline.file_contents import as_utf8, number_fault
 from pipeline.mesh.mesh_formats import FileSurface, early_end, offsets_of, polygon_surface
-from pipeline.text_encoding import as_utf8, number_fault
 from render.base.plural import plural
 
 _OLD_NAMES = {

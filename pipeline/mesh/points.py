@@ -11,13 +11,12 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError
+from pipeline.file_contents import Archive, number_fault, text_content
 from pipeline.mesh.mesh_formats import LARGEST_COORDINATE, reader_of
 from pipeline.mesh.meshes import TriangleMesh
 from pipeline.mesh.obj_files import read_wavefront
 from pipeline.mesh.ply_files import read_elements, vertex_positions
 from pipeline.mesh.read import read_by_suffix
-from pipeline.npz import Archive
-from pipeline.text_encoding import number_fault, text_content
 from render.base.plural import plural
 
 _POINTS = ("points", "vertices")

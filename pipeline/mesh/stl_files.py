@@ -8,8 +8,8 @@ from itertools import islice
 import numpy as np
 
 from pipeline.arrays import Points
+from pipeline.file_contents import as_utf8, number_fault, text_content
 from pipeline.mesh.mesh_formats import FileSurface, early_end, file_surface
-from pipeline.text_encoding import as_utf8, number_fault, text_content
 from render.base.plural import plural
 
 _HEADER = 84

@@ -9,27 +9,25 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pipeline.shot.camera_path import CameraPath as CameraPath
-    from pipeline.shot.clock import Clock as Clock
     from pipeline.shot.film_reader import read_film as read_film
-    from pipeline.shot.model_subjects import Model as Model
+    from pipeline.shot.motion import Clock as Clock
     from pipeline.shot.motion import Motion as Motion
     from pipeline.shot.motion import Resampling as Resampling
     from pipeline.shot.shot import Film as Film
     from pipeline.shot.shot import Picture as Picture
     from pipeline.shot.shot import Shot as Shot
     from pipeline.shot.shot_reader import read_shot as read_shot
+    from pipeline.shot.subjects import Model as Model
     from pipeline.shot.subjects import Solid as Solid
     from pipeline.shot.subjects import Subject as Subject
 
 _MODULES = {
     "camera_path": ("CameraPath",),
-    "clock": ("Clock",),
     "film_reader": ("read_film",),
-    "motion": ("Motion", "Resampling"),
+    "motion": ("Clock", "Motion", "Resampling"),
     "shot": ("Film", "Picture", "Shot"),
     "shot_reader": ("read_shot",),
-    "model_subjects": ("Model",),
-    "subjects": ("Solid", "Subject"),
+    "subjects": ("Model", "Solid", "Subject"),
 }
 
 

@@ -11,10 +11,10 @@ from pydantic import ValidationError
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError, suggestion
 from pipeline.frames import FrameRange, FrameRate
+from pipeline.shot.documents.curves import SUFFIXES
 from pipeline.shot.documents.field_types import is_number
 from pipeline.shot.documents.picture_documents import PictureShapeDocument
 from pipeline.shot.documents.shot_documents import FilmDocument
-from pipeline.shot.documents.sound_documents import SUFFIXES
 from pipeline.shot.shot import Card, Clip, Film, Shot
 from pipeline.shot.shot_reader import read_rate, read_shot
 from pipeline.shot.yaml.document_validation import Checks, unforeseen, validated

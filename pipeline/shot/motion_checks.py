@@ -10,11 +10,10 @@ from pipeline.errors import shortened
 from pipeline.flow.keyframes import BEZIER
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
-from pipeline.shot.clock import Clock
 from pipeline.shot.documents.field_types import is_number
 from pipeline.shot.documents.flow_documents import DOCUMENTS
-from pipeline.shot.yaml.plain_text import dotted
-from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
+from pipeline.shot.motion import Clock
+from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted
 from render.base.plural import plural
 
 AXIAL = {

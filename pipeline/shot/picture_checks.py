@@ -12,8 +12,7 @@ from pipeline.frames import FrameRange
 from pipeline.shot.documents.field_types import is_number
 from pipeline.shot.documents.light_documents import ENVIRONMENTS, softbox_name
 from pipeline.shot.documents.look_documents import LOOKS, check_bsdf
-from pipeline.shot.yaml.plain_text import dotted, listed
-from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
+from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted, listed
 from render.scene.light_groups import BACKGROUND
 from render.scene.measure import Measure
 from render.scene.projection import KINDS

@@ -16,15 +16,15 @@ from pydantic import BaseModel
 from pipeline.arrays import Floats
 from pipeline.flow.keyframes import Keyframes
 from pipeline.flow.parameters import Curve
-from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import KeyDocument, Keyed, OverTime, OverTimeTriple, curve_of, is_changing
 from pipeline.shot.documents.field_types import is_number
 from pipeline.shot.documents.flow_entries import Entry, RepeatedDocument, ReversedDocument, seconds
 from pipeline.shot.documents.shot_documents import ShotDocument
+from pipeline.shot.motion import Clock
 from pipeline.shot.shot_reader import read_clock, read_shot, with_speed
 from pipeline.shot.yaml.document_validation import ParseContext
 from pipeline.shot.yaml.inheritance import inherited
-from pipeline.shot.yaml.schema_walk import choices, field_names, members
+from pipeline.shot.yaml.messages import choices, field_names, members
 from pipeline.shot.yaml.yaml_source import Where, YamlSource
 
 

@@ -18,15 +18,13 @@ from pipeline.frames import FrameRate
 from pipeline.mesh.control_net import PIECES
 from pipeline.shot import motion_checks, picture_checks, subject_checks
 from pipeline.shot.camera_path import Shutter
-from pipeline.shot.clock import Clock, parse_frames, parse_rate
 from pipeline.shot.documents.curves import NumberField, number
 from pipeline.shot.documents.field_types import vector
 from pipeline.shot.documents.light_documents import StageDocument
 from pipeline.shot.documents.look_documents import check_bsdf, look_of
 from pipeline.shot.documents.picture_documents import built_lights
 from pipeline.shot.documents.resampling import ResampleDocument
-from pipeline.shot.documents.shot_documents import ShotDocument
-from pipeline.shot.documents.sound_documents import SoundDocument
+from pipeline.shot.documents.shot_documents import ShotDocument, SoundDocument
 from pipeline.shot.documents.subject_documents import (
     CloudDocument,
     NetDocument,
@@ -34,12 +32,11 @@ from pipeline.shot.documents.subject_documents import (
     SubjectEntry,
     SubjectSettings,
 )
-from pipeline.shot.model_subjects import Model
-from pipeline.shot.motion import Motion
+from pipeline.shot.motion import Clock, Motion, parse_frames, parse_rate
 from pipeline.shot.point_subjects import CloudOfFile, NetOfFile
 from pipeline.shot.shot import AovSelection, Picture, Shot, SoundTrack
 from pipeline.shot.subject_checks import subject_views
-from pipeline.shot.subjects import SeveralSubjects, Solid
+from pipeline.shot.subjects import Model, SeveralSubjects, Solid
 from pipeline.shot.yaml.document_validation import Checks, ParseContext, unforeseen, validated
 from pipeline.shot.yaml.inheritance import inherited
 from pipeline.shot.yaml.named_files import name_fault, shown

@@ -6,16 +6,16 @@ Most commands run in this process, for Python takes longer to start than they ta
 import json
 import re
 from pathlib import Path
-from pkgutil import iter_modules
 
 import numpy as np
 import pytest
 from typer.main import get_command
 
-from pipeline.cli import commands
+import pipeline
 from pipeline.cli.app import all_commands, command_line, command_named, command_words
-from pipeline.cli.common_options import REFERENCE
+from pipeline.cli.options import REFERENCE
 from pipeline.mesh import TriangleMesh, icosphere, write_mesh
+from pipeline.plugin import plugins
 from pipeline.production.execution.run import PATIENCE
 from render.movie.probe import probe_movie
 from render.post.image import read_png
@@ -43,11 +43,10 @@ def test_help_names_every_command_and_the_exit_codes(project):
         assert word in done.out
 
 
-def test_every_module_of_a_command_is_in_the_help():
-    modules = {
-        command.function.split(":")[0].rsplit(".")[-1] for command in commands.PLUGIN.commands.values()
-    }
-    assert modules == {module.name for module in iter_modules(commands.__path__)}
+def test_every_module_of_commands_is_in_the_help():
+    commands = (*plugins().commands.values(), *plugins().exporters.values())
+    named = {command.function.split(":")[0].rsplit(".")[-1] for command in commands}
+    assert {path.stem for path in Path(pipeline.__file__).parent.rglob("*_command*.py")} <= named
 
 
 def test_help_tells_after_how_long_a_silent_job_is_ended(project):

@@ -45,7 +45,7 @@ class Attempt:
 
 
 def _model(path: Path) -> None:
-    from pipeline.shot.model_subjects import Model
+    from pipeline.shot.subjects import Model
 
     Model("", path=path, fit=2.0).build()
 
@@ -161,7 +161,7 @@ def _sound(path: Path) -> None:
 
 
 def _view(path: Path) -> None:
-    from pipeline.shot.documents.config_tables import tables
+    from pipeline.shot.documents.picture_documents import tables
     from render.post import view
 
     digest = _decodable(path, view._try_views, "render.post.view", "OpenImageIO")
@@ -232,7 +232,7 @@ def _peak() -> int:
 
 def _work(connection: Any, folder: Path) -> None:
     """Read the files whose kinds and paths come in; the parent ends this process where it hangs."""
-    import pipeline.shot.model_subjects  # noqa: F401  # compiled kernels stay in the user's cache
+    import pipeline.shot.subjects  # noqa: F401  # compiled kernels stay in the user's cache
     from render.base.kernel_cache import cache_folder
 
     kernels = str(cache_folder())

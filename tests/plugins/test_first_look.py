@@ -14,7 +14,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from pipeline.cli.common_options import CommonOptions
+from pipeline.cli.options import CommonOptions
 from pipeline.plugins.preview.first_look import FirstLook
 from pipeline.plugins.preview.first_pictures import WITHOUT
 from pipeline.production.execution.project import Project

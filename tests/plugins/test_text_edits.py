@@ -10,8 +10,7 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.plugins.preview.text_edits import ValueEdit, edited
-from pipeline.shot.yaml.plain_text import flow_style
-from pipeline.shot.yaml.yaml_source import YamlSource
+from pipeline.shot.yaml.yaml_source import YamlSource, flow_style
 
 FILE = Path("A010_a.yaml")
 

@@ -20,8 +20,8 @@ from pipeline.flow.parameters import parameters_of, shot_name, summary
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.plugins.authoring.shot_schemas import BEGIN, END, default_text, facts, markdown
 from pipeline.shot import read_shot
-from pipeline.shot.clock import Clock
 from pipeline.shot.documents.flow_documents import DOCUMENTS
+from pipeline.shot.motion import Clock
 from pipeline.shot.yaml.document_validation import ParseContext
 
 CLOCK = Clock(FrameRange.parse("1-24"), FrameRate.of(24))

@@ -14,8 +14,7 @@ from pipeline.animation.flow_cost import estimated_vertices
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
 from pipeline.shot import Motion
-from pipeline.shot.model_subjects import Model
-from pipeline.shot.subjects import Solid
+from pipeline.shot.subjects import Model, Solid
 
 LARGEST_COMPUTED = 3_000_000
 """Vertices up to which the first frame is computed; a larger one is estimated by its area."""

@@ -41,7 +41,7 @@ from pipeline.mesh.face_soup import find_small_parts
 from pipeline.plugins.authoring.first_frame import FirstFrame
 from pipeline.production.request.framing import frame_all
 from pipeline.shot import Motion, Shot
-from pipeline.shot.model_subjects import Model
+from pipeline.shot.subjects import Model
 
 Where = tuple[Any, ...]
 

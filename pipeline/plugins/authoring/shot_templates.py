@@ -22,8 +22,7 @@ from pipeline.mesh.face_soup import find_small_parts
 from pipeline.mesh.read import names_parts, states_up, usual_up
 from pipeline.plugins.authoring.shot_schemas import default_text, facts
 from pipeline.shot.documents.look_documents import LOOKS
-from pipeline.shot.model_subjects import Model
-from pipeline.shot.subjects import SOLIDS
+from pipeline.shot.subjects import SOLIDS, Model
 from render.scene.scene_lights import LIGHTS
 from render.scene.scene_stage import STAGES
 

@@ -33,7 +33,7 @@ from pipeline.production.store.locks import writing
 from pipeline.shot.documents.field_types import HEX_PATTERN, linear_of
 from pipeline.shot.yaml.inheritance import OPTION, inherited
 from pipeline.shot.yaml.named_files import NAME, shown
-from pipeline.shot.yaml.plain_text import in_yaml
+from pipeline.shot.yaml.yaml_source import in_yaml
 from render.base.plural import plural
 from render.base.serialise import Triple
 from render.scene.light_groups import BACKGROUND, LightGroup

@@ -20,10 +20,10 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 
 from pipeline.errors import FlowsculptError, ShotError, UsageError, suggestion
+from pipeline.file_contents import as_utf8
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.plugins.delivery.timeline import LEVELS
 from pipeline.shot.yaml.named_files import shown
-from pipeline.text_encoding import as_utf8
 from render.base.input_files import read_input
 
 SUFFIX = ".otio"

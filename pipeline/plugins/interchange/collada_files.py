@@ -13,10 +13,10 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError, brief, shortened
+from pipeline.file_contents import number_fault
 from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, known_unit, reader_of
 from pipeline.plugins.interchange.scene_readers import PlacedMeshes, Polygons, bound_note, joined, one_file
 from pipeline.plugins.interchange.xml_elements import Element, parse_elements
-from pipeline.text_encoding import number_fault
 from render.base.plural import plural
 
 _LINES = ("lines", "linestrips")

@@ -19,6 +19,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError, shortened
+from pipeline.file_contents import text_content
 from pipeline.mesh.face_soup import FaceSoup
 from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, known_unit
 from pipeline.plugins.interchange.scene_readers import (
@@ -31,7 +32,6 @@ from pipeline.plugins.interchange.scene_readers import (
     one_file,
     require_package,
 )
-from pipeline.text_encoding import text_content
 from render.base.input_files import read_input, require_input
 from render.base.limited_process import MEMORY, allow_memory, answer_about_content, serve
 from render.base.plural import plural

@@ -12,6 +12,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError
+from pipeline.file_contents import number_fault, text_content
 from pipeline.mesh.mesh_formats import (
     FileSurface,
     MeshFormat,
@@ -20,7 +21,6 @@ from pipeline.mesh.mesh_formats import (
     polygon_surface,
     reader_of,
 )
-from pipeline.text_encoding import number_fault, text_content
 
 _KEYWORD = re.compile(rb"((?:ST|C|N|4|n)*)OFF(\d*)")
 """The first word, perhaps with the number of vertices behind it, as ModelNet has it."""

@@ -29,8 +29,7 @@ from pipeline.production.store.history import History
 from pipeline.production.store.paths import PLANS
 from pipeline.production.store.store import Key, Store
 from pipeline.shot.yaml.inheritance import OPTION, inherited
-from pipeline.shot.yaml.plain_text import in_yaml
-from pipeline.shot.yaml.yaml_source import Where, YamlSource
+from pipeline.shot.yaml.yaml_source import Where, YamlSource, in_yaml
 from render.base.render_errors import RenderError
 from render.base.serialise import from_plain
 from render.post.image import CONVENTION, read_header

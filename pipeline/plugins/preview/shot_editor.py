@@ -18,13 +18,12 @@ from typing import Any
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
 from pipeline.plugins.preview.text_edits import ValueEdit, edited, parsed
-from pipeline.shot.clock import Clock
+from pipeline.shot.motion import Clock
 from pipeline.shot.settable_values import settable_values
 from pipeline.shot.shot_reader import read_clock, read_shot
 from pipeline.shot.yaml.inheritance import inherited_files
 from pipeline.shot.yaml.named_files import text_of
-from pipeline.shot.yaml.plain_text import dotted
-from pipeline.shot.yaml.yaml_source import Where, YamlSource
+from pipeline.shot.yaml.yaml_source import Where, YamlSource, dotted
 from render.base.atomic_write import ChangedFileError, atomic_write
 from render.base.input_files import read_input
 

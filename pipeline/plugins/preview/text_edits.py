@@ -19,8 +19,7 @@ from typing import Any, Literal
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from pipeline.errors import ShotError
-from pipeline.shot.yaml.plain_text import dotted, flow_style
-from pipeline.shot.yaml.yaml_source import Where, YamlSource, composed, scalar
+from pipeline.shot.yaml.yaml_source import Where, YamlSource, composed, dotted, flow_style, scalar
 
 
 def replaced(text: str, start: int, end: int, words: str) -> str:

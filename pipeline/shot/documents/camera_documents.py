@@ -8,12 +8,13 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator, mod
 from pipeline.errors import UsageError
 from pipeline.flow.parameters import Number, VectorParameter, number_at, vector_at
 from pipeline.shot.camera_path import EYE_DISTANCE, FULL_FRAME, CameraPath, Shutter
-from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import (
     ABOVE_0,
     ANYWHERE,
     CURVE,
     Bounds,
+    FromSound,
+    FromSoundTriple,
     KeyDocument,
     Keyed,
     NumberField,
@@ -39,7 +40,7 @@ from pipeline.shot.documents.field_types import (
     one_of,
     optional,
 )
-from pipeline.shot.documents.sound_documents import FromSound, FromSoundTriple
+from pipeline.shot.motion import Clock
 from pipeline.shot.yaml.document_validation import bad_value, finding
 from render.scene.projection import KINDS, Projection
 

@@ -28,8 +28,8 @@ from pipeline.formula import Expression, FormulaError
 from pipeline.plugin import plugins
 from pipeline.shot.yaml.document_validation import bad_value, finding
 from pipeline.shot.yaml.messages import number_in
-from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.synonyms import value_meant
+from pipeline.shot.yaml.yaml_source import in_yaml
 from render.base.plural import indefinite, plural
 
 DEGREE = math.radians(1.0)

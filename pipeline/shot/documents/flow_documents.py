@@ -43,7 +43,6 @@ from pipeline.flow.velocity import PluginField
 from pipeline.formula import CONSTANTS, FUNCTIONS
 from pipeline.mesh.read import read_mesh
 from pipeline.plugin import Plugin, plugins
-from pipeline.shot.clock import Clock
 from pipeline.shot.documents import curves
 from pipeline.shot.documents.curves import NumberField, number
 from pipeline.shot.documents.field_types import (
@@ -58,6 +57,7 @@ from pipeline.shot.documents.field_types import (
     parsed_formula,
     vector,
 )
+from pipeline.shot.motion import Clock
 from pipeline.shot.yaml.document_validation import ParseContext, as_finding, finding
 from render.base.input_files import read_input
 

@@ -46,7 +46,6 @@ from pipeline.flow.regions import (
 )
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.read import read_mesh
-from pipeline.shot.clock import SECONDS_PATTERN, Clock
 from pipeline.shot.documents.curves import (
     NotNegativeField,
     PlaceField,
@@ -71,9 +70,10 @@ from pipeline.shot.documents.field_types import (
     vector,
 )
 from pipeline.shot.documents.flow_documents import BARE, entries
+from pipeline.shot.motion import SECONDS_PATTERN, Clock
 from pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
-from pipeline.shot.yaml.plain_text import in_yaml
-from pipeline.shot.yaml.schema_walk import models_in, needed_names
+from pipeline.shot.yaml.messages import models_in, needed_names
+from pipeline.shot.yaml.yaml_source import in_yaml
 
 SHAPES = ("sphere", "box", "half_space", "capsule", "cylinder", "mesh")
 

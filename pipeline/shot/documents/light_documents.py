@@ -27,7 +27,7 @@ from pipeline.shot.documents.field_types import (
     vector,
 )
 from pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
-from pipeline.shot.yaml.plain_text import in_yaml
+from pipeline.shot.yaml.yaml_source import in_yaml
 from render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox
 from render.scene.scene_stage import STAGES, Stage
 from render.scene.sky import Daylight, Environment, environment_of, sun_position

@@ -43,8 +43,7 @@ from pipeline.shot.documents.look_parts import (
 )
 from pipeline.shot.yaml.document_validation import ParseContext, finding, missing_file
 from pipeline.shot.yaml.named_files import is_there
-from pipeline.shot.yaml.plain_text import listed
-from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
+from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, listed
 from render.base.input_files import digest_of_file
 from render.base.render_errors import RenderError
 from render.mitsuba.bsdf_plugins import refusal

@@ -1,14 +1,18 @@
-"""The entries `picture`, `quality` and `overrides`: shape and cost of pictures, some frames."""
+"""The entries `picture`, `quality`, `overrides` and `view`: shape, cost and colours of pictures."""
 
 import dataclasses
+import hashlib
 import math
+import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_validator
 
 from pipeline.errors import shortened
+from pipeline.file_contents import as_utf8
 from pipeline.frames import FrameRange
 from pipeline.shot.documents.field_types import (
     MAPPING_IS_SECOND,
@@ -23,8 +27,10 @@ from pipeline.shot.documents.field_types import (
 from pipeline.shot.documents.light_documents import LightsDocument, require_rig
 from pipeline.shot.documents.look_documents import LookField, look_of
 from pipeline.shot.shot import FrameOverride
-from pipeline.shot.yaml.document_validation import bad_value, finding
-from pipeline.shot.yaml.plain_text import in_yaml
+from pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
+from pipeline.shot.yaml.yaml_source import in_yaml
+from render.base.input_files import read_input
+from render.post.view import ACES, BUILT_IN, ColourView, view_of
 from render.scene.render_quality import BATCH_SAMPLES, MOST_TEMPORAL_FRAMES, Quality, even, final_size
 from render.scene.scene_lights import LIGHTS, LightRig
 
@@ -254,3 +260,148 @@ def _settings(written: dict[str, Any]) -> dict[str, Any]:
     """Return settings as `Quality` has them."""
     off = {"noise_threshold": None} if written.get("noise_threshold") == "off" else {}
     return {**written, **off}
+
+
+class ViewDocument(Document):
+    """A view of an OpenColorIO config; what is left out is the config's default."""
+
+    config: str = Field(
+        default=ACES.config,
+        description="of OpenColorIO: ocio://default, another built-in config, or a file beside the shot file",
+    )
+    view: str | None = optional("a view of the config by its name there")
+    display: str | None = optional(
+        "a display of the config; by default Rec.709 for movies and sRGB for pictures"
+    )
+    space: str | None = optional("the config's name of linear Rec.709, if it is an unusual one")
+
+    _view: ColourView = ACES
+
+    @model_validator(mode="after")
+    def _is_there(self, info: ValidationInfo) -> Self:
+        if not self.model_fields_set:  # the default needs no OpenColorIO, which takes time to import
+            return self
+        config, digest = self._locate(ParseContext.of(info))
+        self._view = as_finding(lambda: view_of(config, self.view, self.display, self.space, digest))
+        return self
+
+    def build(self) -> ColourView:
+        return self._view
+
+    def _locate(self, context: ParseContext) -> tuple[str, str]:
+        """Return the config's path or built-in name, and a digest of all files that its colours depend on."""
+        if self.config.startswith(BUILT_IN):
+            return self.config, ""
+        path = context.file(self.config)
+        digests = [context.digests[path], *map(context.note, tables(path))]
+        return str(path), hashlib.sha256("".join(digests).encode()).hexdigest()
+
+
+MOST_CONFIG = 64 << 20
+"""Size of the largest config, and of the largest table that may refer to others."""
+
+_SOURCE = re.compile(r"\bsrc\s*:\s*([^,}\n]+)")
+_SEARCH_PATH = re.compile(r"^search_path\s*:[ \t]*(\[[^\]]*\]|\S.*|(?:\n[ \t]*-.*)+)", re.MULTILINE)
+_ENVIRONMENT = re.compile(r"^environment\s*:[ \t]*(\{[^}]*\}|(?:\n[ \t]+\S.*)+)", re.MULTILINE)
+_DEFAULT = re.compile(r"(\w+)\s*:\s*([^,}\n]*)")
+_VARIABLE = re.compile(r"\$\{(\w+)\}|\$(\w+)|%(\w+)%")
+_REFERENCE = re.compile(r"<Reference\b[^>]*\b(?:path|basePath)\s*=\s*[\"']([^\"']+)")
+_REFERRING = (".ctf", ".clf")
+
+_TEXT_TABLES = (".3dl", ".csp", ".cube", ".itx", ".lut", ".spi1d", ".spi3d")
+_DECIMAL_COMMA = re.compile(rb"^[ \t]*([-+]?\d+,\d+)", re.MULTILINE)
+
+
+def tables(config: Path) -> list[Path]:
+    """Return the tables that a config names: where OpenColorIO finds them, and all of that name below it.
+
+    Variables in names have the values of the environment, or those that the config gives them. Raises a
+    finding where the config or a table cannot be read.
+    """
+    if config.suffix != ".ocio":
+        return []  # an archive, .ocioz, holds its tables
+    text = _text(config)
+    sources = [source.strip().strip("'\"") for source in _SOURCE.findall(text)]
+    names = {Path(source).name for source in sources}
+    below = {
+        file for file in (config.parent.rglob("*") if names else ()) if file.name in names and file.is_file()
+    }
+    variables = _variables(text)
+    folders = [config.parent / _expanded(folder, variables) for folder in _search_path(text) or [""]]
+    known = {file.resolve() for file in below}
+    named = (_first(folders, _expanded(source, variables)) for source in sources)
+    found = below | {file for file in named if file is not None and file.resolve() not in known}
+    referring = [file for file in found if file.suffix.lower() in _REFERRING]
+    while referring:
+        table = referring.pop()
+        for name in _REFERENCE.findall(_text(table)):
+            other = _first([table.parent, *folders], _expanded(name, variables))
+            if other is not None and other not in found:
+                found.add(other)
+                referring += [other] if other.suffix.lower() in _REFERRING else []
+    for table in sorted(found):
+        _require_plain(table)
+    return sorted(found)
+
+
+def _text(path: Path) -> str:
+    content = as_finding(lambda: read_input(path, MOST_CONFIG))
+    try:
+        return as_utf8(content).decode("utf-8", "replace")
+    except ValueError as error:
+        raise finding(f"{path}: {error}. Save it as UTF-8.") from None
+
+
+def _require_plain(table: Path) -> None:
+    """Refuse a table of colours that OpenColorIO would not read, or would read wrong."""
+    if table.suffix.lower() not in _TEXT_TABLES:
+        return
+    content = as_finding(lambda: read_input(table, MOST_CONFIG))
+    try:
+        is_plain = as_utf8(content) == content and (b"\n" in content or b"\r" not in content)
+    except ValueError:
+        is_plain = False
+    if not is_plain:
+        fact = "it is UTF-16, has a byte order mark or lines that end in CR, which OpenColorIO does not read"
+        raise finding(f"{table}: {fact}. Save it as plain text.")
+    comma = _DECIMAL_COMMA.search(content)
+    if comma:
+        line = content.count(b"\n", 0, comma.start(1)) + 1
+        raise finding(f"{table}: line {line}: {comma[1].decode()} is not a number; decimals have a point")
+
+
+def _search_path(text: str) -> list[str]:
+    """Return the folders of the key `search_path`: a list, or text with colons."""
+    found = _SEARCH_PATH.search(text)
+    if found is None:
+        return []
+    value = found[1].strip()
+    listed = value[:1] in ("[", "-")
+    parts = re.split(r"[\n,]", value.strip("[]")) if listed else value.strip("'\"").split(":")
+    return [part.strip().removeprefix("- ").strip().strip("'\"") for part in parts]
+
+
+def _variables(text: str) -> dict[str, str]:
+    found = _ENVIRONMENT.search(text)
+    given = {name: value.strip().strip("'\"") for name, value in _DEFAULT.findall(found[1] if found else "")}
+    return given | dict(os.environ)
+
+
+def _expanded(name: str, variables: dict[str, str]) -> str:
+    """Return a name with the values of its variables, which may hold others."""
+    for _ in range(8):
+        after = _VARIABLE.sub(lambda part: variables.get(part[1] or part[2] or part[3], part[0]), name)
+        if after == name:
+            break
+        name = after
+    return name
+
+
+def _first(folders: Iterable[Path], name: str) -> Path | None:
+    def places() -> Iterator[Path]:
+        yield from (folder / name for folder in folders)
+
+    try:
+        return next((place for place in places() if place.is_file()), None)
+    except (OSError, ValueError):  # a name that no file can have
+        return None

@@ -14,11 +14,11 @@ from pipeline.flow.parameters import Curve, Number, VectorParameter, number_at, 
 from pipeline.formula import PLACE, Expression
 from pipeline.resample import Curvature, DistanceToCamera, ThresholdFormula, Thresholds
 from pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, FORMULA_NAMES, Threshold
-from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import (
     ABOVE_0,
     NOT_BELOW_0,
     Bounds,
+    FromSound,
     Keyed,
     NotNegative,
     PlaceField,
@@ -40,8 +40,7 @@ from pipeline.shot.documents.field_types import (
     one_of,
     optional,
 )
-from pipeline.shot.documents.sound_documents import FromSound
-from pipeline.shot.motion import Resampling
+from pipeline.shot.motion import Clock, Resampling
 from pipeline.shot.yaml.document_validation import bad_value
 
 HardAngle = Annotated[float, Field(gt=0, lt=180)]

@@ -1,8 +1,8 @@
 """The layout of shot files and of edits."""
 
-import hashlib
 import math
 import re
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, SkipValidation, ValidationInfo, model_validator
@@ -11,8 +11,7 @@ from pipeline.errors import shortened
 from pipeline.frames import FASTEST, SLOWEST
 from pipeline.mesh.normals import MOST_PIECES
 from pipeline.shot.documents.camera_documents import CameraDocument, ShutterDocument
-from pipeline.shot.documents.config_tables import tables
-from pipeline.shot.documents.curves import NumberField
+from pipeline.shot.documents.curves import NumberField, Start
 from pipeline.shot.documents.field_types import (
     MAPPING_IS_SECOND,
     ByForm,
@@ -33,15 +32,16 @@ from pipeline.shot.documents.picture_documents import (
     OverrideDocument,
     PictureShapeDocument,
     QualitiesDocument,
+    ViewDocument,
 )
 from pipeline.shot.documents.resampling import ResampleField
-from pipeline.shot.documents.sound_documents import SoundDocument, SoundField
 from pipeline.shot.documents.subject_documents import SubjectDocument, SubjectsField
+from pipeline.shot.shot import SoundTrack
 from pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
 from pipeline.shot.yaml.messages import number_in
-from pipeline.shot.yaml.plain_text import in_yaml
 from pipeline.shot.yaml.synonyms import synonym
-from render.post.view import ACES, BUILT_IN, ColourView, view_of
+from pipeline.shot.yaml.yaml_source import in_yaml
+from render.base.input_files import digest_of_file
 from render.scene.aovs import AOVS
 from render.scene.render_quality import CONVENTIONS
 from render.scene.scene_stage import STAGES
@@ -111,39 +111,50 @@ class SmoothDocument(Document):
         return self
 
 
-class ViewDocument(Document):
-    """A view of an OpenColorIO config; what is left out is the config's default."""
+Seconds = Annotated[float, Field(ge=0, le=86400)]
 
-    config: str = Field(
-        default=ACES.config,
-        description="of OpenColorIO: ocio://default, another built-in config, or a file beside the shot file",
-    )
-    view: str | None = optional("a view of the config by its name there")
-    display: str | None = optional(
-        "a display of the config; by default Rec.709 for movies and sRGB for pictures"
-    )
-    space: str | None = optional("the config's name of linear Rec.709, if it is an unusual one")
 
-    _view: ColourView = ACES
+class SoundDocument(Document):
+    """A sound that is heard."""
+
+    example = "{file: music.wav}"
+
+    file: str = Field(description="beside this file: WAV, FLAC, or another format that FFmpeg reads")
+    start: Start = Field(0.0, description="when it begins; a negative start cuts its beginning (s)")
+    gain: Annotated[float, Field(ge=-60, le=24)] = Field(0.0, description="louder above 0, softer below (dB)")
+    fade_in: Seconds = Field(0.0, description="duration of the fade at its beginning (s)")
+    fade_out: Seconds = Field(0.0, description="duration of the fade at its end or the pictures' (s)")
 
     @model_validator(mode="after")
-    def _is_there(self, info: ValidationInfo) -> Self:
-        if not self.model_fields_set:  # the default needs no OpenColorIO, which takes time to import
-            return self
-        config, digest = self._locate(ParseContext.of(info))
-        self._view = as_finding(lambda: view_of(config, self.view, self.display, self.space, digest))
+    def _can_be_read(self, info: ValidationInfo) -> Self:
+        """Read the sound of a shot; `film_reader` reads that of an edit."""
+        if (info.context or {}).get("parse_context") is not None:
+            from render.movie.movie_sound import require_sound
+
+            path = ParseContext.of(info).file(self.file)
+            as_finding(lambda: require_sound(path))
         return self
 
-    def build(self) -> ColourView:
-        return self._view
+    def build(self, folder: Path) -> SoundTrack:
+        """Return the sound; its file is relative to `folder`. Raises MissingInputError."""
+        file = (folder / self.file).absolute()
+        values = self.model_dump(exclude={"file"})
+        return SoundTrack(file, digest_of_file(file), **{name: float(v) for name, v in values.items()})
 
-    def _locate(self, context: ParseContext) -> tuple[str, str]:
-        """Return the config's path or built-in name, and a digest of all files that its colours depend on."""
-        if self.config.startswith(BUILT_IN):
-            return self.config, ""
-        path = context.file(self.config)
-        digests = [context.digests[path], *map(context.note, tables(path))]
-        return str(path), hashlib.sha256("".join(digests).encode()).hexdigest()
+
+def _require_mapping(value: Any) -> Any:
+    """Refuse the name of a file alone, with the mapping that it belongs in."""
+    if isinstance(value, str) and value != "off":
+        raise bad_value(f"a sound is a mapping, or off. Write {in_yaml({'file': value})}.")
+    return value
+
+
+SoundField = Annotated[
+    Annotated[str, one_of(("off",), "sound")] | SoundDocument,
+    MAPPING_IS_SECOND,
+    BeforeValidator(_require_mapping),
+]
+"""`{file: music.wav}`, or `off`."""
 
 
 def require_range(value: Any) -> Any:
@@ -166,7 +177,7 @@ def require_range(value: Any) -> Any:
 Frames = Annotated[
     str, BeforeValidator(require_range), SchemaKeywords(pattern=r"^\s*-?\d+(--?\d+)?(,-?\d+(--?\d+)?)*\s*$")
 ]
-"""A range without gaps, which `clock.parse_frames` checks."""
+"""A range without gaps, which `motion.parse_frames` checks."""
 
 Rate = Annotated[
     Any,

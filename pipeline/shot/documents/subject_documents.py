@@ -11,7 +11,6 @@ from pydantic import BeforeValidator, ConfigDict, Field
 
 from pipeline.mesh.control_net import LEAST
 from pipeline.mesh.read import model_files
-from pipeline.shot.clock import Clock
 from pipeline.shot.documents.field_types import (
     DEGREE,
     MAPPING_IS_SECOND,
@@ -29,7 +28,7 @@ from pipeline.shot.documents.field_types import (
 from pipeline.shot.documents.flow_entries import DASHES, FlowDocument, RegionDocument
 from pipeline.shot.documents.look_documents import LookField
 from pipeline.shot.documents.resampling import ResampleField
-from pipeline.shot.model_subjects import Model
+from pipeline.shot.motion import Clock
 from pipeline.shot.point_subjects import (
     MOST_POINTS,
     NETS,
@@ -41,7 +40,7 @@ from pipeline.shot.point_subjects import (
     NetOfRows,
     NetOfSolid,
 )
-from pipeline.shot.subjects import MOST_COPIES, SOLIDS, Copies, Solid
+from pipeline.shot.subjects import MOST_COPIES, SOLIDS, Copies, Model, Solid
 from pipeline.shot.yaml.document_validation import bad_value
 from render.base.input_files import digest_of_file
 

@@ -16,10 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import MissingInputError, ShotError, UsageError, brief, shortened, suggestion
-from pipeline.shot.clock import Clock, parse_frames, parse_rate
+from pipeline.shot.motion import Clock, parse_frames, parse_rate
 from pipeline.shot.yaml.named_files import DEFAULTS, is_there, shown, text_of
-from pipeline.shot.yaml.plain_text import in_yaml
-from pipeline.shot.yaml.yaml_source import HEX_COLOUR, Where, YamlSource, quoted
+from pipeline.shot.yaml.yaml_source import HEX_COLOUR, Where, YamlSource, in_yaml, quoted
 
 OPTION = "--set"
 

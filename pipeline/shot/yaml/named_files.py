@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from pipeline.errors import MissingInputError, ShotError, shortened
-from pipeline.text_encoding import as_utf8
+from pipeline.file_contents import as_utf8
 from render.base.atomic_write import machine_error
 from render.base.input_files import read_input
 from render.base.plural import indefinite

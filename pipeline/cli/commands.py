@@ -1,4 +1,4 @@
-"""The commands of the core: each is a function in a module here."""
+"""The commands of the core, which `render_commands` holds."""
 
 from pipeline.plugin import Command, Plugin
 
@@ -7,20 +7,20 @@ PLUGIN = Plugin(
     version="1",
     commands={
         "simulate": Command(
-            "pipeline.cli.commands.render_commands:simulate", "Simulate the mesh frames of shots.", "Render"
+            "pipeline.cli.render_commands:simulate", "Simulate the mesh frames of shots.", "Render"
         ),
         "render": Command(
-            "pipeline.cli.commands.render_commands:render",
+            "pipeline.cli.render_commands:render",
             "Render frames of shots and assemble their movies.",
             "Render",
         ),
         "film": Command(
-            "pipeline.cli.commands.render_commands:film",
+            "pipeline.cli.render_commands:film",
             "Render every shot of an edit and cut them into a film.",
             "Render",
         ),
         "stills": Command(
-            "pipeline.cli.commands.render_commands:stills",
+            "pipeline.cli.render_commands:stills",
             "Write frames as PNG or JPEG, rendering what is missing.",
             "Render",
         ),
