@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 
 from benchmarks.raw_files import as_read
 from pipeline.mesh.solids import icosphere
-from render.frame.render_frame import render_frame
-from render.frame.sample_batches import ShutterInterval
+from render.frame.render_frame import ShutterInterval, render_frame
 from render.mitsuba.engine import Engine, choose
 from render.mitsuba.mitsuba_scene import build_scene
 from render.post.colour import quantise, to_display

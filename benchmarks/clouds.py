@@ -20,7 +20,7 @@ from render.scene.render_quality import QUALITIES
 from render.scene.scene import Scene
 from render.scene.scene_lights import LIGHTS
 from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.spheres import Spheres
+from render.scene.surface import Spheres
 
 CAMERA = Camera((0.0, 2.0, 9.0), (0.0, 1.0, 0.0))
 

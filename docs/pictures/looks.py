@@ -25,7 +25,7 @@ from render.graphics.typesetting import lettering
 from render.mitsuba.engine import choose
 from render.post.colour import quantise, to_display
 from render.post.denoise import denoise
-from render.scene.measure import SPEED
+from render.scene.patterns import SPEED
 from render.scene.render_quality import QUALITIES
 from render.scene.scene import Scene
 from render.scene.scene_lights import LIGHTS

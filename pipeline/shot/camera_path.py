@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from pipeline.flow.keyframes import elapsed
 from pipeline.flow.parameters import Number, Vector, VectorParameter, number_at, vector_at
-from render.scene.projection import PERSPECTIVE, Projection
+from render.scene.render_camera import PERSPECTIVE, Projection
 
 FULL_FRAME = 36.0
 """Width of a full-frame sensor, millimetres."""

@@ -22,7 +22,7 @@ from pipeline.shot.yaml.inheritance import OPTION
 from pipeline.shot.yaml.named_files import DEFAULTS, is_edit, is_there, name_fault, shown
 from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
 from render.base.plural import plural
-from render.scene.projection import Projection
+from render.scene.render_camera import Projection
 
 
 def read_film(path: str | Path, settings: Iterable[str] = (), text: str | None = None) -> Film:

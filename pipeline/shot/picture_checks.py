@@ -13,11 +13,10 @@ from pipeline.shot.documents.field_types import is_number
 from pipeline.shot.documents.light_documents import ENVIRONMENTS, softbox_name
 from pipeline.shot.documents.look_documents import LOOKS, check_bsdf
 from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted, listed
-from render.scene.light_groups import BACKGROUND
-from render.scene.measure import Measure
-from render.scene.projection import KINDS
+from render.scene.patterns import Measure
+from render.scene.render_camera import KINDS
 from render.scene.render_quality import MIN_ADAPTIVE_SAMPLES, QUALITIES
-from render.scene.scene_lights import LIGHTS
+from render.scene.scene_lights import BACKGROUND, LIGHTS
 
 ALTERNATIVES = {
     "focal_length": ("field_of_view",),

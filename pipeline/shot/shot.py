@@ -20,9 +20,9 @@ from render.post.view import ACES, ColourView
 from render.scene.aovs import AOVS, EXTRA
 from render.scene.materials import Material
 from render.scene.render_quality import QUALITIES, Quality
+from render.scene.rgb_spaces import WORKING_SPACES, WorkingSpace
 from render.scene.scene_lights import LightRig
 from render.scene.scene_stage import Stage
-from render.scene.working_space import WORKING_SPACES, WorkingSpace
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from render.base.plural import plural
 from render.base.render_errors import BadInputError
 from render.base.serialise import Triple
 from render.graphics.typesetting import cut_short, fit_size, line, wrap, write
-from render.scene.projection import Projection, pixel_places
+from render.scene.render_camera import Projection, pixel_places
 
 Floats = NDArray[np.float32]
 

@@ -20,10 +20,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.integrator.caustic_sun import CausticSun
-from render.integrator.emitter_groups import EmitterGroups
 from render.integrator.light_sampler import LightSource
 from render.integrator.photons import (
+    CausticSun,
     Photons,
     area_rays,
     caster_sphere,
@@ -32,6 +31,7 @@ from render.integrator.photons import (
     followed,
     photon_count,
 )
+from render.integrator.scene_emitters import EmitterGroups
 from render.integrator.sky_sampler import Cone
 
 SAMPLES_PER_PHOTON = 4
@@ -52,7 +52,7 @@ def can_draw(scene: Any, sources: Sequence[LightSource]) -> bool:
     glass are, but no rough glass.
 
     Rough glass gives back the light that it would lose, by the direction of the path
-    (`render.mitsuba.absorption`).
+    (`render.mitsuba.custom_plugins`).
     """
     bsdfs = [shape.bsdf() for shape in casters(scene)]
     is_rough = any(mi.has_flag(bsdf.flags(), mi.BSDFFlags.GlossyTransmission) for bsdf in bsdfs)

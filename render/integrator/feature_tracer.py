@@ -1,4 +1,4 @@
-"""The feature tracer: auxiliary features of every pixel, by the rays of the path tracer's light.
+"""Tracers of auxiliary features and of copies, in every pixel, by the rays of the path tracer's light.
 
 Albedo, normal, position, depth and matte are those of the first surface that the lens sees. Where it is a
 mirror or clear glass, the denoiser needs the albedo and normal of what that shows: `denoise_albedo` and
@@ -11,7 +11,7 @@ Importing this imports Mitsuba, so an engine of a compiled variant must have bee
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from render.integrator.path import camera_vertex
 from render.integrator.path_tracer import film_pixels
 from render.integrator.sampler import DIRECTION, LOBE, OwenSampler
+from render.scene.aovs import COPY
 
 MAX_FOLLOWED = 8
 """Most smooth surfaces that a path passes; beyond, the albedo is what they let through."""
@@ -212,3 +213,44 @@ def _albedo(tracer: FeatureTracer, si: Any, active: Any) -> tuple[Any, Any]:
     for name, colour in tracer.clear_colours.items():
         albedo = dr.select(tracer.is_shape(si, name), mi.Color3f(colour), albedo)
     return dr.clip(albedo, 0.0, 1.0), is_smooth
+
+
+@dataclass(frozen=True, eq=False)
+class CopyTracer:
+    """A tracer of the copies that the lens sees in one scene.
+
+    integrator     Mitsuba's, which is used only to look past hidden emitters
+    hide_emitters  True if the lens sees neither emitters nor the sky
+    shapes         pointers to the shapes of subjects with copies, whose vertices have the attribute COPY
+    """
+
+    scene: Any
+    integrator: Any
+    hide_emitters: bool
+    shapes: Sequence[Any]
+
+    def render(
+        self, samples: int, first: int, seed: int, pixels: NDArray[np.integer[Any]] | None = None
+    ) -> NDArray[np.int32]:
+        """Return the number of the copy (pixels, samples) that each sample sees, 0 where it sees none.
+
+        The arguments are those of `PathTracer.render`, and so are the rays.
+        """
+        film = self.scene.sensors()[0].film()
+        number, corner, size = film_pixels(film, pixels)
+        sampler = OwenSampler(number, first, samples, seed)
+        seen = []
+        for sample in range(samples):
+            sampler.sample = dr.opaque(mi.UInt32, sample)  # one compiled kernel for all samples
+            seen.append(np.array(self._copy(sampler, corner, size), dtype=np.int32))
+        dr.flush_malloc_cache()
+        return np.stack(seen, axis=1)
+
+    def _copy(self, sampler: OwenSampler, corner: Any, size: Any) -> Any:
+        si, _ = camera_vertex(self, sampler, corner, size)
+        is_on = mi.Bool(False)
+        for shape in self.shapes:
+            is_on |= si.shape == shape
+        is_on &= si.is_valid()
+        value = si.shape.eval_attribute_1(f"vertex_{COPY}", si, is_on)
+        return dr.select(is_on, mi.UInt32(dr.round(value)), 0)

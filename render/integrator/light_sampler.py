@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from render.integrator.sampled_emitters import SampledEmitter, emitter_pointers
+from render.integrator.scene_emitters import SampledEmitter, emitter_pointers
 
 UNIFORM_FRACTION = 0.1
 """Fraction of the probability that is the same for all emitters."""

@@ -20,10 +20,10 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.integrator.emitter_groups import EmitterGroups
 from render.integrator.light_sampler import LightSampler
 from render.integrator.path import camera_vertex, trace
 from render.integrator.sampler import OwenSampler
+from render.integrator.scene_emitters import EmitterGroups
 from render.integrator.subsurface_paths import SubsurfaceWalk, SubsurfaceWalks
 
 
@@ -50,7 +50,7 @@ class PathTracer:
     objects        shapes whose coverage of the pixel is measured
     catcher        a shape that is not seen, but the shadows on it; or None
     subsurface     random walks below the surfaces of subjects, or None
-    caustic_sun    a `caustic_sun.CausticSun`, or None
+    caustic_sun    a `photons.CausticSun`, or None
     guide          directions of caustics at matt surfaces: a `caustic_guide.CausticGuide`, or None
     caustics       light that paths leave to photons: a `caustic_picture.CausticPicture`, or None
     occluders      a scene of all that can hide emitters; None is `scene`

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.serialise import Triple
-from render.integrator.emitter_groups import SunDisc
-from render.scene.light_groups import BACKGROUND
+from render.integrator.scene_emitters import SunDisc
+from render.mitsuba.engine import is_compiled
 from render.scene.render_camera import Camera
-from render.scene.scene_lights import LightRig, Sky, Softbox, Sun
+from render.scene.rgb_spaces import REC709, converted_pixels
+from render.scene.scene_lights import BACKGROUND, LightRig, Sky, Softbox, Sun
 from render.scene.sky import Daylight, Environment
-from render.scene.working_space import REC709, converted_pixels
 
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
 
@@ -274,7 +274,7 @@ def _radiance(description: dict[str, Any], directions: NDArray[np.float64]) -> N
     import mitsuba as mi
 
     emitter = mi.load_dict(description, parallel=False, optimize=False)
-    if mi.variant() == "scalar_rgb":
+    if not is_compiled():
         return np.array([_radiance_from(emitter, direction) for direction in directions])
     si = dr.zeros(mi.SurfaceInteraction3f, len(directions))
     si.wi = -mi.Vector3f(np.ascontiguousarray(directions.T, dtype=np.float32))

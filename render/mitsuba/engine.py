@@ -150,6 +150,13 @@ def provide_llvm() -> None:
         print(f"No libLLVM fetched ({error}): rendering works without it, at about half the speed")
 
 
+def is_compiled() -> bool:
+    """Tell whether the variant that this process has started compiles code."""
+    import mitsuba as mi
+
+    return mi.variant() != "scalar_rgb"
+
+
 def works(variant: str, library: LibLlvm | None = None) -> bool:
     """Tell whether one sample renders, in a process of its own. Cached by machine, version and library."""
     cached = _cache_file(variant, library)

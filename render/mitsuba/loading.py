@@ -9,10 +9,11 @@ import json
 from functools import lru_cache
 from typing import Any
 
-from render.mitsuba import absorption
+from render.mitsuba.custom_plugins import RATE
+from render.mitsuba.engine import is_compiled
 
 _CHANGING = (
-    *("to_world", "medium.scale", absorption.RATE, "aperture_radius", "focus_distance"),
+    *("to_world", "medium.scale", RATE, "aperture_radius", "focus_distance"),
     *("sun_direction", "sun_scale", "sky_scale"),
 )
 """Ends of the names of parameters that differ from frame to frame."""
@@ -60,13 +61,11 @@ def _plain_bsdf(shape: str, description: str) -> Any:
 
 
 def _named_part(name: str, described: Any) -> Any:
-    import mitsuba as mi
-
     part = described
     if isinstance(described, dict):
         part = load_part(described)
         part.set_id(name)
-    if mi.variant() != "scalar_rgb":
+    if is_compiled():
         _make_opaque(part)
     return part
 

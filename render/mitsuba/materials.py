@@ -8,8 +8,14 @@ from typing import Any
 import numpy as np
 
 from render.base.render_errors import BadInputError
-from render.mitsuba import absorption, brushed, subsurface
 from render.mitsuba import bsdf_plugins as bsdf
+from render.mitsuba.custom_plugins import (
+    absorbing_medium,
+    absorbing_textures,
+    brushed_bsdf,
+    glass_integrator,
+    subsurface_bsdf,
+)
 from render.mitsuba.texture_coordinates import TextureCoordinates, bitmap
 from render.scene.materials import (
     BrushedMetal,
@@ -24,8 +30,7 @@ from render.scene.materials import (
     Satin,
     Smoke,
 )
-from render.scene.measure import Measure
-from render.scene.patterns import Pigment
+from render.scene.patterns import Measure, Pigment
 
 Description = dict[str, Any]
 
@@ -52,15 +57,15 @@ def surface_bsdf(
                 **(rough if material.is_rough else {"type": "dielectric"}),
                 "int_ior": material.refraction,
                 "specular_transmittance": _rgb(material.colour),
-                **absorption.textures(material, size),
+                **absorbing_textures(material, size),
             }
         case BrushedMetal():
-            return two_sided(brushed.bsdf(material, max(material.roughness, _MIN_ROUGHNESS)))
+            return two_sided(brushed_bsdf(material, max(material.roughness, _MIN_ROUGHNESS)))
         case PatternedMaterial():
             colour = _colour(material, attributes, coordinates)
             opaque = _opaque(material, colour, coordinates)
             if isinstance(material, Diffuse | Plastic) and material.subsurface is not None:
-                opaque = subsurface.bsdf(opaque, has_coat=isinstance(material, Plastic))
+                opaque = subsurface_bsdf(opaque, has_coat=isinstance(material, Plastic))
             if isinstance(material, Diffuse | Glossy) and material.relief is not None:
                 relief = material.relief
                 height = bitmap(relief.texture.numbers(), coordinates, material.projection)
@@ -74,7 +79,7 @@ def interior_medium(material: Material, size: float) -> Description | None:
     if isinstance(material, Smoke):
         albedo = _rgb(material.colour)
         return {"type": "homogeneous", "albedo": albedo, "scale": material.density / size}
-    return absorption.medium(material, size) if isinstance(material, Glass) else None
+    return absorbing_medium(material, size) if isinstance(material, Glass) else None
 
 
 def path_integrator(shown: Sequence[Material], depth: int) -> Description:
@@ -89,7 +94,7 @@ def _integrator(material: Material) -> str:
     """Return the simplest integrator that can trace paths through a material."""
     if isinstance(material, Smoke):
         return "volpath"
-    return absorption.integrator(material) if isinstance(material, Glass) else "path"
+    return glass_integrator(material) if isinstance(material, Glass) else "path"
 
 
 def two_sided(opaque: Description) -> Description:

@@ -1,17 +1,17 @@
-"""Build Mitsuba scenes. Needs a started engine (`render.mitsuba.engine.Engine.start`)."""
+"""Build and render Mitsuba scenes. Needs a started engine (`render.mitsuba.engine.Engine.start`)."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from render.base.render_errors import BadInputError
 from render.mitsuba import emitters, materials
-from render.mitsuba.features import BLOCK_SIZE, VERTEX_AOV, MitsubaFeatures, load_integrator, render
+from render.mitsuba.engine import is_compiled
 from render.mitsuba.loading import load_part, load_scene
 from render.mitsuba.sensor import sensor
 from render.mitsuba.shapes import auxiliary_stage_shapes, gouraud_shapes, mesh, stage_shapes
@@ -20,10 +20,10 @@ from render.mitsuba.tracers import path_tracer, scene_integrator
 from render.scene.aovs import COPY, VERTEX_AOVS
 from render.scene.materials import PatternedMaterial
 from render.scene.render_quality import Quality
+from render.scene.rgb_spaces import WorkingSpace, converted_pixels
 from render.scene.scene import Scene, SceneSubject
 from render.scene.scene_lights import LightRig
 from render.scene.surface import Surface, require_camera_outside, ribbons
-from render.scene.working_space import WorkingSpace, converted_pixels
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class FrameScenes:
     beauty    light; Mitsuba's integrators, which follow it where there is no path tracer, add its moments
     features  the tracer of auxiliary features: `render.integrator.feature_tracer.FeatureTracer` or
               `MitsubaFeatures`
-    copies    a `render.integrator.copy_tracer.CopyTracer`, or None where copies are not told apart
+    copies    a `render.integrator.feature_tracer.CopyTracer`, or None where copies are not told apart
     """
 
     beauty: SceneRenderer
@@ -147,7 +147,7 @@ def _lit(
         integrator = _moment_integrator(path)
         groups = _group_renderers(unlit, path, lights, to_scene)
     beauty = SceneRenderer(lit, integrator, tracer, tuple(groups))
-    if has_feature_tracer():
+    if is_compiled():
         features = _feature_tracer(scene, lit, path, _vertex_aovs(scene, aovs))
         return FrameScenes(beauty, features, tracer and _copy_tracer(scene, lit, path))
     replaced = {**auxiliary_stage_shapes(scene.stage, placement, camera, size), **opaque}
@@ -166,17 +166,10 @@ def _subject_shapes(scene: Scene) -> tuple[dict[str, Any], dict[str, Any]]:
         bsdf = materials.surface_bsdf(material, surface_of(subject).attributes, coordinates, size)
         medium = materials.interior_medium(material, size)
         shapes[name] = mesh(name, split, bsdf, coordinates.values, medium)
-        if material.is_clear and not has_feature_tracer():
+        if material.is_clear and not is_compiled():
             matt = materials.diffuse(material.auxiliary_colour)
             opaque[name] = mesh(name, split, matt, coordinates.values)
     return shapes, opaque
-
-
-def has_feature_tracer() -> bool:
-    """Tell whether our feature tracer works with the variant, which must be compiled."""
-    import mitsuba as mi
-
-    return mi.variant() != "scalar_rgb"
 
 
 def _vertex_aovs(scene: Scene, aovs: Collection[str]) -> tuple[str, ...]:
@@ -222,7 +215,7 @@ def _copy_tracer(scene: Scene, lit: Any, path: dict[str, Any]) -> Any:
     import drjit as dr
     import mitsuba as mi
 
-    from render.integrator.copy_tracer import CopyTracer  # needs Mitsuba's variant
+    from render.integrator.feature_tracer import CopyTracer  # needs Mitsuba's variant
 
     shapes = [mi.ShapePtr(shape) for shape in lit.shapes() if shape.id() in names]
     dr.make_opaque(shapes)
@@ -287,3 +280,92 @@ def _wireframes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
             )
             lines[name] = mesh(name, edges, materials.diffuse(wireframe.colour), np.array([0.0, SUBJECT]))
     return lines
+
+
+Picture = NDArray[np.float64]
+
+BLOCK_SIZE = 16
+"""Pixels along a block of the scalar variant. Each block has its own random numbers; by default Mitsuba cuts
+the picture by the number of threads."""
+
+VERTEX_AOV = "dye"
+"""Name of the vertex attribute (V, 3) that a scene of attributes shows."""
+
+_WANTED = "albedo:albedo,depth:depth,position:position,normal:sh_normal,matte:uv"
+_CHANNELS = {
+    "albedo": slice(0, 3),
+    "depth": slice(3, 4),
+    "position": slice(4, 7),
+    "normal": slice(7, 10),
+    "matte": slice(11, 12),
+}
+"""Channels of each feature. The matte is the second texture coordinate."""
+
+
+@dataclass(frozen=True, eq=False)
+class MitsubaFeatures:
+    """Mitsuba's features of one scene.
+
+    attribute_scene  the scene with the attribute VERTEX_AOV as the albedo of subjects, or None
+    attributes       by the name of an AOV, values (V, 3) of each subject's points by its shape's name
+    """
+
+    scene: Any
+    attribute_scene: Any
+    attributes: Mapping[str, Mapping[str, NDArray[np.float32]]]
+
+    continues_sequence: ClassVar[bool] = False
+
+    def render(self, samples: int, first: int, seed: int) -> dict[str, Picture]:
+        """Return albedo, normal, position, depth, matte and attributes (H, W, channels) as means.
+
+        samples  multijitter rounds them up
+        first    samples that were taken before; they have no influence
+        """
+        picture = render(self.scene, load_integrator(_WANTED), samples, seed)
+        features = {name: picture[..., channels] for name, channels in _CHANNELS.items()}
+        return features | (self._attributes(samples, seed) if self.attributes else {})
+
+    def _attributes(self, samples: int, seed: int) -> dict[str, Picture]:
+        """Return means (H, W, 3) of attributes over the pixels, 0 where the subject is not.
+
+        Mitsuba has an AOV for albedo, but none for attributes. A scene with the attribute as its subject's
+        colour is rendered with the samples of the other features, so that coverage is the same. Minus the
+        scene with the attribute 0, it shows the attribute alone.
+        """
+        integrator = load_integrator("albedo:albedo")
+
+        def shown(values: Mapping[str, NDArray[np.float32]]) -> Picture:
+            self._show(values)
+            return render(self.attribute_scene, integrator, samples, seed)[..., :3]
+
+        some = next(iter(self.attributes.values()))
+        others = shown({shape: np.zeros_like(values) for shape, values in some.items()})
+        return {name: shown(values) - others for name, values in self.attributes.items()}
+
+    def _show(self, values: Mapping[str, NDArray[np.float32]]) -> None:
+        import mitsuba as mi
+
+        parameters = mi.traverse(self.attribute_scene)
+        for shape, array in values.items():
+            parameters[f"{shape}.vertex_{VERTEX_AOV}"] = np.ascontiguousarray(array, dtype=np.float32).ravel()
+        parameters.update()
+
+
+def load_integrator(aovs: str) -> Any:
+    """Return Mitsuba's integrator of AOVs."""
+    import mitsuba as mi
+
+    description = {"type": "aov", "aovs": aovs, "block_size": BLOCK_SIZE}
+    return mi.load_dict(description, parallel=False, optimize=False)
+
+
+def render(scene: Any, integrator: Any, samples: int, seed: int) -> Picture:
+    """Return means (H, W, channels) over `samples`, which multijitter rounds up."""
+    import drjit as dr
+    import mitsuba as mi
+
+    rendered = mi.render(scene, integrator=integrator, spp=samples, seed=seed)
+    picture = np.array(rendered, dtype=np.float64)
+    dr.flush_malloc_cache()
+    return picture

@@ -16,11 +16,11 @@ from render.scene import reference_objects
 from render.scene.materials import Material
 from render.scene.reference_objects import CHROME, GREY
 from render.scene.render_camera import Camera
+from render.scene.rgb_spaces import WorkingSpace, converted_pixels
 from render.scene.scene import Scene
 from render.scene.scene_stage import Stage, StagePlacement
 from render.scene.surface import Surface
 from render.scene.vertex_colours import shaded_colours
-from render.scene.working_space import WorkingSpace, converted_pixels
 
 BACKGROUND = ((0.012, 0.016, 0.10), (0.05, 0.05, 0.22), (0.42, 0.20, 0.34))
 """Colours behind the subject, from the top of the picture to the bottom."""

@@ -1,10 +1,11 @@
-"""Path tracers for Mitsuba scenes: lights, light groups, shadow catcher, subsurface walks and guides.
+"""Path tracers for Mitsuba scenes: their lights, shadow catcher, subsurface walks, guides and occluders.
 
 Needs a started engine.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -13,19 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.render_errors import BadInputError
-from render.integrator.emitter_groups import EmitterGroups
 from render.integrator.light_sampler import LightSampler
-from render.integrator.sampled_emitters import sampled_emitters
+from render.integrator.scene_emitters import EmitterGroups, sampled_emitters
 from render.mitsuba import emitters, materials
+from render.mitsuba.engine import is_compiled
 from render.mitsuba.loading import load_scene
-from render.mitsuba.occluders import occluders
 from render.mitsuba.sensor import sensor
 from render.mitsuba.shapes import stage_shapes
 from render.scene.materials import MitsubaMaterial
+from render.scene.render_camera import WideCamera
 from render.scene.render_quality import Quality
 from render.scene.scene import Scene, SceneSubject
 from render.scene.scene_lights import LightRig
-from render.scene.wide_camera import WideCamera
 
 
 def has_path_tracer(scene: Scene, quality: Quality) -> bool:
@@ -40,9 +40,7 @@ def scene_integrator(scene: Scene, depth: int) -> dict[str, Any]:
 
 def is_traceable(path: dict[str, Any]) -> bool:
     """Tell whether our path tracer can replace an integrator: compiled, without scattering media."""
-    import mitsuba as mi
-
-    return mi.variant() != "scalar_rgb" and path["type"] == "path"
+    return is_compiled() and path["type"] == "path"
 
 
 def path_tracer(
@@ -93,8 +91,8 @@ def _path_tracer(
     import drjit as dr
     import mitsuba as mi
 
-    from render.integrator.caustic_sun import CausticSun  # needs Mitsuba's variant
     from render.integrator.path_tracer import PathTracer  # needs Mitsuba's variant
+    from render.integrator.photons import CausticSun  # needs Mitsuba's variant
 
     sampler = LightSampler(scene, sampled_emitters(lights, to_scene))
     names = list(emitters.emitters_by_group(lights).values())
@@ -149,9 +147,8 @@ def _subsurface_walk(lit: Any, scene: Scene) -> Any:
 
     lit  Mitsuba's scene
     """
-    import mitsuba as mi
 
-    if mi.variant() == "scalar_rgb":
+    if not is_compiled():
         return None
     walks = [_walk_below(lit, subject, scene.placement.size) for subject in scene.subjects]
     walks = [walk for walk in walks if walk is not None]
@@ -177,3 +174,49 @@ def _walk_below(lit: Any, subject: SceneSubject, size: float) -> Any:
     return SubsurfaceWalk(
         shape, [1.0 / (part * size) for part in subsurface.radius], subject.material.is_clear
     )
+
+
+SAMPLES_PER_FACE = 30
+"""Samples of a scene for each of its triangles from which on occluders pay: sorting a triangle takes as long
+as leaving the cyclorama out saves in about 17 samples."""
+
+
+def occluders(lit: Any, light_sampler: Any, scene: Scene, samples: int) -> Any:
+    """Return a scene of the shapes that may come between emitters and the points that paths reach, or None
+    where that is all of them, or too few samples are taken to build it.
+
+    lit            Mitsuba's scene of `scene`
+    light_sampler  of its emitters
+    samples        of all pixels together
+    """
+    if scene.stage.kind in ("none", "ground") or scene.stage.shadow_catcher:
+        return None
+    if not len(light_sampler) or any(source.position is None for source in light_sampler.sources):
+        return None
+    shapes = {shape.id(): shape for shape in lit.shapes() if shape.id() != "stage"}
+    faces = sum(shape.face_count() for shape in shapes.values() if shape.is_mesh())
+    if samples < SAMPLES_PER_FACE * faces:
+        return None
+    emitting = [shape.bbox() for shape in shapes.values() if shape.is_emitter()]
+    corners = [_corners(box.min, box.max) for box in emitting]
+    eye_distance = getattr(scene.camera, "eye_distance", 0.0)
+    camera = _corners(
+        *(np.add(scene.camera.origin, s * (scene.camera.lens_radius + eye_distance)) for s in (-1, 1))
+    )
+    if not _is_within_backdrop(np.concatenate([*corners, camera]), scene):
+        return None
+    return load_scene({"type": "scene", **shapes})
+
+
+def _corners(least: Any, most: Any) -> NDArray[np.float64]:
+    """Return the corners (8, 3) of a box."""
+    return np.array(list(itertools.product(*zip(least, most, strict=True))), dtype=np.float64)
+
+
+def _is_within_backdrop(points: NDArray[np.float64], scene: Scene) -> bool:
+    """Tell whether points (N, 3) are on the inner side of each triangle of the cyclorama."""
+    vertices, normals, faces = scene.placement.placed(scene.stage.backdrop())
+    first, second, third = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
+    inwards = np.cross(second - first, third - first)
+    inwards *= np.sign(np.sum(inwards * normals[faces[:, 0]], axis=1))[:, None]
+    return bool((inwards @ points.T >= np.sum(inwards * first, axis=1)[:, None]).all())

@@ -22,7 +22,7 @@ from render.movie.codecs import Encode, require_size
 from render.movie.movie_frames import Frame, pad_to_even, require_frame, to_pixel_format
 from render.movie.movie_sound import AudioStream, Samples
 from render.movie.projection_tags import is_tagged, tag_movie
-from render.scene.projection import PERSPECTIVE, Projection
+from render.scene.render_camera import PERSPECTIVE, Projection
 
 _BT709, _RGB = 1, 0
 _LIMITED, _FULL = 1, 2

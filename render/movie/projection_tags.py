@@ -22,7 +22,7 @@ import av
 from render.base.atomic_write import atomic_write, cannot_write
 from render.base.render_errors import CorruptImageError
 from render.movie.codecs import MATROSKA
-from render.scene.projection import Projection
+from render.scene.render_camera import Projection
 
 _FIXED_BYTES = {b"moov": 0, b"trak": 0, b"mdia": 0, b"minf": 0, b"stbl": 0, b"stsd": 8}
 """Kinds that hold boxes, and how many bytes of other content they have before them."""

@@ -21,7 +21,7 @@ from render.base.kernel_cache import compiled
 from render.base.render_errors import BadInputError, MachineError
 from render.base.user_cache import cache_path
 from render.post.view import ACES, ColourView
-from render.scene.working_space import WORKING_SPACES
+from render.scene.rgb_spaces import WORKING_SPACES
 
 Floats = NDArray[np.float32]
 

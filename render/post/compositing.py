@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 
 from render.post.exr_names import cryptomatte_label
 from render.scene.aovs import COPIES, COVERAGE, MOST_RANKS, Pixels, RenderedFrame
-from render.scene.projection import pixel_places
-from render.scene.render_camera import Camera
+from render.scene.render_camera import Camera, pixel_places
 from render.scene.scene_stage import Stage, StagePlacement
 
 Doubles = NDArray[np.float64]

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from render.base.render_errors import BadInputError
 from render.scene.aovs import AOVS, COMPUTED, COVERAGE
-from render.scene.light_groups import PREFIX
 from render.scene.render_camera import Camera
+from render.scene.scene_lights import PREFIX
 
 CRYPTO = "Crypto"
 """The beginning of the names of all cryptomatte layers."""

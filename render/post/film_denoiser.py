@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from render.post.denoise import denoise_light, denoiser_features
 from render.post.temporal_denoise import DenoisedFrame, Floats, removed_noise, temporal_denoise
 from render.scene.aovs import DENOISER, RenderedFrame
-from render.scene.light_groups import groups_in, light_layers
-from render.scene.projection import Projection
-from render.scene.render_camera import Camera
+from render.scene.render_camera import Camera, Projection
+from render.scene.scene_lights import groups_in, light_layers
 from render.scene.scene_stage import StagePlacement
 
 SEAM = 64

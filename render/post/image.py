@@ -24,8 +24,8 @@ from render.base.render_errors import BadInputError, CorruptImageError, MissingI
 from render.post.exr_names import CRYPTO, ExrAttributes, channels_of
 from render.scene.aovs import AOVS, COMPUTED, COPIES, Pixels, RenderedFrame
 from render.scene.picture_file import last_message
-from render.scene.projection import PERSPECTIVE, Projection
-from render.scene.working_space import REC709, WORKING_SPACES
+from render.scene.render_camera import PERSPECTIVE, Projection
+from render.scene.rgb_spaces import REC709, WORKING_SPACES
 
 T = TypeVar("T")
 

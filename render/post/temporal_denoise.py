@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.kernel_cache import compiled
-from render.scene.projection import pixel_places
-from render.scene.render_camera import Camera
+from render.scene.render_camera import Camera, pixel_places
 from render.scene.scene_stage import StagePlacement
 
 Floats = NDArray[np.float32]

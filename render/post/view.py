@@ -10,7 +10,7 @@ from typing import Any
 from render.base.limited_process import ParserError, answer_about_content, serve
 from render.base.render_errors import BadInputError, suggestion
 from render.scene.picture_file import DEFAULT_CONFIG, last_message
-from render.scene.working_space import REC709
+from render.scene.rgb_spaces import REC709
 
 BUILT_IN = "ocio://"
 

@@ -51,11 +51,9 @@ from render.raster.triangles import (
     pack,
 )
 from render.scene.materials import LOOKS
-from render.scene.projection import LEFT, RIGHT, pixel_places
-from render.scene.render_camera import Camera
+from render.scene.render_camera import LEFT, RIGHT, Camera, WideCamera, pixel_places
 from render.scene.scene_lights import LIGHTS, LightRig
 from render.scene.scene_stage import STAGES, Stage, StagePlacement
-from render.scene.wide_camera import WideCamera
 
 Picture = NDArray[np.float32]
 

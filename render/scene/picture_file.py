@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from render.base.input_files import parsing
 from render.base.render_errors import BadInputError, reason_of
 from render.scene.picture_layers import ExrPart, Layer, choose_layer
-from render.scene.rgb_encoding import RgbEncoding, encoding_of, encoding_of_icc, linear_of_srgb, power, same
+from render.scene.rgb_spaces import RgbEncoding, encoding_of, encoding_of_icc, linear_of_srgb, power, same
 
 DEFAULT_CONFIG = "ocio://default"
 """OpenColorIO's own config, which names the colour spaces of textures."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.scene.render_camera import Camera
-from render.scene.rgb_encoding import linear_of_srgb
+from render.scene.rgb_spaces import linear_of_srgb
 from render.scene.scene_stage import StagePlacement
 from render.scene.surface import Surface
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from render.base.render_errors import BadInputError
 
 if TYPE_CHECKING:  # it needs numpy, and planning knows qualities without it
-    from render.scene.projection import Projection
+    from render.scene.render_camera import Projection
 
 BATCH_SAMPLES = 16
 """Samples per pixel of a full sample batch: a square for multijitter, a power of two for our sequence."""

@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from render.scene.materials import Material
 from render.scene.render_camera import Camera
+from render.scene.rgb_spaces import REC709, WorkingSpace, in_working_space
 from render.scene.scene_lights import LightRig
 from render.scene.scene_stage import Stage, StagePlacement
-from render.scene.spheres import Spheres
-from render.scene.surface import Surface
-from render.scene.working_space import REC709, WorkingSpace, in_working_space
+from render.scene.surface import Spheres, Surface
 
 Geometry = Surface | Spheres
 """What a subject is made of."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.scene.materials import Material, PatternedMaterial
-from render.scene.measure import Measure
+from render.scene.patterns import Measure
 from render.scene.render_camera import Camera
 from render.scene.scene_stage import StagePlacement
 from render.scene.surface import Surface

@@ -135,18 +135,17 @@ def _decodable(path: Path, answer: Callable[[str], bytes], module: str, library:
 
 
 def _picture(path: Path) -> None:
-    from render.scene import picture_check
-    from render.scene.textures import read_picture
+    from render.scene.textures import _decode, read_picture
 
-    digest = _decodable(path, picture_check._decode, "render.scene.picture_check", "OpenImageIO")
+    digest = _decodable(path, _decode, "render.scene.textures", "OpenImageIO")
     read_picture.__wrapped__(str(path), digest, None)
 
 
 def _sky(path: Path) -> None:
-    from render.scene import picture_check
     from render.scene.sky import read_map
+    from render.scene.textures import _decode
 
-    digest = _decodable(path, picture_check._decode, "render.scene.picture_check", "OpenImageIO")
+    digest = _decodable(path, _decode, "render.scene.textures", "OpenImageIO")
     read_map.__wrapped__(str(path), digest)
 
 

@@ -19,7 +19,7 @@ from pipeline.mesh import box, icosphere, split_at_creases
 from pipeline.plugins.interchange.exported_frame import ExportedFrame
 from pipeline.plugins.interchange.model_export import write_glb, write_obj, write_ply
 from render.scene.materials import LOOKS
-from render.scene.working_space import ACESCG
+from render.scene.rgb_spaces import ACESCG
 from tests.plugins.interchange.fbx_writer import N, binary, box_geometry, layer, model, scene, text
 from tests.plugins.interchange.gltf_scenes import GltfScene, with_instances
 from tests.plugins.interchange.test_collada_files import BOX, document, faces

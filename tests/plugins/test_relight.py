@@ -14,8 +14,7 @@ from pipeline.production.store.paths import output_folder
 from render.movie.probe import probe_movie
 from render.post.image import read_exr
 from render.scene.aovs import RenderedFrame
-from render.scene.light_groups import groups_in
-from render.scene.scene_lights import LIGHTS
+from render.scene.scene_lights import LIGHTS, groups_in
 from tests.conftest import TINY, ProjectFolder, commanded
 
 HALF = (0.5, 0.5, 0.5)

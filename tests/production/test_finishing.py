@@ -8,7 +8,7 @@ import pytest
 from render.post.denoise import Features, denoise_light, denoiser_features
 from render.post.image import read_exr
 from render.scene.aovs import RenderedFrame
-from render.scene.light_groups import groups_in
+from render.scene.scene_lights import groups_in
 from tests.conftest import ProjectFolder
 
 

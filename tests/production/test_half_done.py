@@ -31,7 +31,7 @@ from pipeline.production.tasks.supervisor import (
     _verdict,
 )
 from pipeline.production.tasks.worker import task_of
-from render.frame import sample_batches as passes
+from render.frame import render_frame as passes
 from render.post.image import read_exr
 
 NAME = "T010_tiny"

@@ -18,7 +18,7 @@ from pipeline.production.request.shot_source import ShotSource
 from pipeline.resample import Thresholds
 from pipeline.shot import read_shot
 from render.scene.materials import LOOKS
-from render.scene.measure import colour_map
+from render.scene.patterns import colour_map
 from render.scene.render_camera import Camera
 from render.scene.scene_stage import StagePlacement
 

@@ -22,7 +22,7 @@ from pipeline.production.request.render_request import Turntable
 from pipeline.shot import read_film
 from render.movie.codecs import ENCODES
 from render.post.image import read_exr, read_header
-from render.scene.projection import PERSPECTIVE, Projection
+from render.scene.render_camera import PERSPECTIVE, Projection
 from tests.conftest import QUALITY, TINY, done
 
 NAME = "T010_tiny"

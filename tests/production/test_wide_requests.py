@@ -15,8 +15,7 @@ from pipeline.production.request.framing import Framing, frame_all
 from pipeline.production.request.render_request import Turntable
 from pipeline.shot import read_shot
 from render.base.serialise import from_plain, to_plain
-from render.scene.projection import PERSPECTIVE, Projection
-from render.scene.wide_camera import WideCamera
+from render.scene.render_camera import PERSPECTIVE, Projection, WideCamera
 
 SHOT = "title: A\nframes: 1-2\nsubject: {solid: icosphere}\nresample: {max_edge_length: 0.5}\n"
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from render.base.render_errors import BadInputError
 from render.frame.accumulator import Accumulator
-from render.frame.sample_batches import ShutterInterval
+from render.frame.render_frame import ShutterInterval
 from render.frame.tiles import TILE, Tiles, noise_of_tiles
 from render.mitsuba.engine import Engine
 from render.scene.aovs import RenderedFrame

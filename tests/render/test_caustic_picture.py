@@ -11,12 +11,11 @@ import pytest
 
 from render.mitsuba.engine import Engine
 from render.mitsuba.mitsuba_scene import build_scene
-from render.scene.light_groups import LightGroup
 from render.scene.materials import LOOKS
 from render.scene.render_camera import Camera
 from render.scene.render_quality import Crop, Quality
 from render.scene.scene import Scene
-from render.scene.scene_lights import LightRig, Softbox, Sun
+from render.scene.scene_lights import LightGroup, LightRig, Softbox, Sun
 from render.scene.scene_stage import STAGES, Stage, StagePlacement
 from render.scene.sky import Daylight
 from render.scene.surface import Surface

@@ -14,7 +14,7 @@ def test_the_wider_sun_gives_the_light_of_its_disc(engine: Engine, width: float)
     engine.start()
     import mitsuba as mi
 
-    from render.integrator.caustic_sun import WIDTH, CausticSun
+    from render.integrator.photons import WIDTH, CausticSun
 
     if mi.variant() == "scalar_rgb":
         pytest.skip("the path tracer needs a compiled variant")

@@ -15,7 +15,7 @@ import pytest
 
 import render
 from render.frame.checkpoint import Checkpoint
-from render.frame.sample_batches import ShutterInterval
+from render.frame.render_frame import ShutterInterval
 from render.mitsuba.engine import Engine
 from render.scene.aovs import RenderedFrame
 from render.scene.render_camera import Camera

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.frame.copy_counts import CopyCounts
+from render.frame.accumulator import CopyCounts
 from render.frame.render_frame import render_frame
 from render.post.compositing import OBJECT, RankedCoverage, cryptomatte_layers
 from render.scene.aovs import COPY

@@ -9,9 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from render.raster import wide_picture
-from render.scene.projection import Projection, pixel_places
-from render.scene.render_camera import Camera
-from render.scene.wide_camera import WideCamera
+from render.scene.render_camera import Camera, Projection, WideCamera, pixel_places
 
 
 @pytest.mark.parametrize("kind", ["spherical", "dome", "vr180"])

@@ -22,7 +22,7 @@ from render.mitsuba.engine import DEFAULT_ORDER, Engine
 from render.post.denoise import denoise
 from render.scene.aovs import RenderedFrame
 from render.scene.materials import LOOKS, Diffuse
-from render.scene.measure import SPEED
+from render.scene.patterns import SPEED
 from render.scene.render_camera import Camera
 from render.scene.render_quality import QUALITIES, Quality
 from render.scene.scene import Scene

@@ -19,12 +19,11 @@ from render.mitsuba.engine import Engine
 from render.mitsuba.mitsuba_scene import build_scene
 from render.post.image import read_exr, write_exr
 from render.scene.aovs import RenderedFrame
-from render.scene.light_groups import groups_in, with_beauty
 from render.scene.materials import LOOKS
 from render.scene.render_camera import Camera
 from render.scene.render_quality import Quality
 from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox, Sun
+from render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox, Sun, groups_in, with_beauty
 from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.sky import Daylight
 from tests.render.conftest import CAMERA, ball

@@ -14,7 +14,7 @@ from render.base.render_errors import BadInputError
 from render.base.serialise import from_plain, to_plain
 from render.scene.aovs import RenderedFrame
 from render.scene.materials import LOOKS
-from render.scene.measure import COLOUR_MAPS, KINDS, Measure, at_vertices, colour_map, principal_stretches
+from render.scene.patterns import COLOUR_MAPS, KINDS, Measure, at_vertices, colour_map, principal_stretches
 from render.scene.surface import Surface
 from render.scene.vertex_colours import vertex_colours as colours
 

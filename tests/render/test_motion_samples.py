@@ -21,7 +21,7 @@ from render.frame.batch_schedule import (
     multijitter_rounds,
     traced_rounds,
 )
-from render.frame.sample_batches import SampleBatches, ShutterInterval
+from render.frame.render_frame import SampleBatches, ShutterInterval
 from render.mitsuba.engine import Engine
 from render.mitsuba.mitsuba_scene import build_scene
 from render.scene.aovs import RenderedFrame

@@ -13,9 +13,7 @@ import pytest
 from render.post.exr_names import ExrAttributes
 from render.post.image import read_exr, write_exr, write_jpeg
 from render.scene.aovs import RenderedFrame
-from render.scene.projection import KINDS, Projection
-from render.scene.render_camera import Camera
-from render.scene.wide_camera import WideCamera
+from render.scene.render_camera import KINDS, Camera, Projection, WideCamera
 
 PLACE = (1.0, 2.0, 8.0), (0.0, 1.0, 0.0)
 LIGHT = RenderedFrame({"beauty": np.random.default_rng(5).random((8, 16, 3)).astype(np.float32)})

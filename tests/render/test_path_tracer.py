@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from render.integrator.sampled_emitters import sampled_emitters
+from render.integrator.scene_emitters import sampled_emitters
 from render.mitsuba.emitters import _distant
 from render.mitsuba.engine import Engine
 from render.mitsuba.mitsuba_scene import SceneRenderer, build_scene

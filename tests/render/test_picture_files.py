@@ -16,11 +16,10 @@ from PIL import Image, ImageCms
 
 from render.base.render_errors import BadInputError
 from render.base.serialise import from_plain, to_plain
-from render.scene import picture_check, sky, textures
-from render.scene.picture_check import require_decodable
-from render.scene.rgb_encoding import encoding_of, encoding_of_icc, linear_of_srgb
+from render.scene import sky, textures
+from render.scene.rgb_spaces import encoding_of, encoding_of_icc, linear_of_srgb
 from render.scene.sky import Environment, environment_of
-from render.scene.textures import Texture, texture_of
+from render.scene.textures import Texture, require_decodable, texture_of
 
 Floats = np.ndarray[Any, np.dtype[np.floating]]
 
@@ -712,4 +711,4 @@ def test_a_picture_is_tried_as_it_is_read(tmp_path: Path) -> None:
     large = write(tmp_path / "b.exr", (spec, PICTURE))
     with pytest.raises(BadInputError, match="promises a display window of 12000 × 12000 pixels, and it has"):
         require_decodable(str(large), sha256(large.read_bytes()).hexdigest())
-    assert picture_check.MOST_PIXELS > 12_000**2
+    assert textures.MOST_PIXELS > 12_000**2

@@ -17,7 +17,7 @@ from render.movie.encode import write_movie
 from render.movie.movie_sound import Samples
 from render.movie.probe import probe_movie
 from render.movie.projection_tags import Box, is_tagged
-from render.scene.projection import KINDS, PERSPECTIVE, Projection
+from render.scene.render_camera import KINDS, PERSPECTIVE, Projection
 
 pytestmark = pytest.mark.renderer
 

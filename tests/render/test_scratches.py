@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from render.mitsuba.texture_coordinates import scratch_corners
 from render.scene.aovs import RenderedFrame
 from render.scene.materials import LOOKS
 from render.scene.render_camera import Camera
 from render.scene.render_quality import Quality
 from render.scene.scene_lights import LightRig, Softbox
 from render.scene.scene_stage import STAGES
-from render.scene.scratches import scratch_corners
 from render.scene.surface import Surface
 
 GRAIN = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])

@@ -11,8 +11,7 @@ from render.scene.materials import LOOKS, Diffuse, Glass, Subsurface
 from render.scene.scene import Scene, SceneSubject
 from render.scene.scene_lights import LIGHTS
 from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.spheres import Spheres
-from render.scene.surface import Surface, Wireframe
+from render.scene.surface import Spheres, Surface, Wireframe
 from tests.render.conftest import CAMERA, TINY
 
 LEFT, RIGHT = (np.array([x, 0.0, 0.0], np.float32) for x in (-1.1, 1.1))

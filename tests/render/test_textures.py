@@ -16,7 +16,7 @@ from render.base.render_errors import BadInputError
 from render.base.serialise import from_plain, to_plain
 from render.scene.aovs import RenderedFrame
 from render.scene.materials import LOOKS, Relief
-from render.scene.measure import linear_of_srgb
+from render.scene.patterns import linear_of_srgb
 from render.scene.render_camera import Camera
 from render.scene.surface import Surface
 from render.scene.texture_projection import PROJECTIONS, TextureProjection, project_texture

@@ -12,7 +12,7 @@ import OpenImageIO as oiio
 import pytest
 
 from render.base.render_errors import BadInputError
-from render.frame.sample_batches import SampleBatches
+from render.frame.render_frame import SampleBatches
 from render.mitsuba.engine import Engine
 from render.post.image import read_exr, write_exr
 from render.scene.aovs import RenderedFrame
@@ -20,8 +20,7 @@ from render.scene.render_camera import Camera
 from render.scene.render_quality import Quality
 from render.scene.scene import MotionSample
 from render.scene.scene_stage import STAGES, StagePlacement
-from render.scene.spheres import Spheres
-from render.scene.surface import Surface
+from render.scene.surface import Spheres, Surface
 
 Rendered = Callable[..., RenderedFrame]
 

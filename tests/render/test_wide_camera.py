@@ -18,14 +18,12 @@ from render.post.film_denoiser import FilmDenoiser, RawFrame
 from render.post.temporal_denoise import DenoisedFrame, temporal_denoise
 from render.scene.aovs import RenderedFrame
 from render.scene.materials import LOOKS
-from render.scene.projection import LEFT, RIGHT, Projection, pixel_places
-from render.scene.render_camera import Camera
+from render.scene.render_camera import LEFT, RIGHT, Camera, Projection, WideCamera, pixel_places
 from render.scene.render_quality import QUALITIES, Quality, qualities_for
 from render.scene.scene import Scene
 from render.scene.scene_lights import LIGHTS
 from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface
-from render.scene.wide_camera import WideCamera
 
 EYES = 0.4
 SPHERICAL = WideCamera((0.0, 1.0, 0.0), (0.0, 1.0, -5.0))

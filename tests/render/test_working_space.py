@@ -21,14 +21,13 @@ from render.post.view import ACES
 from render.scene.aovs import RenderedFrame
 from render.scene.materials import LOOKS, Diffuse, Material, MitsubaMaterial
 from render.scene.materials.mitsuba_bsdf import Bsdf
-from render.scene.measure import Measure
-from render.scene.patterns import Pigment
+from render.scene.patterns import Measure, Pigment
 from render.scene.render_quality import Quality
+from render.scene.rgb_spaces import ACESCG, REC709, WorkingSpace
 from render.scene.scene import Scene
 from render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox
 from render.scene.scene_stage import Stage, StagePlacement
 from render.scene.surface import Surface, Wireframe
-from render.scene.working_space import ACESCG, REC709, WorkingSpace
 from tests.render.conftest import CAMERA
 
 GREY = LightRig(

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pipeline.errors import ShotError
 from pipeline.shot import CameraPath, read_shot
 from pipeline.shot.camera_path import Lens, View
-from render.scene.projection import Projection
+from render.scene.render_camera import Projection
 
 HEAD = "title: A\nframes: 1-49\nsubject: {solid: box}\nresample: {max_edge_length: 0.5}\n"
 

@@ -12,7 +12,7 @@ from pipeline.errors import ShotError
 from pipeline.shot import Shot, read_shot
 from render.base.serialise import to_plain
 from render.scene.materials import LOOKS
-from render.scene.measure import Measure
+from render.scene.patterns import Measure
 from render.scene.texture_projection import TextureProjection
 
 HEAD = "title: T\nframes: 1-24\nsubject: %s\nresample: off\nlook: %s\n"

@@ -33,7 +33,7 @@ from render.graphics.cards import Screen, failure_card
 from render.movie.codecs import FILM_START, NAME_ENDS
 from render.movie.movie_frames import Frame, dissolve, mix_frames
 from render.post.colour import quantise, to_display
-from render.scene.projection import Projection
+from render.scene.render_camera import Projection
 
 LabelledFrame = tuple[Frame, Mapping[str, str | int]]
 """A display frame, and the values that can be burnt in."""

@@ -36,9 +36,8 @@ from pipeline.shot.yaml.named_files import NAME, shown
 from pipeline.shot.yaml.yaml_source import in_yaml
 from render.base.plural import plural
 from render.base.serialise import Triple
-from render.scene.light_groups import BACKGROUND, LightGroup
 from render.scene.render_quality import DEFAULT_QUALITY
-from render.scene.scene_lights import LightRig
+from render.scene.scene_lights import BACKGROUND, LightGroup, LightRig
 
 MAX_FACTOR = 1e6
 

@@ -32,7 +32,7 @@ from render.movie.movie_frames import Frame, prefetch
 from render.post.colour import quantise, to_display
 from render.post.image import read_header, write_exr
 from render.scene.aovs import RenderedFrame
-from render.scene.light_groups import groups_in, mixed
+from render.scene.scene_lights import groups_in, mixed
 
 if TYPE_CHECKING:
     from pipeline.production.request.framing import Framing

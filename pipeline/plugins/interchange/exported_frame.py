@@ -33,7 +33,7 @@ from pipeline.production.store.store import Key, Store, key_of
 from pipeline.shot import Shot
 from render.base.serialise import to_plain
 from render.scene.materials import Material, PatternedMaterial
-from render.scene.measure import SPEED
+from render.scene.patterns import SPEED
 from render.scene.surface import Surface
 from render.scene.textures import Texture
 from render.scene.vertex_colours import vertex_colours

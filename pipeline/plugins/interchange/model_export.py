@@ -27,7 +27,7 @@ from pipeline.production.store.store import Key, Store, key_of
 from render.base.atomic_write import disk_errors
 from render.base.serialise import to_plain
 from render.scene.materials import Material
-from render.scene.rgb_encoding import srgb_of_linear
+from render.scene.rgb_spaces import srgb_of_linear
 
 
 def write_ply(path: Path, frame: ExportedFrame) -> None:

@@ -24,12 +24,11 @@ from render.movie.codecs import timecode
 from render.post.colour import quantise
 from render.raster import Edges, Shape, StageSetup, preview, wide_picture, with_lines
 from render.scene.materials import Material
-from render.scene.measure import SPEED
-from render.scene.render_camera import Camera
+from render.scene.patterns import SPEED
+from render.scene.render_camera import Camera, WideCamera
 from render.scene.scene import stage_fades
 from render.scene.surface import Surface
 from render.scene.vertex_colours import vertex_colours
-from render.scene.wide_camera import WideCamera
 
 MOST_BALLS = 20_000
 """Most points of a cloud that are drawn; of more points a part is drawn, with larger balls."""

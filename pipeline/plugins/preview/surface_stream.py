@@ -32,7 +32,7 @@ from pipeline.production.request.shading import Shading, speeds
 from pipeline.production.store import readers
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.atomic_write import atomic_write, disk_errors
-from render.scene.measure import SPEED
+from render.scene.patterns import SPEED
 
 SLOW = 0.25
 """Core-seconds from which on a simulated frame is stored."""

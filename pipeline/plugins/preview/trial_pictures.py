@@ -39,7 +39,7 @@ from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling, Solid
 from pipeline.shot.yaml.yaml_source import Where
 from render.post.image import jpeg_bytes
-from render.scene.measure import SPEED
+from render.scene.patterns import SPEED
 from render.scene.render_camera import Camera
 
 MOST_STEPS = 24

@@ -30,7 +30,7 @@ from render.graphics.contact_sheet import reduced
 from render.post.colour import quantise, to_display, view_table
 from render.post.image import read_exr, read_header, read_png, write_jpeg, write_png
 from render.post.view import ColourView
-from render.scene.light_groups import PREFIX
+from render.scene.scene_lights import PREFIX
 
 THUMB = 160
 """Width of thumbnails, about, in pixels."""

@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
-from render.scene.render_camera import Camera
+from render.scene.render_camera import Camera, WideCamera
 from render.scene.scene_stage import Stage, StagePlacement
-from render.scene.wide_camera import WideCamera
 
 if TYPE_CHECKING:
     from pipeline.shot.camera_path import Lens, View, WideLens

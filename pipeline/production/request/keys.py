@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pipeline.production.request.render_request import RenderRequest
     from pipeline.resample import Thresholds
     from pipeline.shot import Motion, Shot
-    from render.scene.projection import Projection
+    from render.scene.render_camera import Projection
 
 
 def mesh_keys(motion: Motion) -> dict[int, Key]:
@@ -125,7 +125,7 @@ def speed_data(request: RenderRequest, number: int) -> list[Any]:
     if not request.measures_speed:
         return []
     from pipeline.production.request.shading import STEP, flow_cache_data
-    from render.scene.measure import SPEED
+    from render.scene.patterns import SPEED
 
     mesh, motions = request.angles[number].mesh, [part.motion for part in request.shot.parts]
     data = [flow_cache_data(motion, mesh, (-STEP, STEP)) for motion in motions]
@@ -283,7 +283,7 @@ def picture_header(request: RenderRequest, number: int) -> dict[str, Any]:
 
 def projection_of(header: Mapping[str, Any]) -> Projection:
     """Return the projection of a picture by its header."""
-    from render.scene.projection import PERSPECTIVE, Projection  # numpy, which planning does without
+    from render.scene.render_camera import PERSPECTIVE, Projection  # numpy, which planning does without
 
     wide = header.get("camera", {}).get("wide")
     return from_plain(Projection, wide) if wide else PERSPECTIVE

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pipeline.shot import Shot
     from pipeline.shot.camera_path import View
     from pipeline.shot.shot import AovSelection, Picture
-    from render.scene.projection import Projection
+    from render.scene.render_camera import Projection
 
 
 TURNS = ("object", "lights")
@@ -306,7 +306,7 @@ class RenderRequest:
     @property
     def projection(self) -> Projection:
         """The projection of its pictures: the shot's, but a turntable is always seen in perspective."""
-        from render.scene.projection import PERSPECTIVE, Projection  # numpy, which planning does without
+        from render.scene.render_camera import PERSPECTIVE, Projection  # numpy, which planning does without
 
         return PERSPECTIVE if self.turntable else Projection(*self.source.summary.projection)
 
@@ -366,7 +366,7 @@ class RenderRequest:
     @cached_property
     def measures_speed(self) -> bool:
         """True if the colours of its pictures, or of one of its subjects, are the speed of the flow."""
-        from render.scene.measure import SPEED, Measure
+        from render.scene.patterns import SPEED, Measure
 
         patterns = [part.picture.look.pattern for part in self.shot.parts]
         return any(isinstance(pattern, Measure) and pattern.of == SPEED for pattern in patterns)

@@ -22,9 +22,9 @@ from render.post.exr_names import ExrAttributes
 from render.post.film_denoiser import FilmDenoiser, RawFrame
 from render.post.image import write_exr
 from render.scene.aovs import DENOISER, Pixels, RenderedFrame
-from render.scene.light_groups import groups_in, light_layers, with_beauty
 from render.scene.materials import LOOKS, Material
 from render.scene.scene import SUBJECT
+from render.scene.scene_lights import groups_in, light_layers, with_beauty
 
 if TYPE_CHECKING:
     from pipeline.production.request.framing import Framing

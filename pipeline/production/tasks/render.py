@@ -24,15 +24,13 @@ from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.supervisor import MemoryGuard, StopRequest, deferred_signals
 from render.base.work_clock import Timing, WorkClock
 from render.frame.checkpoint import Checkpoint
-from render.frame.render_frame import render_frame
-from render.frame.sample_batches import ShutterInterval
+from render.frame.render_frame import ShutterInterval, render_frame
 from render.mitsuba.engine import Engine, choose
 from render.post.image import write_exr
 from render.scene.aovs import COPY, RenderedFrame
-from render.scene.measure import SPEED
+from render.scene.patterns import SPEED
 from render.scene.scene import SUBJECT, Geometry, MotionSample, Scene, SceneSubject
-from render.scene.spheres import Spheres
-from render.scene.surface import Surface, outlines
+from render.scene.surface import Spheres, Surface, outlines
 
 if TYPE_CHECKING:
     from pipeline.production.request.shading import Shading, Shown, SurfaceMotion

@@ -42,7 +42,7 @@ from pipeline.shot.documents.field_types import (
 )
 from pipeline.shot.motion import Clock
 from pipeline.shot.yaml.document_validation import bad_value, finding
-from render.scene.projection import KINDS, Projection
+from render.scene.render_camera import KINDS, Projection
 
 SAFE_AREAS = {"action": 0.035, "title": 0.05}
 """Margins by name: the fractions at each side outside the safe areas of SMPTE ST 2046-1."""

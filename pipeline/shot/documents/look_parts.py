@@ -33,8 +33,7 @@ from pipeline.shot.documents.field_types import (
 from pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
 from render.base.render_errors import RenderError
 from render.scene.materials import Absorption, Relief, Subsurface
-from render.scene.measure import COLOUR_MAPS, KINDS, Measure
-from render.scene.patterns import PATTERNS, Pigment
+from render.scene.patterns import COLOUR_MAPS, KINDS, PATTERNS, Measure, Pigment
 from render.scene.surface import Wireframe
 from render.scene.texture_projection import PROJECTIONS, TextureProjection
 from render.scene.textures import Texture, texture_of

@@ -44,8 +44,8 @@ from pipeline.shot.yaml.yaml_source import in_yaml
 from render.base.input_files import digest_of_file
 from render.scene.aovs import AOVS
 from render.scene.render_quality import CONVENTIONS
+from render.scene.rgb_spaces import REC709, WORKING_SPACES
 from render.scene.scene_stage import STAGES
-from render.scene.working_space import REC709, WORKING_SPACES
 
 StageField = Annotated[
     Annotated[str, one_of(STAGES, "stage")] | StageDocument,

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from render.base.render_errors import BadInputError
 from render.base.serialise import Colour, Triple
-from render.scene.measure import Measure
-from render.scene.patterns import Pigment
+from render.scene.patterns import Measure, Pigment
 from render.scene.surface import Wireframe
 from render.scene.texture_projection import TextureProjection
 from render.scene.textures import Texture

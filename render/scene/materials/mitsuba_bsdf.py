@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from render.base.serialise import NOT_PLAIN, Triple
+from render.scene.rgb_spaces import REC709, WORKING_SPACES, WorkingSpace
 from render.scene.textures import Texture
-from render.scene.working_space import REC709, WORKING_SPACES, WorkingSpace
 
 
 class MitsubaPlugin(NamedTuple):

@@ -13,8 +13,7 @@ from render.base.render_errors import BadInputError
 from render.base.serialise import Triple
 from render.scene.materials.material import Absorption, Material, PatternedMaterial, Relief, Subsurface
 from render.scene.materials.mitsuba_bsdf import Bsdf
-from render.scene.measure import Measure
-from render.scene.patterns import Pigment
+from render.scene.patterns import Measure, Pigment
 from render.scene.texture_projection import TextureProjection
 from render.scene.textures import Texture
 

@@ -32,7 +32,7 @@ from pipeline.plugins.interchange.model_export import (
 from pipeline.plugins.interchange.print_model import PrintReport, print_model, wall_thickness
 from pipeline.plugins.interchange.usd_stage import sampled_attributes, write_clip
 from render.scene.materials import LOOKS
-from render.scene.rgb_encoding import linear_of_srgb, srgb_of_linear
+from render.scene.rgb_spaces import linear_of_srgb, srgb_of_linear
 from tests.conftest import commanded
 from tests.plugins.review.studio import simulated
 
