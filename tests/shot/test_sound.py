@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from pipeline.errors import ShotError
+from pipeline.plugins.sheets.keyed_curves import curves_of
 from pipeline.production.request.keys import mesh_keys
 from pipeline.shot import read_shot
-from pipeline.shot.settable_values import curves_of
 from pipeline.shot.shot import Shot
 from tests.sounds import RATE, sine, times, write_sound
 

@@ -17,9 +17,9 @@ from threading import RLock
 from typing import Any
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
+from pipeline.plugins.preview.settable_values import settable_values
 from pipeline.plugins.preview.text_edits import ValueEdit, edited, parsed
 from pipeline.shot.motion import Clock
-from pipeline.shot.settable_values import settable_values
 from pipeline.shot.shot_reader import read_clock, read_shot
 from pipeline.shot.yaml.inheritance import inherited_files
 from pipeline.shot.yaml.named_files import text_of

@@ -32,6 +32,7 @@ from pipeline.cli.options import (
 )
 from pipeline.cli.output import exit_with, make_folder_of, print_result, print_warning
 from pipeline.errors import MissingInputError, UsageError
+from pipeline.plugins.sheets.keyed_curves import curves_of
 from pipeline.plugins.sheets.shot_sheet import panels
 from pipeline.plugins.sheets.wedge import MOST_CELLS, OPTION, Grid, Variation, Wedge
 from pipeline.production.execution.project import Project
@@ -45,7 +46,6 @@ from pipeline.production.stages import STAGES
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store
 from pipeline.shot import read_shot
-from pipeline.shot.settable_values import curves_of
 from pipeline.shot.yaml.inheritance import inherited
 from render.base.plural import plural
 from render.graphics.plot import Curves, plot_panels
