@@ -46,8 +46,7 @@ def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
     own = _picture_setting(source.get("picture"))
     settings = (own, *settings) if own else settings
     placed: list[tuple[Where, Shot]] = []
-    written = source.get("shots")
-    for index, entry in enumerate(written if isinstance(written, list) else []):
+    for index, entry in enumerate(source.listing("shots")):
         if isinstance(entry, dict) and "card" in entry:
             entries.append(_card(entry))
             continue

@@ -225,8 +225,7 @@ def check_splits(source: YamlSource) -> Iterator[Problem]:
 
 def check_resample_entry(source: YamlSource) -> Iterator[Problem]:
     """Check that surfaces have the entry `resample`, and points have not."""
-    subject = source.get("subject")
-    kind = next((kind for kind in ("cloud", "net") if isinstance(subject, dict) and kind in subject), None)
+    kind = next((kind for kind in ("cloud", "net") if kind in source.mapping("subject")), None)
     written = source.get("resample")
     if kind is None and isinstance(source.data, dict) and "resample" not in source.data:
         yield (
@@ -243,14 +242,11 @@ def _extreme(source: YamlSource, name: str, of: Any) -> tuple[float | None, Wher
     value, where = source.get("resample", name), ("resample", name)
     if is_number(value):
         return value, where
-    if not isinstance(value, dict):
-        return None, where
-    if isinstance(value.get("keys"), dict):
-        inner = {
-            key: item["value"] if isinstance(item, dict) and "value" in item else item
-            for key, item in value["keys"].items()
+    if keys := source.mapping(*where, "keys"):
+        values = {
+            key: item.get("value", item) if isinstance(item, dict) else item for key, item in keys.items()
         }
-        numbers = {key: item for key, item in inner.items() if is_number(item)}
+        numbers = {key: item for key, item in values.items() if is_number(item)}
         if not numbers:
             return None, where
         key = of(numbers, key=numbers.__getitem__)

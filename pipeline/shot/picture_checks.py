@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from pipeline.errors import UsageError, shortened, suggestion
 from pipeline.frames import FrameRange
@@ -13,6 +12,7 @@ from pipeline.shot.documents.field_types import is_number
 from pipeline.shot.documents.light_documents import ENVIRONMENTS, softbox_name
 from pipeline.shot.documents.look_documents import LOOKS, check_bsdf
 from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted, listed
+from render.scene.materials import Material
 from render.scene.patterns import Measure
 from render.scene.render_camera import KINDS
 from render.scene.render_quality import MIN_ADAPTIVE_SAMPLES, QUALITIES
@@ -36,9 +36,9 @@ def check_named_settings(source: YamlSource) -> Iterator[Problem]:
         ("looks", "look", "material", LOOKS),
         ("rigs", "lights", "rig", LIGHTS),
     ):
-        named, value = source.get(names), source.get(entry)
+        named, value = source.mapping(names), source.get(entry)
         name = value.get(base_name) if isinstance(value, dict) else value
-        if not (isinstance(named, dict) and isinstance(name, str)) or name in known:
+        if not named or not isinstance(name, str) or name in known:
             continue
         where: Where = (entry, base_name) if isinstance(value, dict) else (entry,)
         if (hint := suggestion(name, map(str, named), listing="")).startswith("Did"):
@@ -47,14 +47,20 @@ def check_named_settings(source: YamlSource) -> Iterator[Problem]:
 
 def check_clear_look(source: YamlSource) -> Iterator[Problem]:
     """Check that light does not enter a sheet, which is open and has no inside."""
-    subject, look = source.get("subject"), source.get("look")
-    name = look.get("material") if isinstance(look, dict) else look
-    if not (isinstance(subject, dict) and subject.get("solid") == "sheet"):
+    if source.mapping("subject").get("solid") != "sheet":
         return
-    if isinstance(name, str) and name in LOOKS and LOOKS[name].is_clear:
+    name, look = _look_at(source, "look")
+    if look and look.is_clear:
         yield ("look",), f"look {name} {_IS_OPEN}"
-    clear = _clear_bsdfs(source.get("look", "bsdf"), ("look", "bsdf"))
-    yield from ((where, f"a {kind} {_IS_OPEN}") for where, kind in clear)
+    for where, kind in _clear_bsdfs(source.get("look", "bsdf"), ("look", "bsdf")):
+        yield where, f"a {kind} {_IS_OPEN}"
+
+
+def _look_at(source: YamlSource, *where: Any) -> tuple[Any, Material | None]:
+    """Return the name of the look at a path, and the look if there is one of that name."""
+    look = source.get(*where)
+    name = look.get("material") if isinstance(look, dict) else look
+    return name, LOOKS.get(name) if isinstance(name, str) else None
 
 
 def _clear_bsdfs(bsdf: Any, where: Where) -> Iterator[tuple[Where, str]]:
@@ -68,14 +74,11 @@ def _clear_bsdfs(bsdf: Any, where: Where) -> Iterator[tuple[Where, str]]:
 
 def check_measured_look(source: YamlSource) -> Iterator[Problem]:
     """Check that a cloud shows its speed: stretch and area are of triangles."""
-    subject, look = source.get("subject"), source.get("look")
-    if not (isinstance(subject, dict) and "cloud" in subject):
+    if "cloud" not in source.mapping("subject"):
         return
-    measure = source.get("look", "measure")
-    name = look.get("material") if isinstance(look, dict) else look
-    pattern = LOOKS[name].pattern if isinstance(name, str) and name in LOOKS else None
-    default = pattern if isinstance(pattern, Measure) else None
-    of = next(iter(measure), None) if isinstance(measure, dict) else default.of if default else None
+    measure, (_, look) = source.get("look", "measure"), _look_at(source, "look")
+    default = look.pattern.of if look and isinstance(look.pattern, Measure) else None
+    of = next(iter(measure), None) if isinstance(measure, dict) else default
     if of in ("stretch", "area"):
         yield (
             ("look", "measure") if measure else ("look",),
@@ -85,22 +88,16 @@ def check_measured_look(source: YamlSource) -> Iterator[Problem]:
 
 def check_drawn_alone(source: YamlSource) -> Iterator[Problem]:
     """Check that no look which is drawn without lights stands among several subjects."""
-    entries = source.get("subjects")
-    if not isinstance(entries, dict):
-        return
-    places: list[Where] = [("look",), *(("subjects", name, "look") for name in entries)]
-    for where in places:
-        look = source.get(*where)
-        name = look.get("material") if isinstance(look, dict) else look
-        if isinstance(name, str) and name in LOOKS and not LOOKS[name].is_lit:
+    entries = source.mapping("subjects")
+    for where in (("look",), *(("subjects", name, "look") for name in entries)) if entries else ():
+        name, look = _look_at(source, *where)
+        if look and not look.is_lit:
             yield where, f"look {name} is drawn without lights and shows one subject. Take another look."
 
 
 def check_camera(source: YamlSource) -> Iterator[Problem]:
     """Check that no two settings of a camera exclude each other, and that it is at most straight above."""
-    written = source.get("camera")
-    if not isinstance(written, dict):
-        return
+    written = source.mapping("camera")
     elevation = written.get("elevation")
     if isinstance(elevation, int | float) and abs(elevation) > 90:
         yield (
@@ -123,10 +120,10 @@ def check_camera(source: YamlSource) -> Iterator[Problem]:
 
 def check_wide_camera(source: YamlSource) -> Iterator[Problem]:
     """Check that a camera has only what its projection has, and that look and AOVs suit a wide one."""
-    written = source.get("camera")
-    kind = written.get("projection") if isinstance(written, dict) else None
+    written = source.mapping("camera")
+    kind = written.get("projection")
     kind = "perspective" if kind is None else kind
-    if not isinstance(written, dict) or kind not in KINDS:
+    if kind not in KINDS:
         return
     for name, owner in (("dome_angle", "dome"), ("eye_distance", "vr180")):
         if written.get(name) is not None and kind != owner:
@@ -155,20 +152,17 @@ def check_wide_camera(source: YamlSource) -> Iterator[Problem]:
 
 def _not_wide(source: YamlSource, kind: str) -> Iterator[Problem]:
     """Yield what is made for flat pictures: drawn looks, and motion of one eye."""
-    overrides, subjects, aovs = source.get("overrides"), source.get("subjects"), source.get("aovs")
-    places: list[Where] = [("look",)]
-    places += [("overrides", i, "look") for i in range(len(overrides) if isinstance(overrides, list) else 0)]
-    places += [("subjects", name, "look") for name in (subjects if isinstance(subjects, dict) else ())]
-    for where in places:
-        look = source.get(*where)
-        name = look.get("material") if isinstance(look, dict) else look
-        if isinstance(name, str) and name in LOOKS and not LOOKS[name].is_lit:
+    of_overrides = [("overrides", index, "look") for index in range(len(source.listing("overrides")))]
+    of_subjects = [("subjects", name, "look") for name in source.mapping("subjects")]
+    for where in (("look",), *of_overrides, *of_subjects):
+        name, look = _look_at(source, *where)
+        if look and not look.is_lit:
             yield (
                 where,
                 f"look {name} is drawn before a flat background, which projection {kind} has not. Take "
                 "another look.",
             )
-    if kind == "vr180" and isinstance(aovs, list | dict) and "motion" in aovs:
+    if kind == "vr180" and "motion" in (*source.mapping("aovs"), *source.listing("aovs")):
         yield (
             ("aovs",),
             "AOV motion is that of one eye, and projection vr180 has two. Write layers: nuke, whose motion "
@@ -178,9 +172,9 @@ def _not_wide(source: YamlSource, kind: str) -> Iterator[Problem]:
 
 def check_dimmed_lights(source: YamlSource) -> Iterator[Problem]:
     """Check that the lights whose intensity is set are there."""
-    intensities, names = source.get("lights", "intensity"), _light_names(source.get("lights"))
-    for name in intensities if names and isinstance(intensities, dict) else ():
-        if name not in names:
+    names = _light_names(source.get("lights"))
+    for name in source.mapping("lights", "intensity"):
+        if names and name not in names:
             yield ("lights", "intensity", name), f"{name} is not a light here. {suggestion(str(name), names)}"
 
 
@@ -188,10 +182,11 @@ def check_light_groups(source: YamlSource) -> Iterator[Problem]:
     """Check that the lights of light groups are there, each in one group, and that names differ."""
     groups, written = source.get("light_groups"), source.get("lights")
     names = _light_names(written)
-    if groups not in (None, "off") and (look := _drawn_look(source)):
+    name, look = _look_at(source, "look")
+    if groups not in (None, "off") and look and not look.is_lit:
         yield (
             ("light_groups",),
-            f"look {look} is drawn without lights, so it has no light groups. Remove light_groups, or use "
+            f"look {name} is drawn without lights, so it has no light groups. Remove light_groups, or use "
             "another look.",
         )
     if not (isinstance(groups, dict) and names):
@@ -222,13 +217,6 @@ def check_light_groups(source: YamlSource) -> Iterator[Problem]:
                 ("light_groups", group),
                 f"{group} is a light of no group, whose own group has this name. Take another name here.",
             )
-
-
-def _drawn_look(source: YamlSource) -> str | None:
-    """Return the name of the shot's look if it brings its own light."""
-    look = source.get("look")
-    name = look.get("material") if isinstance(look, dict) else look
-    return name if isinstance(name, str) and name in LOOKS and not LOOKS[name].is_lit else None
 
 
 def _light_names(lights: Any) -> tuple[str, ...]:
@@ -270,48 +258,39 @@ def check_noise_threshold(source: YamlSource) -> Iterator[Problem]:
         samples = source.get("quality", name, "samples")
         samples = quality.samples if samples is None else samples
         if is_number(source.get(*place)) and is_number(samples) and samples < MIN_ADAPTIVE_SAMPLES:
-            written = place[1]
             yield (
                 place,
-                f"{written} takes {samples} samples, too few to stop earlier; noise_threshold needs "
+                f"{name} takes {samples} samples, too few to stop earlier; noise_threshold needs "
                 f"{MIN_ADAPTIVE_SAMPLES} or more. Write samples: 128 beside it.",
             )
 
 
 @dataclass(frozen=True)
-class _OverriddenSource:
-    """A shot file as it is for the frames of one override: `get` is that of `YamlSource`."""
+class _OverriddenSource(YamlSource):
+    """A shot file as it is for the frames of one override, whose number is `index`."""
 
-    source: YamlSource
-    index: int
-
-    @property
-    def path(self) -> Path:
-        return self.source.path
+    index: int = 0
 
     def has(self, *where: Any) -> bool:
         """Tell whether the override has this value, or look or lights of which it is a part."""
         whole = where[:1] if where[0] in ("look", "lights") else where
-        return self.source.get("overrides", self.index, *whole) is not None
+        return super().get("overrides", self.index, *whole) is not None
 
     def get(self, *where: Any) -> Any:
-        return (
-            self.source.get("overrides", self.index, *where) if self.has(*where) else self.source.get(*where)
-        )
+        return super().get(*(("overrides", self.index) if self.has(*where) else ()), *where)
 
 
 def check_overrides(source: YamlSource) -> Iterator[Problem]:
     """Check the frames of overrides, and their looks, lights and qualities as those of the shot."""
-    written = source.get("overrides")
     taken: dict[int, int] = {}
-    for index, override in enumerate(written if isinstance(written, list) else ()):
+    for index, override in enumerate(source.listing("overrides")):
         if not isinstance(override, dict):
             continue
         yield from _overridden_frames(source, index, taken)
         yield from _whole_shot_only(source, index)
-        seen = _OverriddenSource(source, index)
+        seen = _OverriddenSource(source.path, source.data, source.places, index=index)
         for check in (check_clear_look, check_bsdf, check_dimmed_lights, check_noise_threshold):
-            for where, text in check(cast(YamlSource, seen)):
+            for where, text in check(seen):
                 if seen.has(*where):
                     yield ("overrides", index, *where), text
 
@@ -362,9 +341,7 @@ def _whole_shot_only(source: YamlSource, index: int) -> Iterator[Problem]:
             "light_groups are layers that all frames have, of the same lights. Remove lights here, or "
             "light_groups.",
         )
-    look = source.get(*where, "look")
-    name = look.get("material") if isinstance(look, dict) else look
-    known = LOOKS.get(name) if isinstance(name, str) else None
-    if known is not None and (not known.is_lit or isinstance(known.pattern, Measure)):
-        what = "shows measures of the motion" if known.is_lit else "is drawn without lights"
+    name, look = _look_at(source, *where, "look")
+    if look and (not look.is_lit or isinstance(look.pattern, Measure)):
+        what = "shows measures of the motion" if look.is_lit else "is drawn without lights"
         yield (*where, "look"), f"look {name} {what}, which all frames of a shot share. Take another look."

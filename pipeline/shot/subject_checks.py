@@ -83,12 +83,11 @@ def _name_fault(name: Any) -> str | None:
 
 def check_copies(source: YamlSource) -> Iterator[Problem]:
     """Check that subjects with copies can be copied and have no other place, and that regions are bounded."""
-    entries = source.get("subjects")
-    for name, entry in entries.items() if isinstance(entries, dict) else ():
-        given = entry.get("copies") if isinstance(entry, dict) else None
-        if not isinstance(given, dict):
-            continue
+    for name in source.mapping("subjects"):
         where: Where = ("subjects", name)
+        if not source.mapping(*where, "copies"):
+            continue
+        entry = source.mapping(*where)
         if "place" in entry:
             yield (
                 (*where, "place"),
@@ -97,10 +96,9 @@ def check_copies(source: YamlSource) -> Iterator[Problem]:
             )
         if "net" in entry:
             yield (*where, "copies"), "a net is one grid of points and has no copies. Write several subjects."
-        region = given.get("region")
-        settings = region if isinstance(region, dict) else {}
+        region = source.mapping(*where, "copies", "region")
         for setting in ("half_space", "falloff", "invert"):
-            if settings.get(setting) not in (None, 0, False):
+            if region.get(setting) not in (None, 0, False):
                 yield (
                     (*where, "copies", "region", setting),
                     f"copies lie in a region with an end and a sharp border; {setting} gives it none. Take "
@@ -126,8 +124,7 @@ def check_files(source: YamlSource) -> Iterator[Problem]:
 
 def check_solid_size(source: YamlSource) -> Iterator[Problem]:
     """Check that the size of a model is set once."""
-    given = source.get("subject")
-    if isinstance(given, dict) and {"model", "scale", "fit"} <= given.keys():
+    if {"model", "scale", "fit"} <= source.mapping("subject").keys():
         yield (
             ("subject", "fit"),
             "fit and scale both set the size of the model. Write fit: 2 for a largest extent of 2 units, or "
@@ -149,8 +146,8 @@ def check_stage(source: YamlSource) -> Iterator[Problem]:
 def check_solid(source: YamlSource) -> Iterator[Problem]:
     """Check the measures of solids: the subject, what a cloud fills, and the shape of a net."""
     for where, kinds in (("subject",), SOLIDS), (("subject", "cloud"), SOLIDS), (("subject", "net"), NETS):
-        given = source.get(*where)
-        name = given.get("solid") if isinstance(given, dict) else None
+        given = source.mapping(*where)
+        name = given.get("solid")
         if isinstance(name, str) and name in kinds:
             yield from _measures(where, name, kinds[name].measures, given)
 
@@ -311,18 +308,15 @@ class SubjectView:
     @classmethod
     def of(cls, source: YamlSource, name: str) -> SubjectView:
         """Return the view of an entry of `subjects`, which is a mapping."""
-        entry, shared = source.data["subjects"][name], source.get("flows")
+        entry, shared = source.data["subjects"][name], source.listing("flows")
         overridden = tuple(setting for setting in OVERRIDING if setting in entry)
         data = {setting: value for setting, value in source.data.items() if setting != "subjects"}
         if {"cloud", "net"} & entry.keys():
             data.pop("resample", None)  # that of the shot is for surfaces
         data |= {setting: entry[setting] for setting in overridden}
         data["subject"] = {setting: value for setting, value in entry.items() if setting not in OWN}
-        data["flows"] = [
-            flow for flows in (shared, entry.get("flows")) if isinstance(flows, list) for flow in flows
-        ]
-        count = len(shared) if isinstance(shared, list) else 0
-        view = cls(name, replace(source, data=data), count, overridden)
+        data["flows"] = [*shared, *source.listing("subjects", name, "flows")]
+        view = cls(name, replace(source, data=data), len(shared), overridden)
 
         def moved(spots: dict[Where, Any]) -> dict[Where, Any]:
             return {
@@ -370,7 +364,5 @@ class SubjectView:
 
 def subject_views(source: YamlSource) -> tuple[SubjectView, ...]:
     """Return the views of a file with `subjects`; none of another, nor of entries that are no mappings."""
-    entries = source.get("subjects")
-    if not isinstance(entries, dict):
-        return ()
-    return tuple(SubjectView.of(source, name) for name, entry in entries.items() if isinstance(entry, dict))
+    entries = source.mapping("subjects").items()
+    return tuple(SubjectView.of(source, name) for name, entry in entries if isinstance(entry, dict))

@@ -226,6 +226,16 @@ class YamlSource:
                 return None
         return value
 
+    def mapping(self, *where: Any) -> dict[Any, Any]:
+        """Return the mapping at a path; an empty one where something else stands or nothing."""
+        value = self.get(*where)
+        return value if isinstance(value, dict) else {}
+
+    def listing(self, *where: Any) -> list[Any]:
+        """Return the list at a path; an empty one where something else stands or nothing."""
+        value = self.get(*where)
+        return value if isinstance(value, list) else []
+
     def without_places(self, is_dropped: Callable[[Where], bool]) -> YamlSource:
         """Return the same data without the positions of some paths."""
 
