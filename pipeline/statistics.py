@@ -1,4 +1,4 @@
-"""Statistics of a mesh (P7), and the flicker that a resampling adds to its shading (P38)."""
+"""Statistics of a mesh (P7)."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Indices, Vectors
-from pipeline.mesh import ShadedMesh, TriangleMesh, vertex_normals
+from pipeline.mesh import TriangleMesh
 from pipeline.mesh.kernels.face_measures import cosines_at_edges, count_ascending, lengths_and_areas
 from pipeline.mesh.kernels.intersections import bounding_boxes, count_crossings, fill_grid
 
@@ -66,55 +65,6 @@ def _median_dihedral(mesh: TriangleMesh) -> float:
         return math.pi
     cosine = float(np.median(cosines[:edges], overwrite_input=True))
     return math.pi - math.acos(min(max(cosine, -1.0), 1.0))
-
-
-@dataclass(frozen=True)
-class Sizzle:
-    """Jump of the shading that one resampling causes at the vertices that stay (P38).
-
-    shading  rms jump of the rendered normals, radians
-    surface  rms jump of the mean face normals, radians
-    share    of the earlier vertices that stay, 0 to 1
-    """
-
-    shading: float
-    surface: float
-    share: float
-
-
-def sizzle(
-    before: TriangleMesh, shaded_before: ShadedMesh, after: TriangleMesh, shaded_after: ShadedMesh
-) -> Sizzle:
-    """Return the jump from a surface after a move to the same surface after resampling.
-
-    Vertices at creases, which have several normals, are left out of the shading.
-    """
-    old, new = surviving(before, after)
-    surface = _angles(vertex_normals(before)[old], vertex_normals(after)[new])
-    whole = undivided(shaded_before)[old] & undivided(shaded_after)[new]
-    shading = _angles(shaded_before.normals[old[whole]], shaded_after.normals[new[whole]])
-    return Sizzle(_rms(shading), _rms(surface), len(old) / len(before.vertices))
-
-
-def surviving(before: TriangleMesh, after: TriangleMesh) -> tuple[Indices, Indices]:
-    """Return the indices of vertices at the same position, bit for bit, in both meshes."""
-    one, other = (np.ascontiguousarray(mesh.vertices + 0.0).view("V24").ravel() for mesh in (before, after))
-    _, old, new = np.intersect1d(one, other, return_indices=True)
-    return old.astype(np.int32), new.astype(np.int32)
-
-
-def undivided(shaded: ShadedMesh) -> AnyArray:
-    """Return flags (V,) of the vertices with a single normal."""
-    return np.bincount(shaded.source_vertex) == 1
-
-
-def _angles(one: Vectors, other: Vectors) -> Floats:
-    """Return the angles between unit vectors (N, 3), radians; half chords keep the digits of small ones."""
-    return 2 * np.arcsin(np.minimum(0.5 * np.linalg.norm(one - other, axis=1), 1.0))
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
 _CELL = 1.5

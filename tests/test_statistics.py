@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.normals import sizzle, surviving
 from pipeline.animation import animate
 from pipeline.flow import Streamlines
 from pipeline.flow.catalogue.basic import Enright
@@ -18,7 +19,7 @@ from pipeline.mesh import TriangleMesh, box, icosphere, split_at_creases, torus
 from pipeline.mesh.normals import carried_normals, dihedral_angles, tangents
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling, Solid
-from pipeline.statistics import mesh_statistics, self_intersections, sizzle, surviving
+from pipeline.statistics import mesh_statistics, self_intersections
 
 
 @pytest.fixture(scope="module")

@@ -13,11 +13,20 @@ from contextlib import ExitStack, contextmanager
 from datetime import timedelta
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 from rich.console import Console, RenderableType
-from rich.progress import Progress, Task
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 
 from pipeline.production.store.event_log import poll
@@ -62,9 +71,6 @@ def done_words(task: Task, of: str) -> str:
         return f"{task.completed:.0%}"
     return f"{int(task.completed)}{of}{task.total or 0:.0f}"
 
-
-if TYPE_CHECKING:
-    from rich.progress import Progress, ProgressColumn
 
 out = Console(highlight=False, emoji=False, soft_wrap=True, markup=False)  # names of files may hold [red]
 err = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True, markup=False)
@@ -150,18 +156,7 @@ def frame_progress(*more: ProgressColumn, wanted: bool = True) -> Progress:
     Where standard error is no terminal, they are lines of text.
     """
     if wanted and not err.is_terminal:
-        from pipeline.cli.output import ProgressLines
-
         return ProgressLines(err)
-    from rich.progress import (  # takes time to import, and most commands draw none
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
     return Progress(
         TextColumn("{task.description:>16}", markup=False),
         BarColumn(),
