@@ -14,7 +14,7 @@ from pipeline.animation.flow_cost import estimated_vertices
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
 from pipeline.shot import Motion
-from pipeline.shot.subjects import Model, Solid
+from pipeline.shot.subjects import Model, Solid, Subject
 
 LARGEST_COMPUTED = 3_000_000
 """Vertices up to which the first frame is computed; a larger one is estimated by its area."""
@@ -30,25 +30,25 @@ BYTES_OF_VERTEX = 130
 class FirstFrame:
     """The surface of a shot at its first frame.
 
-    subject    the name of its kind, or the file of a model with its format and size
-    repairs    what was repaired in the file, a line for each kind
     vertices   number of vertices; an estimate where the frame is not computed
     points     (V, 3) vertices, resampled where the frame is computed, else those of the subject
     faces      (F, 3) triangles between `points`
     memory     bytes of one mesh frame
     longest    maximum edge length, units; None where it is a formula, or where nothing is resampled
     exceeds    True if the vertices are more than the shot allows
+    subject    the name of its kind, or the file of a model with its format and size
+    repairs    what was repaired in the file, a line for each kind
     notes      what was not read as other programs show it, a line for each
     """
 
-    subject: str
-    repairs: tuple[str, ...]
     vertices: int
     points: Points
     faces: np.ndarray[Any, Any]
     memory: int
     longest: float | None
     exceeds: bool = False
+    subject: str = ""
+    repairs: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     @cached_property
@@ -106,50 +106,23 @@ def _first_frame(motion: Motion) -> FirstFrame:
             if estimated < POSSIBLY * budget:
                 raise
             exceeds = True
-    return FirstFrame(
-        _subject(motion),
-        _repairs(motion),
-        estimated,
-        at_rest.vertices,
-        at_rest.faces,
-        BYTES_OF_VERTEX * estimated,
-        longest,
-        exceeds,
-        _notes(motion),
-    )
+    memory, surface = BYTES_OF_VERTEX * estimated, (at_rest.vertices, at_rest.faces)
+    return FirstFrame(estimated, *surface, memory, longest, exceeds, **_facts(motion.subject))
 
 
 def _computed(motion: Motion, longest: float | None) -> FirstFrame:
     frame = next(animate(motion))
-    points, faces = frame.mesh.vertices, frame.mesh.faces
-    memory = sum(values.nbytes for values in frame.to_arrays().values())
-    return FirstFrame(
-        _subject(motion),
-        _repairs(motion),
-        len(points),
-        points,
-        faces,
-        memory,
-        longest,
-        notes=_notes(motion),
-    )
+    points, memory = frame.mesh.vertices, sum(values.nbytes for values in frame.to_arrays().values())
+    return FirstFrame(len(points), points, frame.mesh.faces, memory, longest, **_facts(motion.subject))
 
 
-def _repairs(motion: Motion) -> tuple[str, ...]:
-    return motion.subject.imported().repairs if isinstance(motion.subject, Model) else ()
-
-
-def _notes(motion: Motion) -> tuple[str, ...]:
-    return motion.subject.imported().notes if isinstance(motion.subject, Model) else ()
-
-
-def _subject(motion: Motion) -> str:
-    """Return `icosphere`, or `bunny.obj (OBJ, 35,947 vertices, 69,451 faces)`."""
-    subject = motion.subject
+def _facts(subject: Subject) -> dict[str, Any]:
+    """Return name, repairs and notes; the name is `icosphere`, or `bunny.obj (OBJ, 35,947 vertices, …)`."""
     if isinstance(subject, Model):
         surface = subject.imported()
         counts = f"{surface.vertices:,} vertices, {surface.faces:,} faces"
-        return f"{subject.path.name} ({surface.format}, {counts})"
+        name = f"{subject.path.name} ({surface.format}, {counts})"
+        return {"subject": name, "repairs": surface.repairs, "notes": surface.notes}
     if isinstance(subject, Solid):
-        return subject.solid
-    return "control net" if subject.lattice is not None else "cloud"
+        return {"subject": subject.solid}
+    return {"subject": "control net" if subject.lattice is not None else "cloud"}

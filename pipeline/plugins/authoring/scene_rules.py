@@ -92,22 +92,19 @@ def acts_elsewhere(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         return
     time = shot.motion.clock.time(shot.frames.first)
     for k, flow in enumerate(flows_of(shot.motion.flow)):
-        far = [item for item in _offsets(flow, first.middle, time) if _norm(item[1]) > FAR_OFF * first.extent]
-        if far:
-            name, offset = far[0]
+        for name, offset in _offsets(flow, first.middle, time):
+            sizes = float(np.linalg.norm(offset)) / first.extent
+            if sizes <= FAR_OFF:
+                continue
             middle = ", ".join(f"{x:.4g}" for x in first.middle)
             fit = fit_remedy(shot.motion, first.extent)
             fits = f"{fit}, which moves the model to the origin, or " if fit else ""
             yield Finding(
                 ("flows", k),
-                f"{name} acts about a place {_norm(offset) / first.extent:.3g} times the size of the subject "
-                f"away from it. Write {fits}"
-                f"centre: [{middle}] under {name}.",
+                f"{name} acts about a place {sizes:.3g} times the size of the subject away from it. Write "
+                f"{fits}centre: [{middle}] under {name}.",
             )
-
-
-def _norm(vector: Points) -> float:
-    return float(np.linalg.norm(vector))
+            break
 
 
 def _deforms_nothing(shot: Shot, _: FirstFrame) -> Iterator[Finding]:
@@ -177,8 +174,7 @@ def grows(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     """Check that the surface does not multiply in the course of the shot."""
     if first.exceeds:
         return
-    warning = growth_warning(shot.motion, first.points, first.faces, first.vertices)
-    if warning is not None:
+    if warning := growth_warning(shot.motion, first.points, first.faces, first.vertices):
         yield Finding(_where(warning.growth.place), str(warning))
 
 
@@ -309,7 +305,8 @@ def _camera(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         return  # framing keeps it outside
     if shot.subject and camera.position is None:
         return  # it aims at all of several subjects
-    setting = next(name for name in ("position", "distance", "dolly") if _is_set(camera, name))
+    names = ("position", "distance", "dolly")
+    setting = next(name for name in names if getattr(camera, name) not in (None, 1.0))
     aspect = shot.picture.qualities["draft"].aspect
     for number in sampled_frames(shot):
         view = camera.at(shot.motion.clock.time(number))
@@ -323,10 +320,6 @@ def _camera(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
                 f"outside, or leave {setting} out.",
             )
             return
-
-
-def _is_set(camera: Any, name: str) -> bool:
-    return getattr(camera, name) not in (None, 1.0)
 
 
 def _size(shot: Shot, first: FirstFrame) -> Iterator[Finding]:

@@ -55,10 +55,6 @@ class TextMapping:
         self.text, self.node = text, node
         self.names: list[Any] = [scalar(key) for key, _ in node.value]
 
-    def index(self, name: Any) -> int:
-        """Return the position of a name, which is there."""
-        return self.names.index(name)
-
     def key_span(self, index: int) -> tuple[int, int]:
         """Return start and end of an entry's name."""
         key = self.node.value[index][0]
@@ -92,30 +88,26 @@ class TextMapping:
         start, end = self.key_span(index)[0], self._end(index)
         if "#" in self.text[start:end] and "\n" in self.text[start:end]:
             return None
-        if self.node.flow_style:
-            return self._without_in_brackets(index, start, end)
-        return self._without_lines(index, start, end)
+        without = self._without_in_brackets if self.node.flow_style else self._without_lines
+        return without(index, start, end)
 
     def _without_in_brackets(self, index: int, start: int, end: int) -> str:
         comma = re.compile(r"\s*,[ \t]*").match(self.text, end)
         if comma is not None and index + 1 < len(self.names):
             return replaced(self.text, start, comma.end(), "")
         if index and not re.search(r"[\n#]", self.text[self._end(index - 1) : start]):
-            start = self._end(index - 1)
-            return replaced(self.text, start, end, "")
+            return replaced(self.text, self._end(index - 1), end, "")
         return replaced(self.text, start, comma.end() if comma else end, "")
 
     def _without_lines(self, index: int, start: int, end: int) -> str | None:
         """Return the text without the lines of an entry; a comment behind it stays, on a line of its own."""
         if len(self.names) == 1:
             return None
-        line = self._line_end(end)
+        line, head = self._line_end(end), self.text.rfind("\n", 0, start) + 1
         comment = self.text[end:line].strip()
-        head = self.text.rfind("\n", 0, start) + 1
         if self.text[head:start].strip():  # the dash of a list stands before the first name
             following = self.key_span(index + 1)[0]
-            between = self.text[end:following]
-            return None if "#" in between else replaced(self.text, start, following, "")
+            return None if "#" in self.text[end:following] else replaced(self.text, start, following, "")
         if comment:
             return replaced(self.text, start, line, comment)
         return replaced(self.text, head, min(line + 1, len(self.text)), "")
@@ -191,22 +183,19 @@ def _edited_data(source: YamlSource, edit: ValueEdit) -> Any:
             holder = holder[step]
         except (KeyError, IndexError, TypeError):
             raise _missing(source, edit.where, depth) from None
-    fits = isinstance(holder, dict) or (isinstance(holder, list) and isinstance(last, int))
-    in_list = isinstance(holder, list) and isinstance(last, int) and 0 <= last < len(holder)
-    if not fits or (isinstance(holder, list) and not (in_list and edit.kind == "set")):
+    is_item = isinstance(holder, list) and isinstance(last, int) and 0 <= last < len(holder)
+    if not (isinstance(holder, dict) or (is_item and edit.kind == "set")):
         raise _missing(source, edit.where, len(steps))
     if edit.kind == "set":
         holder[last] = copy.deepcopy(edit.value)
-    elif last not in holder:
+        return data
+    if last not in holder:
         raise _missing(source, edit.where, len(steps))
-    else:
-        value = holder.pop(last)
-        if edit.kind == "rename":
-            if edit.value in holder:
-                raise _refused(
-                    source, edit.where, f"cannot be renamed to {edit.value}, which is there already"
-                )
-            holder[edit.value] = value
+    value = holder.pop(last)
+    if edit.kind == "rename":
+        if edit.value in holder:
+            raise _refused(source, edit.where, f"cannot be renamed to {edit.value}, which is there already")
+        holder[edit.value] = value
     return data
 
 
@@ -230,7 +219,7 @@ class _Editor:
         parent = nodes[-2]
         assert isinstance(parent, MappingNode), "the data has a mapping here"
         mapping = TextMapping(self.text, parent)
-        index = mapping.index(edit.where[-1])
+        index = mapping.names.index(edit.where[-1])
         if edit.kind == "remove":
             return self._removed(mapping, index, edit.where)
         return self._renamed(mapping, index, edit)
@@ -268,9 +257,8 @@ class _Editor:
             return self.text
         start, end = self._span(nodes[-2], node)
         former = self.text[start:end]
-        if isinstance(node, MappingNode | SequenceNode) and not node.flow_style:
-            raise _refused(self.source, where, "is written over several lines")
-        if "\n" in former and ("#" in former or former[:1] in "|>"):
+        is_block = isinstance(node, MappingNode | SequenceNode) and not node.flow_style
+        if is_block or ("\n" in former and ("#" in former or former[:1] in "|>")):
             raise _refused(self.source, where, "is written over several lines")
         words = flow_style(value, former[:1])
         return replaced(self.text, start, end, f" {words}" if start == end else words)
@@ -279,15 +267,12 @@ class _Editor:
         """Return the text with the entries of one mapping made those of another, one by one."""
         there = [scalar(key) for key, _ in node.value]
         for name, item in value.items():
-            if name not in there or self._data((*where, name)) != item:
+            if name not in there or self.source.get(*where, name) != item:
                 self.text = self._set((*where, name), item)
         for name in there:
             if name not in value:
                 self.text = self.apply(ValueEdit("remove", (*where, name)))
         return self.text
-
-    def _data(self, where: Where) -> Any:
-        return self.source.get(*where)
 
     def _inserted(self, where: Where, words: str) -> str:
         """Return the text with a new entry in a mapping that is there, or in an empty value."""
@@ -297,7 +282,7 @@ class _Editor:
         if isinstance(node, MappingNode) and (node.value or node.flow_style):
             mapping = TextMapping(self.text, node)
             return mapping.with_entry(self._position(where, mapping.names, name), entry)
-        if self._is_empty(node):
+        if isinstance(node, ScalarNode) and scalar(node) is None:
             start, end = self._span(nodes[-2], node)
             return replaced(self.text, start, end, f" {{{entry}}}" if start == end else f"{{{entry}}}")
         raise _refused(self.source, where[:-1], "is not a mapping")
@@ -309,18 +294,15 @@ class _Editor:
         end = next(entry_end(self.text, key, value) for key, value in parent.value if value is node)
         return end, end
 
-    def _is_empty(self, node: Node) -> bool:
-        return isinstance(node, ScalarNode) and scalar(node) is None
-
     def _position(self, where: Where, names: list[Any], name: Any) -> int:
         """Return where a name goes among others: last, and in order among the times of keys."""
         if where[-2:-1] != ("keys",):
             return len(names)
-        time = self.time_of(name)
-        times = [self.time_of(other) for other in names]
-        if time is None or any(other is None for other in times):
+        time, *times = (self.time_of(each) for each in (name, *names))
+        known = [other for other in times if other is not None]
+        if time is None or len(known) < len(times):
             return len(names)
-        return sum(1 for other in times if other is not None and other < time + math.ulp(time))
+        return sum(other < time + math.ulp(time) for other in known)
 
     def _nodes(self, where: Where) -> list[Node]:
         """Return the nodes along a path from the top, as far as they are there."""
@@ -328,8 +310,7 @@ class _Editor:
         assert root is not None, "a file that was read is not empty"
         nodes, node = [root], root
         for step in where:
-            inner = self._step(node, step)
-            if inner is None:
+            if (inner := self._step(node, step)) is None:
                 break
             node = inner
             nodes.append(node)
@@ -340,10 +321,8 @@ class _Editor:
     def _step(self, node: Node, step: Any) -> Node | None:
         if isinstance(node, MappingNode):
             return next((value for key, value in node.value if scalar(key) == step), None)
-        if isinstance(node, SequenceNode) and isinstance(step, int) and 0 <= step < len(node.value):
-            inner: Node = node.value[step]
-            return inner
-        return None
+        is_item = isinstance(node, SequenceNode) and isinstance(step, int) and 0 <= step < len(node.value)
+        return node.value[step] if is_item else None
 
 
 def _shared(root: Node, wanted: Node) -> bool:
