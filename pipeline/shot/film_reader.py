@@ -51,35 +51,30 @@ def _read(source: YamlSource, settings: tuple[str, ...]) -> Film:
             entries.append(_card(entry))
             continue
         entries.append(None)
-        name, where = _shot_name(entry, ("shots", index))
+        where: Where = ("shots", index)
+        name = entry
+        if isinstance(entry, dict):
+            name, where = entry.get("shot"), (*where, "shot")
         if not isinstance(name, str):
             continue
         try:
             shot = _shot(path.parent, name, source.place(where), settings)
-        except ShotError as error:
-            failed.append(_at_the_edit(error, own, source))
-            continue
-        except MissingInputError as error:
-            failed.append(error)
+        except (ShotError, MissingInputError) as error:
+            failed.append(_at_the_edit(error, own, source) if isinstance(error, ShotError) else error)
             continue
         placed.append((where, shot))
         if rate is None and follows_shots:
             rate = shot.rate
         if rate and shot.rate != rate:
-            problems.append(
-                (
-                    where,
-                    f"{name} plays at {shot.rate} frames per second and the film at {rate}; "
-                    "all shots of a film share its rate. Change one of them.",
-                )
-            )
+            fact = f"{name} plays at {shot.rate} frames per second and the film at {rate}"
+            problems.append((where, f"{fact}; all shots of a film share its rate. Change one of them."))
         try:
             entries[-1] = _clip(shot, entry)
         except UsageError as error:
             problems.append((("shots", index, "frames"), str(error)))
     if entries and all(isinstance(entry, Card) for entry in entries):
         problems.append((("shots",), "shots has cards only; a film shows at least one shot. Add one."))
-    problems += [*_mixed_projections(placed), *_mixed_shapes(placed)]
+    problems += _mixed_pictures(placed)
     title = Card(str(source.get("title") or ""), seconds=_title_seconds(source.get("title_seconds")))
     if rate:
         dissolves = list(_dissolves(entries, title.length(rate) if title.title else 0, rate))
@@ -127,11 +122,6 @@ def _shot(folder: Path, name: str, place: str, settings: tuple[str, ...]) -> Sho
     if bare in known:
         hint = f"Write {bare}, its name without folder and suffix."
     raise MissingInputError(f"{place}: there is no shot {shown(file)}. {hint}")
-
-
-def _shot_name(entry: Any, where: Where) -> tuple[Any, Where]:
-    """Return the shot that an entry of an edit names, and the place of the name."""
-    return (entry.get("shot"), (*where, "shot")) if isinstance(entry, dict) else (entry, where)
 
 
 def _clip(shot: Shot, entry: Any) -> Clip:
@@ -205,27 +195,19 @@ def _dissolves(
             )
 
 
-def _mixed_projections(placed: Sequence[tuple[Where, Shot]]) -> Iterator[Problem]:
-    """Check that the shots of a film, each with its place, have the projection of the first."""
-    for where, shot in placed[1:]:
-        first, projection = placed[0][1], shot.picture.camera.projection
-        if projection != first.picture.camera.projection:
-            yield (
-                where,
-                f"{shot.name} has projection {_words(projection)}, and {first.name} "
-                f"{_words(first.picture.camera.projection)}; all shots of a film share one. Change one of "
-                "them, or make a film of each.",
-            )
-
-
-def _mixed_shapes(placed: Sequence[tuple[Where, Shot]]) -> Iterator[Problem]:
-    """Check that the shots of a film, each with its place, have pictures of the size of the first."""
+def _mixed_pictures(placed: Sequence[tuple[Where, Shot]]) -> Iterator[Problem]:
+    """Check that the shots of a film, each with its place, have projection and size of the first."""
     for where, shot in placed[1:]:
         first = placed[0][1]
-        if shot.picture.camera.projection != first.picture.camera.projection:
-            continue
+        common, projection = (each.picture.camera.projection for each in (first, shot))
         one, size = (list(each.picture.qualities["final"].rendered_size) for each in (first, shot))
-        if size != one:
+        if projection != common:
+            yield (
+                where,
+                f"{shot.name} has projection {_words(projection)}, and {first.name} {_words(common)}; all "
+                "shots of a film share one. Change one of them, or make a film of each.",
+            )
+        elif size != one:
             yield (
                 where,
                 f"{shot.name} has pictures of {size} pixels in final, and {first.name} of {one}; all shots "
@@ -243,14 +225,10 @@ def _missing_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:
     name = source.get("sound", "file")
     if isinstance(name, str) and not is_there(folder / name):
         known = sorted(file.name for file in folder.glob("*") if file.suffix.lower() in SUFFIXES)
-        text = (
-            f"there is no sound {shown(folder / name)}; it is looked for beside the edit. "
-            f"{suggestion(name, known)}"
-            if known
-            else f"there is no sound {shown(folder / name)}, and no other beside the edit. "
-            "Put it there, or remove sound."
-        )
-        yield ("sound", "file"), text
+        remedy = "and no other beside the edit. Put it there, or remove sound."
+        if known:
+            remedy = f"which is looked for beside the edit. {suggestion(name, known)}"
+        yield ("sound", "file"), f"there is no sound {shown(folder / name)}, {remedy}"
 
 
 def _unreadable_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any, TypeGuard
+from typing import Any
 
 from pipeline.errors import shortened
 from pipeline.flow.keyframes import BEZIER
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
-from pipeline.shot.documents.field_types import is_number
+from pipeline.shot.documents.field_types import is_number, is_triple
 from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.motion import Clock
 from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted
@@ -127,7 +127,7 @@ def check_directions(source: YamlSource) -> Iterator[Problem]:
     for where, mapping in source.mappings():
         for name in ("axis", "direction", "normal"):
             value = mapping.get(name)
-            if _is_triple(value) and math.hypot(*value) < 1e-12:
+            if is_triple(value) and math.hypot(*value) < 1e-12:
                 yield (*where, name), f"{name} {value} has no direction. Write x, y, z or a vector."
         flow = where[-1] if where else None
         if flow in AXIAL:
@@ -141,13 +141,9 @@ def check_directions(source: YamlSource) -> Iterator[Problem]:
 
 
 def _vector(value: Any) -> tuple[float, ...] | None:
-    if _is_triple(value):
+    if is_triple(value):
         return tuple(value)
     return AXES.get(value) if isinstance(value, str) else None
-
-
-def _is_triple(value: Any) -> TypeGuard[list[float]]:
-    return isinstance(value, list) and len(value) == 3 and all(is_number(x) for x in value)
 
 
 def _are_parallel(a: tuple[float, ...], b: tuple[float, ...]) -> bool:

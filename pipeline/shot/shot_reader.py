@@ -151,24 +151,21 @@ def _checked(checks: Checks, clock: Clock | None) -> list[Problem]:
 
 def _with_subjects(shot: Shot, document: ShotDocument, clock: Clock, folder: Path) -> Shot:
     """Return the shot with the shots of its subjects. The first one's look decides the stage's colour."""
+    shared = [f"flows.{index}" for index in range(len(document.flows))]
     subjects = tuple(
         replace(
             shot,
             subject=name,
-            motion=replace(_motion(document, entry, clock, folder), flow_places=_flow_places(document, name)),
+            motion=replace(
+                _motion(document, entry, clock, folder),
+                flow_places=(*shared, *(f"subjects.{name}.flows.{i}" for i in range(len(entry.flows)))),
+            ),
             picture=_picture(document, clock, entry),
         )
         for name, entry in (document.subjects or {}).items()
     )
     first = subjects[0].picture
     return replace(shot, picture=replace(shot.picture, look=first.look, stage=first.stage), subjects=subjects)
-
-
-def _flow_places(document: ShotDocument, name: str) -> tuple[str, ...]:
-    """Return the places of the flows of one of several subjects: those of the shot, then its own."""
-    own = (document.subjects or {})[name].flows
-    shared = [f"flows.{index}" for index in range(len(document.flows))]
-    return (*shared, *(f"subjects.{name}.flows.{index}" for index in range(len(own))))
 
 
 def _require_room(shot: Shot, source: YamlSource) -> None:
@@ -316,7 +313,10 @@ def _picture(document: ShotDocument, clock: Clock, entry: SubjectEntry | None = 
         tessellate=smooth.tessellate or (PIECES if is_net else 1),
         dicing=smooth.dicing,
         hide_facets=is_plain and look.is_lit,
-        qualities={name: getattr(document.quality, name).build(quality) for name, quality in sizes.items()},
+        qualities={
+            name: replace(quality, **getattr(document.quality, name).settings())
+            for name, quality in sizes.items()
+        },
         shutter=document.shutter.build(clock) if document.shutter else Shutter(),
         aovs=AovSelection.of(document.aovs),
         layers=document.layers,

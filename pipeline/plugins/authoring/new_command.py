@@ -17,7 +17,7 @@ import typer
 from pipeline.cli.options import Common
 from pipeline.cli.output import print_result, print_warning
 from pipeline.errors import FlowsculptError, UsageError, suggestion
-from pipeline.plugins.authoring.schema_command import SCHEMAS, names_with_defaults, write_schemas
+from pipeline.plugins.authoring.schema_command import SCHEMAS, names_with_defaults, write_schemas, write_text
 from pipeline.plugins.authoring.shot_templates import (
     FIRST_SHOT,
     FLOW_FILES,
@@ -120,7 +120,7 @@ def new(
             for file, write in shot.beside.items():
                 with atomic_write(file) as draft:
                     write(draft)
-            _write_text(path, _SHOT_SCHEMA + shot.text)
+            write_text(path, _SHOT_SCHEMA + shot.text)
     for remark in shot.remarks:
         print_warning(remark)
     written = ", ".join(map(str, files))
@@ -203,15 +203,18 @@ def _begin_show(common: Common, folder: Path, source: str) -> None:
     """Write the files of a show that are not there yet, and report them and those that stay."""
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is a file; name the folder of the show, or a new one")
-    shots = _shots_in(folder / SHOTS)
+    paths = [
+        path for path in sorted((folder / SHOTS).glob("*.yaml")) if path.name not in (FILM.name, DEFAULTS)
+    ]
+    shots = [path.stem for path in paths if not is_edit(path)]
     files: dict[Path, Callable[[Path], Any]] = {}
     for name, text in show_files(folder.absolute().name, shots or [FIRST_SHOT]).items():
-        files[folder / name] = partial(_write_text, text=text)
+        files[folder / name] = partial(write_text, text=text)
     if not shots:
         if source not in DOCUMENTS:
             raise UsageError(f"there is not a flow {source!r} to begin from. {suggestion(source, presets())}")
         shot = without_shared(shot_of_flow(source, FIRST_SHOT), SHARED)
-        files[folder / SHOTS / f"{FIRST_SHOT}.yaml"] = partial(_write_text, text=_SHOT_SCHEMA + shot)
+        files[folder / SHOTS / f"{FIRST_SHOT}.yaml"] = partial(write_text, text=_SHOT_SCHEMA + shot)
         if source in FLOW_FILES:
             ending, write = FLOW_FILES[source]
             files[folder / SHOTS / f"{FIRST_SHOT}{ending}"] = write
@@ -229,22 +232,8 @@ def _begin_show(common: Common, folder: Path, source: str) -> None:
         "written": [str(path) for path in written],
         "kept": [str(p) for p in kept],
     }
-    print_result(_show_words(common, folder, written, kept, (shots or [FIRST_SHOT])[0]), facts, common.json)
-
-
-def _show_words(common: Common, folder: Path, written: list[Path], kept: list[Path], shot: str) -> str:
     lines = [f"{path}: {common.done('written')}" for path in written]
     lines += [f"{path}: kept as it is" for path in kept]
     enter = "" if folder.resolve() == Path.cwd() else f"cd {shlex.quote(str(folder))}; "
-    return "\n".join([*lines, f"Go on: {enter}flowsculpt preview {shot}; flowsculpt film"])
-
-
-def _write_text(path: Path, text: str) -> None:
-    with atomic_write(path) as draft:
-        draft.write_text(text, encoding="utf-8")
-
-
-def _shots_in(folder: Path) -> list[str]:
-    """Return the names of the shots in a folder."""
-    files = [path for path in sorted(folder.glob("*.yaml")) if path.name not in (FILM.name, DEFAULTS)]
-    return [path.stem for path in files if not is_edit(path)]
+    lines.append(f"Go on: {enter}flowsculpt preview {(shots or [FIRST_SHOT])[0]}; flowsculpt film")
+    print_result("\n".join(lines), facts, common.json)

@@ -37,13 +37,13 @@ KINDS = ("shot", "film", "defaults")
 """Kinds of files beside shots, which editors check."""
 
 
-def _kinds() -> tuple[str, ...]:
-    return (*KINDS, *plugins().schemas)
+ALL_KINDS = (*KINDS, *plugins().schemas)
+"""Those, and the kinds of files of plug-ins."""
 
 
 def schema(
     common: Common,
-    kind: Annotated[str, typer.Argument(metavar="|".join(_kinds()), help="The kind of file.")] = KINDS[0],
+    kind: Annotated[str, typer.Argument(metavar="|".join(ALL_KINDS), help="The kind of file.")] = KINDS[0],
     output: Annotated[Path | None, output_option("Write it to this file.")] = None,
 ) -> None:
     """Print the JSON Schema by which editors complete and check shot files.
@@ -52,14 +52,13 @@ def schema(
     of files of notes, which the page of `review` downloads. In the schema of shots, names that
     shots/defaults.yaml gives are not required.
     """
-    require_one_of(kind, _kinds(), f"{kind!r} has no schema.")
+    require_one_of(kind, ALL_KINDS, f"{kind!r} has no schema.")
     content = _schema_of(kind, SHOTS)
     if output is None:
         print_result(_as_text(content), content, common.json)
         return
     if not common.dry_run:
-        with atomic_write(output) as draft:
-            draft.write_text(_as_text(content), encoding="utf-8")
+        write_text(output, _as_text(content))
     print_result(f"{output}: {common.done('written')}.", {"path": str(output)}, common.json)
 
 
@@ -69,8 +68,13 @@ def write_schemas(folder: Path) -> None:
     for kind in KINDS:
         file, text = folder / SCHEMAS / f"{kind}.json", _as_text(_schema_of(kind, folder))
         if not file.is_file() or file.read_text(encoding="utf-8") != text:
-            with atomic_write(file) as draft:
-                draft.write_text(text, encoding="utf-8")
+            write_text(file, text)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file of text at once, or leave it as it was."""
+    with atomic_write(path) as draft:
+        draft.write_text(text, encoding="utf-8")
 
 
 def _schema_of(kind: str, folder: Path) -> dict[str, Any]:

@@ -82,6 +82,7 @@ class _Check:
 
 
 def _check_edit(name: str, settings: tuple[str, ...]) -> _Check:
+    """Check an edit and the files of its shots."""
     check = _Check(name)
     try:
         read_film(find_edit(name), settings=settings)

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Union, get_args
+from typing import Annotated, Any, ClassVar, TypeGuard, Union, get_args
 
 from pydantic import (
     AfterValidator,
@@ -207,6 +207,11 @@ def axis(value: str | list[float]) -> Vector:
 def is_number(value: Any) -> bool:
     """Tell whether a value of a file is a number; true and false are none."""
     return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def is_triple(value: Any) -> TypeGuard[list[float]]:
+    """Tell whether a value of a file is a list of three numbers."""
+    return isinstance(value, list) and len(value) == 3 and all(map(is_number, value))
 
 
 def formula_error(column: int, message: str) -> PydanticCustomError:

@@ -23,6 +23,7 @@ from pipeline.shot.documents.field_types import (
     exactly_one,
     is_hex,
     is_number,
+    is_triple,
     linear_of,
     no_bare_colour,
     one_of,
@@ -83,8 +84,7 @@ def check_bsdf(source: YamlSource) -> Iterator[Problem]:
     yield from problems
     if problems:
         return
-    refused = refusal(bsdf_of(bsdf, ParseContext(folder)))
-    if refused is not None:
+    if refused := refusal(bsdf_of(bsdf, ParseContext(folder))):
         path, reason = refused
         yield (*where, *path), f"Mitsuba does not take this material: {reason}. Correct it."
 
@@ -108,11 +108,6 @@ def bsdf_of(bsdf: dict[str, Any], context: ParseContext) -> Bsdf:
 
     text = json.dumps(with_textures(bsdf), sort_keys=True, separators=(",", ":"))
     return Bsdf(text, tuple(files))
-
-
-def is_valid(bsdf: dict[str, Any], folder: Path) -> bool:
-    """Tell whether a material has no problem that shows without Mitsuba."""
-    return next(_plugin(bsdf, (), folder), None) is None
 
 
 def _plugin(
@@ -167,7 +162,7 @@ def _value(value: Any, kind: str, where: Where, folder: Path) -> Iterator[Proble
     if isinstance(value, dict) and kind == "texture":
         yield from _plugin(value, where, folder, "texture", tuple(TEXTURES))
         return
-    is_colour = re.fullmatch(HEX_PATTERN, value) if isinstance(value, str) else _is_triple(value)
+    is_colour = re.fullmatch(HEX_PATTERN, value) if isinstance(value, str) else is_triple(value)
     fits = {
         "number": is_number(value),
         "bool": isinstance(value, bool),
@@ -178,10 +173,6 @@ def _value(value: Any, kind: str, where: Where, folder: Path) -> Iterator[Proble
     }
     if not fits[kind]:
         yield where, f"{where[-1]} must be {_KINDS[kind]}."
-
-
-def _is_triple(value: Any) -> bool:
-    return isinstance(value, list) and len(value) == 3 and all(is_number(part) for part in value)
 
 
 def _file(plugin: dict[str, Any], where: Where, folder: Path) -> Iterator[Problem]:
@@ -274,7 +265,7 @@ class LookDocument(Document):
         if others:
             raise finding(f"look has {others[0]} beside bsdf, which sets it itself. Remove one of them.")
         context = ParseContext.of(info)
-        if is_valid(self.bsdf, context.folder):  # else check_bsdf reports where it stands
+        if not any(_plugin(self.bsdf, (), context.folder)):  # else check_bsdf reports where
             self._bsdf = bsdf_of(self.bsdf, context)
         return self
 

@@ -1,11 +1,10 @@
 """The entries `picture`, `quality`, `overrides` and `view`: shape, cost and colours of pictures."""
 
-import dataclasses
 import hashlib
 import math
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -31,7 +30,7 @@ from pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad
 from pipeline.shot.yaml.yaml_source import in_yaml
 from render.base.input_files import read_input
 from render.post.view import ACES, BUILT_IN, ColourView, view_of
-from render.scene.render_quality import BATCH_SAMPLES, MOST_TEMPORAL_FRAMES, Quality, even, final_size
+from render.scene.render_quality import BATCH_SAMPLES, MOST_TEMPORAL_FRAMES, QUALITIES, even, final_size
 from render.scene.scene_lights import LIGHTS, LightRig
 
 NARROWEST, WIDEST = 0.2, 5.0
@@ -182,12 +181,10 @@ class QualityDocument(Document):
         "noise at which a part of the picture needs no more samples, such as 0.04, or `off`"
     )
 
-    def build(self, quality: Quality) -> Quality:
-        """Return a quality with these settings."""
-        settings = self.model_dump(exclude_none=True)
-        if self.noise_threshold == "off":
-            settings["noise_threshold"] = None
-        return dataclasses.replace(quality, **settings)
+    def settings(self) -> dict[str, Any]:
+        """Return the settings that are written, as `Quality` has them."""
+        written = self.model_dump(exclude_none=True)
+        return {**written, "noise_threshold": None} if self.noise_threshold == "off" else written
 
 
 class QualitiesDocument(Document):
@@ -247,19 +244,13 @@ class OverrideDocument(Document):
 
     def build(self, grouped: Callable[[LightRig], LightRig]) -> FrameOverride:
         """Return the override; `grouped` gives lights the light groups of the shot."""
-        qualities = self.quality.model_dump(exclude_none=True) if self.quality else {}
+        written = {name: getattr(self.quality, name).settings() for name in QUALITIES if self.quality}
         return FrameOverride(
             frames=FrameRange.parse(self.frames),
             look=None if self.look is None else look_of(self.look),
             lights=None if self.lights is None else grouped(built_lights(self.lights)),
-            qualities={name: _settings(settings) for name, settings in qualities.items() if settings},
+            qualities={name: settings for name, settings in written.items() if settings},
         )
-
-
-def _settings(written: dict[str, Any]) -> dict[str, Any]:
-    """Return settings as `Quality` has them."""
-    off = {"noise_threshold": None} if written.get("noise_threshold") == "off" else {}
-    return {**written, **off}
 
 
 class ViewDocument(Document):
@@ -398,10 +389,7 @@ def _expanded(name: str, variables: dict[str, str]) -> str:
 
 
 def _first(folders: Iterable[Path], name: str) -> Path | None:
-    def places() -> Iterator[Path]:
-        yield from (folder / name for folder in folders)
-
     try:
-        return next((place for place in places() if place.is_file()), None)
+        return next((place for folder in folders if (place := folder / name).is_file()), None)
     except (OSError, ValueError):  # a name that no file can have
         return None

@@ -165,7 +165,7 @@ def test_a_camera_inside_the_subject_is_told_with_its_setting(tmp_path: Path) ->
 @given(st.tuples(*[st.floats(-1.2, 1.2)] * 3))
 def test_points_within_a_ball_are_inside(point: tuple[float, float, float]) -> None:
     ball = icosphere(6)
-    first = FirstFrame("ball", (), len(ball.vertices), ball.vertices, ball.faces, 0, None)
+    first = FirstFrame(len(ball.vertices), ball.vertices, ball.faces, 0, None)
     distance = float(np.linalg.norm(point))
     if abs(distance - 0.98) > 0.02:  # the faces lie below the sphere
         assert is_inside(np.array(point), first) == (distance < 0.98)
