@@ -185,9 +185,9 @@ class PlannedWorkflow:
             forced |= {"assemble", "film"}
 
         def make_plan() -> Plan:
-            planner = replace(project.planner(), side_by_side=cores, cores=cores, share=share, whole=True)
+            planner = replace(project.planner(), side_by_side=cores, cores=cores, share=share)
             self._ask(project, planner, sorted(settings.targets))
-            return replace(planner.plan(), force=tuple(sorted(forced_with(forced))))
+            return replace(planner.plan(with_rest=True), force=tuple(sorted(forced_with(forced))))
 
         plan = make_plan()
         for note in plan.notes:

@@ -57,7 +57,7 @@ class PlanEntry:
 
     keys        those of its pictures; None where its cameras are not known
     comparable  what stands for the keys must tell equal pictures of other shot files
-    meshes      mesh frames by number: wanted, present, or idle, where nothing needs them
+    wanted      mesh frames that jobs need and the store lacks
     wholes      places of the requests that show the subject with others, for an entry of one of several
     """
 
@@ -66,7 +66,7 @@ class PlanEntry:
     keys: PictureKeys | None
     store: Store
     comparable: bool
-    meshes: dict[int, str] = field(default_factory=dict)
+    wanted: set[int] = field(default_factory=set)
     wholes: list[int] = field(default_factory=list)
 
     @property
@@ -98,10 +98,6 @@ class PlanEntry:
 
             for part in self.request.shot.parts:
                 require_permission(part.motion.flow)
-
-    def numbers(self, state: str) -> list[int]:
-        """Return the mesh frames in a state."""
-        return sorted(n for n, found in self.meshes.items() if found == state)
 
     def mesh_keys(self, numbers: Sequence[int]) -> tuple[Key, ...]:
         """Return the keys of mesh frames, in order."""
@@ -191,7 +187,7 @@ class PlannedJobs:
     def add_simulations(self, entries: Collection[PlanEntry]) -> None:
         """Add the jobs that simulate meshes; a long beginning that requests share is made once."""
         makers = self._makers["simulate"]
-        wanted = [(entry, entry.numbers("wanted")) for entry in entries]
+        wanted = [(entry, sorted(entry.wanted)) for entry in entries]
         users = Counter(key for chain in {e.mesh_keys(numbers) for e, numbers in wanted} for key in chain)
         for entry, numbers in wanted:
             before: list[int] = []
@@ -204,10 +200,6 @@ class PlannedJobs:
                 else:
                     self.add(entry, "simulate", piece, keys, before, present=False)
                 before = piece[-1:]
-        for entry in entries:
-            for state in ("present", "idle"):
-                if numbers := entry.numbers(state):
-                    self.add(entry, "simulate", numbers, entry.mesh_keys(numbers), (), state == "present")
 
 
 def _pieces(
@@ -263,7 +255,6 @@ class Planner:
     side_by_side  how many jobs of one request work side by side
     cores         how many of all requests do
     share         what each of them has for itself on a farm's nodes; None where they share this machine
-    whole         plan also jobs whose files are there or not needed, which Snakemake may be told to run again
     force         stages that are made again, each with the time (nanoseconds since the epoch) from which on
                   the store's files count
     comparable    requests differ by settings, as the cells of a wedge do, and may have pictures in common
@@ -274,7 +265,6 @@ class Planner:
     cores: int
     notes: Sequence[str] = ()
     share: Share | None = None
-    whole: bool = False
     force: Mapping[str, int] = field(default_factory=dict)
     comparable: bool = False
     _entries: dict[RenderRequest, PlanEntry] = field(default_factory=dict)
@@ -314,15 +304,12 @@ class Planner:
         unfinished = self._absent(entry, "finish", frames)
         read = dict.fromkeys([*unfinished, *_union(names[n].window for n in unfinished)])
         unrendered = self._absent(entry, "render", list(read))
-        if unrendered or self.whole:
+        if unrendered:
             self._surfaces(entry, unrendered)
         self._batches(entry, "render", unrendered)
         self._batches(entry, "finish", unfinished)
         if isinstance(names, PictureKeys):
             names.remember()
-        if self.whole:
-            self._rest(entry, "render", _union(names[n].window for n in frames))
-            self._rest(entry, "finish", frames)
 
     def rendered(self, request: RenderRequest) -> None:
         """Ask for the rendered frames of a request, with all AOVs."""
@@ -356,10 +343,18 @@ class Planner:
         path = edit.path(requests[0].quality_name)
         self._movie("film", entries, range(1, edit.length + 1), key, path)
 
-    def plan(self) -> Plan:
-        """Return what has been collected, with the cores dealt out among the jobs."""
+    def plan(self, with_rest: bool = False) -> Plan:
+        """Return what has been collected, with the cores dealt out among the jobs.
+
+        with_rest  plan also jobs whose files are there, or that nothing needs: Snakemake may be told to run
+                   them again
+        """
         self._planned.add_simulations(self._entries.values())
-        jobs = sorted(self._planned.jobs, key=lambda job: job.stage != "simulate")
+        if with_rest:
+            for entry in list(self._entries.values()):
+                self._add_rest(entry)
+        planned = [job for job in self._planned.jobs if with_rest or not job.present]
+        jobs = sorted(planned, key=lambda job: job.stage != "simulate")
         rendered = {job.requests[0] for job in jobs if job.stage == "render"}
         return Plan(
             requests=tuple(self._entries),
@@ -457,14 +452,8 @@ class Planner:
             rough = self._absent(part, "smooth_normals", shown)
             self._meshes_of(part, sorted({*rough, *needed}) if framed else entry.shown)
             self._batches(part, "smooth_normals", rough)
-            if self.whole:
-                self._rest(
-                    part, "smooth_normals", sorted({request.angles[n].mesh for n in request.requested})
-                )
         frames = sorted(request.angles)
-        if (self.whole or not framed) and self._planned.is_new(
-            entry, "frame_camera", key, framed, len(frames)
-        ):
+        if self._planned.is_new(entry, "frame_camera", key, framed, len(frames)):
             self._planned.add(entry, "frame_camera", frames, [key], entry.shown, framed)
 
     def _meshes(self, entry: PlanEntry, wanted: Sequence[int]) -> None:
@@ -477,11 +466,7 @@ class Planner:
         missing = self._absent(entry, "simulate", wanted)
         if missing:
             entry.require_permission()
-        entry.meshes |= dict.fromkeys(missing, "wanted")
-        if self.whole:
-            absent = set(self._absent(entry, "simulate", entry.shown, fetch=False))
-            states = {n: "idle" if n in absent else "present" for n in entry.shown}
-            entry.meshes = {**states, **entry.meshes}
+        entry.wanted.update(missing)
 
     # Jobs
 
@@ -503,11 +488,29 @@ class Planner:
                 reads = _union(entry.names[n].window for n in batch)
             self._planned.add(entry, stage, batch, [keys[n] for n in batch], reads, present, meshes=meshes)
 
+    def _add_rest(self, entry: PlanEntry) -> None:
+        """Plan the jobs of an entry whose files are there, and those that nothing needs."""
+        request = entry.request
+        goals = {stage for place, stage in self._goals if place == entry.place}
+        if "finish" in goals:
+            self._surfaces(entry, ())
+            self._rest(entry, "render", _union(entry.names[n].window for n in request.requested))
+            self._rest(entry, "finish", request.requested)
+        if goals & {"finish", "smooth_normals"}:
+            shown = sorted({request.angles[n].mesh for n in request.requested})
+            for part in self._parts(entry):
+                self._rest(part, "smooth_normals", shown)
+                self._rest(part, "simulate", [n for n in part.shown if n not in part.wanted])
+
     def _rest(self, entry: PlanEntry, stage: str, numbers: Sequence[int]) -> None:
         """Plan the jobs of files that are there, and of those that nothing needs."""
         absent = set(self._absent(entry, stage, numbers, fetch=False))
         for present in (True, False):
-            self._batches(entry, stage, [n for n in numbers if (n not in absent) == present], present)
+            frames = [n for n in numbers if (n not in absent) == present]
+            if stage != "simulate":
+                self._batches(entry, stage, frames, present)
+            elif frames:
+                self._planned.add(entry, stage, frames, entry.mesh_keys(frames), (), present)
 
     def _movie(
         self, stage: str, entries: Sequence[PlanEntry], frames: Sequence[int], key: Key, path: Path
@@ -516,7 +519,7 @@ class Planner:
         place = path.as_posix()
         self._targets.append(place)
         present = all(entry.keys is not None for entry in entries) and self._has(stage, "movie", key, place)
-        if (self.whole or not present) and self._planned.is_new(entries[0], stage, key, present, 0):
+        if self._planned.is_new(entries[0], stage, key, present, 0):
             places = tuple(entry.place for entry in entries)
             self._planned.add(
                 entries[0], stage, frames, [key], frames, present, output=place, requests=places
