@@ -32,6 +32,7 @@ from benchmarks.raw_files import as_read
 from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import AnyArray
 from pipeline.production.planning.plan import Plan
+from pipeline.production.request.cameras import camera_file
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.render import ShownFrame
 from render.frame.render_frame import render_frame
@@ -62,7 +63,7 @@ def scene_of(root: Path, shot: str, frame: int) -> Scene:
         job = next(job for job in plan.jobs if job.stage == "render")
         context = Context.of(root, plan, job.name)
         request = context.request
-        sample, _, _ = ShownFrame(context, frame, request.framings(context.store) or {}).moments()
+        sample, _, _ = ShownFrame(context, frame, camera_file(request, context.store) or {}).moments()
     picture = request.shot.picture
     lights = picture.lights.turned(request.angles[frame].lights)
     return Scene(sample.subject, picture.look, lights, picture.stage, sample.placement, sample.camera)

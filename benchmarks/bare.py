@@ -87,7 +87,7 @@ def pictures(path: Path, count: int | None) -> Iterator[AnyArray]:
 
     from pipeline.animation import animate
     from pipeline.production.request.framing import frame_all, with_stage_in_view
-    from pipeline.production.request.keys import thresholds_at
+    from pipeline.production.request.manifest import thresholds_at
     from pipeline.production.request.render_request import RenderRequest
     from pipeline.production.request.shading import Shading
     from pipeline.production.request.shot_source import ShotSource

@@ -34,6 +34,7 @@ from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
 from pipeline.production.request.framing import Framing
+from pipeline.production.request.keys import picture_keys
 from pipeline.production.store.event_log import RUNS
 from pipeline.production.store.history import summarise
 from pipeline.production.store.paths import EVENTS, STATE
@@ -160,7 +161,7 @@ def fill(plan: Plan, share: float = 1.0) -> None:
     for request in plan.requests:
         cameras = json.dumps({str(number): to_plain(framing) for number in request.angles})
         store.put("cameras", request.cameras_key, partial(_write, text=cameras))
-        keys = request.picture_keys(store)
+        keys = picture_keys(request, store)
         assert keys is not None
         clips.append(keys)
         held = request.requested[: int(share * len(request.requested))]

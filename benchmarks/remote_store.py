@@ -27,6 +27,7 @@ from benchmarks.orchestration import CORES, command, fill, write_shots
 from benchmarks.report import Row, keep, show
 from pipeline.plugins.remote.remote_files import RemoteFiles
 from pipeline.production.execution.project import Project
+from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.digests import digest_of
 from pipeline.production.store.paths import STATE
@@ -103,7 +104,7 @@ def _spent(*words: str) -> Row:
 def _files(store: Store, requests: Sequence[RenderRequest], part: float) -> Iterator[tuple[str, str]]:
     """Yield kind and key of the files of a part of the frames of requests."""
     for request in requests:
-        keys = request.picture_keys(store)
+        keys = picture_keys(request, store)
         assert keys is not None, "cameras are filled in"
         held = [n for n in request.requested if n <= part * len(request.requested)]
         yield from [("cameras", request.cameras_key)] if held else []

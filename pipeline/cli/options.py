@@ -253,7 +253,7 @@ class PictureOptions:
 
         if self.crop is None or not shots or not is_quality(name):
             return cropped_name(name, self.crop, self.scale)
-        sizes = {request.source.summary.size for shot in shots for request in project.named(shot, name)}
+        sizes = {request.manifest.size for shot in shots for request in project.named(shot, name)}
         if len(sizes) > 1:
             raise UsageError(
                 f"--crop {self.crop}: these have pictures of several sizes. Crop those of one size at a time."

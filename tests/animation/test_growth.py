@@ -14,7 +14,7 @@ from pipeline.animation.flow_cost import forecast_growth, growth_warning
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRange
 from pipeline.plugins.authoring.shot_templates import usual_strength
-from pipeline.production.request.keys import mesh_keys
+from pipeline.production.request.manifest import mesh_keys
 from pipeline.shot import Motion, Shot, read_shot
 from tests.animation.flow_strengths import GROWTHS, RECORD, growth_at, strength_of
 from tests.animation.motions import resampled, same

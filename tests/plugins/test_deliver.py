@@ -13,6 +13,7 @@ from pipeline.errors import FrameError
 from pipeline.plugins.delivery.deliverables import Delivery, DeliveryOptions
 from pipeline.plugins.delivery.delivery_source import FrameFormat, film_source, shot_source
 from pipeline.production.execution.project import Project
+from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.render_request import RenderRequest
 from render.graphics.typesetting import BurnIn
 from render.movie.codecs import ENCODES
@@ -92,7 +93,7 @@ def test_a_film_is_delivered_with_its_own_sound_and_a_slate_before_it(there):
 
 def test_frames_that_failed_are_cards_that_say_why(there):
     project, request = taken(there)
-    keys = request.picture_keys(project.store)
+    keys = picture_keys(request, project.store)
     whole = shot_source(request, project.store, {})
     project.store.discard("frame", keys[3].frame)
     source = shot_source(request, project.store, {(NAME, 3): "frame 3: the surface is torn"})
@@ -110,7 +111,7 @@ def test_frames_that_failed_are_cards_that_say_why(there):
 
 def test_a_frame_that_cannot_be_read_is_told_and_forgotten_and_nothing_delivered(there):
     project, request = taken(there)
-    key = request.picture_keys(project.store)[3].frame
+    key = picture_keys(request, project.store)[3].frame
     project.store.discard("frame", key)
     project.store.put("frame", key, lambda path: path.write_bytes(b"cut short"))
     source = shot_source(request, project.store, {})
@@ -128,7 +129,7 @@ def test_the_coverage_of_the_subject_is_the_alpha(there):
     assert frame.shape == (54, 96, 4)
     assert frame[27, 48, 3] == 65535 and frame[1, 1, 3] == 0
     for number in request.requested:
-        project.store.discard("raw", request.picture_keys(project.store)[number].raw)
+        project.store.discard("raw", picture_keys(request, project.store)[number].raw)
     assert not shot_source(request, project.store, {}).has_coverage
 
 

@@ -17,7 +17,7 @@ from pipeline.plugins.preview.shot_editor import ShotEditor
 from pipeline.plugins.preview.sketch import MOST_BALLS, QUICK_VERTICES, shape_of
 from pipeline.plugins.preview.text_edits import ValueEdit
 from pipeline.plugins.preview.trial_pictures import TrialPictures
-from pipeline.production.request.shot_source import ShotSummary
+from pipeline.production.request.manifest import ShotManifest
 from render.scene.materials import LOOKS
 from tests.plugins.live_follower import Follower
 
@@ -162,7 +162,7 @@ def test_a_drag_waits_for_subjects_that_are_not_simulated_yet(
 def test_a_drag_plans_no_frames(pictures: TrialPictures, monkeypatch: pytest.MonkeyPatch) -> None:
     """Keys of all frames take longer, the longer a shot is."""
     dragged(pictures, ELEVATION)  # what is shown is planned
-    monkeypatch.setattr(ShotSummary, "of", lambda shot: pytest.fail("planned"))
+    monkeypatch.setattr(ShotManifest, "of", lambda shot: pytest.fail("planned"))
     dragged(pictures, setting(30, "camera", "elevation"), setting(6, "flows", 0, "vortex", "strength"))
     dragged(pictures, setting([0.6, 2, 0.6], "subjects", "block", "size"), setting("glaze", "look"))
 

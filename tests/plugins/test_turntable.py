@@ -24,7 +24,7 @@ from pipeline.plugins.turntable.turntable_movie import (
 )
 from pipeline.production.execution.project import Project
 from pipeline.production.request.framing import Framing, frame_all, rotate_y, with_stage_in_view
-from pipeline.production.request.keys import raw_key
+from pipeline.production.request.keys import picture_keys, raw_key
 from pipeline.production.request.render_request import (
     TURNS,
     RenderRequest,
@@ -163,7 +163,7 @@ def test_looks_share_what_they_have_in_common_and_have_a_movie_side_by_side(
 def test_a_damaged_picture_makes_no_sheet_and_is_told(desk: Desk, turned_in_two_looks: Path) -> None:
     turning = desk.turning(turn="lights", looks=("clay", "glaze"))
     request = turning.requests[0]
-    keys = request.picture_keys(turning.project.store)
+    keys = picture_keys(request, turning.project.store)
     assert keys is not None
     path = turning.project.store.path("frame", keys[6].frame)
     whole = path.read_bytes()

@@ -22,6 +22,7 @@ import numpy as np
 from pipeline.plugins.turntable.turntable_movie import TurntableRequest, TurntableSheets
 from pipeline.production.execution.project import Project
 from pipeline.production.measures import measures_of
+from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.stages import DELIVER, MEASURE, STAGES, STILLS, TURNTABLE_SHEET, PipelineStage
 from pipeline.production.store import readers
@@ -75,7 +76,7 @@ def results(root: Path) -> dict[str, Arrays]:
     done(root, turning.plan())
     (sheet,) = TurntableSheets(turning).draw()
     request, home = project.request(find_shot(NAME), QUALITY), root / "renders"
-    keys, numbers = request.picture_keys(project.store), sorted(request.requested)
+    keys, numbers = picture_keys(request, project.store), sorted(request.requested)
     assert keys is not None
     meshes = {n: readers.mesh_frame(request.mesh_key(n))(root / request.place("mesh", n)) for n in numbers}
     gathered: dict[str, Arrays] = {

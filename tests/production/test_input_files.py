@@ -14,7 +14,6 @@ from pxr import Usd, UsdGeom, UsdUtils
 from pipeline.mesh import box, write_mesh
 from pipeline.mesh.read import mesh_suffixes, model_files, read_surface
 from pipeline.production.execution.project import Project
-from pipeline.production.request.keys import appearance
 from pipeline.shot import Shot
 from render.post.colour import view_exactly
 from tests.opened_files import opened_below
@@ -265,7 +264,7 @@ def _keys(show: Path) -> dict[str, object]:
     request = Project(show, 2, allow_code=True).request(show / "a.yaml", "draft", variant="none")
     return {
         "meshes": request.mesh_key(3),
-        "look": appearance(request, 1),
+        "look": request.appearance(1),
         "movie": request.movie_key(["a frame"]),
     }
 

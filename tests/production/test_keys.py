@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.flow import Flow
-from pipeline.production.request.keys import mesh_keys
+from pipeline.production.request.manifest import mesh_keys
 from pipeline.production.store.store import key_of
 from pipeline.shot import read_shot
 

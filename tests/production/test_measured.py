@@ -64,8 +64,8 @@ def test_a_turntable_shows_the_speed_of_the_flow_at_its_frame() -> None:
     turntable = Turntable(at=3, frames=4)
     assert changed("strain", turntable) == [False] * 8
     assert changed("speed", turntable) == [True] * 8
-    assert take_of(BALL + SPINNING + "look: speed\n", turntable).summary.follows_flow(2)
-    assert not take_of(BALL + SPINNING + "look: strain\n", turntable).summary.follows_flow(2)
+    assert take_of(BALL + SPINNING + "look: speed\n", turntable).follows_flow(2)
+    assert not take_of(BALL + SPINNING + "look: strain\n", turntable).follows_flow(2)
 
 
 def test_previews_show_what_is_measured() -> None:

@@ -14,13 +14,12 @@ import pytest
 
 from pipeline.production.execution.project import Project
 from pipeline.production.request import shot_source
+from pipeline.production.request.manifest import ShotManifest, input_digests
 from pipeline.production.request.render_request import RenderRequest, Turntable
 from pipeline.production.request.shot_source import (
     NO_CACHE,
     PlanningCache,
     ShotSource,
-    ShotSummary,
-    input_digests,
 )
 from render.base import user_cache
 from render.base.input_files import digest_of_file
@@ -69,11 +68,11 @@ def take_of(shot: Path, quality: str = "draft") -> RenderRequest:
 
 def keys_of(request: RenderRequest) -> list[object]:
     frames = range(1, 6)
-    told = [(request.mesh_key(n), request.normals_key(n), request.summary.follows_flow(n)) for n in frames]
+    told = [(request.mesh_key(n), request.normals_key(n), request.follows_flow(n)) for n in frames]
     return [
         told,
         request.cameras_key,
-        request.summary.reach,
+        request.reach,
         request.movie_key([]),
         request.still_key("png", "0"),
     ]
@@ -95,7 +94,9 @@ def test_what_is_remembered_is_what_reading_the_shot_finds(
     first = [keys_of(take_of(shot, quality)), keys_of(replace(take_of(shot, quality), turntable=turn))]
     read = [forgetful(take_of(shot, quality)), replace(forgetful(take_of(shot, quality)), turntable=turn)]
     assert [keys_of(request) for request in read] == first
-    assert [request.quality for request in read] == [request.quality_of_shot for request in read]
+    assert [request.quality for request in read] == [
+        request.shot.picture.qualities[quality] for request in read
+    ]
     monkeypatch.setattr("pipeline.shot.shot_reader.read_shot", never)
     again = [take_of(shot, quality), replace(take_of(shot, quality), turntable=turn)]
     assert [keys_of(request) for request in again] == first
@@ -114,7 +115,7 @@ def test_an_edit_of_the_shot_or_of_a_file_that_it_reads_is_seen(shot: Path) -> N
 
 
 def test_a_file_that_comes_to_lie_beside_those_that_were_read_has_the_shot_read_again(shot: Path) -> None:
-    summary = from_plain(ShotSummary, to_plain(take_of(shot).source.summary))
+    summary = from_plain(ShotManifest, to_plain(take_of(shot).source.manifest))
     assert summary.is_current
     (shot.parent / "wedge2.obj").write_text(WEDGE)
     assert not summary.is_current
@@ -253,4 +254,4 @@ def test_work_that_was_planned_for_another_file_is_told_as_before(shot: Path) ->
     assert late.inputs == input_digests([(shot.parent / "wedge.obj", planned.source.inputs[0][1])])
     assert late.inputs[0][1] != digest_of_file(shot.parent / "wedge.obj")
     with pytest.raises(Exception, match="changed since the work was planned"):
-        assert late.summary
+        assert late.manifest

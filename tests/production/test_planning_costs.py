@@ -100,7 +100,7 @@ def test_status_of_a_shot_of_which_nothing_was_made_finds_no_keys(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (name,) = write_shots(1, FRAMES)
-    monkeypatch.setattr("pipeline.production.request.keys.mesh_keys", lambda motion: pytest.fail())
+    monkeypatch.setattr("pipeline.production.request.manifest.mesh_keys", lambda motion: pytest.fail())
     project = Project(tmp_path, CORES)
     requests = project.at_qualities(Path(f"shots/{name}.yaml"))
     (row,) = states(requests, project.store, History.of(tmp_path), project.as_finished)

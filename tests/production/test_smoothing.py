@@ -86,7 +86,7 @@ def test_dicing_changes_the_picture_and_neither_mesh_nor_normals_nor_cameras() -
     framings = {n: Framing(Camera((0, 1, 6), (0, 1, 0)), StagePlacement()) for n in plain.angles}
     other = take_of(TINY + "smooth: {dicing: 3px}\n")
     assert len({raw_key(request, 1, framings) for request in (plain, diced, other)}) == 3
-    assert diced.summary.needs_mesh(1) and not plain.summary.needs_mesh(1)
+    assert diced.needs_mesh(1) and not plain.needs_mesh(1)
 
 
 def _edges_in_pixels(vertices, faces, camera: Camera, quality: Quality):

@@ -8,6 +8,7 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.production.execution.project import Project
+from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.shot import Shot, read_shot
 from tests.conftest import QUALITY, ProjectFolder
@@ -85,7 +86,7 @@ def keys_of(finished: ProjectFolder, override: str = "") -> tuple[dict, dict, Re
     finished.shot.write_text(before + (f"overrides: [{{{override}}}]\n" if override else ""))
     project = Project(finished.path, cores=1)
     request = project.request(finished.shot, QUALITY)
-    keys = request.picture_keys(project.store)
+    keys = picture_keys(request, project.store)
     finished.shot.write_text(before)
     assert keys is not None, "a finished shot has cameras"
     return {n: keys[n].raw for n in keys}, {n: keys[n].frame for n in keys}, request
@@ -104,14 +105,14 @@ def test_frames_of_two_looks_are_not_averaged(finished: ProjectFolder) -> None:
     setting = "quality: {draft: {temporal_denoise: 2}}\n"
     finished.shot.write_text(finished.shot.read_text().replace("quality:", "intent:") + setting)
     _, _, request = keys_of(finished, "frames: 3-4, look: glaze")
-    assert [request.summary.window(n, lambda number: 1 <= number <= 6) for n in (1, 2, 3, 5)] == [
+    assert [request.window(n, lambda number: 1 <= number <= 6) for n in (1, 2, 3, 5)] == [
         (1, 2),
         (1, 2),
         (3, 4),
         (5, 6),
     ]
     _, _, plain = keys_of(finished, "frames: 3-4, quality: {draft: {depth: 3}}")
-    assert plain.summary.window(3, lambda number: 1 <= number <= 6) == (1, 2, 3, 4, 5)
+    assert plain.window(3, lambda number: 1 <= number <= 6) == (1, 2, 3, 4, 5)
 
 
 def test_overridden_frames_are_rendered_as_they_say_and_the_others_kept(finished: ProjectFolder) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.plugins.sheets.keyed_curves import curves_of
-from pipeline.production.request.keys import mesh_keys
+from pipeline.production.request.manifest import mesh_keys
 from pipeline.shot import read_shot
 from pipeline.shot.shot import Shot
 from tests.sounds import RATE, sine, times, write_sound

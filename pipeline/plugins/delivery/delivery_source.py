@@ -20,7 +20,7 @@ from pipeline.frames import FrameRange, FrameRate
 from pipeline.plugins.delivery.relit_frames import relit_version
 from pipeline.production.request.audio import AudioClip
 from pipeline.production.request.edit import Edit
-from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.keys import PictureKeys, picture_keys
 from pipeline.production.request.provenance import Provenance, records
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import paths, readers
@@ -63,7 +63,7 @@ class FrameReader:
     ) -> None:
         self.request, self._store = request, store
         self._relit = None if relit is None else relit_version(request, store, relit)
-        self.keys: PictureKeys | None = request.picture_keys(store)
+        self.keys: PictureKeys | None = picture_keys(request, store)
         self.version = f"relit {relit}" if relit else _version(request, store, self.keys)
         history = History.of(store.root).failed(request.folders.name, STAGES, request.quality_name)
         latest = {n: message for (shot, n), message in failures.items() if shot == request.subject}
@@ -203,7 +203,7 @@ def shot_source(
     lost = _lost([(reader, n) for n in numbers])
     finished = [n for n in numbers if reader.is_finished(n)]
     frames = FrameRange.of(numbers)
-    rate = FrameRate.of(request.source.summary.rate)
+    rate = FrameRate.of(request.manifest.rate)
     key = str(reader.keys[numbers[0]].frame)[:10] if reader.keys else ""
     return DeliverySource(
         name=_name(request, request.folders.name, relit, str(frames)),

@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 from pipeline.errors import FrameError, MissingInputError
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.production.picture_sequences import PictureSequence, SequenceQuery, display_of
-from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.cameras import camera_file
+from pipeline.production.request.keys import PictureKeys, picture_keys
 from pipeline.production.request.lookup import movie_bits
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import RELIGHT
@@ -118,14 +119,14 @@ class RelitFrames:
             path,
             RenderedFrame({"beauty": light, "alpha": finished["alpha"]}),
             entries,
-            dict(self.request.summary.precision),
+            dict(self.request.manifest.precision),
             attributes=exr_attributes(self.request, number, self._framings),
-            convention=self.request.summary.layers,
+            convention=self.request.manifest.layers,
         )
 
     def _make_movie(self, passed: Callable[[], None]) -> None:
         request = self.request
-        rate, bits = FrameRate.of(request.source.summary.rate), movie_bits(request.quality_name)
+        rate, bits = FrameRate.of(request.manifest.rate), movie_bits(request.quality_name)
         key = key_of(RELIGHT.recipe, request.movie_key([self.key(n) for n in self.numbers]))
         if not self.store.bring("movie", key):
             frames, encode = prefetch(self._shown(passed)), movie_encode(bits)
@@ -149,11 +150,11 @@ class RelitFrames:
 
     @cached_property
     def _framings(self) -> Mapping[int, Framing]:
-        return self.request.framings(self.store) or {}
+        return camera_file(self.request, self.store) or {}
 
     @cached_property
     def _keys(self) -> PictureKeys | None:
-        return self.request.picture_keys(self.store, rendered=())
+        return picture_keys(self.request, self.store, rendered=())
 
     def _source(self, number: int) -> Key:
         """Return the key of a finished frame."""
@@ -222,7 +223,7 @@ def relit_sequences(query: SequenceQuery) -> Iterator[PictureSequence]:
     """Yield the frames of every relit version. Those whose finished frame was rendered again are stale."""
     root = query.project.root
     for request in query.requests():
-        keys = request.picture_keys(query.project.store, rendered=())
+        keys = picture_keys(request, query.project.store, rendered=())
         for name in relit_names(request, root):
             files, stale = relit_files(request, root, name), {}
             for number, path in files.items():

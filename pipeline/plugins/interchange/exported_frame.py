@@ -16,7 +16,7 @@ from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError
 from pipeline.mesh.halfedge_mesh import IDENTITY
 from pipeline.mesh.normals import ShadedMesh
-from pipeline.production.request.keys import thresholds_at
+from pipeline.production.request.manifest import thresholds_at
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shading import (
     STEP,

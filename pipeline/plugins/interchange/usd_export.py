@@ -38,6 +38,7 @@ from pipeline.plugins.interchange.usd_stage import (
     write_manifest,
     write_root,
 )
+from pipeline.production.request.cameras import camera_file
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import EXPORT
 from pipeline.production.store.store import Key, Store, key_of
@@ -213,7 +214,7 @@ class UsdExport:
 
     def _framings(self) -> Mapping[int, Framing]:
         """Return camera and set of every frame. Raises FrameError where they were not found."""
-        framings = self.request.framings(self.store)
+        framings = camera_file(self.request, self.store)
         if framings is None:
             raise FrameError(
                 f"{self.request.name} has no cameras, which depend on all its frames, so no stage was "

@@ -12,6 +12,7 @@ from pathlib import Path
 from pipeline.errors import FlowsculptError, MachineError
 from pipeline.plugins.maintenance.store_repair import by_digest, last_requests
 from pipeline.plugins.maintenance.verify import inode, shown_files
+from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.store.event_log import RUNS
 from pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS, RENDERS
@@ -74,7 +75,7 @@ def _needs(request: RenderRequest, store: Store) -> Iterator[tuple[str, Key]]:
                 yield "mesh", part.mesh_key(angle.mesh)
                 yield "normals", part.normals_key(angle.mesh)
         yield "cameras", request.cameras_key
-        keys = request.picture_keys(store)
+        keys = picture_keys(request, store)
         if keys is None:
             return
         for number in request.angles:

@@ -21,7 +21,7 @@ from pipeline.production.planning.frame_states import is_begun
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.planner import Planner
 from pipeline.production.request.edit import Edit
-from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.keys import PictureKeys, picture_keys
 from pipeline.production.request.lookup import (
     FILM,
     edit_names,
@@ -197,7 +197,7 @@ class _Repairs:
         if lost := self._claim_of_each(request, "normals", meshes):
             turned = tuple(n for n, angle in request.angles.items() if angle.mesh in lost)
             planner.surfaces(replace(request, requested=turned if request.turntable else lost))
-        keys = request.picture_keys(store)
+        keys = picture_keys(request, store)
         if keys is None:  # its cameras are lost, by which its pictures are known
             places = zip(every, map(Path, request.places("frame", every)), strict=True)
             shown = tuple(n for n, place in places if place in self.left or (store.root / place).exists())
@@ -220,7 +220,7 @@ class _Repairs:
     def add_film(self, film: Film) -> None:
         """Plan what makes a film again; a plan has room for one."""
         edit, requests = film
-        keys = [request.picture_keys(self.planner.store) for request in requests]
+        keys = [picture_keys(request, self.planner.store) for request in requests]
         path = edit.path(requests[0].quality_name)
         if self._film or path not in self.left or None in keys:
             return

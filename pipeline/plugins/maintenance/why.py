@@ -21,6 +21,7 @@ import numpy as np
 from pipeline.errors import FlowsculptError
 from pipeline.frames import FrameRange
 from pipeline.production.planning.frame_states import KnownPictures
+from pipeline.production.request.cameras import camera_file
 from pipeline.production.request.keys import PictureKeys, picture_header, raw_header
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
@@ -243,7 +244,7 @@ class _Frame:
         """Yield that frames around it are not rendered yet, if it is to be averaged with them."""
         keys = self._known.keys
         assert keys is not None, "the caller checks"
-        whole = self.request.summary.window(self.number, self.request.angles.__contains__)
+        whole = self.request.window(self.number, self.request.angles.__contains__)
         if others := FrameRange.of(sorted(set(whole) - set(keys[self.number].window))):
             yield f"it is averaged with frames {others} too once they are rendered"
 
@@ -310,8 +311,8 @@ class _Frame:
         others = [n for n in keys.window if n != self.number]
         if header.get("raw_key", keys.raw) != keys.raw:
             yield "its rendering differs: by the flow or the cameras during its exposure"
-        elif header.get(CONVENTION) != self.request.summary.layers:
-            now, then = self.request.summary.layers or "none", header.get(CONVENTION) or "none"
+        elif header.get(CONVENTION) != self.request.manifest.layers:
+            now, then = self.request.manifest.layers or "none", header.get(CONVENTION) or "none"
             yield f"its layers for compositing differ: {then} before, {now} now"
         elif before != others:
             yield f"it was averaged with frames {before}, and would be with frames {others} now"
@@ -340,7 +341,7 @@ class _Frame:
     def _parts(self, header: Mapping[str, Any]) -> tuple[Difference, ...]:
         """Return the differences between a header and that of now, as far as the shot is framed."""
         now = picture_header(self.request, self.number)
-        framings = self.request.framings(self.store)
+        framings = camera_file(self.request, self.store)
         if framings is not None and self._keys is not None:
             now = raw_header(self.request, self.number, framings[self.number], self._keys[self.number])
         now = json.loads(json.dumps(now))

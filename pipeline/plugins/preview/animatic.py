@@ -24,6 +24,7 @@ from pipeline.errors import FrameError
 from pipeline.plugins.preview.sketch import Sketch, is_closed
 from pipeline.plugins.preview.surface_stream import SurfaceStream
 from pipeline.production.request.audio import samples_of
+from pipeline.production.request.cameras import camera_file
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.framing import (
     AHEAD,
@@ -76,7 +77,7 @@ class Animatic:
         request, stream = self.sketch.request, self.stream
         for played in stream.play(request, self.played_for_still(number)):
             tell("simulating", played)
-        known = request.framings(stream.store)
+        known = camera_file(request, stream.store)
         if known is None:
             framing = framing_of_still(request, stream, number, self.played({number}))
         else:
@@ -110,7 +111,7 @@ class Animatic:
         Cameras that are not known depend on neighbouring frames, and a camera that stands still on all.
         """
         request = self.sketch.request
-        if request.framings(self.stream.store) is not None:
+        if camera_file(request, self.stream.store) is not None:
             return sorted(asked)
         angles = sorted(request.angles)
         return angles[: angles.index(max(asked)) + AHEAD + 1] if request.follow == 1.0 else angles
@@ -123,7 +124,7 @@ class Animatic:
                 tell("simulating", number)
                 yield number
 
-        known = request.framings(stream.store)
+        known = camera_file(request, stream.store)
         framed = (
             framings_while(request, stream, played(), wanted)
             if known is None

@@ -18,6 +18,7 @@ from pipeline.errors import FlowsculptError
 from pipeline.plugins.preview.animatic import SIZES, FramedSurfaces, framings_of, size_for
 from pipeline.plugins.preview.sketch import Sketch, is_closed
 from pipeline.plugins.preview.surface_stream import SurfaceStream
+from pipeline.production.request.cameras import camera_file
 from pipeline.production.request.framing import Framing
 from pipeline.production.request.keys import speed_data
 from pipeline.production.request.render_request import RenderRequest
@@ -223,7 +224,7 @@ class LiveSession:
             self.feed.say(progress.slow or f"Frame {progress.frame}: {progress.share:.0%}, {progress.work} …")
 
         self.stream.callback = within_frame
-        known = request.framings(self.stream.store) or self._framings
+        known = camera_file(request, self.stream.store) or self._framings
         is_simulated = all(self.stream.knows(request, number) for number in numbers)
         self._drawn = {number: drawn for number, drawn in self._drawn.items() if number in request.angles}
         shown = [(drawn.sketch.request, number) for number, drawn in self._drawn.items()]
@@ -237,7 +238,7 @@ class LiveSession:
             self._draw(
                 take_number, FramedSurfaces(sketch, self.stream, {number: framing}), [number], size, check
             )
-        self._framings = request.framings(self.stream.store) or framings_of(request, self.stream, numbers)
+        self._framings = camera_file(request, self.stream.store) or framings_of(request, self.stream, numbers)
         surfaces = FramedSurfaces(sketch, self.stream, self._framings)
         self.feed.say("Framing …")
         focus = numbers[0] if self.focus is None else self.focus

@@ -26,7 +26,8 @@ from pipeline.animation import FrameProgressCallback, MeshFrame, animate_reporti
 from pipeline.arrays import AnyArray
 from pipeline.errors import FrameError
 from pipeline.mesh.normals import MOST_PIECES
-from pipeline.production.request.keys import speed_data, thresholds_at
+from pipeline.production.request.keys import speed_data
+from pipeline.production.request.manifest import thresholds_at
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shading import Shading, speeds
 from pipeline.production.store import readers

@@ -31,7 +31,7 @@ from pipeline.plugins.preview.live_session import Drawn, LiveSession, camera_dat
 from pipeline.plugins.preview.shot_editor import ShotEditor
 from pipeline.plugins.preview.text_edits import ValueEdit
 from pipeline.production.request.framing import AHEAD, Framing, frame_all, with_stage_in_view
-from pipeline.production.request.keys import thresholds_at
+from pipeline.production.request.manifest import thresholds_at
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shading import STEP, Shading
 from pipeline.production.request.shot_source import NO_CACHE

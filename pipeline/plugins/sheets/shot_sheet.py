@@ -12,6 +12,7 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.frames import FrameRange
 from pipeline.production.picture_sequences import shown_picture
+from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import STAGES
 from pipeline.production.store.store import Store
@@ -57,7 +58,7 @@ class ShotSheet:
             for number in numbers
         ]
         sheet, factor = fitted_sheet(request.shot.heading, captions, size, columns)
-        keys = request.picture_keys(self.store)
+        keys = picture_keys(request, self.store)
         pictures = [shown_picture(request, keys, self.store, n, factor, 8, "srgb") for n in numbers]
         header = {"shot": request.name, "frames": str(FrameRange.of(numbers))}
         page = sheet.picture(pictures, request.quality_name)

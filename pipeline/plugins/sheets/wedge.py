@@ -22,6 +22,7 @@ from pipeline.frames import FrameRange
 from pipeline.production.execution.project import Project
 from pipeline.production.picture_sequences import SequenceGrid, SequenceQuery, shown_picture
 from pipeline.production.planning.plan import Plan
+from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import paths
 from pipeline.production.store.store import key_of
@@ -298,7 +299,7 @@ class Wedge:
         columns = self.columns or self.grid.columns or columns_for(len(self.grid), size)
         captions = [cell.caption for cell, _ in self._read]
         sheet, factor = fitted_sheet(first.shot.heading, captions, size, columns, bits)
-        cells = [(request, request.picture_keys(store)) for _, request in self.requests]
+        cells = [(request, picture_keys(request, store)) for _, request in self.requests]
         for number in numbers:
             pictures = [shown_picture(*cell, store, number, factor, bits, display) for cell in cells]
             yield sheet.picture(pictures, f"frame {number} · {self.quality}")

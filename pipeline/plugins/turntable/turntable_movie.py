@@ -24,7 +24,7 @@ from pipeline.mesh.read import format_of, usual_up
 from pipeline.production.execution.project import Project
 from pipeline.production.picture_sequences import shown_picture
 from pipeline.production.planning.plan import Plan
-from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.keys import PictureKeys, picture_keys
 from pipeline.production.request.lookup import cropped_name, find_shot, movie_bits
 from pipeline.production.request.render_request import TURNS, RenderRequest, Turntable
 from pipeline.production.stages import TURNTABLE_SHEET
@@ -114,10 +114,10 @@ class TurntableRequest:
         return format_of(self.subject) is not None
 
     def _take(self, path: Path, of_file: bool, look: str | None) -> RenderRequest:
-        subjects = self.project.request(path, self.quality).source.summary.subjects if look else ()
+        subjects = self.project.request(path, self.quality).manifest.subjects if look else ()
         project = replace(self.project, settings=tuple(self._settings(look, subjects)))
         request = project.request(path, self.quality).of_subject(self.of)
-        known = FrameRange(request.source.summary.frames)
+        known = FrameRange(request.manifest.frames)
         at = known.first if self.at is None else self.at
         if at not in known:
             raise UsageError(f"frame {at} is not in {request.name}, which has frames {known}")
@@ -205,7 +205,7 @@ class TurntableSheets:
 
     @cached_property
     def _keys(self) -> list[PictureKeys | None]:
-        return [request.picture_keys(self._store) for request in self._requests]
+        return [picture_keys(request, self._store) for request in self._requests]
 
     @property
     def _store(self) -> Store:
@@ -269,7 +269,7 @@ class TurntableSheets:
             write_movie(path, prefetch(pages()), first.shot.rate.fps, encode)
 
         cells = [(look, number) for look in looks for number in first.requested]
-        key = self._key("movie", cells, captions, columns, str(first.source.summary.rate))
+        key = self._key("movie", cells, captions, columns, str(first.manifest.rate))
         self._store.put("movie", key, write)
         self._store.link("movie", key, path)
         return path

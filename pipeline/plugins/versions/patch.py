@@ -55,7 +55,7 @@ class Patch(Release):
         facts = (
             ("quality", record.quality, request.quality_name),
             ("size", "{}×{}".format(*record.size), "{}×{}".format(*size)),
-            ("rate", record.rate, request.source.summary.rate),
+            ("rate", record.rate, request.manifest.rate),
             ("frames", str(FrameRange.of(record.frames)), str(FrameRange.of(request.angles))),
             ("variant", record.variant, request.variant),
         )

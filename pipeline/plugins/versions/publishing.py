@@ -35,7 +35,7 @@ from pipeline.production.picture_sequences import (
     display_of,
 )
 from pipeline.production.planning.timings import seconds_of_render, total_seconds
-from pipeline.production.request.keys import FrameKeys, PictureKeys
+from pipeline.production.request.keys import FrameKeys, PictureKeys, picture_keys
 from pipeline.production.request.provenance import (
     FILE,
     VERSION,
@@ -226,7 +226,7 @@ class Release:
     def _rendered(self, numbers: Collection[int]) -> PictureKeys:
         """Return keys of frames. Raises MissingInputError or UsageError if some of these are not current."""
         request, store = self.request, self.store
-        keys = request.picture_keys(store, numbers)
+        keys = picture_keys(request, store, numbers)
         missing: list[int] = []
         stale: list[int] = []
         for number in numbers:

@@ -17,7 +17,7 @@ from pipeline.frames import FrameRange
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import variant_for
-from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.keys import PictureKeys, picture_keys
 from pipeline.production.request.provenance import Provenance, pixels_of, restored
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
@@ -101,7 +101,7 @@ class Reproduction:
         Raises UsageError or MissingInputError where files that the version was made from have changed.
         """
         request = RenderRequest(self._source, self.record.quality, self._variant([]), self.numbers)
-        is_recorded, window = self.record.frames.__contains__, request.summary.window
+        is_recorded, window = self.record.frames.__contains__, request.window
         around = {n for number in self.numbers for n in window(number, is_recorded)}
         return replace(request, requested=tuple(sorted(around)))
 
@@ -127,7 +127,7 @@ class Reproduction:
 
     def comparisons(self) -> list[Comparison]:
         """Compare every frame, and the movie if all frames are made."""
-        keys = self.request.picture_keys(self.store)
+        keys = picture_keys(self.request, self.store)
         found = [self._frame(number, keys) for number in self.numbers]
         return [*found, self._movie()] if self._has_movie else found
 

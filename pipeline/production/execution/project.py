@@ -22,6 +22,7 @@ from pipeline.production.planning.planner import Planner
 from pipeline.production.planning.profile import Profile, variant_for
 from pipeline.production.planning.timings import measured
 from pipeline.production.request.edit import Edit, ResolvedEdit, resolved_edit
+from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.lookup import FILM, find_edit, find_shot, names_edit, require_quality
 from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.request.shot_source import PlanningCache, ShotSource, SourceCache, shot_around
@@ -116,7 +117,7 @@ class Project:
         if frames is None or self.force:
             return
         whole, store = request.whole(), self.store
-        keys = whole.picture_keys(store)
+        keys = picture_keys(whole, store)
         if keys is None:
             return
         rest = set(whole.requested) - set(request.requested)
@@ -204,7 +205,7 @@ class Project:
         if path not in self._edits:
             cache = PlanningCache(self.root)
             self._edits[path] = resolved_edit(
-                path, self.settings, cache, lambda shot, edit: self._of_edit(edit)._source(shot).summary
+                path, self.settings, cache, lambda shot, edit: self._of_edit(edit)._source(shot).manifest
             )
         edit, clips = self._edits[path].edit, self._edits[path].clips
         project = self._of_edit(edit)
@@ -253,7 +254,7 @@ class Project:
         """Return the request of a shot file at one quality, of all frames or a range."""
         require_quality(quality)
         source = self._source(path)
-        whole = FrameRange(source.summary.frames)
+        whole = FrameRange(source.manifest.frames)
         requested = FrameRange.parse(frames) if frames is not None else whole
         outside = requested.outside(whole)
         if outside:
@@ -292,7 +293,7 @@ class Project:
             return request
 
         def finished(asked: RenderRequest) -> tuple[int, int]:
-            keys = asked.picture_keys(store, rendered=())
+            keys = picture_keys(asked, store, rendered=())
             if keys is None:
                 return 0, 0
             frames = [keys[number].frame for number in asked.requested]

@@ -14,7 +14,7 @@ from typing import Any
 from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
 from pipeline.production.request.cameras import ShownCameras
-from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.keys import PictureKeys, picture_keys
 from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.store.history import SHARED, History
 from pipeline.production.store.store import Key, Store
@@ -124,7 +124,7 @@ class KnownPictures:
     def __init__(self, request: RenderRequest, store: Store, rendered: Collection[int] = ()) -> None:
         """Compare pictures with the store; a run that renders the frames `rendered` averages them too."""
         self._request, self._store, self._rendered = request, store, rendered
-        self.keys: PictureKeys | None = request.picture_keys(store, rendered)
+        self.keys: PictureKeys | None = picture_keys(request, store, rendered)
         self.is_framed = self.keys is not None
         self._shown = None if self.is_framed else ShownCameras.of(request, store)
         if self._shown is not None:
@@ -186,7 +186,7 @@ class KnownPictures:
         """Return the frames that a finished frame is averaged with."""
         assert self.keys is not None, "the caller checks"
         was_rendered = self.keys.is_available
-        return self._request.summary.window(number, lambda n: n in self._rendered or was_rendered(n))
+        return self._request.window(number, lambda n: n in self._rendered or was_rendered(n))
 
 
 def _names_in(folder: str) -> frozenset[str]:

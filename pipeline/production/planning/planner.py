@@ -24,7 +24,7 @@ from pipeline.production.planning.profile import Share
 from pipeline.production.planning.timings import measured
 from pipeline.production.request.cameras import CameraFile
 from pipeline.production.request.edit import Edit
-from pipeline.production.request.keys import FrameKeys, PictureKeys
+from pipeline.production.request.keys import FrameKeys, PictureKeys, picture_keys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import STAGES
 from pipeline.production.store.store import Key, Store, key_of
@@ -45,7 +45,7 @@ class _PlaceholderKeys(dict[int, FrameKeys]):
         self._request, self._asked = request, frozenset(request.requested)
 
     def __missing__(self, number: int) -> FrameKeys:
-        window = self._request.summary.window(number, self._asked.__contains__)
+        window = self._request.window(number, self._asked.__contains__)
         raw = f"{self._request.identity}.{number}"
         self[number] = FrameKeys(raw, f"{raw}.{window[0]}.{window[-1]}", window)
         return self[number]
@@ -93,7 +93,7 @@ class PlanEntry:
 
     def require_permission(self) -> None:
         """Raises UsageError where the shot runs Python files, and may not."""
-        if self.request.source.summary.runs_python:
+        if self.request.manifest.runs_python:
             from pipeline.flow.flow import require_permission
 
             for part in self.request.shot.parts:
@@ -383,7 +383,7 @@ class Planner:
                         "their "
                         "frames would overwrite each other; rename one of them"
                     )
-            keys = request.picture_keys(self.store)
+            keys = picture_keys(request, self.store)
             self._entries[request] = PlanEntry(len(self._entries), request, keys, self.store, self.comparable)
         entry = self._entries[request]
         self._goals += [(entry.place, goal) for goal in goals]
@@ -391,7 +391,7 @@ class Planner:
 
     def _parts(self, entry: PlanEntry) -> list[PlanEntry]:
         """Return an entry for each of several subjects, whose meshes are made on their own; or the entry."""
-        if not entry.request.source.summary.subjects:
+        if not entry.request.manifest.subjects:
             return [entry]
         parts = [self._enter(part) for part in entry.request.parts]
         for part in parts:
@@ -445,9 +445,9 @@ class Planner:
         shown = sorted({request.angles[n].mesh for n in unrendered})
         key, path = request.cameras_key, request.folders.cameras().as_posix()
         framed = entry.keys is not None and self._has("frame_camera", "cameras", key, path)
-        if any(map(request.summary.follows_flow, unrendered)):
+        if any(map(request.follows_flow, unrendered)):
             entry.require_permission()
-        needed = {request.angles[n].mesh for n in unrendered if request.summary.needs_mesh(n)}
+        needed = {request.angles[n].mesh for n in unrendered if request.needs_mesh(n)}
         for part in self._parts(entry):
             rough = self._absent(part, "smooth_normals", shown)
             self._meshes_of(part, sorted({*rough, *needed}) if framed else entry.shown)
@@ -482,7 +482,7 @@ class Planner:
             meshes: tuple[int, ...] = ()
             if stage == "render":
                 reads = list(dict.fromkeys(request.angles[n].mesh for n in batch))
-                needed = filter(request.summary.needs_mesh, batch)
+                needed = filter(request.needs_mesh, batch)
                 meshes = tuple(dict.fromkeys(request.angles[n].mesh for n in needed))
             elif stage == "finish":
                 reads = _union(entry.names[n].window for n in batch)

@@ -26,33 +26,6 @@ if TYPE_CHECKING:
     from pipeline.production.request.render_request import RenderRequest
 
 
-def cameras_key(request: RenderRequest) -> Key:
-    """Return the key of the cameras: they depend on all meshes that the request shows."""
-    shown = sorted({angle.mesh for angle in request.angles.values()})
-    return key_of(
-        FRAME_CAMERA.recipe,
-        [request.mesh_key(n) for n in shown],
-        [[n, angle.mesh, angle.spin, request.view(n)] for n, angle in request.angles.items()],
-        request.aspect,
-        request.follow,
-        _net_pieces(request),
-        request.shot.picture.stage.camera_move(request.flat_aspect),
-    )
-
-
-def _net_pieces(request: RenderRequest) -> int | list[Any] | None:
-    """Return the pieces into which the surface of a net is cut for its cameras; None for other subjects.
-
-    Of several subjects, a list.
-    """
-    from pipeline.shot.point_subjects import ControlNet
-
-    if request.shot.subjects:
-        return [_net_pieces(part) for part in request.parts]
-    is_net = isinstance(request.shot.motion.subject, ControlNet)
-    return request.shot.picture.tessellate if is_net else None
-
-
 class CameraFile(Mapping[int, "Framing"]):
     """Camera and stage of every picture of a request, by number; each is built when it is asked for.
 
@@ -113,6 +86,11 @@ class CameraFile(Mapping[int, "Framing"]):
 
     def __contains__(self, number: object) -> bool:
         return number in self._numbers
+
+
+def camera_file(request: RenderRequest, store: Store) -> CameraFile | None:
+    """Return camera and stage of every picture of a request, or None where the store does not hold them."""
+    return CameraFile.of(store, request.cameras_key, request.angles)
 
 
 @dataclass(frozen=True)
@@ -206,7 +184,7 @@ def _inputs(request: RenderRequest) -> dict[int, Key]:
     numbers = sorted(request.angles)
     views = {number: request.view(number) for number in numbers}
     move = request.shot.picture.stage.camera_move(request.flat_aspect)
-    shared = key_of(FRAME_CAMERA.recipe, request.aspect, request.follow, _net_pieces(request), move)
+    shared = key_of(FRAME_CAMERA.recipe, request.aspect, request.follow, request.net_pieces(), move)
     parts = [
         key_of(request.mesh_key(request.angles[n].mesh), request.angles[n].spin, views[n]) for n in numbers
     ]

@@ -13,7 +13,8 @@ from pipeline.errors import FlowsculptError
 from pipeline.frames import FrameRate
 from pipeline.production.request.audio import AudioClip, AudioTrack, sound_of_frames
 from pipeline.production.request.lookup import movie_bits
-from pipeline.production.request.shot_source import PlanningCache, ShotSummary, spare_modules
+from pipeline.production.request.manifest import ShotManifest
+from pipeline.production.request.shot_source import PlanningCache, spare_modules
 from pipeline.production.stages import FILM
 from pipeline.production.store import paths
 from pipeline.production.store.store import Key, key_of
@@ -121,8 +122,8 @@ class Edit:
         return key_of(FILM.recipe, to_plain(self.items), self.rate, audio, frames, shown_as, bits)
 
 
-SummaryOf = Callable[[Path, Edit], ShotSummary]
-"""Returns the summary of a shot in an edit."""
+ManifestOf = Callable[[Path, Edit], ShotManifest]
+"""Returns the manifest of a shot in an edit."""
 
 
 @dataclass(frozen=True)
@@ -154,18 +155,18 @@ class ResolvedEdit:
         absolute = tuple((path.absolute(), frames) for path, frames in clips if path is not None)
         return cls(Edit.of(film, name), absolute, tuple(shots))
 
-    def is_current(self, summary_of: SummaryOf) -> bool:
+    def is_current(self, manifest_of: ManifestOf) -> bool:
         """Tell whether shots and sound are as they were. Raises what reading a shot raises."""
-        summaries = (summary_of(path, self.edit) for path, _ in self.clips)
+        manifests = (manifest_of(path, self.edit) for path, _ in self.clips)
         same = all(
-            (summary.frames, summary.rate, summary.sounds, summary.projection, summary.size) == shot
-            for summary, shot in zip(summaries, self.shots, strict=True)
+            (each.frames, each.rate, each.sounds, each.projection, each.size) == shot
+            for each, shot in zip(manifests, self.shots, strict=True)
         )
         return same and (self.edit.audio is None or self.edit.audio.is_unchanged)
 
 
 def resolved_edit(
-    path: Path, settings: tuple[str, ...], cache: PlanningCache, summary_of: SummaryOf
+    path: Path, settings: tuple[str, ...], cache: PlanningCache, manifest_of: ManifestOf
 ) -> ResolvedEdit:
     """Return the edit at `path`, with settings in its shots; the cache spares reading all of them.
 
@@ -178,7 +179,7 @@ def resolved_edit(
     known = cache.get(ResolvedEdit, *found_from)
     if known is not None:
         with suppress(FlowsculptError):  # reading the film tells all that is wrong
-            if known.is_current(summary_of):
+            if known.is_current(manifest_of):
                 return known
     from pipeline.shot import read_film
 

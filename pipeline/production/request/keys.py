@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.production.request.cameras import CameraFile
+from pipeline.production.request.cameras import CameraFile, camera_file
 from pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.serialise import from_plain, to_plain
@@ -19,73 +19,7 @@ from render.base.serialise import from_plain, to_plain
 if TYPE_CHECKING:
     from pipeline.production.request.framing import Framing
     from pipeline.production.request.render_request import RenderRequest
-    from pipeline.resample import Thresholds
-    from pipeline.shot import Motion, Shot
     from render.scene.render_camera import Projection
-
-
-def mesh_keys(motion: Motion) -> dict[int, Key]:
-    """Return keys by frame: each is made of the one before and of what acts between the two frames."""
-    key = key_of(SIMULATE.recipe, motion.start_data())
-    first, *others = sorted(motion.frames)
-    keys = {first: key}
-    for number in others:
-        try:
-            key = key_of(key, motion.step_data(number, is_checked=False))
-        except ValueError:  # NaN or infinity
-            key = key_of(key, motion.step_data(number))
-        keys[number] = key
-    return keys
-
-
-def normals_keys(shot: Shot, meshes: Mapping[int, Key]) -> dict[int, Key]:
-    """Return keys by frame of a shot of one subject; `meshes` are the keys of its meshes."""
-    from pipeline.shot.motion import as_data
-
-    motion, pieces = shot.motion, shot.picture.tessellate
-    first = thresholds_at(motion, motion.frames.first).hard_angle
-    is_constant = motion.resampling is None or isinstance(motion.resampling.thresholds.hard_angle, float)
-    keys = {}
-    for number, mesh in meshes.items():
-        angle = first if is_constant else thresholds_at(motion, number).hard_angle
-        keys[number] = key_of(SMOOTH_NORMALS.recipe, mesh, as_data(angle), pieces)
-    return keys
-
-
-def joined_keys(frames: Iterable[int], keys: Mapping[str, Mapping[int, Key]]) -> dict[int, Key]:
-    """Return digests by frame of the keys of several subjects, with their names, which pictures show."""
-    return {number: key_of([[name, each[number]] for name, each in keys.items()]) for number in frames}
-
-
-def thresholds_at(motion: Motion, number: int) -> Thresholds:
-    """Return the thresholds of a frame; without resampling the default, whose hard angle makes creases."""
-    from pipeline.resample import Thresholds
-
-    resampling = motion.resampling_at(number)
-    return resampling.thresholds if resampling else Thresholds(1.0)
-
-
-def appearance(request: RenderRequest, number: int) -> Key:
-    """Return the digest of what a picture shares with all others of its look, lights and quality."""
-    picture = request.picture(number)
-    return key_of(
-        to_plain(picture.look),
-        to_plain(replace(picture.lights, exposure=0.0)),
-        to_plain(picture.stage),
-        to_plain(request.quality_of(number)),
-        request.variant,
-        picture.dicing,
-        picture.hide_facets,
-        *_looks(request, number),
-    )
-
-
-def _looks(request: RenderRequest, number: int) -> list[Any]:
-    """Return what decides the looks of several subjects; nothing for one."""
-    if not request.shot.subjects:
-        return []
-    parts = [(part.source.subject, part.picture(number)) for part in request.parts]
-    return [[[name, to_plain(picture.look), picture.hide_facets] for name, picture in parts]]
 
 
 def raw_key(request: RenderRequest, number: int, framings: Mapping[int, Framing]) -> Key:
@@ -154,6 +88,17 @@ class _KnownKeys:
     frame: dict[str, Key]
 
 
+def picture_keys(
+    request: RenderRequest, store: Store, rendered: Iterable[int] | None = None
+) -> PictureKeys | None:
+    """Return the keys of a request's frames, or None before its cameras are found.
+
+    rendered  the frames that are rendered meanwhile, by default those requested (see `PictureKeys`)
+    """
+    cameras = camera_file(request, store)
+    return None if cameras is None else PictureKeys(request, store, cameras, rendered)
+
+
 class PictureKeys(Mapping[int, FrameKeys]):
     """The keys of a request's frames by number, each found when it is asked for: most runs need few.
 
@@ -178,8 +123,8 @@ class PictureKeys(Mapping[int, FrameKeys]):
     def __getitem__(self, number: int) -> FrameKeys:
         if number not in self._keys:
             request = self._request
-            keys = self._averaged(number, request.summary.window(number, self.is_available))
-            whole = request.summary.window(number, self._cameras.__contains__)
+            keys = self._averaged(number, request.window(number, self.is_available))
+            whole = request.window(number, self._cameras.__contains__)
             if whole != keys.window:
                 best = self._averaged(number, whole)
                 keys = best if self._store.holds("frame", best.frame) else keys
@@ -192,16 +137,16 @@ class PictureKeys(Mapping[int, FrameKeys]):
         if name not in self._frames:
             averaged = [self._raw(n) for n in window] if len(window) > 1 else []
             request, layers = self._request, self._layers_data(number)
-            rate = request.source.summary.rate
+            rate = request.manifest.rate
             self._frames[name] = key_of(FINISH.recipe, raw, request.quality.denoise, averaged, rate, layers)
         return FrameKeys(raw, self._frames[name], window)
 
     def _layers_data(self, number: int) -> list[Any]:
         """Return what decides the layers for compositing: their names, and cameras for motion vectors."""
-        if self._request.summary.layers is None:
+        if self._request.manifest.layers is None:
             return []
         around = [to_plain(self._cameras[n]) for n in (number - 1, number + 1) if n in self._cameras]
-        return [self._request.summary.layers, around]
+        return [self._request.manifest.layers, around]
 
     def __iter__(self) -> Iterator[int]:
         return iter(self._request.angles)
@@ -266,7 +211,7 @@ def picture_header(request: RenderRequest, number: int) -> dict[str, Any]:
         "seed": request.seed(number),
         "angle": to_plain(angle),
         "normals_key": request.normals_key(angle.mesh),
-        "inputs": {Path(path).name: digest for path, digest in request.source.summary.inputs},
+        "inputs": {Path(path).name: digest for path, digest in request.manifest.inputs},
         "stages": {stage.name: stage.recipe for stage in (SIMULATE, SMOOTH_NORMALS, FRAME_CAMERA, RENDER)},
         "look": to_plain(picture.look),
         "lights": to_plain(replace(picture.lights, exposure=0.0)),

@@ -7,7 +7,7 @@ around, then in turning light.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,14 +16,12 @@ from typing import TYPE_CHECKING, Any
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.request.audio import AudioClip, sound_of_frames
-from pipeline.production.request.cameras import CameraFile
-from pipeline.production.request.keys import PictureKeys, appearance
 from pipeline.production.request.lookup import crop_of, movie_bits, quality_named
-from pipeline.production.request.request_summary import RequestSummary
+from pipeline.production.request.manifest import ShotManifest, measures_speed
 from pipeline.production.request.shot_source import PlanningCache, ShotSource
-from pipeline.production.stages import ASSEMBLE, STAGES, STILLS
+from pipeline.production.stages import ASSEMBLE, FRAME_CAMERA, STAGES, STILLS
 from pipeline.production.store.paths import Folders
-from pipeline.production.store.store import Key, Store, key_of
+from pipeline.production.store.store import Key, key_of
 from render.base.serialise import to_plain
 from render.scene.render_quality import QUALITIES, Quality
 
@@ -121,6 +119,13 @@ FORMS = tuple(stage.name for stage in STILLS)
 
 
 @dataclass(frozen=True)
+class _CamerasKey:
+    """The key of cameras, as the planning cache has it."""
+
+    key: Key
+
+
+@dataclass(frozen=True)
 class RenderRequest:
     """Frames of one shot at one quality, rendered by one variant.
 
@@ -147,6 +152,11 @@ class RenderRequest:
         return self.source.shot
 
     @property
+    def manifest(self) -> ShotManifest:
+        """The manifest of the shot, known without reading it where the planning cache has it."""
+        return self.source.manifest
+
+    @property
     def name(self) -> str:
         """The shot's name, known without reading it."""
         return self.source.name
@@ -154,7 +164,7 @@ class RenderRequest:
     @cached_property
     def parts(self) -> tuple[RenderRequest, ...]:
         """The request for each of several subjects alone, whose meshes are made on their own; or itself."""
-        names = self.source.summary.subjects
+        names = self.manifest.subjects
         return tuple(replace(self, source=self.source.of_subject(name)) for name in names) or (self,)
 
     def of_subject(self, name: str | None) -> RenderRequest:
@@ -164,7 +174,7 @@ class RenderRequest:
         """
         if name is None:
             return self
-        if name not in self.source.summary.subjects:
+        if name not in self.manifest.subjects:
             self.shot.of_subject(name)  # says which there are
         return next(part for part in self.parts if part.source.subject == name)
 
@@ -174,7 +184,7 @@ class RenderRequest:
     def angles(self) -> dict[int, TurntableAngle]:
         """The mesh frame and the turn that each picture of the whole request shows, by number."""
         if self.turntable is None:
-            return {number: TurntableAngle(number) for number in self.source.summary.frames}
+            return {number: TurntableAngle(number) for number in self.manifest.frames}
         return self.turntable.angles()
 
     def whole(self) -> RenderRequest:
@@ -249,22 +259,38 @@ class RenderRequest:
     # What a picture shows
 
     @cached_property
-    def quality_of_shot(self) -> Quality:
-        """The quality as the shot says it; `quality` is the same and need not read the shot.
+    def quality(self) -> Quality:
+        """The quality of all frames but those whose override has another.
 
         Raises UsageError for a crop of a picture with a wide projection, or of a larger picture.
         """
-        if self.projection.is_wide and crop_of(self.quality_name):
+        if self.is_wide and crop_of(self.quality_name):
             raise UsageError(
-                f"{self.name}: a picture of projection {self.projection.kind} has no crop, since players and "
-                "denoising need all of it; use --scale instead of --crop"
+                f"{self.name}: a picture of projection {self.manifest.projection[0]} has no crop, since "
+                "players and denoising need all of it; use --scale instead of --crop"
             )
-        return quality_named(self.quality_name, self._qualities(self.shot.picture))
+        return quality_named(self.quality_name, self._qualities(self.manifest.qualities))
+
+    def quality_of(self, number: int) -> Quality:
+        """Return the quality of a frame; size, crop and denoising are those of all frames."""
+        if self.override_of(number) is None:
+            return self.quality
+        return quality_named(self.quality_name, self._qualities(self.picture(number).qualities))
+
+    def _qualities(self, qualities: Mapping[str, Quality]) -> Mapping[str, Quality]:
+        """Return qualities of its pictures; those of a turntable, seen in perspective, are not wide."""
+        if self.turntable is None or not self.manifest.is_wide:
+            return qualities
+        sizes = {name: (flat.width, flat.height) for name, flat in QUALITIES.items()}
+        return {
+            name: replace(quality, width=sizes[name][0], height=sizes[name][1])
+            for name, quality in qualities.items()
+        }
 
     @property
     def aspect(self) -> float:
         """Width to height of whole pictures in `final`, the same for all qualities; others round theirs."""
-        return self._qualities(self.shot.picture)["final"].aspect
+        return self._qualities(self.shot.picture.qualities)["final"].aspect
 
     @property
     def flat_aspect(self) -> float | None:
@@ -272,20 +298,15 @@ class RenderRequest:
         is_wide = self.turntable is None and self.shot.picture.camera.projection.is_wide
         return None if is_wide else self.aspect
 
-    def _qualities(self, picture: Picture) -> Mapping[str, Quality]:
-        """Return the qualities of a picture; a turntable, seen in perspective, has no sizes of wide ones."""
-        if self.turntable is None or not picture.camera.projection.is_wide:
-            return picture.qualities
-        sizes = {name: (flat.width, flat.height) for name, flat in QUALITIES.items()}
-        return {
-            name: replace(quality, width=sizes[name][0], height=sizes[name][1])
-            for name, quality in picture.qualities.items()
-        }
+    @property
+    def is_wide(self) -> bool:
+        """True for all projections but a perspective, in which a turntable is always seen."""
+        return self.turntable is None and self.manifest.is_wide
 
     @property
     def shown_as(self) -> Mapping[str, Any]:
         """The display transform of its pictures, plain data."""
-        return self.source.summary.shown_as
+        return self.manifest.shown_as
 
     def seed(self, number: int) -> int:
         from render.frame.batch_schedule import seed_of
@@ -308,41 +329,78 @@ class RenderRequest:
         """The projection of its pictures: the shot's, but a turntable is always seen in perspective."""
         from render.scene.render_camera import PERSPECTIVE, Projection  # numpy, which planning does without
 
-        return PERSPECTIVE if self.turntable else Projection(*self.source.summary.projection)
+        return PERSPECTIVE if self.turntable else Projection(*self.manifest.projection)
 
     def open_at(self, number: int) -> tuple[float, float] | None:
         """Return when the shutter opens and closes, in frames from the picture; None without motion blur."""
         return self.shot.picture.shutter.open_at(self._time(number))
 
+    def override_of(self, number: int) -> int | None:
+        """Return the index of the override that a frame has, or None. A turntable has none."""
+        return None if self.turntable else self.manifest.override_of(number)
+
     def picture(self, number: int) -> Picture:
         """Return what decides how a frame looks: the shot's picture, with its override if it has one.
 
-        It comes from the shot itself, for a summary takes the keys of all frames. A turntable has none.
+        It comes from the shot itself, for live edits have no manifest. A turntable has none.
         """
         picture = self.shot.picture
         overrides = () if self.turntable else picture.overrides
         override = next((each for each in overrides if number in each.frames), None)
         return picture if override is None else picture.overridden(override)
 
-    def quality_of(self, number: int) -> Quality:
-        """Return the quality of a frame; size, crop and denoising are those of all frames."""
-        if self.summary.override_of(number) is None:
-            return self.quality
-        return quality_named(self.quality_name, self._qualities(self.picture(number)))
-
     def _time(self, number: int) -> float:
         return self.shot.motion.clock.time(self.angles[number].mesh)
 
     @property
-    def temporal_reach(self) -> int:
+    def reach(self) -> int:
         """Frames to either side that the temporal denoiser reads; none without denoising."""
-        return 0 if self.quality_of_shot.denoise == "off" else self.quality_of_shot.temporal_denoise
+        return 0 if self.quality.denoise == "off" else self.quality.temporal_denoise
+
+    def window(self, number: int, is_available: Callable[[int], bool]) -> tuple[int, ...]:
+        """Return the frames that the temporal denoiser reads: available ones around `number`, no gaps.
+
+        They have its look and lights.
+        """
+        first = last = number
+        reach = self.reach
+        style_of = (lambda _: None) if self.turntable else self.manifest.style_of
+
+        def is_alike(other: int) -> bool:
+            return style_of(other) == style_of(number) and is_available(other)
+
+        while number - first < reach and is_alike(first - 1):
+            first -= 1
+        while last - number < reach and is_alike(last + 1):
+            last += 1
+        return tuple(range(first, last + 1))
+
+    @cached_property
+    def measures_speed(self) -> bool:
+        """True if the colours of its pictures, or of one of its subjects, are the speed of the flow."""
+        return measures_speed(self.shot)
+
+    @property
+    def _needs_offsets(self) -> bool:
+        """True if temporal denoising or motion vectors need where the surface is at other frames."""
+        return bool(self.reach or self.manifest.layers)
+
+    def follows_flow(self, number: int) -> bool:
+        """Tell whether a picture needs its mesh and the flow; those of a turntable only turn."""
+        manifest = self.manifest
+        if manifest.measures_speed or self.turntable:
+            return manifest.measures_speed
+        return manifest.shows_motion or self._needs_offsets or manifest.is_blurred(number)
+
+    def needs_mesh(self, number: int) -> bool:
+        """Tell whether a picture is made of its mesh itself."""
+        return self.manifest.is_diced or self.follows_flow(number)
 
     @cached_property
     def aovs(self) -> AovSelection:
         """AOVs the shot requests, plus `before` and `after` for temporal denoising and motion vectors."""
-        aovs, needs_offsets = self.shot.picture.aovs, self.temporal_reach or self.shot.picture.layers
-        return aovs.adding("before", "after") if needs_offsets else aovs
+        aovs = self.shot.picture.aovs
+        return aovs.adding("before", "after") if self._needs_offsets else aovs
 
     @cached_property
     def copies(self) -> dict[str, int]:
@@ -363,31 +421,13 @@ class RenderRequest:
         steps = {"velocity": (-STEP, STEP), "motion": (1.0,), "after": (1.0,), "before": (-1.0,)}
         return tuple(offset for name in self.aovs.extra for offset in steps.get(name, ()))
 
-    @cached_property
-    def measures_speed(self) -> bool:
-        """True if the colours of its pictures, or of one of its subjects, are the speed of the flow."""
-        from render.scene.patterns import SPEED, Measure
-
-        patterns = [part.picture.look.pattern for part in self.shot.parts]
-        return any(isinstance(pattern, Measure) and pattern.of == SPEED for pattern in patterns)
-
     # Keys
-
-    @cached_property
-    def summary(self) -> RequestSummary:
-        """The summary for planning. The shot is read only where the planning cache lacks it."""
-        return RequestSummary.of(self)
-
-    @property
-    def quality(self) -> Quality:
-        """The quality of all frames but those whose override has another."""
-        return self.summary.quality
 
     @cached_property
     def identity(self) -> Key:
         """The digest of everything that its keys depend on, except versions of stages."""
         data = {**to_plain(self), "requested": None}
-        data["source"] = {**data["source"], "inputs": self.source.summary.inputs}
+        data["source"] = {**data["source"], "inputs": self.manifest.inputs}
         return key_of(data, self.source.surface_keys.meshes, self.source.surface_keys.normals)
 
     def mesh_key(self, number: int) -> Key:
@@ -396,32 +436,64 @@ class RenderRequest:
     def normals_key(self, number: int) -> Key:
         return self.source.surface_keys.normals[number]
 
-    @property
+    @cached_property
     def cameras_key(self) -> Key:
-        return self.summary.cameras
+        """The key of its cameras, which depend on all meshes that it shows."""
+        found_from = "cameras", *self.source.read_from, self.manifest.inputs, to_plain(self.turntable)
+        return self.source.cache.found_or_made(_CamerasKey, self._cameras_key, *found_from).key
 
-    def framings(self, store: Store) -> CameraFile | None:
-        """Return camera and stage of every picture, or None where the store does not hold them."""
-        return CameraFile.of(store, self.cameras_key, self.angles)
+    def _cameras_key(self) -> _CamerasKey:
+        """Find the key of its cameras from the shot."""
+        shown = sorted({angle.mesh for angle in self.angles.values()})
+        key = key_of(
+            FRAME_CAMERA.recipe,
+            [self.mesh_key(n) for n in shown],
+            [[n, angle.mesh, angle.spin, self.view(n)] for n, angle in self.angles.items()],
+            self.aspect,
+            self.follow,
+            self.net_pieces(),
+            self.shot.picture.stage.camera_move(self.flat_aspect),
+        )
+        return _CamerasKey(key)
+
+    def net_pieces(self) -> int | list[Any] | None:
+        """Return the pieces into which the surface of a net is cut for its cameras; None for other subjects.
+
+        Of several subjects, a list.
+        """
+        from pipeline.shot.point_subjects import ControlNet
+
+        if self.shot.subjects:
+            return [part.net_pieces() for part in self.parts]
+        is_net = isinstance(self.shot.motion.subject, ControlNet)
+        return self.shot.picture.tessellate if is_net else None
 
     def appearance(self, number: int) -> Key:
-        """Return the digest of what a picture shares with all others of the same override, or of none."""
-        override = self.summary.override_of(number)
+        """Return the digest of what a picture shares with all others of its look, lights and quality."""
+        override = self.override_of(number)
         if override not in self._appearances:
-            self._appearances[override] = appearance(self, number)
+            self._appearances[override] = self._appearance(number)
         return self._appearances[override]
 
     @cached_property
     def _appearances(self) -> dict[int | None, Key]:
+        """Digests by override, as `appearance` found them."""
         return {}
 
-    def picture_keys(self, store: Store, rendered: Iterable[int] | None = None) -> PictureKeys | None:
-        """Return the keys of its frames, or None before its cameras are found.
-
-        rendered  the frames that are rendered meanwhile, by default those requested (see `PictureKeys`)
-        """
-        cameras = self.framings(store)
-        return None if cameras is None else PictureKeys(self, store, cameras, rendered)
+    def _appearance(self, number: int) -> Key:
+        picture = self.picture(number)
+        parts = [(part.source.subject, part.picture(number)) for part in self.parts]
+        looks = [[name, to_plain(part.look), part.hide_facets] for name, part in parts]
+        return key_of(
+            to_plain(picture.look),
+            to_plain(replace(picture.lights, exposure=0.0)),
+            to_plain(picture.stage),
+            to_plain(self.quality_of(number)),
+            self.variant,
+            picture.dicing,
+            picture.hide_facets,
+            *([looks] if self.shot.subjects else []),
+        )
 
     def still_key(self, form: str, frame: Key) -> Key:
         return key_of(STAGES[form].recipe, frame, self.shown_as)
@@ -431,9 +503,9 @@ class RenderRequest:
         """The sound of its movie; turntables have none."""
         if self.turntable is not None:
             return ()
-        return sound_of_frames(self.source.summary.sounds, sorted(self.angles), sorted(self.requested))
+        return sound_of_frames(self.manifest.sounds, sorted(self.angles), sorted(self.requested))
 
     def movie_key(self, frames: list[Key]) -> Key:
-        rate, bits = self.source.summary.rate, movie_bits(self.quality_name)
+        rate, bits = self.manifest.rate, movie_bits(self.quality_name)
         sounds = [[sound.content for sound in self.sounds]] if self.sounds else []
         return key_of(ASSEMBLE.recipe, frames, rate, self.shown_as, bits, *sounds)

@@ -15,12 +15,11 @@ import contextlib
 import gc
 import hashlib
 import json
-import math
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import astuple, dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from importlib.metadata import version
 from pathlib import Path
@@ -28,16 +27,21 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import FlowsculptError, MachineError, MissingInputError, UsageError
 from pipeline.plugin import plugins
-from pipeline.production.request.audio import AudioTrack
+from pipeline.production.request.manifest import (
+    InputDigests,
+    ShotManifest,
+    SurfaceKeys,
+    changed_inputs,
+    input_digests,
+)
 from pipeline.production.store.paths import STATE
-from pipeline.production.store.store import Key, Store, key_of
+from pipeline.production.store.store import Store, key_of
 from pipeline.shot.yaml.named_files import DEFAULTS, is_there, text_of
 from render.base.atomic_write import atomic_write
-from render.base.input_files import digest_of_file, require_input
+from render.base.input_files import require_input
 from render.base.render_errors import BadInputError
 from render.base.serialise import NOT_PLAIN, from_plain, to_plain
 from render.base.user_cache import writable_cache
-from render.scene.render_quality import QUALITIES
 
 if TYPE_CHECKING:
     from pipeline.shot import Shot
@@ -162,84 +166,6 @@ def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-InputDigests = tuple[tuple[str, str], ...]
-"""Paths of the files that a shot reads, in order, and the SHA-256 of their contents."""
-
-
-@dataclass(frozen=True)
-class ShotSummary:
-    """A shot as planning sees it.
-
-    inputs           the files that it reads, and their digests
-    listings         folders of these files, and digests of the names in them: a name with * may match more
-    runs_python      True if its flows are Python files of the user's
-    rate, shown_as   frames per second; the display transform, plain data
-    sounds           what is heard while it plays
-    subjects         the names of its subjects, if it has several
-    projection       of its camera: kind and angle, as `Projection` has them
-    size             width and height of its pictures in `final`, pixels
-    """
-
-    inputs: InputDigests
-    listings: tuple[tuple[str, str], ...]
-    runs_python: bool
-    frames: tuple[int, ...]
-    rate: str
-    shown_as: Mapping[str, Any]
-    sounds: tuple[AudioTrack, ...]
-    subjects: tuple[str, ...] = ()
-    projection: tuple[str, float] = ("perspective", math.pi)
-    size: tuple[int, int] = QUALITIES["final"].rendered_size
-
-    @classmethod
-    def of(cls, shot: Shot) -> ShotSummary:
-        from pipeline.flow.flow import python_flows
-
-        inputs = input_digests(shot.files)
-        return cls(
-            inputs=inputs,
-            listings=_listings(inputs),
-            runs_python=any(True for part in shot.parts for _ in python_flows(part.motion.flow)),
-            frames=shot.frames.numbers,
-            rate=str(shot.rate),
-            shown_as=shot.picture.display_data(),
-            sounds=tuple(map(AudioTrack.of, shot.sounds)),
-            subjects=tuple(part.subject for part in shot.subjects),
-            projection=astuple(shot.picture.camera.projection),
-            size=shot.picture.qualities["final"].rendered_size,
-        )
-
-    @property
-    def is_current(self) -> bool:
-        """True if all files that the shot reads, shot files aside, are as they were."""
-        return next(_changed(self.inputs), None) is None and _listings(self.inputs) == self.listings
-
-
-@dataclass(frozen=True)
-class SurfaceKeys:
-    """Keys of mesh frames, and of the normals made of them, by frame; of several subjects, digests of both.
-
-    Planning finds them last: it takes the flows of all frames, and what was never made needs no key.
-    """
-
-    meshes: Mapping[int, Key]
-    normals: Mapping[int, Key]
-
-    @classmethod
-    def of(cls, source: ShotSource) -> SurfaceKeys:
-        from pipeline.production.request.keys import joined_keys, mesh_keys, normals_keys
-
-        if not source.summary.subjects:
-            meshes = mesh_keys(source.shot.motion)
-            return cls(meshes, normals_keys(source.shot, meshes))
-        parts = {name: source.of_subject(name).surface_keys for name in source.summary.subjects}
-        frames = source.summary.frames
-        return cls(
-            meshes=joined_keys(frames, {name: keys.meshes for name, keys in parts.items()}),
-            normals=joined_keys(frames, {name: keys.normals for name, keys in parts.items()}),
-        )
-
-
 @dataclass(frozen=True)
 class ShotSource:
     """Everything that a shot is read from, the same in every process.
@@ -250,7 +176,7 @@ class ShotSource:
     allow_code  whether the shot may run the Python files that it names
     inputs      digests of the other files that it reads; None before the work is planned
     subject     the one of several subjects that it has alone; empty for all
-    cache       holds its summary; no part of what it is read from
+    cache       holds its manifest; no part of what it is read from
     """
 
     text: str
@@ -276,7 +202,7 @@ class ShotSource:
         try:
             shot = read_shot(self.path, self.text, self.settings, dict(self.beside), self.allow_code)
         except FlowsculptError:
-            if (changed := next(_changed(self.inputs or ()), None)) is not None:
+            if (changed := next(changed_inputs(self.inputs or ()), None)) is not None:
                 raise _changed_since(changed) from None
             raise
         if self.inputs is not None and (other := set(self.inputs) ^ set(input_digests(shot.files))):
@@ -295,23 +221,23 @@ class ShotSource:
 
     def with_inputs(self) -> ShotSource:
         """Return the source with the digests of the files that its shot reads."""
-        source = replace(self, inputs=self.summary.inputs)
-        vars(source).update({name: vars(self)[name] for name in ("summary", "shot") if name in vars(self)})
+        source = replace(self, inputs=self.manifest.inputs)
+        vars(source).update({name: vars(self)[name] for name in ("manifest", "shot") if name in vars(self)})
         return source
 
     @cached_property
-    def summary(self) -> ShotSummary:
-        """The summary for planning. The shot is read only where the cache lacks that of these files.
+    def manifest(self) -> ShotManifest:
+        """The manifest of its shot, which is read only where the cache lacks that of these files.
 
         Raises what `shot` raises.
         """
-        known = self.cache.get(ShotSummary, *self._read_from)
+        known = self.cache.get(ShotManifest, "manifest", *self.read_from)
         if known is not None and self.inputs in (None, known.inputs) and known.is_current:
             return known
-        summary = ShotSummary.of(self.shot)
+        manifest = ShotManifest.of(self.shot)
         if not self.shot.picture.view.digest:  # a colour config may read tables that no digest covers
-            self.cache.put(summary, *self._read_from)
-        return summary
+            self.cache.put(manifest, "manifest", *self.read_from)
+        return manifest
 
     @cached_property
     def surface_keys(self) -> SurfaceKeys:
@@ -319,13 +245,21 @@ class ShotSource:
 
         Raises what `shot` raises.
         """
-        found_from = "surfaces", *self._read_from[1:], self.summary.inputs
-        return self.cache.found_or_made(SurfaceKeys, lambda: SurfaceKeys.of(self), *found_from)
+        found_from = "surfaces", *self.read_from, self.manifest.inputs
+        return self.cache.found_or_made(SurfaceKeys, self._surface_keys, *found_from)
+
+    def _surface_keys(self) -> SurfaceKeys:
+        """Find the keys of its surfaces from the shot."""
+        subjects = self.manifest.subjects
+        if not subjects:
+            return SurfaceKeys.of(self.shot)
+        parts = {name: self.of_subject(name).surface_keys for name in subjects}
+        return SurfaceKeys.joined(self.manifest.frames, parts)
 
     def new_notes(self) -> tuple[str, ...]:
         """Return notes on the shot's model and sounds, unless the same contents had the same notes before."""
         notes = (*(note for part in self.shot.parts for note in part.motion.subject.notes), *self.shot.notes)
-        told_of = "notes on files", self.summary.inputs, notes
+        told_of = "notes on files", self.manifest.inputs, notes
         if not notes or self.cache.get(bool, *told_of):
             return ()
         if self.cache.root is not None:
@@ -335,9 +269,9 @@ class ShotSource:
         return notes
 
     @property
-    def _read_from(self) -> tuple[Any, ...]:
+    def read_from(self) -> tuple[Any, ...]:
         """All but the other files, which only reading the shot tells."""
-        read_from = "summary", self.text, str(self.path), self.settings, self.beside, self.allow_code
+        read_from = self.text, str(self.path), self.settings, self.beside, self.allow_code
         return (*read_from, self.subject) if self.subject else read_from
 
 
@@ -403,33 +337,5 @@ def spare_modules() -> None:
     atexit.register(gc.unfreeze)  # Mitsuba complains about objects that are left when Python ends
 
 
-def input_digests(files: Iterable[tuple[Path, str]]) -> InputDigests:
-    """Return paths and digests in the order of the paths."""
-    return tuple(sorted((str(path), digest) for path, digest in files))
-
-
-def _changed(inputs: InputDigests) -> Iterator[str]:
-    """Yield the paths of the files that are not as they were."""
-    for path, digest in inputs:
-        try:
-            now = digest_of_file(Path(path))
-        except MissingInputError:
-            now = ""
-        if now != digest:
-            yield path
-
-
 def _changed_since(path: str) -> UsageError:
     return UsageError(f"{path}: it was changed since the work was planned; run again")
-
-
-def _listings(inputs: InputDigests) -> tuple[tuple[str, str], ...]:
-    def names_in(folder: Path) -> str:
-        try:
-            return key_of(sorted(path.name for path in folder.iterdir() if path.name != STATE.name))
-        except OSError:
-            return ""
-
-    return tuple(
-        (str(folder), names_in(folder)) for folder in sorted({Path(path).parent for path, _ in inputs})
-    )

@@ -32,7 +32,7 @@ def assemble(context: Context) -> bool:
     request = context.request
     keys, numbers = context.picture_keys(request), sorted(request.requested)
     key = request.movie_key([keys[n].frame for n in numbers])
-    rate = FrameRate.of(request.source.summary.rate)
+    rate = FrameRate.of(request.manifest.rate)
     frames = _shown(context, request, keys, numbers)
     return _movie(context, key, request.movie_path, frames, rate, (request.sounds, len(numbers)))
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRate
+from pipeline.production.request.cameras import camera_file
 from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import FINISH
@@ -37,7 +38,7 @@ def finish(context: Context) -> bool:
     """
     request = context.request
     keys = context.picture_keys(request)
-    framings: Mapping[int, Framing] = request.framings(context.store) or {}
+    framings: Mapping[int, Framing] = camera_file(request, context.store) or {}
     denoiser, output = _Denoiser(context, keys, framings), FinishedFrames(request, framings)
 
     def work(number: int) -> bool:
@@ -104,7 +105,7 @@ class _Denoiser:
 
     def _kept_of(self, layers: RenderedFrame) -> RenderedFrame:
         """Return the layers of a raw picture that its finished frame needs."""
-        if self.context.request.summary.layers is not None:
+        if self.context.request.manifest.layers is not None:
             return layers
         names = {"alpha", "shadow", *light_layers(layers.arrays)} & layers.arrays.keys()
         return RenderedFrame({name: layers[name] for name in names}, layers.facts)
@@ -134,19 +135,19 @@ class FinishedFrames:
         alpha = np.minimum(sum(shadow.values(), frame["alpha"]), np.float32(1.0))
         groups = {name: frame[name] for name in light_layers(frame.arrays)}
         layers = light = {"beauty": frame["beauty"], "alpha": alpha, **groups}
-        if request.summary.layers is not None:
+        if request.manifest.layers is not None:
             inputs = self._inputs(number)
-            extra = {name: frame[name] for name, _ in request.summary.precision if name in frame.arrays}
+            extra = {name: frame[name] for name, _ in request.manifest.precision if name in frame.arrays}
             layers = {**extra, **compositing_layers(frame, inputs), **shadow, **light}
-            standard = mattes_header(frame, inputs, request.summary.layers)
+            standard = mattes_header(frame, inputs, request.manifest.layers)
         write_exr(
             path,
             RenderedFrame(layers, frame.facts),
             header,
-            dict(request.summary.precision),
+            dict(request.manifest.precision),
             attributes=exr_attributes(request, number, self.framings),
             standard=standard,
-            convention=request.summary.layers,
+            convention=request.manifest.layers,
         )
 
     def _inputs(self, number: int) -> LayerInputs:
@@ -172,7 +173,7 @@ def material_name(look: Material) -> str:
 
 def exr_attributes(request: RenderRequest, number: int, framings: Mapping[int, Framing]) -> ExrAttributes:
     """Return the standard attributes of a finished picture."""
-    rate = FrameRate.of(request.source.summary.rate).fps
+    rate = FrameRate.of(request.manifest.rate).fps
     return replace(raw_attributes(request, framings[number]), rate=rate, timecode=timecode(number, rate))
 
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.production.planning.plan import Job, Plan, movie_record, write_manifest
+from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.shot_source import PlanningCache
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import Event, EventLog, EventReader
@@ -118,7 +119,7 @@ class Context:
 
     def picture_keys(self, request: RenderRequest) -> PictureKeys:
         """Return the keys of a request's pictures. Raises FrameError where its cameras are not known."""
-        keys = request.picture_keys(self.store)
+        keys = picture_keys(request, self.store)
         if keys is None:
             raise FrameError(f"{request.folders.cameras()} is missing; run again to frame the shot again")
         return keys

@@ -20,7 +20,7 @@ from pipeline.errors import FlowsculptError, FrameError
 from pipeline.mesh.control_net import bspline_surface
 from pipeline.production.request.cameras import note_framing
 from pipeline.production.request.framing import BoundingSpheres, frame_all, rotate_y, with_stage_in_view
-from pipeline.production.request.keys import thresholds_at
+from pipeline.production.request.manifest import thresholds_at
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shading import Shading, radii
 from pipeline.production.store import readers

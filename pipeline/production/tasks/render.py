@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.arrays import AnyArray
+from pipeline.production.request.cameras import camera_file
 from pipeline.production.request.framing import Framing, rotate_y
 from pipeline.production.request.keys import FrameKeys, raw_header
 from pipeline.production.request.render_request import RenderRequest
@@ -227,7 +228,7 @@ def render(context: Context) -> bool:
     """
     request = context.request
     engine = choose([request.variant], threads=context.job.threads)
-    framings: Mapping[int, Framing] = request.framings(context.store) or {}
+    framings: Mapping[int, Framing] = camera_file(request, context.store) or {}
     keys = context.picture_keys(request)
     with deferred_signals() as stop:
         renderer = _Renderer(context, engine, framings, keys, stop, MemoryGuard())

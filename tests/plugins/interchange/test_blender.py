@@ -16,6 +16,7 @@ from pxr import Usd, UsdGeom
 from pipeline.mesh.mesh_formats import ScenePart
 from pipeline.mesh.read import read_surface, usual_up
 from pipeline.production.execution.project import Project
+from pipeline.production.request.cameras import camera_file
 from pipeline.production.store.readers import read_npz
 from render.post.image import read_exr
 from tests.conftest import commanded
@@ -78,8 +79,8 @@ def test_blender_reads_every_frame_of_a_stage_whose_topology_changes(root, tmp_p
     read = read_by_blender(root / "renders" / NAME / "usd" / f"{NAME}.usda", frames, tmp_path / "read.npz")
     assert read["range"].tolist() == [1, 120] and read["lights"].tolist() == ["back", "key", "rim"]
     project = Project(root, 1)
-    framings = project.request(root / "shots" / f"{NAME}.yaml", "draft", variant="none").framings(
-        project.store
+    framings = camera_file(
+        project.request(root / "shots" / f"{NAME}.yaml", "draft", variant="none"), project.store
     )
     upright = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # Blender has z up
     stage, counts = Usd.Stage.Open(str(root / "renders" / NAME / "usd" / f"{NAME}.usda")), set()

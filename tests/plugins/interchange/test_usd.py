@@ -20,7 +20,8 @@ from pipeline.mesh.normals import split_at_creases
 from pipeline.plugins.interchange.usd_export import UsdExport
 from pipeline.plugins.interchange.usd_stage import clip_times
 from pipeline.production.execution.project import Project
-from pipeline.production.request.keys import thresholds_at
+from pipeline.production.request.cameras import camera_file
+from pipeline.production.request.manifest import thresholds_at
 from pipeline.production.store.readers import read_npz
 from pipeline.shot import read_shot
 from render.post.image import read_exr, write_png
@@ -198,7 +199,7 @@ def test_the_camera_shows_what_our_pictures_show(root, stage):
     camera = UsdGeom.Camera(stage.GetPrimAtPath(f"/{NAME}/camera"))
     project = Project(root, 1)
     request = project.request(root / "shots" / f"{NAME}.yaml", "draft", variant="none")
-    framings = request.framings(project.store)
+    framings = camera_file(request, project.store)
     points = np.random.default_rng(3).uniform(-1.0, 1.0, (50, 3))
     for frame in (1, 3, 6):
         ours, theirs = framings[frame].camera, camera.GetCamera(float(frame))
@@ -216,7 +217,7 @@ def test_the_camera_shows_what_our_pictures_show(root, stage):
 def test_softboxes_keep_their_place_size_and_radiance(root, stage):
     project = Project(root, 1)
     request = project.request(root / "shots" / f"{NAME}.yaml", "draft", variant="none")
-    placement = request.framings(project.store)[2].placement
+    placement = camera_file(request, project.store)[2].placement
     for box in request.shot.picture.lights.softboxes:
         light = UsdLux.RectLight(stage.GetPrimAtPath(f"/{NAME}/set/lights/{box.name}"))
         power = light.GetIntensityAttr().Get(2.0) * np.array(light.GetColorAttr().Get())

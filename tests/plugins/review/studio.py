@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pipeline.plugins.sheets.wedge import Grid, Wedge
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
+from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.event_log import EventLog
 from pipeline.production.store.paths import EVENTS
@@ -107,7 +108,7 @@ def _done(root: Path, plan: Plan) -> None:
 def hang(desk: Desk, request: RenderRequest, numbers: Iterable[int], paint: Callable[[int], Picture]) -> None:
     """Lay the pictures of a take where renders would lie."""
     store = desk.project().store
-    keys = request.picture_keys(store)
+    keys = picture_keys(request, store)
     assert keys is not None
     for number in numbers:
         key, pixels = keys[number].frame, paint(number)

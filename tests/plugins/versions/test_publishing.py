@@ -15,6 +15,7 @@ import pytest
 from pipeline.errors import FrameError, MachineError, UsageError
 from pipeline.plugins.review.review_notes import read_notes
 from pipeline.plugins.versions import publishing
+from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.provenance import FILE, Provenance, pixels_of
 from pipeline.production.store.locks import exclusive
 from render.base.input_files import digest_of_file
@@ -81,7 +82,7 @@ def test_a_frame_that_cannot_be_read_is_forgotten_and_not_published(desk: Desk) 
     desk.shot.write_text(SHOT.replace("4: 40", "4: 50"))
     desk.render()
     request = desk.release().request
-    keys = request.picture_keys(desk.release().store)
+    keys = picture_keys(request, desk.release().store)
     assert keys is not None
     stored = desk.release().store.path("frame", keys[3].frame)
     stored.chmod(0o644)

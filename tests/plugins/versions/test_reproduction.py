@@ -11,6 +11,7 @@ import pytest
 
 from pipeline.errors import MachineError, MissingInputError, UsageError
 from pipeline.production.planning.profile import avoid
+from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.provenance import FILE, Provenance
 from pipeline.production.stages import FINISH
 from render.post.image import read_exr, write_exr
@@ -31,7 +32,7 @@ def test_a_version_is_made_again_from_its_provenance_alone_to_the_last_bit(desk:
     code, said = desk.command("reproduce", source)
     assert code == 0 and "frames 1-4 and the movie identical" in said
     assert one.home == desk.root / "renders" / "repeated" / f"{NAME}.v001"
-    changed = again.request.picture_keys(again.store)
+    changed = picture_keys(again.request, again.store)
     assert changed is not None
     file = again.store.path("frame", changed[3].frame)
     layers, header = read_exr(file)

@@ -1,0 +1,232 @@
+"""The manifest of a shot: all that planning, tasks and status need of it, compiled once from its files.
+
+The keys of its surfaces stand apart: they take the flows of all frames, and what was never made needs none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import astuple, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.errors import MissingInputError
+from pipeline.production.request.audio import AudioTrack
+from pipeline.production.stages import SIMULATE, SMOOTH_NORMALS
+from pipeline.production.store.paths import STATE
+from pipeline.production.store.store import Key, key_of
+from render.base.input_files import digest_of_file
+from render.scene.render_quality import Quality
+
+if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
+    from pipeline.resample import Thresholds
+    from pipeline.shot import Motion, Shot
+
+InputDigests = tuple[tuple[str, str], ...]
+"""Paths of the files that a shot reads, in order, and the SHA-256 of their contents."""
+
+MOVING_AOVS = {"velocity", "motion", "after", "before"}
+"""AOVs that show where the surface is at other moments."""
+
+
+@dataclass(frozen=True)
+class ShotManifest:
+    """A shot as planning, tasks and status see it.
+
+    inputs           the files that it reads, and their digests
+    listings         folders of these files, and digests of the names in them: a name with * may match more
+    runs_python      True if its flows are Python files of the user's
+    rate, shown_as   frames per second; the display transform, plain data
+    sounds           what is heard while it plays
+    subjects         the names of its subjects, if it has several
+    projection       of its camera: kind and angle, as `Projection` has them
+    qualities        by name: of all frames but those whose override has another
+    precision        AOVs that it names, and `half` or `float`
+    layers           the program whose channel names finished frames have; None without layers for compositing
+    blurred          frames whose shutter is open for some time
+    shows_motion     True if it names one of MOVING_AOVS
+    measures_speed   True if the colours of a subject are the speed of the flow
+    is_diced         True if pictures are made of meshes themselves, not of what `smooth_normals` keeps
+    overrides        frames of each override
+    restyled         frames whose look or lights an override changes
+    """
+
+    inputs: InputDigests
+    listings: tuple[tuple[str, str], ...]
+    runs_python: bool
+    frames: tuple[int, ...]
+    rate: str
+    shown_as: Mapping[str, Any]
+    sounds: tuple[AudioTrack, ...]
+    subjects: tuple[str, ...]
+    projection: tuple[str, float]
+    qualities: Mapping[str, Quality]
+    precision: tuple[tuple[str, str], ...]
+    layers: str | None
+    blurred: tuple[int, ...]
+    shows_motion: bool
+    measures_speed: bool
+    is_diced: bool
+    overrides: tuple[tuple[int, ...], ...]
+    restyled: tuple[int, ...]
+
+    @classmethod
+    def of(cls, shot: Shot) -> ShotManifest:
+        """Compile the manifest of a shot."""
+        from pipeline.flow.flow import python_flows
+
+        inputs, picture, clock = input_digests(shot.files), shot.picture, shot.motion.clock
+        return cls(
+            inputs=inputs,
+            listings=_listings(inputs),
+            runs_python=any(True for part in shot.parts for _ in python_flows(part.motion.flow)),
+            frames=shot.frames.numbers,
+            rate=str(shot.rate),
+            shown_as=picture.display_data(),
+            sounds=tuple(map(AudioTrack.of, shot.sounds)),
+            subjects=tuple(part.subject for part in shot.subjects),
+            projection=astuple(picture.camera.projection),
+            qualities=dict(picture.qualities),
+            precision=tuple(picture.aovs.precision),
+            layers=picture.layers,
+            blurred=tuple(n for n in shot.frames if picture.shutter.open_at(clock.time(n))),
+            shows_motion=not MOVING_AOVS.isdisjoint(picture.aovs.extra),
+            measures_speed=measures_speed(shot),
+            is_diced=picture.dicing is not None,
+            overrides=tuple(override.frames.numbers for override in picture.overrides),
+            restyled=tuple(n for override in picture.overrides if override.is_seen for n in override.frames),
+        )
+
+    @property
+    def is_current(self) -> bool:
+        """True if all files that the shot reads, shot files aside, are as they were."""
+        return next(changed_inputs(self.inputs), None) is None and _listings(self.inputs) == self.listings
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of its pictures in `final`, pixels."""
+        return self.qualities["final"].rendered_size
+
+    @property
+    def is_wide(self) -> bool:
+        """True for all projections but a perspective."""
+        return self.projection[0] != "perspective"
+
+    def is_blurred(self, number: int) -> bool:
+        """Tell whether the shutter of a frame is open for some time."""
+        return number in self._blurred
+
+    def override_of(self, number: int) -> int | None:
+        """Return the index of the override that a frame has, or None."""
+        return self._overridden.get(number)
+
+    def style_of(self, number: int) -> int | None:
+        """Return the index of the override of a frame whose look or lights are not the shot's, else None."""
+        return self._styles.get(number)
+
+    @cached_property
+    def _blurred(self) -> frozenset[int]:
+        return frozenset(self.blurred)
+
+    @cached_property
+    def _overridden(self) -> Mapping[int, int]:
+        return {number: index for index, numbers in enumerate(self.overrides) for number in numbers}
+
+    @cached_property
+    def _styles(self) -> Mapping[int, int]:
+        return {number: self._overridden[number] for number in self.restyled}
+
+
+@dataclass(frozen=True)
+class SurfaceKeys:
+    """Keys of mesh frames and of their normals, by frame; of several subjects, digests of both."""
+
+    meshes: Mapping[int, Key]
+    normals: Mapping[int, Key]
+
+    @classmethod
+    def of(cls, shot: Shot) -> SurfaceKeys:
+        """Return the keys of a shot of one subject."""
+        meshes = mesh_keys(shot.motion)
+        return cls(meshes, normals_keys(shot, meshes))
+
+    @classmethod
+    def joined(cls, frames: Iterable[int], parts: Mapping[str, SurfaceKeys]) -> SurfaceKeys:
+        """Return digests of the keys of several subjects, with their names, which pictures show."""
+        return cls(
+            {n: key_of([[name, keys.meshes[n]] for name, keys in parts.items()]) for n in frames},
+            {n: key_of([[name, keys.normals[n]] for name, keys in parts.items()]) for n in frames},
+        )
+
+
+def mesh_keys(motion: Motion) -> dict[int, Key]:
+    """Return keys by frame: each is made of the one before and of what acts between the two frames."""
+    key = key_of(SIMULATE.recipe, motion.start_data())
+    first, *others = sorted(motion.frames)
+    keys = {first: key}
+    for number in others:
+        try:
+            key = key_of(key, motion.step_data(number, is_checked=False))
+        except ValueError:  # NaN or infinity
+            key = key_of(key, motion.step_data(number))
+        keys[number] = key
+    return keys
+
+
+def normals_keys(shot: Shot, meshes: Mapping[int, Key]) -> dict[int, Key]:
+    """Return keys by frame of a shot of one subject; `meshes` are the keys of its meshes."""
+    from pipeline.shot.motion import as_data
+
+    motion, pieces = shot.motion, shot.picture.tessellate
+    first = thresholds_at(motion, motion.frames.first).hard_angle
+    is_constant = motion.resampling is None or isinstance(motion.resampling.thresholds.hard_angle, float)
+    keys = {}
+    for number, mesh in meshes.items():
+        angle = first if is_constant else thresholds_at(motion, number).hard_angle
+        keys[number] = key_of(SMOOTH_NORMALS.recipe, mesh, as_data(angle), pieces)
+    return keys
+
+
+def thresholds_at(motion: Motion, number: int) -> Thresholds:
+    """Return the thresholds of a frame; without resampling the default, whose hard angle makes creases."""
+    from pipeline.resample import Thresholds
+
+    resampling = motion.resampling_at(number)
+    return resampling.thresholds if resampling else Thresholds(1.0)
+
+
+def measures_speed(shot: Shot) -> bool:
+    """Tell whether the colours of a shot, or of one of its subjects, are the speed of the flow."""
+    from render.scene.patterns import SPEED, Measure
+
+    patterns = [part.picture.look.pattern for part in shot.parts]
+    return any(isinstance(pattern, Measure) and pattern.of == SPEED for pattern in patterns)
+
+
+def input_digests(files: Iterable[tuple[Path, str]]) -> InputDigests:
+    """Return paths and digests in the order of the paths."""
+    return tuple(sorted((str(path), digest) for path, digest in files))
+
+
+def changed_inputs(inputs: InputDigests) -> Iterator[str]:
+    """Yield the paths of the files that are not as they were."""
+    for path, digest in inputs:
+        try:
+            now = digest_of_file(Path(path))
+        except MissingInputError:
+            now = ""
+        if now != digest:
+            yield path
+
+
+def _listings(inputs: InputDigests) -> tuple[tuple[str, str], ...]:
+    def names_in(folder: Path) -> str:
+        try:
+            return key_of(sorted(path.name for path in folder.iterdir() if path.name != STATE.name))
+        except OSError:
+            return ""
+
+    return tuple(
+        (str(folder), names_in(folder)) for folder in sorted({Path(path).parent for path, _ in inputs})
+    )
