@@ -218,8 +218,7 @@ class ResamplePass:
     def collapse_short_edges(self) -> None:
         """Collapse short edges and flip badly shaped ones, until no short edge can collapse (P9)."""
         self._dead = self._dead_lists()
-        for dead in self._dead:
-            dead[0] = 0
+        self._dead[0][0] = self._dead[1][0] = 0
         self._collapse_and_flip()
 
     def _dead_lists(self) -> tuple[Indices, Indices]:
@@ -301,11 +300,9 @@ class ResamplePass:
             require_room_for_area(self.mesh.vertices, self.mesh.faces, longest, budget)
         if vertices + len(splits) > budget:
             more = len(np.unique(np.maximum(splits, self.mesh.arrays.twin[splits])))
-            require_room(vertices, more, budget, f" (longest edge {self._longest():g}, allowed {longest:g})")
-
-    def _longest(self) -> float:
-        corners = self.mesh.vertices[self.mesh.faces]
-        return float(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max())
+            corners = self.mesh.vertices[self.mesh.faces]
+            sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+            require_room(vertices, more, budget, f" (longest edge {sides.max():g}, allowed {longest:g})")
 
     def _report(self) -> Report:
         waiting = self.changes.edge_states[items_of(self.changes.short_edges)]

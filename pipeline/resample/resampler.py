@@ -54,20 +54,17 @@ def quadrisect(mesh: TriangleMesh, thresholds: Thresholds) -> Quadrisected:
     Raises FrameError where the vertices would exceed the budget, and UsageError like `Thresholds.fields`.
     """
     fields = thresholds.fields(mesh) if thresholds.active else None
-    longest = None if fields is None else fields[:, 0]
     parents: list[Indices] = []
     while True:
         edges = _Edges.of(mesh.faces)
-        cut = _to_cut(mesh, edges, thresholds.numbers[0] if longest is None else longest)
+        cut = _to_cut(mesh, edges, thresholds.numbers[0] if fields is None else fields[:, 0])
         if not cut.any():
             fixed = thresholds if fields is None else _fixed(fields, thresholds)
             return Quadrisected(mesh, fixed, np.concatenate([_NONE, *parents]), len(parents))
         require_room(len(mesh.vertices), int(cut.sum()), thresholds.max_vertices)
         ends = edges.ends[cut]
         mesh = _cut(mesh, edges, cut)
-        if fields is not None:
-            fields = _mixed(fields, ends)
-            longest = fields[:, 0]
+        fields = None if fields is None else _mixed(fields, ends)
         parents.append(ends)
 
 
@@ -93,8 +90,7 @@ def _to_cut(mesh: TriangleMesh, edges: _Edges, longest: float | Floats) -> AnyAr
     """Return flags (E,): True for edges of a face with a long edge."""
     a, b = edges.ends.T
     allowed = longest * longest if isinstance(longest, float) else longest[a] * longest[b]
-    apart = mesh.vertices[a] - mesh.vertices[b]
-    long = (apart**2).sum(axis=1) > allowed
+    long = _distances(mesh.vertices, a, b) > allowed
     cut = np.zeros(len(edges.ends), np.bool_)
     cut[edges.sides[long[edges.sides].any(axis=1)]] = True
     return cut

@@ -187,10 +187,8 @@ HIGHEST_RATIO = 0.5
 DEFAULT_HARD_ANGLE = math.radians(40)
 
 DEFAULT_GRADATION = 0.3
-"""Growth of edge lengths per scene unit along the surface.
-
-An edge is at most about a third longer than the one before it; the triangles between stay well shaped.
-"""
+"""Growth of edge lengths per scene unit along the surface: an edge is at most about a third longer than the
+one before it, and the triangles between stay well shaped."""
 
 
 @runtime_checkable
@@ -257,19 +255,15 @@ class Thresholds:
     def numbers(self) -> tuple[float, float, float]:
         """Maximum, minimum (scene units), hard angle (radians). Raises UsageError where one is a function."""
         if self.active:
-            raise UsageError(
-                "active thresholds are functions, not three numbers; use their fields over a mesh"
-            )
+            raise UsageError("active thresholds are functions, not numbers; use their fields over a mesh")
         return cast(tuple[float, float, float], self._three)
 
     def hard_angles(self, mesh: TriangleMesh) -> float | Floats:
         """Return the hard angle, radians; (V,) for a function. Raises UsageError like `fields`."""
         if isinstance(self.hard_angle, float):
             return self.hard_angle
-        angles = _over("hard_angle", self.hard_angle, mesh)
-        impossible = (angles <= 0) | (angles > math.pi)
-        _refuse("hard_angle", angles, impossible, mesh, "between 0 and pi radians")
-        return angles
+        rule = "between 0 and pi radians"
+        return _over("hard_angle", self.hard_angle, mesh, lambda v: (v > 0) & (v <= math.pi), rule)
 
     def at(self, frame: int, time: float) -> Thresholds:
         """Return the thresholds of one frame, `time` seconds from the start of the shot.
@@ -295,16 +289,15 @@ class Thresholds:
         Raises UsageError, naming the vertex, where a value is not finite or impossible.
         """
         out = np.empty((len(mesh.vertices), 3))
-        out[:, 0] = _over("max_edge_length", self.max_edge_length, mesh)
-        _refuse("max_edge_length", out[:, 0], out[:, 0] <= 0, mesh, "a positive length in scene units")
-        if not isinstance(self.max_edge_length, float):
+        longest, shortest, rule = self.max_edge_length, self.min_edge_length, "length in scene units"
+        out[:, 0] = _over("max_edge_length", longest, mesh, lambda v: v > 0, f"a positive {rule}")
+        if not isinstance(longest, float):
             out[:, 0] = graded(mesh, out[:, 0], self.gradation)
-        if self.min_edge_length is None:
+        if shortest is None:
             out[:, 1] = DEFAULT_RATIO * out[:, 0]
         else:
-            out[:, 1] = _over("min_edge_length", self.min_edge_length, mesh)
-            _refuse("min_edge_length", out[:, 1], out[:, 1] < 0, mesh, "a length in scene units")
-            if not isinstance(self.min_edge_length, float):
+            out[:, 1] = _over("min_edge_length", shortest, mesh, lambda v: v >= 0, f"a {rule}")
+            if not isinstance(shortest, float):
                 out[:, 1] = graded(mesh, out[:, 1], 0.5 * self.gradation)
             _require_ratio(out, mesh)
         out[:, 2] = self.hard_angles(mesh)
@@ -337,26 +330,23 @@ def _too_close(longest: float, shortest: float, where: str = "") -> str:
     )
 
 
-def _over(name: str, threshold: Threshold, mesh: TriangleMesh) -> Floats:
-    """Return a threshold at every vertex, (V,)."""
-    if isinstance(threshold, float):
-        return np.full(len(mesh.vertices), threshold)
-    if not callable(threshold):
+def _over(
+    name: str, threshold: Threshold, mesh: TriangleMesh, is_possible: Callable[[Floats], AnyArray], rule: str
+) -> Floats:
+    """Return a threshold at every vertex, (V,). Raises UsageError for the first without a possible number."""
+    if not (callable(threshold) or isinstance(threshold, float)):
         raise UsageError(f"{name} changes in time; ask for the thresholds `at` a frame first")
-    values = np.asarray(threshold(mesh), np.float64)
+    values = np.asarray(threshold(mesh) if callable(threshold) else threshold, np.float64)
     if values.shape not in ((), mesh.vertices.shape[:1]):
         raise UsageError(
             f"{name} gave an array of shape {values.shape} for {len(mesh.vertices)} vertices; "
             "it must give one number for each"
         )
-    return np.array(np.broadcast_to(values, mesh.vertices.shape[:1]))
-
-
-def _refuse(name: str, values: Floats, wrong: Any, mesh: TriangleMesh, rule: str) -> None:
-    """Raise UsageError for the first vertex with no number, or a wrong one."""
-    bad = np.flatnonzero(wrong | ~np.isfinite(values))
+    values = np.array(np.broadcast_to(values, mesh.vertices.shape[:1]))
+    bad = np.flatnonzero(~(is_possible(values) & np.isfinite(values)))
     if bad.size:
         raise UsageError(f"{name} is {values[bad[0]]:g} at {_vertex(mesh, int(bad[0]))}; it must be {rule}")
+    return values
 
 
 def _require_ratio(fields: Floats, mesh: TriangleMesh) -> None:

@@ -128,8 +128,7 @@ def _forked(work: Callable[[], int | None], output: int | None, folder: Path | N
 
 def distrust_working_folder() -> None:
     """Take the working folder out of the search paths of this process, and of all that it starts."""
-    folders = _untrusted()
-    named = _named()
+    folders, named = _untrusted(), _named()
     sys.path[:] = [e for e in sys.path if e in named or not (_is_relative(e) or _whole(e) in folders)]
     os.environ.update(environment())
 

@@ -89,14 +89,11 @@ def intruder(folder: Path) -> str | None:
         if found.st_uid not in (os.getuid(), 0) and not (place in outer and found.st_uid == _UNMAPPED):
             return f"{place} belongs to user {found.st_uid}"
         each_their_own = place in outer and found.st_mode & stat.S_ISVTX  # as in /tmp
-        if not (each_their_own or stat.S_ISLNK(found.st_mode)) and _others_may_write(found):
+        by_group = found.st_mode & stat.S_IWGRP and not _is_alone_in(found.st_gid)
+        is_open = found.st_mode & stat.S_IWOTH or by_group
+        if is_open and not (each_their_own or stat.S_ISLNK(found.st_mode)):
             return f"others may write {place}"
     return None
-
-
-def _others_may_write(found: os.stat_result) -> bool:
-    by_group = found.st_mode & stat.S_IWGRP and not _is_alone_in(found.st_gid)
-    return bool(found.st_mode & stat.S_IWOTH or by_group)
 
 
 def _is_alone_in(group: int) -> bool:

@@ -87,7 +87,7 @@ class ContactSheet:
     @cached_property
     def _page(self) -> NDArray[Any]:
         """The page without pictures: captions, and places that say that nothing is rendered."""
-        last_x, last_y = self._corner(self.columns * self._rows - 1)
+        last_x, last_y = self._corner(self.columns * ceil(len(self.captions) / self.columns) - 1)
         margin = self._text_size * 2
         height = last_y + self.size[1] + self._caption_height + margin
         heading = _width(self.heading, self._heading_size)
@@ -130,10 +130,6 @@ class ContactSheet:
         longest = max((_width(name, self._text_size) for name in names), default=0)
         tab = longest + round(0.6 * self._text_size) if names else 0
         return min(tab, round(0.6 * _MAX_CAPTION * self._text_size))
-
-    @property
-    def _rows(self) -> int:
-        return ceil(len(self.captions) / self.columns)
 
     @property
     def _caption_height(self) -> int:

@@ -197,12 +197,10 @@ class BurnIn:
 
     def _texts(self, band: str, side: str, values: Mapping[str, str | int]) -> list[tuple[str, str]]:
         shown = [field for field in _CORNERS[band, side] if field in self.fields and field in values]
-        written = [(field, _written(field, values[field])) for field in shown]
-        return [(field, text) for field, text in written if text]
-
-
-def _written(field: str, value: str | int) -> str:
-    return f"{value:04d}" if field == "frame" and isinstance(value, int) else str(value).strip()
+        number = values.get("frame")
+        written = {**values, **({"frame": f"{number:04d}"} if isinstance(number, int) else {})}
+        texts = [(field, str(written[field]).strip()) for field in shown]
+        return [(field, text) for field, text in texts if text]
 
 
 def _print(

@@ -75,10 +75,8 @@ def blocks(sound: Sound, seconds: Fraction) -> Iterator[Samples]:
 
     Raises as `require_sound` does.
     """
-    total = round(seconds * RATE)
-    length = round(require_sound(sound.file) * RATE)
-    start = round(sound.start * RATE)
-    first, last = max(0, start), min(total, start + length)
+    total, start = round(seconds * RATE), round(sound.start * RATE)
+    first, last = max(0, start), min(total, start + round(require_sound(sound.file) * RATE))
     position = 0
     for block in _in_blocks(_placed(sound.file, start), total):
         at = np.arange(position, position + block.shape[1])
@@ -97,14 +95,20 @@ def _gain(sound: Sound, at: NDArray[np.int64], first: int, last: int) -> NDArray
 
 
 def _placed(file: Path, start: int) -> Iterator[Samples]:
-    """Yield silence up to sample `start` of the film, then the file; below 0, leave out its beginning."""
+    """Yield silence up to sample `start` of the film, then the file; below 0, leave out its beginning.
+
+    Raises BadInputError where the file cannot be read to its end.
+    """
     if start > 0:
         yield from (np.zeros((2, min(BLOCK, start - n)), np.float32) for n in range(0, start, BLOCK))
     skip = max(0, -start)
-    for samples in _read(file):
-        kept = samples[:, skip:]
-        skip -= samples.shape[1] - kept.shape[1]
-        yield kept
+    try:
+        for samples in _decoded(file):
+            kept = samples[:, skip:]
+            skip -= samples.shape[1] - kept.shape[1]
+            yield kept
+    except Exception as error:  # damaged files raise errors of FFmpeg, of numpy and others
+        raise unreadable(file, reading_error(error)) from None
 
 
 def _in_blocks(parts: Iterator[Samples], total: int) -> Iterator[Samples]:
@@ -117,14 +121,6 @@ def _in_blocks(parts: Iterator[Samples], total: int) -> Iterator[Samples]:
             held = np.concatenate([held, np.zeros((2, size), np.float32) if more is None else more], axis=1)
         yield held[:, :size]
         held, total = held[:, size:], total - size
-
-
-def _read(file: Path) -> Iterator[Samples]:
-    """Yield a sound file as stereo of 48 kHz. Raises BadInputError where it cannot be read to its end."""
-    try:
-        yield from _decoded(file)
-    except Exception as error:  # damaged files raise errors of FFmpeg, of numpy and others
-        raise unreadable(file, reading_error(error)) from None
 
 
 def _decoded(file: Path) -> Iterator[Samples]:
@@ -211,13 +207,11 @@ class AudioStream:
     """The sound of a movie that is being written to one of FFmpeg's containers."""
 
     def __init__(self, container: Any, codec: str, samples: Iterator[Samples]) -> None:
-        self._container = container
+        self._container, self._samples, self._written = container, samples, 0
         self._stream = container.add_stream(codec, rate=RATE, layout="stereo")
-        if codec == "aac":
-            self._stream.bit_rate = 320_000
-        self._samples = samples
         self._is_float = codec == "aac"
-        self._written = 0
+        if self._is_float:
+            self._stream.bit_rate = 320_000
 
     def write_until(self, seconds: Fraction) -> None:
         """Write the sound up to a time, so that pictures and sound lie side by side in the file."""
