@@ -255,7 +255,7 @@ class Thresholds:
     def numbers(self) -> tuple[float, float, float]:
         """Maximum, minimum (scene units), hard angle (radians). Raises UsageError where one is a function."""
         if self.active:
-            raise UsageError("active thresholds are functions, not numbers; use their fields over a mesh")
+            raise UsageError("active thresholds are functions, not three numbers; use `fields` of a mesh")
         return cast(tuple[float, float, float], self._three)
 
     def hard_angles(self, mesh: TriangleMesh) -> float | Floats:
