@@ -17,7 +17,8 @@ from pipeline.errors import FrameError
 from pipeline.mesh.halfedge_mesh import HalfedgeMesh
 from pipeline.mesh.meshes import TriangleMesh
 from pipeline.mesh.normals import carried_normals, normals_from_tangents, tangent_points, unit, vertex_normals
-from pipeline.resample.kernels.closest_points import (
+from pipeline.resample.kernels.pass_state import Changes, Limits, new_ring
+from pipeline.resample.kernels.rest_surface import (
     LATTICE,
     MAX_OPPOSITE,
     choose_nearest,
@@ -26,12 +27,12 @@ from pipeline.resample.kernels.closest_points import (
     measure_at_rest,
     opposite_corners,
     place_lattice,
+    relax_goals,
+    relax_vertices,
     step_aside,
     step_to_goals,
     tangent_frames,
 )
-from pipeline.resample.kernels.pass_state import Changes, Limits, new_ring
-from pipeline.resample.kernels.relax_vertices import relax_goals, relax_vertices
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE, curved_midpoints, place_vertices, rest_midpoints
 from pipeline.resample.thresholds import edges_by_angle
 

@@ -34,7 +34,7 @@ from pipeline.resample.kernels.pass_state import (
     new_ring,
     work_list,
 )
-from pipeline.resample.kernels.relax_vertices import list_poor_vertices
+from pipeline.resample.kernels.rest_surface import list_poor_vertices
 from pipeline.resample.kernels.split import (
     BIRTH_HALFEDGE,
     BIRTH_SIZE,

@@ -12,7 +12,7 @@ from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, tor
 from pipeline.mesh.kernels.halfedge import following
 from pipeline.mesh.normals import vertex_normals
 from pipeline.resample.kernels.pass_state import UNCHANGED, Changes, Limits, length_limits, new_ring, touch
-from pipeline.resample.kernels.relax_vertices import (
+from pipeline.resample.kernels.rest_surface import (
     list_poor_vertices,
     relax_goals,
     relax_vertices,

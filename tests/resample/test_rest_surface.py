@@ -21,7 +21,6 @@ from pipeline.mesh import (
 from pipeline.mesh.analytic_surfaces import SphereSurface
 from pipeline.mesh.normals import vertex_normals
 from pipeline.resample import Curved, Exact, Resampler, Thresholds
-from pipeline.resample.kernels.closest_points import MAX_OPPOSITE, opposite_corners
 from pipeline.resample.kernels.flip import should_flip, untangle
 from pipeline.resample.kernels.pass_state import (
     Limits,
@@ -31,6 +30,7 @@ from pipeline.resample.kernels.pass_state import (
     rest_orientation,
     would_flip,
 )
+from pipeline.resample.kernels.rest_surface import MAX_OPPOSITE, opposite_corners
 from pipeline.resample.placement import ASTRAY, REST, closest_points
 from pipeline.resample.resample_pass import changes_of, reset
 

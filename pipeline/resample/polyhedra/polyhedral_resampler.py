@@ -72,8 +72,8 @@ class PolyhedralResampler:
         self.thresholds = thresholds
         self.cutting: Cutting = cutting
         self.collapse: Collapse = collapse
-        self._surface = Polyhedron(mesh)
-        self._keep(mesh, mesh.attributes)
+        self._surface, self._mesh = Polyhedron(mesh), mesh
+        self._attributes, self._vertices = mesh.attributes, np.array(mesh.vertices)
 
     @property
     def vertices(self) -> Points:
@@ -83,10 +83,8 @@ class PolyhedralResampler:
     @property
     def mesh(self) -> PolygonMesh:
         """The surface as a value: vertices in the order of `vertices`, faces in the resampler's own order."""
-        mesh = self._mesh
-        return PolygonMesh.from_arrays(
-            self._vertices, mesh.offsets, mesh.corners, mesh.attributes, mesh.creases
-        )
+        offsets, corners, creases = self._mesh.offsets, self._mesh.corners, self._mesh.creases
+        return PolygonMesh.from_arrays(self._vertices, offsets, corners, self._attributes, creases)
 
     def state(self) -> dict[str, AnyArray]:
         """Return copies of all that later frames depend on; keep them by ``numpy.savez(file, **state)``."""
@@ -108,10 +106,8 @@ class PolyhedralResampler:
         if missing:
             raise UsageError(f"the state has no {' and no '.join(missing)}; a run cannot resume from it")
         attributes = {n.removeprefix(_ATTRIBUTE): state[n] for n in state if n.startswith(_ATTRIBUTE)}
-        creases = state.get("creases")
-        mesh = PolygonMesh.from_arrays(
-            state["vertices"], state["offsets"], state["corners"], attributes, creases
-        )
+        surface = state["vertices"], state["offsets"], state["corners"]
+        mesh = PolygonMesh.from_arrays(*surface, attributes, state.get("creases"))
         return cls(mesh, thresholds, cutting, collapse)
 
     def resample(self) -> PolyhedralReport:
@@ -131,15 +127,10 @@ class PolyhedralResampler:
             this_pass.subdivide(self.cutting)
             this_pass.unsubdivide(self.collapse)
         finally:
-            after, kept = self._surface.renumber()
-            self._keep(after, inherited(mesh.attributes, this_pass.editor.inheritance, kept))
-        return this_pass.report(after)
-
-    def _keep(self, mesh: PolygonMesh, attributes: Mapping[str, AnyArray]) -> None:
-        self._mesh = PolygonMesh.from_arrays(
-            mesh.vertices, mesh.offsets, mesh.corners, attributes, mesh.creases
-        )
-        self._vertices = np.array(mesh.vertices)
+            self._mesh, kept = self._surface.renumber()
+            self._attributes = inherited(mesh.attributes, this_pass.editor.inheritance, kept)
+            self._vertices = np.array(self._mesh.vertices)
+        return this_pass.report(self._mesh)
 
 
 class _Pass:
@@ -175,7 +166,8 @@ class _Pass:
 
     def report(self, mesh: PolygonMesh) -> PolyhedralReport:
         """Return what the pass did, and the state of the resulting mesh."""
-        lengths, editor = edge_lengths(self._surface), self.editor
+        _, lengths, _ = _measured(self._surface, np.zeros(len(mesh.vertices)))
+        editor = self.editor
         return PolyhedralReport(
             splits=editor.splits,
             collapses=editor.collapses,
@@ -214,11 +206,6 @@ def wide_faces(mesh: PolygonMesh, limits: LengthLimits) -> list[int]:
     """Return the faces whose bounding box is longer than the maximum."""
     largest = np.minimum.reduceat(limits.table[mesh.corners, 0], mesh.offsets[:-1])
     return np.flatnonzero(mesh.extents > (1 - _SLACK) * largest).tolist()
-
-
-def edge_lengths(surface: Polyhedron) -> Floats:
-    """Return the length (E,) of every edge, scene units."""
-    return _measured(surface, np.zeros(len(surface.points)))[1]
 
 
 def _measured(surface: Polyhedron, limit: Floats) -> tuple[AnyArray, Floats, Floats]:
