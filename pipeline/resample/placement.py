@@ -36,8 +36,7 @@ from pipeline.resample.kernels.rest_surface import (
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE, curved_midpoints, place_vertices, rest_midpoints
 from pipeline.resample.thresholds import edges_by_angle
 
-RING, SCRATCH = new_ring(), np.empty(7)
-"""Scratch arrays of the kernels that place vertices."""
+RING, SCRATCH = new_ring(), np.empty(7)  # scratch arrays of the kernels that place vertices
 
 
 class Placement:

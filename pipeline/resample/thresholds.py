@@ -23,11 +23,8 @@ from pipeline.mesh.normals import NORMAL, angles_between, dihedral_angles, split
 from pipeline.mesh.validation import twin_corners
 from pipeline.resample.kernels.edge_scans import edge_curvature, limit_gradation
 
-SHORT = 0.4
-"""Share of the finest edge: shorter edges collapse (P12), and their curvature is noise."""
-
-FORMULA_NAMES = (*PLACE, *TIME)
-"""Names that a formula may use."""
+SHORT = 0.4  # share of the finest edge: shorter edges collapse (P12), and their curvature is noise
+FORMULA_NAMES = (*PLACE, *TIME)  # names that a formula may use
 
 
 @dataclass(frozen=True)
@@ -181,8 +178,7 @@ def _require_order(finest: float, coarsest: float) -> None:
 DEFAULT_RATIO = 0.4
 """Minimum over maximum edge length: the paper's compromise between thrashing and spread (P12)."""
 
-HIGHEST_RATIO = 0.5
-"""From here on a split makes edges that are at once too short (P13)."""
+HIGHEST_RATIO = 0.5  # from here on a split makes edges that are at once too short (P13)
 
 DEFAULT_HARD_ANGLE = math.radians(40)
 

@@ -22,8 +22,7 @@ from render.base.render_errors import BadInputError, FlowsculptError, MissingInp
 MOST_BYTES = 8 << 30
 """Size of the largest file that is read."""
 
-_MOST_HASHED = 1 << 40
-"""Size of the largest file that is hashed; movies are of any length."""
+_MOST_HASHED = 1 << 40  # size of the largest file that is hashed; movies are of any length
 
 _KINDS = (
     (stat.S_ISDIR, "a folder"),

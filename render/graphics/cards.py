@@ -307,8 +307,7 @@ ANGLE = math.radians(75.0)
 ASPECT = 16 / 9
 """Width to height of a screen in a wide picture."""
 
-_ROWS = 64
-"""Rows whose directions are computed at once: those of a whole picture would fill a gigabyte."""
+_ROWS = 64  # rows whose directions are computed at once: those of a whole picture would fill a gigabyte
 
 
 @dataclass(frozen=True)

@@ -22,14 +22,12 @@ GROUND, VACANT, QUIET, INK = 24 / 255, 38 / 255, 0.56, 0.92
 
 FONT = "DroidSans"
 _ASPECT = 16 / 9
-_CAPTIONED = 1.15
-"""Height of a picture with its caption, in picture heights."""
+_CAPTIONED = 1.15  # height of a picture with its caption, in picture heights
 
 _MIN_TEXT, _MAX_TEXT, _TEXT_SHARE = 12, 30, 0.043
 """Font size in pixels, as a share of a picture's width within bounds."""
 
-_MAX_CAPTION = 22.0
-"""Width up to which a caption widens a cell, in font sizes; longer captions are cut short."""
+_MAX_CAPTION = 22.0  # width up to which a caption widens a cell, in font sizes; longer captions are cut short
 
 MAX_PIXELS = 3840
 """Side of a sheet above which its pictures are reduced by whole factors."""

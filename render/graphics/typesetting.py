@@ -142,15 +142,12 @@ _CORNERS = {  # fields by band and side; the first of a corner stands at the edg
 }
 _BRIGHT, _QUIET = 0.96, 0.78
 _INKS = {"shot": _BRIGHT, "timecode": _BRIGHT}
-_FONT = "DroidSans"
-"""All its digits have one width, so numbers stand still while they count."""
+_FONT = "DroidSans"  # all its digits have one width, so numbers stand still while they count
 _CHANGING = ("frame", "timecode", "key")
 """Fields that change with every frame: put together from letters that are set once."""
 
-_SIZE, _MIN_SIZE = 0.0265, 9
-"""Font size as a share of the picture's height, and its minimum in pixels."""
-_WIDTH_SHARE = 0.0165
-"""Font size as a share of the width, for upright pictures."""
+_SIZE, _MIN_SIZE = 0.0265, 9  # font size as a share of the picture's height, and its minimum in pixels
+_WIDTH_SHARE = 0.0165  # font size as a share of the width, for upright pictures
 _BAND, _DARKEST = 3.2, 0.66
 """Height of a band in font sizes, and the share of light that it takes at the picture's edge."""
 

@@ -29,8 +29,7 @@ SHORTEST_WINDOW, SHORTEST_HOP = 0.025, 0.005
 STEPS = 1_000_000
 """Steps of a level, from 0 to the highest of the sound: rounded, it is the same on every machine."""
 
-_MOST_AT_ONCE = 1 << 18
-"""Samples of a channel in the windows that are transformed together."""
+_MOST_AT_ONCE = 1 << 18  # samples of a channel in the windows that are transformed together
 
 
 @dataclass(frozen=True)

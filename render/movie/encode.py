@@ -26,8 +26,7 @@ from render.scene.render_camera import PERSPECTIVE, Projection
 
 _BT709, _RGB = 1, 0
 _LIMITED, _FULL = 1, 2
-_REORDER = 3
-"""The fewest frames that an encoder can reorder: I, P, B."""
+_REORDER = 3  # the fewest frames that an encoder can reorder: I, P, B
 
 
 def write_movie(

@@ -12,8 +12,7 @@ import imageio.v3 as iio
 
 from render.base.render_errors import CorruptImageError, MissingImageError
 
-_UNSPECIFIED = 2
-"""H.273 for a colour that is not specified."""
+_UNSPECIFIED = 2  # H.273 for a colour that is not specified
 
 
 @dataclass(frozen=True)

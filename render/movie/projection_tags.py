@@ -30,8 +30,7 @@ _FIXED_BYTES = {b"moov": 0, b"trak": 0, b"mdia": 0, b"minf": 0, b"stbl": 0, b"st
 _POSITIONS = {b"stco": "I", b"co64": "Q"}
 """Kinds that hold positions of pictures and sound in the file, and how `struct` calls their numbers."""
 
-_BLOCK = 1 << 22
-"""Bytes that are moved at once."""
+_BLOCK = 1 << 22  # bytes that are moved at once
 
 
 @dataclass
@@ -165,17 +164,10 @@ def _insert(file: BinaryIO, start: int, size: int, new: bytes) -> None:
     file.write(new)
 
 
-_SOURCE = "flowsculpt"
-"""The name of the program that wrote the tags."""
-
-_MONO, _LEFT_RIGHT = 0, 2
-"""Stereo modes of `st3d`."""
-
-_QUARTER = 1 << 30
-"""A quarter, as a fraction of 2³²."""
-
-_SAMPLE_ENTRY_BYTES = 78
-"""Bytes of a VisualSampleEntry before the boxes in it."""
+_SOURCE = "flowsculpt"  # the name of the program that wrote the tags
+_MONO, _LEFT_RIGHT = 0, 2  # stereo modes of `st3d`
+_QUARTER = 1 << 30  # a quarter, as a fraction of 2³²
+_SAMPLE_ENTRY_BYTES = 78  # bytes of a VisualSampleEntry before the boxes in it
 
 _TRAILING = (b"pasp", b"clap", b"colr", b"btrt")
 """Optional boxes of a VisualSampleEntry, which the RFC has after the tags."""

@@ -23,8 +23,7 @@ LINEAR_REC709 = (
 )
 """Names of linear Rec.709, the space of pictures, in common configs."""
 
-_MOST_TRIED = 64
-"""Views whose tables are read before a config is used."""
+_MOST_TRIED = 64  # views whose tables are read before a config is used
 
 
 @dataclass(frozen=True)

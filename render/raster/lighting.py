@@ -32,11 +32,8 @@ from render.scene.render_camera import unit
 from render.scene.scene_lights import LightRig, Sky, Softbox
 from render.scene.scene_stage import Stage, StagePlacement
 
-SIDE = 33
-"""Directions along each side of a table: about 8° apart."""
-
-EYE_HEIGHT = 0.8
-"""Height over the floor from which the surroundings are seen, stage units."""
+SIDE = 33  # directions along each side of a table: about 8° apart
+EYE_HEIGHT = 0.8  # height over the floor from which the surroundings are seen, stage units
 
 Table = NDArray[np.float32]
 
@@ -141,8 +138,7 @@ def table_value(table: Array, row: int, column: int, down: float, right: float, 
     return float(near + down * (far - near))
 
 
-_FAINT = 1e-5
-"""Part of a highlight's brightness below which it is left out."""
+_FAINT = 1e-5  # part of a highlight's brightness below which it is left out
 
 
 @dataclass(frozen=True, eq=False)

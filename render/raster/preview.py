@@ -192,8 +192,7 @@ FACES = (
 )
 """View direction and up direction of each face, along the axes of the wide camera: right, up and forward."""
 
-_BORDER = 2
-"""Pixels of a face beyond its edges, from which places at the edges are interpolated."""
+_BORDER = 2  # pixels of a face beyond its edges, from which places at the edges are interpolated
 
 
 def wide_picture(
@@ -242,8 +241,7 @@ def _sampled(drawn: Picture, directions: Floats, forward: Floats, up: Floats, in
     return np.asarray(upper * (1.0 - v) + lower * v, dtype=np.float32)
 
 
-HIDDEN_OPACITY = 0.1
-"""Factor on the opacity of lines behind the surface."""
+HIDDEN_OPACITY = 0.1  # factor on the opacity of lines behind the surface
 
 
 class Edges(NamedTuple):

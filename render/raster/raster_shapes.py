@@ -31,14 +31,9 @@ exact, fast = compiled(), compiled(fastmath=FAST_MATH)
 LARGE_SIZE = 8
 """Subsamples across from which a triangle is large: shadows are computed per pixel, not at its corners."""
 
-EDGE = 1e-9
-"""Amount by which triangles are enlarged, so that rounding leaves no gap between neighbours."""
-
-SMALL, LARGE = 1, 2
-"""Bits of a vertex: a corner of small triangles, and of large ones."""
-
-CLOCKWISE = 2
-"""Shift of these bits for triangles that run clockwise on the screen."""
+EDGE = 1e-9  # amount by which triangles are enlarged, so that rounding leaves no gap between neighbours
+SMALL, LARGE = 1, 2  # bits of a vertex: a corner of small triangles, and of large ones
+CLOCKWISE = 2  # shift of these bits for triangles that run clockwise on the screen
 
 
 @exact
@@ -253,8 +248,7 @@ class VisibleFaces:
 SHARPNESS = (6.0, 160.0)
 """Least and greatest exponent of highlights at vertices: sharper ones fall between them, as dots."""
 
-COAT = 0.04
-"""Reflectance of a clear coat seen from straight above; its index of refraction is 1.5."""
+COAT = 0.04  # reflectance of a clear coat seen from straight above; its index of refraction is 1.5
 
 _LEAVES_COAT, _RETURNS = 0.42, 0.6
 """Fraction of light that a coat of index 1.5 lets in and out again, and the fraction that it sends back from

@@ -19,8 +19,7 @@ from render.raster.raster_shapes import Array, Floats, ScreenProjection, Shape, 
 from render.raster.triangles import SUPERSAMPLING, WHITE, Subsamples
 from render.scene.materials import Glass, Material, Smoke
 
-GRID = 256
-"""Steps of corners within a pixel: on a grid, neighbours share no pixel and leave none out."""
+GRID = 256  # steps of corners within a pixel: on a grid, neighbours share no pixel and leave none out
 
 
 class VisiblePoints(NamedTuple):
@@ -157,29 +156,17 @@ def _owns(dx: int, dy: int) -> bool:
     return dy > 0 or (dy == 0 and dx > 0)
 
 
-SHARPNESS = (6.0, 400.0)
-"""Least and greatest exponent of highlights: they are computed for each pixel."""
-
-TOE, STOPS = 2.0**-8, 14.0
-"""Linear light is packed as log2(1 + light / TOE) / STOPS."""
-
-_STEEPEST = 2.0
-"""Largest tangent of the angle by which glass bends a line of sight."""
-
-_BEHIND = 1.5
-"""Distance of the stage behind the subject, in halves of its size."""
-
-_THICK = 0.4
-"""Thickness from which glass bends as much as a ball, in halves of the subject's size."""
+SHARPNESS = (6.0, 400.0)  # least and greatest exponent of highlights: they are computed for each pixel
+TOE, STOPS = 2.0**-8, 14.0  # linear light is packed as log2(1 + light / TOE) / STOPS
+_STEEPEST = 2.0  # largest tangent of the angle by which glass bends a line of sight
+_BEHIND = 1.5  # distance of the stage behind the subject, in halves of its size
+_THICK = 0.4  # thickness from which glass bends as much as a ball, in halves of the subject's size
 
 _ASIDE = 1.4
 """Rate at which light from the surroundings replaces that of the picture, by the sine of glass's bend."""
 
-_DETOUR = 1.3
-"""Length of light's way inside glass, over the thickness: it is reflected and bent there."""
-
-_FORWARD = 0.15
-"""Weight of the light on the near side of dense smoke, over that on both sides."""
+_DETOUR = 1.3  # length of light's way inside glass, over the thickness: it is reflected and bent there
+_FORWARD = 0.15  # weight of the light on the near side of dense smoke, over that on both sides
 
 
 class ClearBody(NamedTuple):

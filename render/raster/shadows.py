@@ -32,23 +32,18 @@ from render.scene.render_camera import Camera, unit
 from render.scene.scene_lights import Softbox
 from render.scene.scene_stage import StagePlacement
 
-CELLS, REACH = 48, 2.4
-"""Cells along each side of the grid, and half of its side, stage units."""
+CELLS, REACH = 48, 2.4  # cells along each side of the grid, and half of its side, stage units
 
 LOOKS_DARK, PACKED_DARK = 0.55, 0.3
 """Exponents by which display values and packed values of a floor fall with the light that reaches it."""
 
-CELL = 2.0 * REACH / CELLS
-"""Side of a cell, stage units."""
-
-_HIGH = 1.5
-"""Height from which on a subject casts no contact shadow, stage units."""
+CELL = 2.0 * REACH / CELLS  # side of a cell, stage units
+_HIGH = 1.5  # height from which on a subject casts no contact shadow, stage units
 
 _LEAST_HEIGHT = 1.4 * CELL
 """Height of a subject that touches the floor, stage units: a lower one would show the cells."""
 
-_DARKEST = 0.1
-"""Least fraction of light that reaches the floor: the subject reflects it."""
+_DARKEST = 0.1  # least fraction of light that reaches the floor: the subject reflects it
 
 _OVERLAP = 1.8
 """Rate at which light falls with the sum of what cells take: of cells behind each other one takes it."""
@@ -155,8 +150,7 @@ def dim_floor(places: Array, factors: Array, factor: Array) -> None:
         factor[n] = open_at(factors, row, column) if inside else 1.0
 
 
-BLOCK = 8
-"""Pixels along a block of the shadow map that is tested at once."""
+BLOCK = 8  # pixels along a block of the shadow map that is tested at once
 
 _RADIUS = 4
 _COARSE, _FINE = (-4, 0, 4), (-4, -2, 0, 2, 4)
@@ -282,14 +276,9 @@ def light_visibility(
         fraction[n] = 1.0 - opacity * (1.0 - passed / 25.0)
 
 
-SHADOW_REACH = 2.6
-"""Half the width of the shadow map, stage units at the subject."""
-
-SUN_DISTANCE = 60.0
-"""Distance from which the sun's shadow map is rendered, stage units."""
-
-SHADOW_SIDE = 64 * BLOCK
-"""Pixels along each side of the shadow map."""
+SHADOW_REACH = 2.6  # half the width of the shadow map, stage units at the subject
+SUN_DISTANCE = 60.0  # distance from which the sun's shadow map is rendered, stage units
+SHADOW_SIDE = 64 * BLOCK  # pixels along each side of the shadow map
 
 SHADOW_LIFT = 0.06
 """Stage units above a surface at which its shadow is looked up, so that it does not shade itself."""

@@ -18,8 +18,7 @@ from pipeline.mesh.meshes import PolygonMesh, edge_keys
 from pipeline.mesh.validation import require, twin_corners
 from pipeline.resample.thresholds import Thresholds
 
-OUTSIDE = -1
-"""The face beyond a boundary, and the mark of a removed element."""
+OUTSIDE = -1  # the face beyond a boundary, and the mark of a removed element
 
 Point = tuple[float, float, float]
 

@@ -338,8 +338,7 @@ class Collapser:
         return 0.5 * norm(self._editor.normal(f)) < _EQUILATERAL * least * least
 
 
-START, MIDDLE, END = 0.0, 0.5, 1.0
-"""Position of the merged vertex, as a share of the edge."""
+START, MIDDLE, END = 0.0, 0.5, 1.0  # position of the merged vertex, as a share of the edge
 
 _MAX_TURN_COSINE = 0.2  # a face turns by at most 78 degrees in one collapse
 _THIN = 0.02  # twice the area over the longest side of the box squared; below it a face counts as a sliver
