@@ -35,8 +35,7 @@ _SANS, _SERIF = "DroidSans", "DroidSerif-Italic"
 _LEVELS = 0.75, 0.0
 BARS = [(red, green, blue) for green in _LEVELS for red in _LEVELS for blue in _LEVELS][:-1]
 """Colour bars of 75%, in the order of SMPTE EG 1: from white by falling luminance."""
-GREYS = 11
-"""Steps of the ramp from black to white."""
+GREYS = 11  # steps of the ramp from black to white
 
 NARROW, MOST_LINES = 1.5, 6
 """Width to height below which titles are set in several lines, and the most of them."""
@@ -304,8 +303,7 @@ def _resized(picture: Floats, size: tuple[int, int]) -> Floats:
 ANGLE = math.radians(75.0)
 """Horizontal angle of a screen: words that one reads in a headset without turning the head."""
 
-ASPECT = 16 / 9
-"""Width to height of a screen in a wide picture."""
+ASPECT = 16 / 9  # width to height of a screen in a wide picture
 
 _ROWS = 64  # rows whose directions are computed at once: those of a whole picture would fill a gigabyte
 

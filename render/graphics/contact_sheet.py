@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from render.base.render_errors import BadInputError
 from render.graphics.typesetting import cut_short, line, write
 
-Caption = tuple[tuple[str, str], ...]
-"""Lines below a picture: a name in quiet ink and a value in bright ink."""
+Caption = tuple[tuple[str, str], ...]  # lines below a picture: a name in quiet ink and a value in bright ink
 
 GROUND, VACANT, QUIET, INK = 24 / 255, 38 / 255, 0.56, 0.92
 """Display values of the ground, of a missing picture, and of names and values."""
@@ -29,8 +28,7 @@ _MIN_TEXT, _MAX_TEXT, _TEXT_SHARE = 12, 30, 0.043
 
 _MAX_CAPTION = 22.0  # width up to which a caption widens a cell, in font sizes; longer captions are cut short
 
-MAX_PIXELS = 3840
-"""Side of a sheet above which its pictures are reduced by whole factors."""
+MAX_PIXELS = 3840  # side of a sheet above which its pictures are reduced by whole factors
 
 
 @dataclass(frozen=True, eq=False)

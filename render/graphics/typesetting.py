@@ -21,8 +21,7 @@ from render.base.serialise import Triple
 
 Floats = NDArray[np.float32]
 
-BASELINE = 1.4
-"""Distance from the upper edge of a line to its baseline, in font sizes."""
+BASELINE = 1.4  # distance from the upper edge of a line to its baseline, in font sizes
 
 _FINE = 4
 """Letters are set this many times too large and scaled down, which places them to a quarter of a pixel."""
@@ -129,8 +128,7 @@ def _ink_width(text: str, size: int, font: str) -> int:
     return int(box.xend - box.xbegin)
 
 
-FIELDS = ("shot", "frame", "timecode", "key", "quality", "version")
-"""The fields that a burn-in can show."""
+FIELDS = ("shot", "frame", "timecode", "key", "quality", "version")  # the fields that a burn-in can show
 
 Strip = NDArray[np.float32]
 

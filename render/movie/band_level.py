@@ -23,8 +23,7 @@ from render.base.limited_process import ParserError, answer_about_content, serve
 from render.base.render_errors import BadInputError
 from render.movie.movie_sound import MOST_BYTES, opened_sound, reading_error, resampled, unreadable
 
-SHORTEST_WINDOW, SHORTEST_HOP = 0.025, 0.005
-"""Seconds."""
+SHORTEST_WINDOW, SHORTEST_HOP = 0.025, 0.005  # seconds
 
 STEPS = 1_000_000
 """Steps of a level, from 0 to the highest of the sound: rounded, it is the same on every machine."""

@@ -182,11 +182,8 @@ def require_size(encode: Encode, width: int, height: int) -> None:
         )
 
 
-MAX_RATE = 99
-"""The highest nominal rate: timecode has two digits for frames."""
-
-FILM_START = 3600
-"""The timecode of a film's first frame, in seconds: 01:00:00:00 leaves room for leaders."""
+MAX_RATE = 99  # the highest nominal rate: timecode has two digits for frames
+FILM_START = 3600  # the timecode of a film's first frame, in seconds: 01:00:00:00 leaves room for leaders
 
 
 def timecode(frame: int, rate: Fraction) -> str:

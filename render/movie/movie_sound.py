@@ -19,13 +19,9 @@ from render.base.input_files import digest_of_file, require_input
 from render.base.limited_process import ParserError, answer_about_content, serve
 from render.base.render_errors import BadInputError, reason_of
 
-RATE = 48_000
-"""Samples per second, as film sound has."""
-BLOCK = 1024
-"""Samples per block, as an AAC encoder takes them."""
-
-MOST_BYTES = 4 << 30
-"""Size of the largest file."""
+RATE = 48_000  # samples per second, as film sound has
+BLOCK = 1024  # samples per block, as an AAC encoder takes them
+MOST_BYTES = 4 << 30  # size of the largest file
 
 _SLOWEST, _FASTEST = 1000, 768_000
 """Samples per second of a file; others are damaged, and resampling them takes forever."""
@@ -36,8 +32,7 @@ _CONTAINERS = {
 }
 """Options of FFmpeg: formats that may be opened. Not playlists, which name other files and addresses."""
 
-Samples = NDArray[np.float32]
-"""Stereo samples (2, N), −1 … 1."""
+Samples = NDArray[np.float32]  # stereo samples (2, N), −1 … 1
 
 
 @dataclass(frozen=True)

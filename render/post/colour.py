@@ -25,8 +25,7 @@ from render.scene.rgb_spaces import WORKING_SPACES
 
 Floats = NDArray[np.float32]
 
-DISPLAYS = ("rec709", "srgb")
-"""The displays for movies and for pictures on a page."""
+DISPLAYS = ("rec709", "srgb")  # the displays for movies and for pictures on a page
 
 _SIDE = 65
 _TOE = 2.0**-6

@@ -27,8 +27,7 @@ from render.scene.scene_stage import Stage, StagePlacement
 
 Doubles = NDArray[np.float64]
 
-OBJECT, ASSET, MATERIAL = "CryptoObject", "CryptoAsset", "CryptoMaterial"
-"""Names of the sets of mattes."""
+OBJECT, ASSET, MATERIAL = "CryptoObject", "CryptoAsset", "CryptoMaterial"  # names of the sets of mattes
 
 
 def murmur_hash(name: str) -> int:
@@ -122,11 +121,8 @@ def cryptomatte_header(label: str, names: list[str]) -> dict[str, str]:
     }
 
 
-NOTHING = np.float32(1e10)
-"""Depth where the lens sees nothing, as in Cycles."""
-
-WHOLE = 0.999
-"""Coverage from which a pixel shows one thing alone."""
+NOTHING = np.float32(1e10)  # depth where the lens sees nothing, as in Cycles
+WHOLE = 0.999  # coverage from which a pixel shows one thing alone
 
 
 @dataclass(frozen=True)

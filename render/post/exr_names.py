@@ -21,8 +21,7 @@ from render.scene.aovs import AOVS, COMPUTED, COVERAGE
 from render.scene.render_camera import Camera
 from render.scene.scene_lights import PREFIX
 
-CRYPTO = "Crypto"
-"""The beginning of the names of all cryptomatte layers."""
+CRYPTO = "Crypto"  # the beginning of the names of all cryptomatte layers
 
 
 @dataclass(frozen=True)
@@ -119,8 +118,7 @@ def cryptomatte_label(crypto: str, convention: str | None) -> str:
     return _cryptomatte_channels(crypto, convention).prefix
 
 
-MOST_FRAME_DIGITS = 40
-"""Frames that a timeCode can count within a second: its tens have two bits."""
+MOST_FRAME_DIGITS = 40  # frames that a timeCode can count within a second: its tens have two bits
 
 
 @dataclass(frozen=True)

@@ -161,10 +161,7 @@ TOE, STOPS = 2.0**-8, 14.0  # linear light is packed as log2(1 + light / TOE) / 
 _STEEPEST = 2.0  # largest tangent of the angle by which glass bends a line of sight
 _BEHIND = 1.5  # distance of the stage behind the subject, in halves of its size
 _THICK = 0.4  # thickness from which glass bends as much as a ball, in halves of the subject's size
-
-_ASIDE = 1.4
-"""Rate at which light from the surroundings replaces that of the picture, by the sine of glass's bend."""
-
+_ASIDE = 1.4  # rate at which surrounding light replaces that of the picture, by the sine of glass's bend
 _DETOUR = 1.3  # length of light's way inside glass, over the thickness: it is reflected and bent there
 _FORWARD = 0.15  # weight of the light on the near side of dense smoke, over that on both sides
 

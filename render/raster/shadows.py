@@ -39,14 +39,9 @@ LOOKS_DARK, PACKED_DARK = 0.55, 0.3
 
 CELL = 2.0 * REACH / CELLS  # side of a cell, stage units
 _HIGH = 1.5  # height from which on a subject casts no contact shadow, stage units
-
-_LEAST_HEIGHT = 1.4 * CELL
-"""Height of a subject that touches the floor, stage units: a lower one would show the cells."""
-
+_LEAST_HEIGHT = 1.4 * CELL  # height of a subject on the floor, stage units: a lower one would show the cells
 _DARKEST = 0.1  # least fraction of light that reaches the floor: the subject reflects it
-
-_OVERLAP = 1.8
-"""Rate at which light falls with the sum of what cells take: of cells behind each other one takes it."""
+_OVERLAP = 1.8  # rate at which light falls with the sum of what cells take: of those in line one takes it
 
 
 class ContactShadow(NamedTuple):
@@ -279,9 +274,7 @@ def light_visibility(
 SHADOW_REACH = 2.6  # half the width of the shadow map, stage units at the subject
 SUN_DISTANCE = 60.0  # distance from which the sun's shadow map is rendered, stage units
 SHADOW_SIDE = 64 * BLOCK  # pixels along each side of the shadow map
-
-SHADOW_LIFT = 0.06
-"""Stage units above a surface at which its shadow is looked up, so that it does not shade itself."""
+SHADOW_LIFT = 0.06  # stage units above a surface at which its shadow is looked up: it does not shade itself
 
 
 @dataclass(frozen=True, eq=False)

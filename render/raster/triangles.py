@@ -20,9 +20,7 @@ SUPERSAMPLING = 2  # subsamples along each side of a pixel, against jagged edges
 WHITE = 1023.0  # white in a channel of ten bits: the colour of a subsample is packed into 32 bits
 
 _EDGE_ON = 1e-12
-
-_TOLERANCE = 1e-9
-"""Part of a pixel by which rows are longer, so that rounding leaves no gap between neighbours."""
+_TOLERANCE = 1e-9  # part of a pixel by which rows are longer: rounding leaves no gap between neighbours
 
 
 def _middles() -> Array:
