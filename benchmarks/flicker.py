@@ -29,8 +29,7 @@ from pipeline.mesh.solids import torus
 from render.frame.render_frame import render_frame
 from render.mitsuba.engine import Engine, choose
 from render.post.colour import to_display
-from render.post.denoise import denoise
-from render.post.film_denoiser import FilmDenoiser, RawFrame
+from render.post.denoise import FilmDenoiser, RawFrame, denoise
 from render.scene.aovs import RenderedFrame
 from render.scene.materials import LOOKS
 from render.scene.render_camera import Camera

@@ -13,8 +13,7 @@ from pipeline.mesh import icosphere
 from render.base.render_errors import BadInputError
 from render.frame.render_frame import render_frame
 from render.mitsuba.engine import Engine
-from render.post import film_denoiser
-from render.post.film_denoiser import FilmDenoiser, RawFrame
+from render.post.denoise import FilmDenoiser, RawFrame, denoised_columns
 from render.post.temporal_denoise import DenoisedFrame, temporal_denoise
 from render.scene.aovs import RenderedFrame
 from render.scene.materials import LOOKS
@@ -131,7 +130,7 @@ def test_denoising_leaves_no_seam_at_the_back_of_a_spherical_picture(
 
     assert seam(SPHERICAL) < 2.0
     assert seam(Camera(SPHERICAL.origin, SPHERICAL.target)) > 3.0  # what it would be
-    assert [len(columns) for columns, _ in film_denoiser.denoised_columns(VR180.wide, 64)] == [32, 32]
+    assert [len(columns) for columns, _ in denoised_columns(VR180.wide, 64)] == [32, 32]
 
 
 def frame_seen_by(camera: WideCamera, size: tuple[int, int], light: np.ndarray) -> DenoisedFrame:

@@ -19,8 +19,8 @@ from pipeline.production.stages import FINISH
 from pipeline.production.tasks.job import Context
 from render.movie.codecs import timecode
 from render.post.compositing import LayerInputs, Viewpoint, compositing_layers, mattes_header
+from render.post.denoise import FilmDenoiser, RawFrame
 from render.post.exr_names import ExrAttributes
-from render.post.film_denoiser import FilmDenoiser, RawFrame
 from render.post.image import write_exr
 from render.scene.aovs import DENOISER, Pixels, RenderedFrame
 from render.scene.materials import LOOKS, Material
