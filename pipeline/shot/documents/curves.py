@@ -187,18 +187,8 @@ Ease = Annotated[str, one_of((*EASINGS, BEZIER), "easing")]
 ExtrapolationName = Annotated[str, one_of(get_args(Extrapolation), "extrapolation")]
 
 
-def _require_handle(value: Any) -> Any:
-    """Refuse what is no [time, value]; `motion_checks.check_keys` says more of it where it can."""
-    is_pair = isinstance(value, list) and len(value) == 2 and isinstance(value[0], int | float | str)
-    away = value[1] if is_pair else None
-    if value is not None and not all(map(is_number, away if isinstance(away, list) else [away])):
-        raise bad_value("a handle is [time, value] away from its key, such as [6, 0.5]. Write both.")
-    return value
-
-
 BezierHandle = Annotated[
     Any,
-    AfterValidator(_require_handle),
     SchemaKeywords(
         type=["array", "null"],
         prefixItems=[{"type": ["number", "string"]}, {"type": ["number", "array"]}],

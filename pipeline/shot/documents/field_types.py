@@ -266,7 +266,7 @@ WORDS = {
 }
 """Colours that messages propose for words of daily English, as a shot file writes them."""
 
-_HEX = re.compile(r"#?([0-9a-fA-F]+)")
+_HEX = re.compile(r"#?((?=.*\d)[0-9a-fA-F]{3}|(?=.*\d)[0-9a-fA-F]{6}|(?<=#)([0-9a-fA-F]{3,4}){1,2})")
 _RGB = re.compile(r"rgba?\(\s*(\d+)\s*,\s*(\d+)\s*,\s*(\d+)")
 
 
@@ -279,7 +279,7 @@ def linear_of(text: str) -> list[float]:
     """Return linear Rec.709 of a hexadecimal colour of sRGB. Raises an error for pydantic for other text."""
     digits = text.removeprefix("#")
     if not re.fullmatch(HEX_PATTERN, text):
-        raise bad_value(_fault(text))
+        raise _not_a_colour(text)
     if len(digits) == 3:
         digits = "".join(2 * digit for digit in digits)
     return [_linear(int(digits[i : i + 2], 16) / 255.0) for i in (0, 2, 4)]
@@ -290,50 +290,47 @@ def _linear(value: float) -> float:
     return round(value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4, 9)
 
 
-def _fault(text: str) -> str:
-    if (meant := WORDS.get(text.lower())) is not None:
-        return f"a colour is not a word. Write {meant}, or red, green and blue from 0 to 1."
-    match, rgb, quote = _HEX.fullmatch(text), _RGB.match(text), shortened(text)
-    if rgb:
-        return f"a colour of sRGB is written '{_hex([int(part) for part in rgb.groups()])}', in quotes."
-    if match and len(match[1]) in (4, 8):
-        count = 3 * len(match[1]) // 4
-        return f"{quote} has {len(match[1])} digits; colours have no alpha. Write '#{match[1][:count]}'."
-    if match and text.startswith("#"):
-        return f"{quote} has {len(match[1])} digits; it must have 3 or 6. Write it as '#c04020'."
-    if match and len(match[1]) in (3, 6):
-        return f"a colour of sRGB begins with #. Write '#{match[1]}', in quotes."
-    return f"{quote} is not a colour. Write red, green, blue from 0 to 1, as [0.5, 0.2, 0.1], or '#c04020'."
-
-
-def _hex(values: list[int]) -> str:
-    return "#" + "".join(f"{min(value, 255):02x}" for value in values)
-
-
 def parsed_colour(value: Any) -> Any:
-    """Return a colour as three numbers; refuse other forms, with the one that is meant."""
+    """Return a colour as three numbers; refuse other forms, with the colour that is meant."""
     if isinstance(value, str):
         return linear_of(value)
-    if _is_hex_number(value):
-        raise bad_value(f"a colour of sRGB is text. Write '{_hex_of(value)}', in quotes.")
-    if is_number(value):
-        raise bad_value(f"{value} is one number; a colour has three. Write {[value] * 3}.")
-    if isinstance(value, dict) and [str(name).lower() for name in value][:3] == ["r", "g", "b"]:
-        raise bad_value(f"a colour is a list. Write {in_yaml(list(value.values())[:3])}.")
-    if isinstance(value, list) and all(is_number(part) for part in value):
-        return _checked_parts(value)
+    if isinstance(value, list):
+        whole = all(isinstance(part, int) and 0 <= part <= 255 for part in value)
+        if len(value) != 4 and not (len(value) == 3 and whole and max(value) > 16):
+            return value
+    if is_number(value) or _meant_colour(value) is not None:
+        raise _not_a_colour(value)
     return value
 
 
-def _checked_parts(value: list[Any]) -> list[Any]:
-    if len(value) == 4:
-        raise bad_value(f"{value} has 4 numbers; colours have no alpha. Write {value[:3]}.")
-    is_8_bit = (
-        all(isinstance(part, int) and 0 <= part <= 255 for part in value) and max(value, default=0) > 16
-    )
-    if len(value) == 3 and is_8_bit:
-        raise bad_value(f"{value} goes up to 255; colours go from 0 to 1, linear. Write '{_hex(value)}'.")
-    return value
+def _not_a_colour(value: Any) -> PydanticCustomError:
+    meant = _meant_colour(value) or (in_yaml([value] * 3) if is_number(value) else None)
+    rule = "it is red, green and blue from 0 to 1, linear and without alpha, or sRGB in quotes, as '#c04020'"
+    fact = f"{shortened(value) if isinstance(value, str) else in_yaml(value)} is not a colour"
+    return bad_value(f"{fact}; {rule}.{f' Write {meant}.' if meant else ''}")
+
+
+def _meant_colour(value: Any) -> str | None:
+    """Return the colour that a value means, as a shot file writes it; None where it means no colour."""
+    if isinstance(value, dict) and [str(name).lower() for name in value] in (list("rgb"), list("rgba")):
+        value = list(value.values())
+    if isinstance(value, list) and len(value) in (3, 4) and all(map(is_number, value)):
+        if all(0 <= part <= 1 for part in value):
+            return in_yaml(value[:3])
+        return _hex(value) if min(value) >= 0 else None
+    if isinstance(value, int) and not isinstance(value, bool) and 255 < value < 2**24:
+        return f"'#{value}'" if len(str(value)) == 6 else f"'#{value:06x}'"  # its digits, or 0xc04020
+    if not isinstance(value, str):
+        return None
+    if rgb := _RGB.match(value):
+        return _hex(list(map(int, rgb.groups())))
+    if not (match := _HEX.fullmatch(value)):
+        return WORDS.get(value.lower())
+    return f"'#{match[1][:3] if len(match[1]) < 5 else match[1][:6]}'"
+
+
+def _hex(values: list[float]) -> str:
+    return f"'#{''.join(f'{min(round(value), 255):02x}' for value in values[:3])}'"
 
 
 def no_bare_colour(entry: str, beginning: str) -> BeforeValidator:
@@ -343,7 +340,7 @@ def no_bare_colour(entry: str, beginning: str) -> BeforeValidator:
     """
 
     def check(value: Any) -> Any:
-        if (colour := _bare_colour(value)) is not None:
+        if (colour := _meant_colour(value)) is not None:
             raise finding(
                 f"{entry} is a colour; it must be a name or a mapping. "
                 f"Write {entry}: {{{beginning}, colour: {colour}}}."
@@ -351,40 +348,6 @@ def no_bare_colour(entry: str, beginning: str) -> BeforeValidator:
         return value
 
     return BeforeValidator(check)
-
-
-def _bare_colour(value: Any) -> str | None:
-    """Return a colour as a shot file writes it; None for a value that is meant as something else."""
-    if isinstance(value, dict):
-        names = [str(name).lower() for name in value]
-        return (
-            _bare_colour(list(value.values())) if names in (["r", "g", "b"], ["r", "g", "b", "a"]) else None
-        )
-    if isinstance(value, list):
-        if len(value) not in (3, 4) or not all(is_number(part) for part in value):
-            return None
-        if all(0 <= part <= 1 for part in value):
-            return in_yaml(value[:3])
-        return f"'{_hex([round(part) for part in value[:3]])}'" if min(value) >= 0 else None
-    if _is_hex_number(value):
-        return f"'{_hex_of(value)}'"
-    if not isinstance(value, str):
-        return None
-    if rgb := _RGB.match(value):
-        return f"'{_hex([int(part) for part in rgb.groups()])}'"
-    digits = value.removeprefix("#")
-    if not re.fullmatch(r"#([0-9a-fA-F]{3,4}){1,2}|(?=.*\d)[0-9a-fA-F]{6}", value):
-        return WORDS.get(value.lower())
-    return f"'#{digits[:3] if len(digits) < 5 else digits[:6]}'"
-
-
-def _is_hex_number(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 255 < value < 2**24
-
-
-def _hex_of(value: int) -> str:
-    """Return the colour that a whole number means: its six digits, or 0xc04020 as YAML has read it."""
-    return f"#{value}" if len(str(value)) == 6 else f"#{value:06x}"
 
 
 ColourParts = Annotated[list[ZeroToOne], Field(min_length=3, max_length=3)]
