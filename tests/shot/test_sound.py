@@ -112,8 +112,14 @@ def test_a_sound_that_ends_early_or_is_silent_is_noted(tones: Path) -> None:
     [
         ({"audio": "b.wav"}, "file b.wav is not there; it is looked for beside the shot file"),
         ({"audio": "c.wav"}, r"c.wav: cannot be read as sound \(.*\); save it as WAV or FLAC"),
-        ({"band": "[250, 20]"}, "is empty; the first frequency must be below the second. Write .20, 250."),
-        ({"band": "[100, 105]"}, "is 5 Hz wide; a band must have 10 Hz or more. Write .90, 115."),
+        (
+            {"band": "[250, 20]"},
+            "a band is .from, to. in Hz, 10 Hz wide or more. Write .20, 250.",
+        ),
+        (
+            {"band": "[100, 105]"},
+            "a band is .from, to. in Hz, 10 Hz wide or more. Write .90, 115.",
+        ),
         ({"band": "[100]"}, "is not a band; a band is .from, to. in Hz"),
         ({"band": "[30000, 40000]"}, "has nothing above 24000 Hz, and the band begins at 30000 Hz"),
         ({"band": "low"}, "'low' is not a band"),

@@ -70,20 +70,11 @@ def _require_band(value: Any) -> Any:
     """Refuse a list that is not a band, with one that is."""
     if not isinstance(value, list) or not all(map(is_number, value)):
         return value
-    if len(value) != 2:
-        raise bad_value(f"{in_yaml(value)} is not a band; a band is [from, to] in Hz. Write [60, 120].")
-    low, high = value
-    if low > high:
-        raise bad_value(
-            f"{in_yaml(value)} is empty; the first frequency must be below the second. Write "
-            f"{in_yaml([high, low])}."
-        )
-    if high - low < NARROWEST:
-        wider = [max(0, low - 10), high + 10]
-        raise bad_value(
-            f"{in_yaml(value)} is {high - low:g} Hz wide; a band must have {NARROWEST:g} Hz or more. Write "
-            f"{in_yaml(wider)}."
-        )
+    low, high = sorted(value) if len(value) == 2 else (60, 120)
+    if value != [low, high] or high - low < NARROWEST:
+        meant = [low, high] if high - low >= NARROWEST else [max(0, low - 10), high + 10]
+        rule = f"a band is [from, to] in Hz, {NARROWEST:g} Hz wide or more"
+        raise bad_value(f"{in_yaml(value)} is not a band; {rule}. Write {in_yaml(meant)}.")
     return value
 
 

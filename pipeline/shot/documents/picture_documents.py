@@ -10,7 +10,6 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_validator
 
-from pipeline.errors import shortened
 from pipeline.file_contents import as_utf8
 from pipeline.frames import FrameRange
 from pipeline.shot.documents.field_types import (
@@ -41,47 +40,36 @@ SMALLEST, LARGEST = 64, 16384
 
 _RATIO = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(?:[:/]\s*(\d+(?:\.\d*)?|\.\d+)\s*)?")
 _PIXELS = re.compile(r"\s*(\d+)\s*[x×*]\s*(\d+)\s*")
-_USUAL = 'Write "9:16", "1:1" or 2.39.'
 
 
 def _aspect(value: Any) -> Any:
-    """Parse `9:16`, `9/16` or a number as width over height."""
+    """Parse `9:16`, `9/16` or a number as width over height; refuse others, with the one that is meant."""
+    ratio = value
     if isinstance(value, str) and (match := _RATIO.fullmatch(value)):
         width, height = float(match[1]), float(match[2] or 1.0)
-        value = width / height if height else math.inf  # out of range
-    elif isinstance(value, str) and (match := _PIXELS.fullmatch(value)):
-        raise bad_value(f"these are pixels. Write size: [{match[1]}, {match[2]}] in place of aspect.")
-    elif isinstance(value, list) and len(value) == 2 and all(is_number(each) and each > 0 for each in value):
-        if min(value) >= SMALLEST:
-            raise bad_value(f"these are pixels. Write size: {in_yaml(value)} in place of aspect.")
-        raise bad_value(f'aspect is one value. Write "{value[0]}:{value[1]}".')
-    elif not is_number(value):
-        raise bad_value(f"{shortened(in_yaml(value))} is not an aspect, width to height. {_USUAL}")
-    if not NARROWEST <= value <= WIDEST:
-        raise bad_value(f"{value:.4g} is out of range, 1:5 to 5:1. {_USUAL}")
-    return float(value)
+        ratio = width / height if height else math.inf
+    if is_number(ratio) and NARROWEST <= ratio <= WIDEST:
+        return float(ratio)
+    remedy, sides = 'Write "9:16", "1:1" or 2.39.', re.findall(r"\d+", in_yaml(value))
+    if not is_number(ratio) and len(sides) == 2:
+        width, height = map(int, sides)
+        are_pixels = min(width, height) >= SMALLEST
+        remedy = f"Write size: [{width}, {height}]." if are_pixels else f'Write "{width}:{height}".'
+    raise bad_value(f"{in_yaml(value)} is not an aspect, width to height from 1:5 to 5:1. {remedy}")
 
 
 def _size(value: Any) -> Any:
-    """Refuse what is not an even width and height, with one that is."""
-    if isinstance(value, str) and (match := _PIXELS.fullmatch(value)):
-        raise bad_value(f"a size is a list. Write [{match[1]}, {match[2]}].")
-    if not (isinstance(value, list) and len(value) == 2 and all(map(is_number, value))):
-        raise bad_value(
-            f"{shortened(in_yaml(value))} is not a size, width and height in pixels. Write [1080, 1920]."
-        )
-    if not all(SMALLEST <= side <= LARGEST for side in value):
-        raise bad_value(
-            f"{in_yaml(value)} is out of range, {SMALLEST} to {LARGEST} pixels a side. Write [1080, 1920]."
-        )
-    if any(side % 2 for side in value):
-        raise bad_value(
-            f"{in_yaml(value)} is not even, and movies need even sides. Write {list(map(even, value))}."
-        )
-    width, height = map(int, value)
-    if not NARROWEST <= width / height <= WIDEST:
-        raise bad_value(f"[{width}, {height}] is out of range, 1:5 to 5:1. Write [1080, 1920].")
-    return [width, height]
+    """Return an even width and height; refuse others, with the size that is meant."""
+    match = _PIXELS.fullmatch(value) if isinstance(value, str) else None
+    sides = list(map(int, match.groups())) if match else value
+    is_pair = isinstance(sides, list) and len(sides) == 2 and all(map(is_number, sides))
+    fits = is_pair and all(SMALLEST <= side <= LARGEST for side in sides)
+    fits = fits and NARROWEST <= sides[0] / sides[1] <= WIDEST
+    meant = list(map(even, sides)) if fits else [1080, 1920]
+    if not fits or meant != value:
+        rule = f"even width and height in pixels, {SMALLEST} to {LARGEST} each, and 1:5 to 5:1"
+        raise bad_value(f"{in_yaml(value)} is not a size: {rule}. Write {meant}.")
+    return meant
 
 
 Aspect = Annotated[
