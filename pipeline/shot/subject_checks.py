@@ -161,28 +161,23 @@ def _measures(
         for m in unknown
     )
     size, wanted = given.get("size"), np.size(measures.get("size", ()))
-    if wanted and (fault := _size_fault(size, wanted)):
-        yield (*where, "size"), f"size of {indefinite(name)} has {plural(wanted, 'number')}{fault}"
+    if wanted and (meant := _meant_size(size, wanted)):
+        yield (*where, "size"), f"size of {indefinite(name)} has {plural(wanted, 'number')}. Write {meant}."
     elif not unknown:
         known = {m: given[m] for m in measures if m in given}
         if all(_has_form(value, measures[m]) for m, value in known.items()):
             yield from _contradictions(where, name, known)
 
 
-def _size_fault(size: Any, wanted: int) -> str | None:
-    """Return the end of the message about a size with another number of sides; None for a good one."""
+def _meant_size(size: Any, wanted: int) -> list[Any] | None:
+    """Return the size that one with another number of sides means; None for a good one, or another type."""
     if is_number(size):
-        return f", not one. Write {[size] * wanted}."
-    if not isinstance(size, list):
+        return [size] * wanted
+    if not isinstance(size, list) or len(size) == wanted:
         return None
     if len(size) == 1 and isinstance(size[0], list):
-        return f", in one pair of brackets. Write {size[0]}."
-    return None if len(size) == wanted else f", not {len(size)}. Write {_filled(size, wanted)}."
-
-
-def _filled(size: list[Any], wanted: int) -> str:
-    """Return a size with the right number of sides; further ones are like the last."""
-    return str([*size, *[size[-1] if size else 1] * wanted][:wanted])
+        return size[0]
+    return [*size, *[size[-1] if size else 1] * wanted][:wanted]
 
 
 def _has_form(value: Any, default: Measure) -> bool:

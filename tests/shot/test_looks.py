@@ -85,7 +85,10 @@ def test_scratches_lie_across_an_axis(tmp_path: Path) -> None:
         (f"{{material: clay, pigment: {{marble: {{{TWO}, shar: 1}}}}}}", "Did you mean 'share'?"),
         (f"{{material: clay, pigment: {{layers: {{{TWO}, scale: 0}}}}}}", "must be above 0"),
         ("{material: clay, pigment: {layers: {colours: [[1, 1, 1]]}}}", "must have at least 2"),
-        ("{material: clay, pigment: {}}", "pigment names 0 patterns"),
+        (
+            "{material: clay, pigment: {}}",
+            "a pigment is one of layers, gradient, rings, marble, speckles, and this has none",
+        ),
         (f"{{material: clay, colour: [1, 1, 1], pigment: {{layers: {{{TWO}}}}}}}", "Remove one of them"),
         (f"{{material: glass, pigment: {{layers: {{{TWO}}}}}}}", "light goes through glass"),
         ("{material: clay, density: 2}", "take smoke"),

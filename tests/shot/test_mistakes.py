@@ -65,7 +65,7 @@ BROKEN = [
     ("solid: box", "solid: box, radius: 1",
      "a.yaml:4:23: radius is not a measure of a box. There are: size."),
     ("solid: box", "solid: box, size: [1, 2]",
-     "a.yaml:4:23: size of a box has 3 numbers, not 2. Write [1, 2, 2]."),
+     "a.yaml:4:23: size of a box has 3 numbers. Write [1, 2, 2]."),
     ("solid: box", "solid: box, size: wide",
      "a.yaml:4:23: subject.size: 'wide' is not a list"),
     ("solid: box", "solid: icosphere, radius: wide",

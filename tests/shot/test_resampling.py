@@ -139,11 +139,11 @@ WRONG = [
     ("{formula: seconds / 9}", ["a.yaml:4:39: seconds is not known here. Write t."]),
     ("{formla: x}", ["a.yaml:4:30: resample.max_edge_length.formla: unknown name. "
                      "Did you mean 'formula'?"]),
-    ("{}", ["a.yaml:4:12: resample.max_edge_length: a length is one of formula, curvature, camera or keys, "
-            "and this has nothing. Write one."]),
+    ("{}", ["a.yaml:4:12: resample.max_edge_length: a length without keys is one of formula, "
+            "curvature, camera, and this has none. Write one."]),
     ("{formula: x, curvature: {tolerance: 1, finest: 1, coarsest: 2}}",
-     ["a.yaml:4:12: resample.max_edge_length: a length is one of formula, curvature, camera or keys, "
-      "and this has curvature and formula. Write one."]),
+     ["a.yaml:4:12: resample.max_edge_length: a length without keys is one of formula, "
+      "curvature, camera, and this has formula and curvature. Write one."]),
     ("{curvature: {tolerance: 1, finest: 3, coarsest: 2}}",
      ["a.yaml:4:56: finest 3 is longer than coarsest 2; it must not be. Exchange them."]),
     ("{keys: {1: 0.2, 40: 0.1}}",

@@ -120,8 +120,11 @@ WRONG = [
         "6:18: flows.0.curl_noise.octaves: 0 is out of range; it must be at least 1",
     ),
     ("curl_noise: {sede: 1}", "Did you mean 'seed'?"),
-    ("attraction: {rate: 2}", "attraction has no target; write one of points, curve and mesh"),
-    ("attraction: {points: [[0, 0, 0]], mesh: t.obj}", "attraction has points and mesh; its target is"),
+    (
+        "attraction: {rate: 2}",
+        "attraction is one of points, curve, mesh, and this has none",
+    ),
+    ("attraction: {points: [[0, 0, 0]], mesh: t.obj}", "and this has points and mesh. Write one."),
     ("attraction: {mesh: gone.obj}", "file gone.obj is not there; it is looked for beside the shot file"),
     ("attraction: {mesh: swirl.py}", ".py is not a mesh format"),
     ("wind: {through: [[0, 0, 0]]}", "1 item; it must have at least 2"),

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, TypeGuard, Union, get_args
+from typing import Annotated, Any, ClassVar, Self, TypeGuard, Union, get_args
 
 from pydantic import (
     AfterValidator,
@@ -18,6 +18,7 @@ from pydantic import (
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     Tag,
+    model_validator,
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
@@ -123,6 +124,26 @@ def one_of(names: Iterable[str], kind: str) -> OneOf:
 def exactly_one(*names: str) -> ConfigDict:
     """Return the JSON Schema of a document whose validator demands exactly one of these names."""
     return ConfigDict(json_schema_extra={"oneOf": [{"required": [name]} for name in names]})
+
+
+class OneOfSeveral(Document):
+    """A document that has exactly one of several names. Those are in `several`; messages call it `noun`."""
+
+    noun: ClassVar[str]
+    several: ClassVar[tuple[str, ...]]
+
+    @property
+    def named(self) -> list[str]:
+        """Those of the names that are there, one once it is validated."""
+        return [name for name in self.several if getattr(self, name) is not None]
+
+    @model_validator(mode="after")
+    def _names_one(self) -> Self:
+        if len(self.named) != 1:
+            fact = f"is one of {', '.join(self.several)}, and this has {' and '.join(self.named) or 'none'}"
+            such_as = f", such as {self.example}" if self.example else ""
+            raise bad_value(f"{self.noun} {fact}. Write one{such_as}.")
+        return self
 
 
 def _check_largest(value: float) -> float:

@@ -49,6 +49,7 @@ from pipeline.shot.documents.field_types import (
     Axis,
     Document,
     NumberOrText,
+    OneOfSeveral,
     Positive,
     Real,
     Triple,
@@ -222,10 +223,12 @@ class CurlNoiseDocument(FlowParameters):
     flow = CurlNoise
 
 
-class AttractionDocument(FlowParameters):
-    """Attraction to points, a curve or a mesh: exactly one of them."""
+class AttractionDocument(OneOfSeveral, FlowParameters):
+    """Attraction to points, a curve or a mesh."""
 
-    model_config = exactly_one("points", "curve", "mesh")
+    noun, several = "the target of attraction", ("points", "curve", "mesh")
+
+    model_config = exactly_one(*several)
 
     flow = Attraction
 
@@ -245,14 +248,6 @@ class AttractionDocument(FlowParameters):
 
     @model_validator(mode="after")
     def _to_one(self, info: ValidationInfo) -> Self:
-        given = [name for name in ("points", "curve", "mesh") if getattr(self, name) is not None]
-        if not given:
-            raise finding("attraction has no target; write one of points, curve and mesh")
-        if len(given) > 1:
-            raise finding(
-                f"attraction has {' and '.join(given)}; its target is one of points, curve and mesh. "
-                "Write one."
-            )
         if self.points is not None:
             self._target = Target.points(np.array(self.points))
         elif self.curve is not None:

@@ -59,6 +59,7 @@ from pipeline.shot.documents.field_types import (
     ORIGIN,
     Axis,
     Document,
+    OneOfSeveral,
     Positive,
     SchemaKeywords,
     Triple,
@@ -74,8 +75,6 @@ from pipeline.shot.motion import SECONDS_PATTERN, Clock
 from pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
 from pipeline.shot.yaml.messages import models_in, needed_names
 from pipeline.shot.yaml.yaml_source import in_yaml
-
-SHAPES = ("sphere", "box", "half_space", "capsule", "cylinder", "mesh")
 
 
 class SphereDocument(Document):
@@ -161,12 +160,13 @@ class MeshDocument(Document):
         return MeshRegion(self._surface, place(self.centre, clock), number(self.scale, clock), **falloff)
 
 
-class RegionDocument(Document):
-    """Exactly one shape by its name, and its falloff."""
+class RegionDocument(OneOfSeveral):
+    """A shape by its name, and its falloff."""
 
     example = "{sphere: {radius: 1}}"
+    noun, several = "a region", ("sphere", "box", "half_space", "capsule", "cylinder", "mesh")
 
-    model_config = exactly_one(*SHAPES)
+    model_config = exactly_one(*several)
     sphere: SphereDocument | None = optional("all within a radius of a point")
     box: BoxDocument | None = optional("all within sides along x, y and z")
     half_space: HalfSpaceDocument | None = optional("all below a plane")
@@ -181,16 +181,8 @@ class RegionDocument(Document):
     )
     invert: bool = Field(False, description="the outside instead of the inside")
 
-    @model_validator(mode="after")
-    def _names_one(self) -> Self:
-        named = [name for name in SHAPES if getattr(self, name) is not None]
-        if len(named) != 1:
-            names = " and ".join(named) or "none"
-            raise bad_value(f"a region is one of {', '.join(SHAPES)}, and this has {names}. Write one.")
-        return self
-
     def build(self, clock: Clock) -> Region:
-        shape = next(shape for name in SHAPES if (shape := getattr(self, name)) is not None)
+        shape = getattr(self, self.named[0])
         falloff_type: FalloffType = self.falloff_type  # type: ignore[assignment]  # as its validator says
         return shape.build(
             clock, falloff=number(self.falloff, clock), falloff_type=falloff_type, invert=self.invert

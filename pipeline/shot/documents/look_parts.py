@@ -16,6 +16,7 @@ from pipeline.shot.documents.field_types import (
     Colour,
     Degrees,
     Document,
+    OneOfSeveral,
     Positive,
     Real,
     SchemaKeywords,
@@ -30,7 +31,7 @@ from pipeline.shot.documents.field_types import (
     require_three,
     vector,
 )
-from pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value, finding
+from pipeline.shot.yaml.document_validation import ParseContext, as_finding, finding
 from render.base.render_errors import RenderError
 from render.scene.materials import Absorption, Relief, Subsurface
 from render.scene.patterns import COLOUR_MAPS, KINDS, PATTERNS, Measure, Pigment
@@ -74,10 +75,13 @@ class SpecklesDocument(PatternDocument):
     share: ZeroToOne = Field(0.45, description="the radius of the largest speckle, in cells")
 
 
-class PigmentDocument(Document):
-    """One pattern, by its name."""
+class PigmentDocument(OneOfSeveral):
+    """A pattern, by its name."""
 
-    model_config = exactly_one(*PATTERNS)
+    example = "{layers: {colours: [[1, 1, 1], [0, 0, 0]]}}"
+    noun, several = "a pigment", tuple(PATTERNS)
+
+    model_config = exactly_one(*several)
 
     layers: PatternDocument | None = optional("bands along an axis")
     gradient: PatternDocument | None = optional("from colour to colour along an axis")
@@ -85,22 +89,8 @@ class PigmentDocument(Document):
     marble: MarbleDocument | None = optional("veins in a ground")
     speckles: SpecklesDocument | None = optional("dots in a ground")
 
-    @model_validator(mode="after")
-    def _names_one(self) -> Self:
-        if len(self._named) != 1:
-            raise bad_value(
-                f"pigment names {len(self._named)} patterns; it is one of {', '.join(PATTERNS)}. "
-                "Write one, such as pigment: {layers: {colours: [[1, 1, 1], [0, 0, 0]]}}."
-            )
-        return self
-
-    @property
-    def _named(self) -> list[str]:
-        """The patterns that are not left empty."""
-        return [name for name in PATTERNS if getattr(self, name) is not None]
-
     def build(self) -> Pigment:
-        (pattern,) = self._named
+        (pattern,) = self.named
         return getattr(self, pattern).build(pattern)
 
 

@@ -5,9 +5,9 @@ Angles are degrees in the file and radians in the code.
 
 import math
 from dataclasses import dataclass, field, fields
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.flow.parameters import Curve, Number, VectorParameter, number_at, vector_at
@@ -33,6 +33,7 @@ from pipeline.shot.documents.field_types import (
     ByForm,
     Document,
     NumberOrText,
+    OneOfSeveral,
     Positive,
     ZeroToOne,
     exactly_one,
@@ -41,7 +42,6 @@ from pipeline.shot.documents.field_types import (
     optional,
 )
 from pipeline.shot.motion import Clock, Resampling
-from pipeline.shot.yaml.document_validation import bad_value
 
 HardAngle = Annotated[float, Field(gt=0, lt=180)]
 _ANGLES = Bounds(math.ulp(0.0), math.nextafter(180.0, 0.0), "above 0 and below 180")
@@ -129,24 +129,16 @@ class ActiveAngleDocument(Document):
     formula: ThresholdText = Field(description="over x, y, z, frame and t, seconds (degrees)")
 
 
-class ActiveLengthDocument(Document):
-    """A length that is a function: exactly one of these."""
+class ActiveLengthDocument(OneOfSeveral):
+    """A length that is a function: one of these."""
 
-    model_config = exactly_one("formula", "curvature", "camera")
+    noun, several = "a length without keys", ("formula", "curvature", "camera")
+
+    model_config = exactly_one(*several)
 
     formula: ThresholdText | None = optional("over x, y, z, frame and t, seconds (units)")
     curvature: CurvatureDocument | None = optional("longer where the surface is flatter")
     camera: CameraDistanceDocument | None = optional("of a constant size in a picture")
-
-    @model_validator(mode="after")
-    def _names_one(self) -> Self:
-        named = [name for name in sorted(self.model_fields_set) if getattr(self, name) is not None]
-        if len(named) != 1:
-            names = " and ".join(named) or "nothing"
-            raise bad_value(
-                f"a length is one of formula, curvature, camera or keys, and this has {names}. Write one."
-            )
-        return self
 
 
 def _form(value: Any) -> int:
