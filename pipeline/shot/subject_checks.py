@@ -313,15 +313,9 @@ class SubjectView:
         data["flows"] = [*shared, *source.listing("subjects", name, "flows")]
         view = cls(name, replace(source, data=data), len(shared), overridden)
 
-        def moved(spots: dict[Where, Any]) -> dict[Where, Any]:
-            return {
-                there: spot for where, spot in spots.items() if (there := view._forward(where)) is not None
-            }
-
-        places, texts, others = (moved(spots) for spots in (source.places, source.texts, source.others))
-        return replace(
-            view, source=replace(view.source, places=places, texts=texts, others=others, problems=[])
-        )
+        moved = ((view._forward(where), spot) for where, spot in source.places.items())
+        places = {there: spot for there, spot in moved if there is not None}
+        return replace(view, source=replace(view.source, places=places, problems=[]))
 
     def in_file(self, where: Where) -> Where:
         """Return the path in the file of a path in the view."""

@@ -97,7 +97,7 @@ def file_edits(before: ShotSource, now: ShotSource, root: Path) -> Iterator[File
     except FlowsculptError:
         return
     for difference in differences(old.data, new.data):
-        file, line, _ = (old if difference.now is MISSING else new).spot_of(difference.path)
+        file, line, *_ = (old if difference.now is MISSING else new).spot_of(difference.path)
         shown = Path(file).relative_to(root) if Path(file).is_relative_to(root) else Path(file)
         yield FileEdit(f"{shown}:{line}", difference)
 

@@ -215,7 +215,8 @@ class _Walk:
         words, _, unit = description.rpartition(" (")
         has_unit = description.endswith(")") and bool(words)
         low, high = _bounds(kind)
-        file = self.source.others.get(where, "") if raw is not None else ""
+        spot = self.source.spot_of(where)
+        file = "" if raw is None or spot.file == str(self.source.path) else spot.file
         curve = self._curve(value, where) if form == "curve" else None
         return SettableValue(
             where,

@@ -18,7 +18,7 @@ from typing import Any
 from pipeline.errors import MissingInputError, ShotError, UsageError, brief, shortened, suggestion
 from pipeline.shot.motion import Clock, parse_frames, parse_rate
 from pipeline.shot.yaml.named_files import DEFAULTS, is_there, shown, text_of
-from pipeline.shot.yaml.yaml_source import HEX_COLOUR, Where, YamlSource, in_yaml, quoted
+from pipeline.shot.yaml.yaml_source import HEX_COLOUR, Spot, Where, YamlSource, in_yaml, quoted
 
 OPTION = "--set"
 
@@ -64,8 +64,7 @@ def _set(source: YamlSource, setting: str) -> YamlSource:
     _sort_keys(source, data, where)
     new = [where[:i] for i in range(1, len(where) + 1) if i == len(where) or where[:i] not in source.places]
     kept = source.without_places(lambda path: path[: len(where)] == where)
-    places = {**kept.places, **dict.fromkeys(new, (0, 0))}
-    return replace(kept, data=data, places=places, others={**kept.others, **dict.fromkeys(new, place)})
+    return replace(kept, data=data, places={**kept.places, **dict.fromkeys(new, Spot(place, 0, 0))})
 
 
 def _yaml_of(text: str) -> str:
@@ -203,17 +202,11 @@ def with_named_settings(source: YamlSource) -> YamlSource:
     What stands beside a name replaces single values, except softboxes, which are added.
     """
     for names, entry, base_name in NAMED_SETTINGS:
-        named = source.get(names)
-        if not isinstance(named, dict) or not isinstance(source.data, dict):
-            continue
+        named = source.mapping(names)
         places: list[Where] = [(entry,)]
-        for holder in ("subjects", "overrides"):
-            inside = source.get(holder)
-            keys = (
-                inside if isinstance(inside, dict) else range(len(inside) if isinstance(inside, list) else 0)
-            )
-            places += [(holder, key, entry) for key in keys]
-        for where in places:
+        places += [("subjects", name, entry) for name in source.mapping("subjects")]
+        places += [("overrides", index, entry) for index in range(len(source.listing("overrides")))]
+        for where in places if named else ():
             seen: set[Any] = set()
             while (name := _name_at(source, where, base_name)) in named and name not in seen:
                 seen.add(name)
@@ -252,10 +245,7 @@ def _spelt_out(source: YamlSource, where: Where, named: Where, base_name: str) -
         if path[: len(named)] == named and inner:
             if inner[0] == "softboxes" and len(inner) > 1:
                 inner = (inner[0], inner[1] + shift, *inner[2:])
-            if (new := (*where, *inner)) not in found.places:
-                found.places[new], found.others[new] = spot, source.others.get(path, str(source.path))
-                if path in source.texts:
-                    found.texts[new] = source.texts[path]
+            found.places.setdefault((*where, *inner), spot)
     return replace(found, data=data)
 
 
@@ -316,20 +306,11 @@ def over(source: YamlSource, base: YamlSource) -> YamlSource:
     kept = base.without_places(
         lambda where: where in source.places or any(where[:i] in replaced for i in range(len(where) + 1))
     )
-    others = {where: kept.others.get(where, str(base.path)) for where in kept.places}
-    problems = []
+    places, problems = {**kept.places, **source.places}, list(source.problems)
     for i, (where, problem) in enumerate(base.problems):  # reported even where their values are replaced
-        file, line, column = base.spot_of(where)
-        others[base.path.name, i], source.places[base.path.name, i] = file, (line, column)
+        places[base.path.name, i] = base.spot_of(where)
         problems.append(((base.path.name, i), problem))
-    return YamlSource(
-        source.path,
-        data,
-        {**kept.places, **source.places},
-        [*source.problems, *problems],
-        {**kept.texts, **source.texts},
-        {**others, **source.others},
-    )
+    return YamlSource(source.path, data, places, problems)
 
 
 def _merged(value: Any, base: Any, where: Where, replaced: set[Where]) -> Any:

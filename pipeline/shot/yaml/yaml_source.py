@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
@@ -144,22 +144,30 @@ Problem = tuple[Where, str]
 """A mistake in a file: the path to it, and the message."""
 
 
+class Spot(NamedTuple):
+    """The position of a key (or list item) in a file; line and column from 1, or 0 for a setting.
+
+    text  line and column of the first character of a text that stands unchanged in one line
+    """
+
+    file: str
+    line: int
+    column: int
+    text: tuple[int, int] | None = None
+
+
 @dataclass(frozen=True)
 class YamlSource:
     """A file's text as dicts, lists, numbers and strings.
 
-    places    line and column, from 1, of each key (or list item) by its path
+    places    positions by the paths of values, which may come from other files
     problems  mistakes in the text itself
-    texts     line and column of the first character of each text that stands unchanged in one line
-    others    the file of each value that comes from another one, by its path
     """
 
     path: Path
     data: Any
-    places: dict[Where, tuple[int, int]]
-    problems: list[tuple[Where, str]] = field(default_factory=list)
-    texts: dict[Where, tuple[int, int]] = field(default_factory=dict)
-    others: dict[Where, str] = field(default_factory=dict)
+    places: dict[Where, Spot]
+    problems: list[Problem] = field(default_factory=list)
 
     @classmethod
     def read(cls, path: Path, text: str | None = None) -> YamlSource:
@@ -185,35 +193,33 @@ class YamlSource:
     def _from_node(cls, path: Path, node: Node | None, lines: list[str]) -> YamlSource:
         if node is None:
             raise ShotError(f"{path}:1:1: the file is empty; it must hold at least title, frames and subject")
-        reader = _Reader(path, lines)
-        data = reader.value(node, (), ())
-        return cls(path, data, reader.places, reader.problems, reader.texts)
+        reader = _Reader(str(path), lines)
+        return cls(path, reader.value(node, (), ()), reader.places, reader.problems)
 
     def place(self, where: Where) -> str:
         """Return `file:line:column` of a path, or of the nearest mapping or list around it."""
-        file, line, column = self.spot_of(where)
+        file, line, column, _ = self.spot_of(where)
         return f"{file}:{line}:{column}" if line else file
 
     def order(self, where: Where) -> tuple[bool, str, int, int]:
         """Return a sort key that orders paths by position, those of the file itself first."""
-        file, line, column = self.spot_of(where)
+        file, line, column, _ = self.spot_of(where)
         return file != str(self.path), file, line, column
 
-    def spot_of(self, where: Where) -> tuple[str, int, int]:
-        """Return file, line and column of a path, or of the nearest mapping or list around it."""
+    def spot_of(self, where: Where) -> Spot:
+        """Return the position of a path, or of the nearest mapping or list around it."""
         for length in range(len(where), -1, -1):
             if where[:length] in self.places:
-                return self.others.get(where[:length], str(self.path)), *self.places[where[:length]]
-        return str(self.path), 1, 1
+                return self.places[where[:length]]
+        return Spot(str(self.path), 1, 1)
 
     def spot(self, where: Where, column: int) -> Where | None:
         """Return a path to a character (from 1) of a text; None if the file writes it otherwise."""
-        if where not in self.texts:
+        spot = self.places.get(where)
+        if spot is None or spot.text is None:
             return None
-        line, first = self.texts[where]
-        self.places[(*where, column)] = line, first + column - 1
-        if where in self.others:
-            self.others[(*where, column)] = self.others[where]
+        line, first = spot.text
+        self.places[(*where, column)] = Spot(spot.file, line, first + column - 1)
         return (*where, column)
 
     def get(self, *where: Any) -> Any:
@@ -238,11 +244,8 @@ class YamlSource:
 
     def without_places(self, is_dropped: Callable[[Where], bool]) -> YamlSource:
         """Return the same data without the positions of some paths."""
-
-        def kept(spots: dict[Where, Any]) -> dict[Where, Any]:
-            return {where: spot for where, spot in spots.items() if not is_dropped(where)}
-
-        return replace(self, places=kept(self.places), texts=kept(self.texts), others=kept(self.others))
+        kept = {where: spot for where, spot in self.places.items() if not is_dropped(where)}
+        return replace(self, places=kept)
 
     def mappings(self) -> Iterator[tuple[Where, dict[Any, Any]]]:
         """Yield all mappings of the file with their paths, from the top down."""
@@ -258,19 +261,18 @@ class YamlSource:
 
 @dataclass
 class _Reader:
-    """Converts a tree of nodes to plain values, and notes places, texts and problems on the way."""
+    """Converts a tree of nodes to plain values, and notes places and problems on the way."""
 
-    path: Path
+    file: str
     lines: list[str]
-    places: dict[Where, tuple[int, int]] = field(default_factory=dict)
+    places: dict[Where, Spot] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
-    texts: dict[Where, tuple[int, int]] = field(default_factory=dict)
     values: int = 0
     characters: int = 0
 
     def value(self, node: Node, where: Where, parents: tuple[Node, ...]) -> Any:
         self._count(node, len(parents))
-        self.places.setdefault(where, (node.start_mark.line + 1, node.start_mark.column + 1))
+        self.places.setdefault(where, self._spot(node))
         if any(node is parent for parent in parents):
             self.problems.append((where, "this alias contains itself; write the value out"))
             return None
@@ -295,34 +297,37 @@ class _Reader:
                 "aliases (*name) count each time. Shorten it."
             )
         if fault:
-            raise ShotError(f"{self.path}:{node.start_mark.line + 1}:{node.start_mark.column + 1}: {fault}")
+            raise ShotError(f"{self.file}:{node.start_mark.line + 1}:{node.start_mark.column + 1}: {fault}")
+
+    def _spot(self, node: Node) -> Spot:
+        return Spot(self.file, node.start_mark.line + 1, node.start_mark.column + 1)
 
     def _note_text(self, node: ScalarNode, where: Where) -> None:
         """Note the position of a text's first character, if the file writes its characters one by one."""
         start, end = node.start_mark, node.end_mark
         quotes = 1 if node.style in ("'", '"') else 0
         if start.line == end.line and end.column - start.column == len(node.value) + 2 * quotes:
-            self.texts[where] = start.line + 1, start.column + 1 + quotes
+            text = start.line + 1, start.column + 1 + quotes
+            self.places[where] = self.places[where]._replace(text=text)
 
     def _mapping(self, node: MappingNode, where: Where, parents: tuple[Node, ...]) -> dict[Any, Any]:
         values: dict[Any, Any] = {}
         for key_node, value_node in node.value:
-            mark = key_node.start_mark
             if not isinstance(key_node, ScalarNode):
-                place = (*where, ("name", mark.index))
-                self.places[place] = mark.line + 1, mark.column + 1
+                place = (*where, ("name", key_node.start_mark.index))
+                self.places[place] = self._spot(key_node)
                 self.problems.append((place, "a list or mapping is not a name; names are text"))
                 continue
             key = scalar(key_node)
             if key in values:
-                line = self.places[(*where, key)][0]
+                line = self.places[(*where, key)].line
                 problem = (
                     f"{key} is given twice, first in line {line}; one would be lost. Remove one of them."
                 )
-                self.places[(*where, key, "again")] = (mark.line + 1, mark.column + 1)
+                self.places[(*where, key, "again")] = self._spot(key_node)
                 self.problems.append(((*where, key, "again"), problem))
                 continue
-            self.places[(*where, key)] = (mark.line + 1, mark.column + 1)
+            self.places[(*where, key)] = self._spot(key_node)
             values[key] = self.value(value_node, (*where, key), parents)
             if colour := self._lost_colour(key_node, value_node):
                 fact = f"{key}: empty, since # begins a comment in YAML"
