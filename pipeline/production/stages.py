@@ -53,7 +53,7 @@ SIMULATE = PipelineStage(
     doing="simulating",
     makes="mesh",
     reads=("simulate",),  # of frames before, where another job makes them
-    module="meshes",
+    module="surfaces",
     per_quality=False,
     on_farm=True,
 )
@@ -63,7 +63,7 @@ SMOOTH_NORMALS = PipelineStage(
     doing="smoothing",
     makes="normals",
     reads=("simulate",),
-    module="meshes",
+    module="surfaces",
     per_quality=False,
 )
 FRAME_CAMERA = PipelineStage(
@@ -72,7 +72,7 @@ FRAME_CAMERA = PipelineStage(
     doing="framing",
     makes="cameras",
     reads=("simulate",),
-    module="meshes",
+    module="surfaces",
     per_quality=False,
 )
 RENDER = PipelineStage(

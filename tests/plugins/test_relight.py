@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline.plugins.delivery.relight_command import permanent
-from pipeline.production.store.paths import output_folder
+from pipeline.plugins.maintenance.store_repair import output_folder
 from render.movie.probe import probe_movie
 from render.post.image import read_exr
 from render.scene.aovs import RenderedFrame

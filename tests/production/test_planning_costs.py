@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 
 from benchmarks.orchestration import CORES, fill, write_shots
+from pipeline.plugins.maintenance.status_commands import states
 from pipeline.production.execution.project import Project
-from pipeline.production.planning.frame_states import states
 from pipeline.production.planning.plan import Plan
 from pipeline.production.store.history import History
 
@@ -89,7 +89,7 @@ def test_status_looks_at_each_file_and_at_what_shows_it(film: list[str], calls: 
     project, history = Project(Path.cwd(), CORES), History.of(Path.cwd())
     for name in film:
         requests = project.at_qualities(Path(f"shots/{name}.yaml"))
-        rows = states(requests, project.store, history, project.as_finished)
+        rows = states(project, requests, history)
         assert [(row.what, len(row.done)) for row in rows] == [("meshes", FRAMES), ("draft", FRAMES)]
     assert calls["looks"] <= 5 * SHOTS * FRAMES + A_SHOT * SHOTS
     assert calls["digests"] <= A_SHOT * SHOTS
@@ -103,7 +103,7 @@ def test_status_of_a_shot_of_which_nothing_was_made_finds_no_keys(
     monkeypatch.setattr("pipeline.production.request.manifest.mesh_keys", lambda motion: pytest.fail())
     project = Project(tmp_path, CORES)
     requests = project.at_qualities(Path(f"shots/{name}.yaml"))
-    (row,) = states(requests, project.store, History.of(tmp_path), project.as_finished)
+    (row,) = states(project, requests, History.of(tmp_path))
     assert (row.what, len(row.missing)) == ("meshes", FRAMES)
 
 

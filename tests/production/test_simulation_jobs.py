@@ -19,7 +19,7 @@ from pipeline.production.store import readers
 from pipeline.production.store.event_log import EventLog, EventReader
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.store import Store
-from pipeline.production.tasks import meshes
+from pipeline.production.tasks import surfaces
 from pipeline.production.tasks.job import Context
 from pipeline.shot import read_shot
 
@@ -46,7 +46,7 @@ class Job:
         self.context = Context(root, self.plan, job, log)
 
     def run(self) -> bool:
-        return meshes.simulate(self.context)
+        return surfaces.simulate(self.context)
 
     def stored(self) -> list[int]:
         """The frames that the store holds."""
@@ -76,14 +76,14 @@ def simulated(root: Path) -> dict[int, MeshFrame]:
 def test_a_range_of_a_large_mesh_stores_its_own_frames_and_none_after_it(
     root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(meshes, "LARGE", 1)
+    monkeypatch.setattr(surfaces, "LARGE", 1)
     job = Job(root, "7-9")
     assert job.run()
     assert job.stored() == job.shown() == [7, 8, 9]
     assert [event["frame"] for event in job.events("frame")] == [7, 8, 9]
     later = Job(root, "11")  # goes on from frame 9
     assert later.run() and later.stored() == [7, 8, 9, 11]
-    frame = meshes.read_mesh_frame(later.context, later.context.request, 11)
+    frame = surfaces.read_mesh_frame(later.context, later.context.request, 11)
     assert np.array_equal(frame.mesh.vertices, simulated(root)[11].mesh.vertices)
 
 
@@ -92,8 +92,8 @@ def test_frames_before_the_range_are_stored_where_they_are_small_or_took_long(
 ) -> None:
     job = Job(root, "3-4")
     assert job.run() and job.stored() == [1, 2, 3, 4] and job.shown() == [3, 4]
-    monkeypatch.setattr(meshes, "LARGE", 1)
-    monkeypatch.setattr(meshes, "KEPT_SECONDS", 0.0)
+    monkeypatch.setattr(surfaces, "LARGE", 1)
+    monkeypatch.setattr(surfaces, "KEPT_SECONDS", 0.0)
     assert Job(root, "6").run() and job.stored() == [1, 2, 3, 4, 5, 6]
 
 
@@ -112,8 +112,8 @@ def test_a_frame_is_written_while_the_next_one_is_computed(
         assert named["number"] > 1 or computed.wait(10.0), "the first is not written before the second comes"
         write(path, named)
 
-    monkeypatch.setattr(meshes, "animate_reporting", frames)
-    monkeypatch.setattr(meshes, "write_npz", writes)
+    monkeypatch.setattr(surfaces, "animate_reporting", frames)
+    monkeypatch.setattr(surfaces, "write_npz", writes)
     job = Job(root, "1-3")
     assert job.run() and job.stored() == [1, 2, 3]
 
@@ -129,7 +129,7 @@ def test_where_writing_fails_the_job_says_so_once_and_leaves_nothing_half_writte
             raise MachineError(f"{path}: cannot be written: the disk is full")
         write(path, named)
 
-    monkeypatch.setattr(meshes, "write_npz", fails)
+    monkeypatch.setattr(surfaces, "write_npz", fails)
     job = Job(root, "1-5")
     assert not job.run()
     (failure,) = job.events("fail")
@@ -146,14 +146,14 @@ def test_where_a_frame_fails_those_before_it_are_stored(root: Path, monkeypatch:
                 raise FrameError("the flow fails", 4)
             yield frame
 
-    monkeypatch.setattr(meshes, "animate_reporting", frames)
+    monkeypatch.setattr(surfaces, "animate_reporting", frames)
     job = Job(root, "1-6")
     assert not job.run()
     assert job.events("fail")[0]["frame"] == 4 and job.stored() == job.shown() == [1, 2, 3]
 
 
 def test_what_is_not_stored_is_not_measured(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(meshes, "LARGE", 1)
+    monkeypatch.setattr(surfaces, "LARGE", 1)
     measured: list[int] = []
 
     def frames(*given: Any) -> Iterator[MeshFrame]:
@@ -161,7 +161,7 @@ def test_what_is_not_stored_is_not_measured(root: Path, monkeypatch: pytest.Monk
             yield frame
             measured.extend([frame.number] * ("statistics" in vars(frame.report)))
 
-    monkeypatch.setattr(meshes, "animate_reporting", frames)
+    monkeypatch.setattr(surfaces, "animate_reporting", frames)
     job = Job(root, "5-6")
     assert job.run() and measured == [5]  # nothing asks for a frame after the last one
     report = json.loads(str(readers.read_npz(root / "renders/A/meshes/A.0006.npz")["report"]))

@@ -6,6 +6,7 @@ They list which frames are done, where the time of a run went, and why a frame w
 from __future__ import annotations
 
 import shlex
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -13,11 +14,16 @@ from rich.console import Group
 
 from pipeline.cli.options import Common, Quality, Settings, Shot, project_of, shots_argument
 from pipeline.cli.output import duration, exit_with, print_error, print_result, table
-from pipeline.errors import FlowsculptError
-from pipeline.production.planning.frame_states import FrameStates, states
-from pipeline.production.planning.timings import LABELS, RunReport, named_run
+from pipeline.errors import FlowsculptError, MissingInputError
+from pipeline.plugins.maintenance.store_repair import is_begun
+from pipeline.production.execution.project import Project
+from pipeline.production.planning.frame_states import FrameStates, mesh_states, picture_states
+from pipeline.production.planning.timings import LABELS, RunReport
 from pipeline.production.request.lookup import find_shot, shot_names
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.store.event_log import logs_of
 from pipeline.production.store.history import History
+from pipeline.production.store.paths import EVENTS
 from render.base.plural import plural
 from render.scene.render_quality import DEFAULT_QUALITY
 
@@ -45,13 +51,27 @@ def status(
     for shot in shots or shot_names():
         try:
             requests = project.at_qualities(find_shot(shot))
-            rows += states(requests, project.store, history, project.as_finished)
+            rows += states(project, requests, history)
         except FlowsculptError as error:
             errors.append(error)
             print_error(str(error))
     if rows or common.json or not errors:
         _report(rows, common.json)
     exit_with(max((error.exit_code for error in errors), default=0))
+
+
+def states(project: Project, requests: list[RenderRequest], history: History) -> list[FrameStates]:
+    """Return the states of a shot's meshes, and of its pictures at every quality that was begun.
+
+    requests  of one shot, one a quality. Stale frames are compared with every convention of layers
+    """
+    store = project.store
+    found = [mesh_states(requests[0], store, history)]
+    for request in requests:
+        if is_begun(request, store):
+            row = picture_states(request, store, history)
+            found.append(picture_states(project.as_finished(request), store, history) if row.stale else row)
+    return found
 
 
 def _report(rows: list[FrameStates], as_json: bool) -> None:
@@ -97,6 +117,20 @@ def report(
         waited = "" if waiting is None else f"{waiting:.1f} s"
         listing.add_row(LABELS[what], cpu, f"{share:.1%}", waited, str(spending.frames.get(what, "")))
     print_result(Group(_title(spending), listing), spending.as_data(), common.json)
+
+
+def named_run(root: Path, name: str | None) -> str:
+    """Return a run by its name, or the last. Raises MissingInputError where there is none."""
+    known = [log.stem for log in logs_of(root)]
+    if name is None and known:
+        return known[-1]
+    if name in known:
+        return str(name)
+    if not known:
+        raise MissingInputError(f"{root / EVENTS}: no runs logged yet; flowsculpt render writes a log")
+    raise MissingInputError(
+        f"{root / EVENTS}: run {name!r} not found; the latest are {', '.join(known[-3:])}"
+    )
 
 
 def _title(spending: RunReport) -> str:

@@ -6,10 +6,12 @@ What a root holds output of is known by its shots of today, and by the plans of 
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from fnmatch import fnmatch
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -17,7 +19,6 @@ from typing import Any
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.plugins.maintenance.verify import ShownFile, StoredFile, inode, shown_files
 from pipeline.production.execution.project import Project
-from pipeline.production.planning.frame_states import is_begun
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.planner import Planner
 from pipeline.production.request.edit import Edit
@@ -32,7 +33,7 @@ from pipeline.production.request.lookup import (
     shot_names,
 )
 from pipeline.production.request.render_request import FORMS, RenderRequest
-from pipeline.production.store.paths import PLANS, RENDERS, output_folder
+from pipeline.production.store.paths import PLANS, RENDERS
 from pipeline.production.store.store import Key, Store
 from render.base.serialise import from_plain
 from render.scene.render_quality import QUALITIES
@@ -60,6 +61,11 @@ def begun_requests(project: Project, warn: Callable[[str], object]) -> Iterator[
                 requests.append(project.as_finished(request))
         begun = [request for request in requests if is_begun(request, project.store)]
         yield from begun or requests[:1]
+
+
+def is_begun(request: RenderRequest, store: Store) -> bool:
+    """Tell whether pictures of a request were ever asked for at its quality."""
+    return (store.root / request.folders.home / request.quality_name).exists()
 
 
 def begun_films(project: Project) -> Iterator[Film]:
@@ -257,6 +263,73 @@ class _Repairs:
 
 def _still_key(request: RenderRequest, keys: PictureKeys, form: str, number: int) -> Key:
     return request.still_key(form, keys[number].frame)
+
+
+@dataclass(frozen=True)
+class OutputFolder:
+    """A folder that holds output.
+
+    pattern  its path, relative to the root: {NAME} stands for any name, ** for any folders
+    holds    what lies there
+    command  writes it again; {quality} stands for -q, --scale and --crop, and … for options that nobody
+             keeps. None for what a run makes again when it needs it.
+    files    a pattern of the names of its files, where another row has the others
+    """
+
+    pattern: str
+    holds: str
+    command: str | None
+    files: str = "*"
+
+    def match(self, path: Path) -> Mapping[str, str] | None:
+        """Return the names in braces where a file lies in the folder, else None."""
+        if not fnmatch(path.name, self.files):
+            return None
+        expression = re.escape(self.pattern).replace(r"\*\*", ".+")
+        expression = re.sub(r"\\{(\w+)\\}", r"(?P<\1>[^/]+)", expression)
+        match = re.fullmatch(expression, path.parent.as_posix())
+        return match and match.groupdict()
+
+
+OUTPUTS = (
+    OutputFolder("renders/published/**", "published versions", "reproduce …"),
+    OutputFolder("renders/repeated/**", "published versions, made again", "reproduce …"),
+    OutputFolder("renders/review/**", "review pages", "review …"),
+    OutputFolder("renders/**/meshes", "mesh frames", None),
+    OutputFolder("renders/**/normals", "meshes ready to be rendered", None),
+    OutputFolder("renders/**/meshes/{subject}", "mesh frames of a subject", None),
+    OutputFolder("renders/**/normals/{subject}", "meshes of a subject ready to be rendered", None),
+    OutputFolder("renders/**", "cameras", None, files="*.cameras.json"),
+    OutputFolder("renders/**/raw", "rendered frames", None),
+    OutputFolder("renders/**/statistics", "seconds of rendering", None),
+    OutputFolder("renders/wedge/{shot}", "sheets of wedges", "wedge {shot} …"),
+    OutputFolder("renders/wedge/{shot}/**", "cells of wedges, each as a shot's folder", "wedge {shot} …"),
+    OutputFolder("renders/turntable/**", "turntables, each as a shot's folder", "turntable …"),
+    OutputFolder(
+        "renders/edit/{shot}/{name}/**", "a shot in an edit with a picture of its own", "film {name} …"
+    ),
+    OutputFolder("renders/film/preview", "animatics of films", "preview {name} …"),
+    OutputFolder("renders/film/{quality}", "films", "film {name} {quality}"),
+    OutputFolder("renders/film/{quality}/deliver", "deliverables of films", "deliver {quality} …"),
+    OutputFolder("renders/{shot}", "figures", "figures {shot}", files="*.figures.*"),
+    OutputFolder("renders/{shot}", "curves", "curves {shot}", files="*.curves.*"),
+    OutputFolder("renders/{shot}/preview", "previews", "preview {shot} …"),
+    OutputFolder("renders/{shot}/models", "meshes for other programs", "export … {shot} …"),
+    OutputFolder("renders/{shot}/usd", "stages for other programs", "export usd {shot}"),
+    OutputFolder("renders/{shot}/{quality}", "contact sheets", "sheet {shot} {quality} …", files="*.sheet.*"),
+    OutputFolder("renders/{shot}/{quality}", "movies", "render {shot} {quality} …"),
+    OutputFolder("renders/{shot}/{quality}/frames", "finished frames", "render {shot} {quality}"),
+    OutputFolder("renders/{shot}/{quality}/relight/**", "relit frames", "relight {shot} {quality} …"),
+    OutputFolder("renders/{shot}/{quality}/deliver", "deliverables", "deliver {shot} {quality} …"),
+    OutputFolder("renders/{shot}/{quality}/{form}", "stills", "stills {shot} {quality} --as {form}"),
+)
+"""Every folder that holds output; the first row that matches a file counts."""
+
+
+def output_folder(path: Path) -> tuple[OutputFolder, Mapping[str, str]] | None:
+    """Return the folder of an output, and the names in its pattern; None for a file elsewhere."""
+    rows = ((row, row.match(path)) for row in OUTPUTS)
+    return next(((row, names) for row, names in rows if names is not None), None)
 
 
 def remedy(path: Path) -> str:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from pipeline.cli.options import Common
 from pipeline.cli.output import exit_with, print_result
 from pipeline.errors import MachineError, UsageError
 from pipeline.production.store.locks import writing
-from pipeline.production.store.remote_store import VARIABLE, lacking_names, upload_lacking
+from pipeline.production.store.remote_store import VARIABLE, Name, Uploaded, missed_uploads, upload_all
 from pipeline.production.store.store import Store
 from render.base.plural import plural
 
@@ -33,3 +35,16 @@ def push(common: Common) -> None:
         words += f" It did not take {unsent}; run again."
     print_result(words, {"uploaded": sent, "refused": unsent}, common.json)
     exit_with(MachineError.exit_code if unsent else 0)
+
+
+def lacking_names(store: Store) -> list[Name]:
+    """Return the stored files that the remote store lacks, without reading them."""
+    if store.remote is None:
+        return []
+    there = cache(store.remote.digests)
+    return [(kind, key) for kind, key, _ in store.entries() if key not in there(kind)]
+
+
+def upload_lacking(store: Store) -> Uploaded:
+    """Send every stored file that the remote store lacks, and those that are marked."""
+    return upload_all(store, dict.fromkeys([*lacking_names(store), *missed_uploads(store.root)]))

@@ -6,6 +6,8 @@ renders/turntable/<name>/<quality>/<name>.clay-glaze.{mp4,png}  looks side by si
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -18,7 +20,7 @@ from numpy.typing import NDArray
 from pipeline.cli.execution import execute_and_report
 from pipeline.cli.options import Common, Quality, Scale, ShotOptions, Subject, Variant, at_option, words_of
 from pipeline.cli.output import progress_bars
-from pipeline.errors import UsageError, suggestion
+from pipeline.errors import MissingInputError, UsageError, suggestion
 from pipeline.frames import FrameRange
 from pipeline.mesh.read import format_of, usual_up
 from pipeline.production.execution.project import Project
@@ -31,6 +33,7 @@ from pipeline.production.stages import TURNTABLE_SHEET
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store, key_of
 from pipeline.shot.documents.look_documents import LOOKS
+from render.base.input_files import require_input
 from render.base.plural import plural
 from render.graphics.contact_sheet import Caption, ContactSheet, columns_for, fitted_sheet
 from render.movie.codecs import movie_encode
@@ -106,7 +109,11 @@ class TurntableRequest:
         """Return the request of each look. Raises MissingInputError or UsageError."""
         mesh, of_file = Path(self.subject), self._is_of_file
         up = self.up or usual_up(mesh)
-        path = self.project.shot_around(mesh, up) if of_file else find_shot(self.subject)
+        if of_file:
+            path = mesh.absolute().with_name(re.sub(r"[^\w.-]", "_", mesh.stem) + ".yaml")
+            self.project.use_text(path, _shot_around(mesh, up))
+        else:
+            path = find_shot(self.subject)
         return [self._take(path, of_file, look) for look in self.looks or (None,)]
 
     @property
@@ -363,3 +370,20 @@ def turntable(
             return TurntableSheets(request).draw(bar)
 
     execute_and_report(common, request.plan, draw)
+
+
+def _shot_around(mesh: Path, up: str) -> str:
+    """Return the text of a shot that shows a mesh file as it is; `up` is the axis, y or z, that points up.
+
+    Raises MissingInputError.
+    """
+    if not mesh.exists():
+        raise MissingInputError(f"{mesh}: no such mesh file; check the path")
+    require_input(mesh)
+    shot = {
+        "title": mesh.stem,
+        "frames": "1-1",
+        "subject": {"model": str(mesh.absolute()), "up": up},
+        "resample": "off",
+    }
+    return json.dumps(shot, ensure_ascii=False)  # JSON is YAML, quotes and all

@@ -34,7 +34,7 @@ from pipeline.production.picture_sequences import (
     SequenceQuery,
     display_of,
 )
-from pipeline.production.planning.timings import seconds_of_render, total_seconds
+from pipeline.production.planning.timings import SHARED_STAGES, LatestTimings, read_statistics
 from pipeline.production.request.keys import FrameKeys, PictureKeys, picture_keys
 from pipeline.production.request.provenance import (
     FILE,
@@ -277,7 +277,7 @@ class Release:
             packages=packages(),
             stages=stage_versions(),
             host=host(),
-            timings=total_seconds(request, root, {n: keys[n].raw for n in request.angles}),
+            timings=_total_seconds(request, root, {n: keys[n].raw for n in request.angles}),
             notes={"file": NOTES, "sha256": hashlib.sha256(notes).hexdigest()} if notes else {},
         )
 
@@ -299,7 +299,7 @@ class Release:
             seed=request.seed(number),
             pixels=pixels,
             sha256=digest_of_file(file),
-            seconds=seconds_of_render(request, self.store.root, number, found.raw),
+            seconds=_seconds_of_render(request, self.store.root, number, found.raw),
         )
 
     def _whole_movie(self, key: Key) -> str:
@@ -370,3 +370,18 @@ def _note_of(record: Provenance) -> str:
     if record.patch:
         notes.append("patch of {version}: frames {frames} are new".format(**record.patch))
     return "; ".join(notes)
+
+
+def _seconds_of_render(request: RenderRequest, root: Path, number: int, raw: Key) -> dict[str, float]:
+    """Return the seconds of one render, in parts; empty where the picture of this key has none."""
+    statistics = read_statistics(root / request.place("statistics", number))
+    return dict(statistics.seconds) if statistics is not None and statistics.key == raw else {}
+
+
+def _total_seconds(request: RenderRequest, root: Path, raws: Mapping[int, Key]) -> dict[str, float]:
+    """Return the seconds of all frames of a request by stage; `raws` are the keys of its renders."""
+    stages = (*sorted(SHARED_STAGES), "finish", "assemble")
+    latest = LatestTimings(root).by_stage(request.subject, request.name, request.quality_name, stages)
+    renders = [sum(_seconds_of_render(request, root, number, raw).values()) for number, raw in raws.items()]
+    totals = {stage: round(sum(frames.values()), 3) for stage, frames in latest.items()}
+    return {**totals, "render": round(sum(renders), 3)}

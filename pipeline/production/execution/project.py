@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -25,7 +24,7 @@ from pipeline.production.request.edit import Edit, ResolvedEdit, resolved_edit
 from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.lookup import FILM, find_edit, find_shot, names_edit, require_quality
 from pipeline.production.request.render_request import FORMS, RenderRequest
-from pipeline.production.request.shot_source import PlanningCache, ShotSource, SourceCache, shot_around
+from pipeline.production.request.shot_source import PlanningCache, ShotSource, SourceCache
 from pipeline.production.stages import forced_with
 from pipeline.production.store import paths
 from pipeline.production.store.history import History
@@ -314,11 +313,9 @@ class Project:
         ]
         return max(request, *others, key=finished)
 
-    def shot_around(self, mesh: Path, up: str) -> Path:
-        """Return the path of a shot that shows a mesh file; no such file is written. `up` is y or z."""
-        path = mesh.absolute().with_name(re.sub(r"[^\w.-]", "_", mesh.stem) + ".yaml")
-        self._texts.put(path, shot_around(mesh, up))
-        return path
+    def use_text(self, path: Path, text: str) -> None:
+        """Use `text` as the content of the shot file at `path`, without writing it."""
+        self._texts.put(path, text)
 
     def _source(self, path: Path) -> ShotSource:
         read = self._texts.source(path.absolute(), self.settings, self.allow_code)

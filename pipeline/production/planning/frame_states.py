@@ -57,31 +57,6 @@ class FrameStates:
         return {"shot": self.shot, "what": self.what, **lists, "seconds_left": left}
 
 
-def states(
-    requests: list[RenderRequest],
-    store: Store,
-    history: History,
-    as_finished: Callable[[RenderRequest], RenderRequest],
-) -> list[FrameStates]:
-    """Return the states of a shot's meshes, and of its pictures at every quality that was begun.
-
-    requests     of one shot, one a quality
-    as_finished  returns a request with the layers that its frames have; asked only about stale frames, since
-                 it compares them with every convention
-    """
-    found = [mesh_states(requests[0], store, history)]
-    for request in requests:
-        if is_begun(request, store):
-            row = picture_states(request, store, history)
-            found.append(picture_states(as_finished(request), store, history) if row.stale else row)
-    return found
-
-
-def is_begun(request: RenderRequest, store: Store) -> bool:
-    """Tell whether pictures of a request were ever asked for at its quality."""
-    return (store.root / request.folders.home / request.quality_name).exists()
-
-
 def mesh_states(request: RenderRequest, store: Store, history: History) -> FrameStates:
     """Return the states of the meshes of a request."""
 

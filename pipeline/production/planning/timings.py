@@ -24,10 +24,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.errors import MissingInputError
 from pipeline.production.planning.profile import ON_GPU
 from pipeline.production.stages import STAGES
-from pipeline.production.store.event_log import Event, EventReader, logs_of
+from pipeline.production.store.event_log import Event, EventReader
 from pipeline.production.store.history import History
 from pipeline.production.store.paths import EVENTS
 from render.base.work_clock import Timing
@@ -128,21 +127,6 @@ def render_seconds(request: RenderRequest, root: Path) -> dict[int, Mapping[str,
     """Return by frame the seconds of its last render, in parts, where they are known."""
     read = {n: read_statistics(root / request.place("statistics", n)) for n in request.angles}
     return {number: statistics.seconds for number, statistics in read.items() if statistics is not None}
-
-
-def seconds_of_render(request: RenderRequest, root: Path, number: int, raw: Key) -> dict[str, float]:
-    """Return the seconds of one render, in parts; empty where the picture of this key has none."""
-    statistics = read_statistics(root / request.place("statistics", number))
-    return dict(statistics.seconds) if statistics is not None and statistics.key == raw else {}
-
-
-def total_seconds(request: RenderRequest, root: Path, raws: Mapping[int, Key]) -> dict[str, float]:
-    """Return the seconds of all frames of a request by stage; `raws` are the keys of its renders."""
-    stages = (*sorted(SHARED_STAGES), "finish", "assemble")
-    latest = LatestTimings(root).by_stage(request.subject, request.name, request.quality_name, stages)
-    renders = [sum(seconds_of_render(request, root, number, raw).values()) for number, raw in raws.items()]
-    totals = {stage: round(sum(frames.values()), 3) for stage, frames in latest.items()}
-    return {**totals, "render": round(sum(renders), 3)}
 
 
 UNMEASURED_MIB = 4096
@@ -341,20 +325,6 @@ class RunReport:
         """Return the largest parts, in one line."""
         largest = sorted(self.shares.items(), key=lambda part: -part[1])[:4]
         return ", ".join(f"{LABELS[what]} {share:.0%}" for what, share in largest)
-
-
-def named_run(root: Path, name: str | None) -> str:
-    """Return a run by its name, or the last. Raises MissingInputError where there is none."""
-    known = [log.stem for log in logs_of(root)]
-    if name is None and known:
-        return known[-1]
-    if name in known:
-        return str(name)
-    if not known:
-        raise MissingInputError(f"{root / EVENTS}: no runs logged yet; flowsculpt render writes a log")
-    raise MissingInputError(
-        f"{root / EVENTS}: run {name!r} not found; the latest are {', '.join(known[-3:])}"
-    )
 
 
 def statistics_of(root: Path, event: Event) -> Path:

@@ -38,7 +38,6 @@ from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store, key_of
 from pipeline.shot.yaml.named_files import DEFAULTS, is_there, text_of
 from render.base.atomic_write import atomic_write
-from render.base.input_files import require_input
 from render.base.render_errors import BadInputError
 from render.base.serialise import NOT_PLAIN, from_plain, to_plain
 from render.base.user_cache import writable_cache
@@ -291,23 +290,6 @@ class SourceCache:
     def put(self, path: Path, text: str) -> None:
         """Use `text` as the content of the file at `path`."""
         self._texts[path] = text
-
-
-def shot_around(mesh: Path, up: str) -> str:
-    """Return the text of a shot that shows a mesh file as it is; `up` is the axis, y or z, that points up.
-
-    Raises MissingInputError.
-    """
-    if not mesh.exists():
-        raise MissingInputError(f"{mesh}: no such mesh file; check the path")
-    require_input(mesh)
-    shot = {
-        "title": mesh.stem,
-        "frames": "1-1",
-        "subject": {"model": str(mesh.absolute()), "up": up},
-        "resample": "off",
-    }
-    return json.dumps(shot, ensure_ascii=False)  # JSON is YAML, quotes and all
 
 
 def _rests_on(path: Path, text: str) -> dict[str, str]:

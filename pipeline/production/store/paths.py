@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from fnmatch import fnmatch
 from pathlib import Path
 
 from pipeline.errors import MachineError
@@ -137,70 +135,3 @@ def repeated(name: str, version: str) -> Path:
 def wedge(name: str) -> Path:
     """The folder of a shot's wedges: cells and sheets."""
     return RENDERS / "wedge" / name
-
-
-@dataclass(frozen=True)
-class OutputFolder:
-    """A folder that holds output.
-
-    pattern  its path, relative to the root: {NAME} stands for any name, ** for any folders
-    holds    what lies there
-    command  writes it again; {quality} stands for -q, --scale and --crop, and … for options that nobody
-             keeps. None for what a run makes again when it needs it.
-    files    a pattern of the names of its files, where another row has the others
-    """
-
-    pattern: str
-    holds: str
-    command: str | None
-    files: str = "*"
-
-    def match(self, path: Path) -> Mapping[str, str] | None:
-        """Return the names in braces where a file lies in the folder, else None."""
-        if not fnmatch(path.name, self.files):
-            return None
-        expression = re.escape(self.pattern).replace(r"\*\*", ".+")
-        expression = re.sub(r"\\{(\w+)\\}", r"(?P<\1>[^/]+)", expression)
-        match = re.fullmatch(expression, path.parent.as_posix())
-        return match and match.groupdict()
-
-
-OUTPUTS = (
-    OutputFolder("renders/published/**", "published versions", "reproduce …"),
-    OutputFolder("renders/repeated/**", "published versions, made again", "reproduce …"),
-    OutputFolder("renders/review/**", "review pages", "review …"),
-    OutputFolder("renders/**/meshes", "mesh frames", None),
-    OutputFolder("renders/**/normals", "meshes ready to be rendered", None),
-    OutputFolder("renders/**/meshes/{subject}", "mesh frames of a subject", None),
-    OutputFolder("renders/**/normals/{subject}", "meshes of a subject ready to be rendered", None),
-    OutputFolder("renders/**", "cameras", None, files="*.cameras.json"),
-    OutputFolder("renders/**/raw", "rendered frames", None),
-    OutputFolder("renders/**/statistics", "seconds of rendering", None),
-    OutputFolder("renders/wedge/{shot}", "sheets of wedges", "wedge {shot} …"),
-    OutputFolder("renders/wedge/{shot}/**", "cells of wedges, each as a shot's folder", "wedge {shot} …"),
-    OutputFolder("renders/turntable/**", "turntables, each as a shot's folder", "turntable …"),
-    OutputFolder(
-        "renders/edit/{shot}/{name}/**", "a shot in an edit with a picture of its own", "film {name} …"
-    ),
-    OutputFolder("renders/film/preview", "animatics of films", "preview {name} …"),
-    OutputFolder("renders/film/{quality}", "films", "film {name} {quality}"),
-    OutputFolder("renders/film/{quality}/deliver", "deliverables of films", "deliver {quality} …"),
-    OutputFolder("renders/{shot}", "figures", "figures {shot}", files="*.figures.*"),
-    OutputFolder("renders/{shot}", "curves", "curves {shot}", files="*.curves.*"),
-    OutputFolder("renders/{shot}/preview", "previews", "preview {shot} …"),
-    OutputFolder("renders/{shot}/models", "meshes for other programs", "export … {shot} …"),
-    OutputFolder("renders/{shot}/usd", "stages for other programs", "export usd {shot}"),
-    OutputFolder("renders/{shot}/{quality}", "contact sheets", "sheet {shot} {quality} …", files="*.sheet.*"),
-    OutputFolder("renders/{shot}/{quality}", "movies", "render {shot} {quality} …"),
-    OutputFolder("renders/{shot}/{quality}/frames", "finished frames", "render {shot} {quality}"),
-    OutputFolder("renders/{shot}/{quality}/relight/**", "relit frames", "relight {shot} {quality} …"),
-    OutputFolder("renders/{shot}/{quality}/deliver", "deliverables", "deliver {shot} {quality} …"),
-    OutputFolder("renders/{shot}/{quality}/{form}", "stills", "stills {shot} {quality} --as {form}"),
-)
-"""Every folder that holds output; the first row that matches a file counts."""
-
-
-def output_folder(path: Path) -> tuple[OutputFolder, Mapping[str, str]] | None:
-    """Return the folder of an output, and the names in its pattern; None for a file elsewhere."""
-    rows = ((row, row.match(path)) for row in OUTPUTS)
-    return next(((row, names) for row, names in rows if names is not None), None)

@@ -20,7 +20,6 @@ import tempfile
 import zipfile
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -159,23 +158,12 @@ def missed_uploads(root: Path) -> list[Name]:
 
 def upload_missed(store: Store) -> Uploaded:
     """Send the files that are marked. One that is gone or damaged meanwhile loses its mark."""
-    return _upload_all(store, missed_uploads(store.root)) if store.remote else Uploaded(0, 0)
+    return upload_all(store, missed_uploads(store.root)) if store.remote else Uploaded(0, 0)
 
 
-def lacking_names(store: Store) -> list[Name]:
-    """Return the stored files that the remote store lacks, without reading them."""
-    if store.remote is None:
-        return []
-    there = cache(store.remote.digests)
-    return [(kind, key) for kind, key, _ in store.entries() if key not in there(kind)]
+def upload_all(store: Store, names: Iterable[Name]) -> Uploaded:
+    """Send stored files. One that is gone or damaged meanwhile loses its mark."""
 
-
-def upload_lacking(store: Store) -> Uploaded:
-    """Send every stored file that the remote store lacks, and those that are marked."""
-    return _upload_all(store, dict.fromkeys([*lacking_names(store), *missed_uploads(store.root)]))
-
-
-def _upload_all(store: Store, names: Iterable[Name]) -> Uploaded:
     def upload_one(name: Name) -> bool | None:
         """Return None for a file that is gone, damaged, or of unknown digest."""
         path = store.path(*name)

@@ -132,7 +132,7 @@ class _ShownSubject:
     @cached_property
     def _shading(self) -> Shading:
         """The shading of the mesh, diced for this picture where the shot asks for that."""
-        from pipeline.production.tasks.meshes import shading_of
+        from pipeline.production.tasks.surfaces import shading_of
 
         request = self.request
         shading, pixels = shading_of(self.context, request, self._mesh), request.shot.picture.dicing

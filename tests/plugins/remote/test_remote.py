@@ -9,12 +9,11 @@ from hypothesis import strategies as st
 
 from pipeline.errors import FrameError, MachineError, UsageError
 from pipeline.plugins.remote import remote_files, remote_requests
+from pipeline.plugins.remote.push_command import lacking_names, upload_lacking
 from pipeline.plugins.remote.remote_files import RemoteFiles
 from pipeline.production.store.remote_store import (
     VARIABLE,
-    lacking_names,
     missed_uploads,
-    upload_lacking,
     upload_missed,
 )
 from pipeline.production.store.store import Store

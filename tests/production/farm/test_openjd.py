@@ -16,7 +16,7 @@ from pipeline.plugins.farm.openjd import _written, template
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.profile import Profile
 from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.meshes import simulate
+from pipeline.production.tasks.surfaces import simulate
 from render.post.image import read_exr
 from tests.conftest import commanded
 

@@ -241,7 +241,7 @@ def test_every_other_host_has_an_event_log_of_its_own(tmp_path, monkeypatch):
 
 
 def test_a_simulation_tried_again_goes_on_from_its_last_frame(folder):
-    from pipeline.production.tasks.meshes import simulate
+    from pipeline.production.tasks.surfaces import simulate
 
     plan = Project(folder, 1).meshes([NAME], "1-3")
     (job,) = plan.jobs

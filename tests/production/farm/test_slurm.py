@@ -15,7 +15,7 @@ from pipeline.production.execution.project import Project
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.remote_store import missed_uploads
 from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.meshes import simulate
+from pipeline.production.tasks.surfaces import simulate
 from tests.production.snakemake import snakemake
 
 NAME = "T010_tiny"
