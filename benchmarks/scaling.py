@@ -18,7 +18,7 @@ from pathlib import Path
 
 from benchmarks import planning
 from benchmarks.report import Row, keep, show
-from pipeline.plugins.maintenance.status_commands import named_run
+from pipeline.plugins.maintenance.run_report import named_run
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.planner import batches
 from pipeline.production.store.event_log import EventReader

@@ -59,6 +59,8 @@ class Plugin:
     exporters      formats of the command `export` by name
     watchers       functions of the common options, a plan, and whether previews are wanted; each returns a
                    context manager, entered while `render` or `film` executes the plan at a terminal
+    summaries      functions of the common options and the name of a run that has ended; each returns a line
+                   for the report of the run, or an empty one
     mesh_formats   `MeshFormat`s by suffix of mesh files
     edits          functions by file suffix that make an edit of another program's timeline: they take the
                    file, the names of the shots and the folder of edits, and return the edit's path and text
@@ -78,6 +80,7 @@ class Plugin:
     commands: Mapping[str, Command] = field(default_factory=dict)
     exporters: Mapping[str, Command] = field(default_factory=dict)
     watchers: tuple[str, ...] = ()
+    summaries: tuple[str, ...] = ()
     mesh_formats: Mapping[str, str] = field(default_factory=dict)
     edits: Mapping[str, str] = field(default_factory=dict)
     schemas: Mapping[str, str] = field(default_factory=dict)
@@ -174,6 +177,11 @@ class Plugins:
     def watchers(self) -> list[Any]:
         """The functions that watch runs."""
         return [named(function) for plugin in self for function in plugin.watchers]
+
+    @property
+    def summaries(self) -> list[Any]:
+        """The functions that sum up runs."""
+        return [named(function) for plugin in self for function in plugin.summaries]
 
     @property
     def sequences(self) -> list[Any]:

@@ -28,7 +28,6 @@ from pipeline.plugin import plugins
 from pipeline.production.execution.run import PATIENCE, Outcome, run
 from pipeline.production.planning.estimate import Estimate, Forecast, TimeLeft, estimate
 from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.timings import RunReport
 from pipeline.production.request.render_request import FORMS
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import Event, EventReader, poll
@@ -205,8 +204,8 @@ def execute_and_report(
     if sheets:
         words += f"\nDrawn from it: {', '.join(sheets)}"
     if outcome.runs:
-        spending = RunReport.of(common.root, outcome.runs[-1], common.cores).in_brief()
-        words += f"\nWhere the CPU time went: {spending}. flowsculpt report says more." if spending else ""
+        lines = (summary(common, outcome.runs[-1]) for summary in plugins().summaries)
+        words = "\n".join([words, *filter(None, lines)])
     facts = {**_outcome_facts(outcome, seconds), **({"sheets": sheets} if draw else {})}
     print_result(words, facts, common.json)
     exit_with(outcome.exit_code)

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import MissingInputError
-from pipeline.plugins.maintenance.status_commands import named_run
+from pipeline.plugins.maintenance.run_report import RunReport, named_run
 from pipeline.production.planning.estimate import estimate
 from pipeline.production.planning.plan import Job, Plan
-from pipeline.production.planning.timings import MeasuredResources, RunReport
+from pipeline.production.planning.timings import MeasuredResources
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 

@@ -37,4 +37,5 @@ PLUGIN = Plugin(
             "Maintain",
         ),
     },
+    summaries=("pipeline.plugins.maintenance.run_report:brief",),
 )

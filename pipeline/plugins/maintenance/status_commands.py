@@ -6,7 +6,6 @@ They list which frames are done, where the time of a run went, and why a frame w
 from __future__ import annotations
 
 import shlex
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -14,16 +13,14 @@ from rich.console import Group
 
 from pipeline.cli.options import Common, Quality, Settings, Shot, project_of, shots_argument
 from pipeline.cli.output import duration, exit_with, print_error, print_result, table
-from pipeline.errors import FlowsculptError, MissingInputError
+from pipeline.errors import FlowsculptError
+from pipeline.plugins.maintenance.run_report import LABELS, RunReport, named_run
 from pipeline.plugins.maintenance.store_repair import is_begun
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import FrameStates, mesh_states, picture_states
-from pipeline.production.planning.timings import LABELS, RunReport
 from pipeline.production.request.lookup import find_shot, shot_names
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store.event_log import logs_of
 from pipeline.production.store.history import History
-from pipeline.production.store.paths import EVENTS
 from render.base.plural import plural
 from render.scene.render_quality import DEFAULT_QUALITY
 
@@ -117,20 +114,6 @@ def report(
         waited = "" if waiting is None else f"{waiting:.1f} s"
         listing.add_row(LABELS[what], cpu, f"{share:.1%}", waited, str(spending.frames.get(what, "")))
     print_result(Group(_title(spending), listing), spending.as_data(), common.json)
-
-
-def named_run(root: Path, name: str | None) -> str:
-    """Return a run by its name, or the last. Raises MissingInputError where there is none."""
-    known = [log.stem for log in logs_of(root)]
-    if name is None and known:
-        return known[-1]
-    if name in known:
-        return str(name)
-    if not known:
-        raise MissingInputError(f"{root / EVENTS}: no runs logged yet; flowsculpt render writes a log")
-    raise MissingInputError(
-        f"{root / EVENTS}: run {name!r} not found; the latest are {', '.join(known[-3:])}"
-    )
 
 
 def _title(spending: RunReport) -> str:
