@@ -169,11 +169,7 @@ def source(formulas: tuple[Expression, Expression, Expression], numbers: tuple[s
     u, v, w = (code.value(formula.tree) for formula in formulas)
     once = [f"{word} = numbers[{k}]" for k, word in enumerate(words.values())] + code.once
     return _MODULE.format(
-        once="\n    ".join(once or ["pass"]),
-        each="\n        ".join(code.each or ["pass"]),
-        u=u,
-        v=v,
-        w=w,
+        once="\n    ".join(once or ["pass"]), each="\n        ".join(code.each or ["pass"]), u=u, v=v, w=w
     )
 
 

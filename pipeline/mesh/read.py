@@ -22,14 +22,7 @@ import numpy as np
 from pipeline.arrays import AnyArray
 from pipeline.errors import FlowsculptError, MeshError, reason_of
 from pipeline.mesh.face_soup import FaceSoup, MergedSurface, cut_repeats, find_duplicates, merge_coincident
-from pipeline.mesh.mesh_formats import (
-    FileSurface,
-    MeshFormat,
-    ModelFiles,
-    ScenePart,
-    reader_of,
-    suffix_of,
-)
+from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, ModelFiles, ScenePart, reader_of, suffix_of
 from pipeline.mesh.meshes import PolygonMesh, TriangleMesh, edge_keys
 from pipeline.mesh.obj_files import read_wavefront
 from pipeline.mesh.ply_files import read_polygon_file

@@ -57,11 +57,7 @@ def taper(p: Floats, x: float, y: float, z: float) -> tuple[float, float, float]
     rx, ry, rz = x - p[0], y - p[1], z - p[2]
     along = p[3] * rx + p[4] * ry + p[5] * rz
     more = math.expm1(p[6] * along)
-    return (
-        x + more * (rx - along * p[3]),
-        y + more * (ry - along * p[4]),
-        z + more * (rz - along * p[5]),
-    )
+    return (x + more * (rx - along * p[3]), y + more * (ry - along * p[4]), z + more * (rz - along * p[5]))
 
 
 @kernel(_MAP, forceinline=True)

@@ -68,13 +68,7 @@ def count_ascending(faces: Faces, first: int, begins: Indices) -> int:
 
 @kernel(numba.int64(CONST_MATRIX, _CONST_FACES, numba.int64, INTS, INTS, numba.int64, VECTOR))
 def cosines_at_edges(
-    points: Points,
-    faces: Faces,
-    first: int,
-    begins: Indices,
-    ascending: Indices,
-    count: int,
-    cosines: Floats,
+    points: Points, faces: Faces, first: int, begins: Indices, ascending: Indices, count: int, cosines: Floats
 ) -> int:
     """Append the cosine between the normals of both faces at each edge to `count` others; return how many.
 

@@ -458,13 +458,7 @@ def _evaluate(
 
 @kernel((INTS, INTS, MATRIX, numba.int64, numba.int64, MATRIX, MATRIX), error_model="numpy")
 def fill_faces(
-    corners: Indices,
-    twin: Indices,
-    axes: Vectors,
-    pieces: int,
-    first: int,
-    points: Points,
-    normals: Vectors,
+    corners: Indices, twin: Indices, axes: Vectors, pieces: int, first: int, points: Points, normals: Vectors
 ) -> None:
     """Compute the vertices within the patches, from row `first` on, face after face."""
     if pieces < 3:
