@@ -24,8 +24,7 @@ from render.base.plural import plural
 
 CONSTANTS = {"pi": np.pi, "e": np.e}
 
-PLACE = ("x", "y", "z")
-"""The names of a position: scene units."""
+PLACE = ("x", "y", "z")  # the names of a position: scene units
 
 TIME = ("t", "time", "frame")
 """The names of a time: seconds since the first frame, short and long, and the frame number, with a fraction

@@ -31,11 +31,8 @@ from pipeline.mesh import TriangleMesh
 from pipeline.shot import Motion
 from pipeline.shot.subjects import Model
 
-TYPICAL_EXTENT = 2.0
-"""Units: the extent of the solids, for which flows have their defaults."""
-
-SMALL, LARGE = 0.1, 10.0
-"""Extents over TYPICAL_EXTENT between which flows and looks work as they are."""
+TYPICAL_EXTENT = 2.0  # units: the extent of the solids, for which flows have their defaults
+SMALL, LARGE = 0.1, 10.0  # extents over TYPICAL_EXTENT between which flows and looks work as they are
 
 COARSE, FINE, FINEST = 12, 24, 150
 """Edges along the largest extent: with fewer than COARSE a subject loses its shape, FINE are suggested, and
@@ -65,18 +62,10 @@ def fit_remedy(motion: Motion, extent: float) -> str:
     return f"{fit}{',' * ('scale' in fit)} and max_edge_length: {TYPICAL_EXTENT / suited:.2g}"
 
 
-SAMPLE = 1000
-"""Vertices whose speeds are measured."""
-
-
-MANY_VERTICES = 200_000
-"""Vertices from which on fewer of them are advised."""
-
-COMPARABLE = 4.0
-"""One cause of sub-steps outweighs another by this factor."""
-
-FEW, ENOUGH = 4, 50
-"""Sub-steps that cost little, and a number that the coarser settings lead to."""
+SAMPLE = 1000  # vertices whose speeds are measured
+MANY_VERTICES = 200_000  # vertices from which on fewer of them are advised
+COMPARABLE = 4.0  # one cause of sub-steps outweighs another by this factor
+FEW, ENOUGH = 4, 50  # sub-steps that cost little, and a number that the coarser settings lead to
 
 
 @dataclass(frozen=True)
@@ -251,14 +240,9 @@ def _distance(flow: Streamlines, points: Points, time: float, dt: float) -> floa
     return float(speeds[np.isfinite(speeds)].mean() * abs(dt)) if np.isfinite(speeds).any() else 0.0
 
 
-FEWEST = 100
-"""Triangles that are carried at least, where flows take many sub-steps; SAMPLE otherwise."""
-
-MOST_MOVES = 4e7
-"""Sub-steps of points that a forecast takes at most, about: seconds."""
-
-SIDE = 0.02
-"""Sides of the carried triangles over those of the faces."""
+FEWEST = 100  # triangles that are carried at least, where flows take many sub-steps; SAMPLE otherwise
+MOST_MOVES = 4e7  # sub-steps of points that a forecast takes at most, about: seconds
+SIDE = 0.02  # sides of the carried triangles over those of the faces
 
 FLATTEST = 1e-6
 """Area over the square of the longest side below which a face is a line, whose stretch is only rounding."""

@@ -210,8 +210,7 @@ def material_of(mesh: TriangleMesh) -> Points:
     )
 
 
-MAX_DISTANCE = 1.0
-"""Frames: farther away another frame is nearer, and the surface has been resampled since."""
+MAX_DISTANCE = 1.0  # frames: farther away another frame is nearer, and the surface has been resampled since
 
 
 def mesh_at_subframe(motion: Motion, frame: MeshFrame, subframe: float) -> TriangleMesh:

@@ -386,20 +386,14 @@ def _state(mesh: TriangleMesh | PolygonMesh, **others: AnyArray) -> dict[str, An
     return {"vertices": mesh.vertices, **others, **attributes, "creases": mesh.creases}
 
 
-SLOW_SECONDS = 60.0
-"""A frame that takes longer says why."""
+SLOW_SECONDS = 60.0  # a frame that takes longer says why
 
 MEASURED_SECONDS, FORESEEN = 3.0, 1.5
 """A frame is foreseen to be slow after so many seconds, where it would take so many times SLOW_SECONDS."""
 
-REPORT_SECONDS = 0.5
-"""Time between two reports of one frame, and before the first."""
-
-GROWTH = 1.5
-"""Vertices over those of the frame before from which on the stretch makes a frame slow."""
-
-MOST_SHARE = 0.95
-"""The share of a frame that its flow takes at most: the resampler follows."""
+REPORT_SECONDS = 0.5  # time between two reports of one frame, and before the first
+GROWTH = 1.5  # vertices over those of the frame before from which on the stretch makes a frame slow
+MOST_SHARE = 0.95  # the share of a frame that its flow takes at most: the resampler follows
 
 
 class FrameProgress(NamedTuple):
@@ -427,8 +421,7 @@ class FrameProgress(NamedTuple):
 FrameProgressCallback = Callable[[FrameProgress], None]
 
 
-EXTENT_SAMPLE = 1 << 16
-"""Vertices whose extent stands for that of a surface with more of them."""
+EXTENT_SAMPLE = 1 << 16  # vertices whose extent stands for that of a surface with more of them
 
 
 class _VertexSample(NamedTuple):

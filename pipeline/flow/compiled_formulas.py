@@ -137,11 +137,8 @@ class ScalarCode:
         return self._line("{0} if {0} >= {1} or {0} != {0} else {1}", a, b)
 
 
-NAMES = (*PLACE, *TIME)
-"""The names that such formulas may always use."""
-
-FRAME = "frame"
-"""The name whose value is an argument: formulas that use it have it among their numbers."""
+NAMES = (*PLACE, *TIME)  # the names that such formulas may always use
+FRAME = "frame"  # the name whose value is an argument: formulas that use it have it among their numbers
 
 _MODULE = """\
 def formula(numbers, count, xs, ys, zs, t, us, vs, ws):

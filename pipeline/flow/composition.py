@@ -34,11 +34,8 @@ from pipeline.flow.regions import MAX_SLOPE, Region
 from pipeline.flow.streamlines import Streamlines
 from pipeline.flow.velocity import Program, VelocityField, grouped, scaled, transformed
 
-MAX_ROUNDS = 1000
-"""Rounds of a repeated flow within one step."""
-
-ROUND_TOLERANCE = 1e-9
-"""The share of a period by which a sum of steps may miss its end."""
+MAX_ROUNDS = 1000  # rounds of a repeated flow within one step
+ROUND_TOLERANCE = 1e-9  # the share of a period by which a sum of steps may miss its end
 
 
 class _Ordered(Flow):
@@ -228,14 +225,9 @@ class Placed(Flow):
         return f"{self.transform.name} {self.flow.name}"
 
 
-GRID = 9
-"""Samples of the speed of a field in a region, along each side of the region's box."""
-
-JUMP = 0.05
-"""The length scale where a region has no falloff, of half the shortest side of its box."""
-
-CLOSE = 1e-14
-"""The distance of an inverse's image from its point, relative to their distance from the origin."""
+GRID = 9  # samples of the speed of a field in a region, along each side of the region's box
+JUMP = 0.05  # the length scale where a region has no falloff, of half the shortest side of its box
+CLOSE = 1e-14  # the distance of an inverse's image from its point, relative to their distance from the origin
 
 MAX_ITERATIONS = 100
 

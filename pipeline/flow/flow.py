@@ -251,8 +251,7 @@ def require_permission(flow: Flow) -> None:
             )
 
 
-MOST_CODE = 4 << 20
-"""Size of the largest Python file."""
+MOST_CODE = 4 << 20  # size of the largest Python file
 
 
 def _function(path: Path, digest: str, name: str) -> Displacement:

@@ -120,8 +120,7 @@ def diagnose(flow: Flow, point: Points, time: float, dt: float) -> str | None:
 CARRYING = "carrying new vertices"
 """The activity that moves new vertices from the surface at rest through all frames so far."""
 
-LARGEST_STEP_PLAN = 1 << 20
-"""Numbers in the tables of one kernel call: 8 MB."""
+LARGEST_STEP_PLAN = 1 << 20  # numbers in the tables of one kernel call: 8 MB
 
 
 @dataclass(frozen=True)

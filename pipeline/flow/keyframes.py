@@ -25,11 +25,8 @@ from render.base.serialise import NOT_PLAIN
 
 Ease = Callable[[float], float]
 
-BEZIER = "bezier"
-"""The easing whose curve is drawn by handles."""
-
-BISECTIONS = 60
-"""After so many a number between 0 and 1 is exact to the last bit."""
+BEZIER = "bezier"  # the easing whose curve is drawn by handles
+BISECTIONS = 60  # after so many a number between 0 and 1 is exact to the last bit
 
 
 def _power(exponent: int) -> Ease:
@@ -203,14 +200,9 @@ def _cubic(s: float, a: float, b: float, c: float, d: float) -> float:
 
 Normalisation = Literal["loudest", "full_scale"]
 
-SILENT = 1e-4
-"""The highest level (−80 dB) of a band that counts as silent: it is not raised to 1."""
-
-DECIMALS = 6
-"""Decimals of an envelope."""
-
-_FADED = 14.0
-"""Release times after which nothing is left of a level, to DECIMALS."""
+SILENT = 1e-4  # the highest level (−80 dB) of a band that counts as silent: it is not raised to 1
+DECIMALS = 6  # decimals of an envelope
+_FADED = 14.0  # release times after which nothing is left of a level, to DECIMALS
 
 
 @dataclass(frozen=True)
@@ -320,8 +312,7 @@ class SoundCurve(Curve):
         return self.base[0] * time + self.gain[0] * heard
 
 
-SAME_TIME = 1e-9
-"""Seconds by which a sum of steps may miss the time of a key."""
+SAME_TIME = 1e-9  # seconds by which a sum of steps may miss the time of a key
 
 Extrapolation = Literal["hold", "loop", "ping_pong", "offset", "continue"]
 
@@ -424,8 +415,7 @@ def keyed(
     return Keyframes(tuple(times), rows, (ease,) * len(rows))
 
 
-FRAME_DECIMALS = 9
-"""Decimals of the frame number, so that `floor(frame)` is the number of the frame."""
+FRAME_DECIMALS = 9  # decimals of the frame number, so that `floor(frame)` is the number of the frame
 
 
 def frame_at(seconds: Any, fps: float, first: int) -> Any:
@@ -466,14 +456,9 @@ class FormulaCurve(Curve):
         return self.unit * np.stack(columns, axis=1)
 
 
-PIECE = 0.5
-"""Seconds: the longest interval that is integrated at once."""
-
-INTEGRATION_NODES = 40
-"""Nodes of the rule on each side of the middle of an interval."""
-
-MARGIN = 2 * SAME_TIME
-"""Seconds from the ends of an interval within which a key would count as reached."""
+PIECE = 0.5  # seconds: the longest interval that is integrated at once
+INTEGRATION_NODES = 40  # nodes of the rule on each side of the middle of an interval
+MARGIN = 2 * SAME_TIME  # seconds from the ends of an interval within which a key would count as reached
 
 
 def elapsed(speed: Number, time: float) -> float:

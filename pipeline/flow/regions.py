@@ -33,8 +33,7 @@ from pipeline.flow.velocity import Instruction
 from pipeline.mesh.meshes import TriangleMesh
 from pipeline.mesh.validation import require
 
-LEAF = 6
-"""The most triangles in a leaf."""
+LEAF = 6  # the most triangles in a leaf
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +93,7 @@ def segments(points: Floats) -> Floats:
     return np.stack([points[:-1], points[1:], points[1:]], axis=1)
 
 
-NODES = 64
-"""Grid nodes along the longest side: they make lookups fast, not more exact."""
+NODES = 64  # grid nodes along the longest side: they make lookups fast, not more exact
 
 FAR = 2.5
 """Radii from the middle of a box from which on a dipole stands for its triangles. The error of the winding
@@ -305,8 +303,7 @@ class HalfSpaceRegion(Region):
         return vector_at(self.centre, time), (near, near, near)
 
 
-NEAR = 4.0
-"""Half the side, in scene units, of the box that stands for a half-space."""
+NEAR = 4.0  # half the side, in scene units, of the box that stands for a half-space
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,7 @@ from pipeline.errors import FlowsculptError, UsageError, reason_of
 from pipeline.file_contents import Archive
 from render.base.input_files import read_input
 
-MAX_BYTES = 8 << 30
-"""Memory for the samples of a field, or of a sequence."""
+MAX_BYTES = 8 << 30  # memory for the samples of a field, or of a sequence
 
 
 def require_size(file: Path, lengths: Iterable[int], most: int = MAX_BYTES) -> None:
@@ -85,8 +84,7 @@ _DECOMPRESSORS: dict[str, Callable[[], Any]] = {
 _MOST_A_BYTE = {None: 1, "vtkZLibDataCompressor": 1032, "vtkLZMADataCompressor": 8000}
 """Numbers that a byte of a file holds at most, by its compressor; even data are packed so densely."""
 
-_LONGEST_AXIS = 1 << 20
-"""The most numbers on an axis of a rectilinear grid."""
+_LONGEST_AXIS = 1 << 20  # the most numbers on an axis of a rectilinear grid
 
 
 def read_vtk(
@@ -272,8 +270,7 @@ def _length(is_base64: bool, count: int) -> int:
 
 FORMATS = (".vti", ".vtr", ".npz")
 
-MAX_SPEED = 1e12
-"""The limit of any number in a shot file: squares and sums of such numbers stay finite."""
+MAX_SPEED = 1e12  # the limit of any number in a shot file: squares and sums of such numbers stay finite
 
 
 @dataclass(frozen=True)

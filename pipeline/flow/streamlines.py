@@ -27,11 +27,8 @@ from pipeline.mesh.meshes import morton_order
 CALL_SECONDS = 0.25
 """The time of one compiled call, about: between two of them progress is reported and Ctrl-C is obeyed."""
 
-FIRST_CALL = 1 << 19
-"""Points × sub-steps of the first compiled call, where points do not halve them."""
-
-LARGEST_GROWTH = 8.0
-"""The most that a call may have more points than the one before."""
+FIRST_CALL = 1 << 19  # points × sub-steps of the first compiled call, where points do not halve them
+LARGEST_GROWTH = 8.0  # the most that a call may have more points than the one before
 
 
 class StepPlan(NamedTuple):
@@ -132,8 +129,7 @@ The classical Runge-Kutta step leaves out the terms of the exponential from (h L
 tenth the error of a sub-step is about 1e-7 of the distance over which the field varies.
 """
 
-LENGTH_SHARE = 0.5
-"""The longest move of a point in a sub-step, in length scales of the field."""
+LENGTH_SHARE = 0.5  # the longest move of a point in a sub-step, in length scales of the field
 
 ADAPTIVE_LIMIT = 0.5
 """The largest sub-step × gradient bound where the error is estimated: within it the estimate is reliable."""
@@ -141,11 +137,8 @@ ADAPTIVE_LIMIT = 0.5
 DEFAULT_TOLERANCE = 1e-5
 """The error of a sub-step in scene units: a hundredth of a pixel where a picture is some units wide."""
 
-MAX_SUBSTEPS = 10_000
-"""Sub-steps of one frame."""
-
-FIRST_HALVINGS = 2
-"""Halvings of a sub-step before a finer plan is computed."""
+MAX_SUBSTEPS = 10_000  # sub-steps of one frame
+FIRST_HALVINGS = 2  # halvings of a sub-step before a finer plan is computed
 
 RESOLVED, RESOLVED_MAX_STEP = 5, 2
 """Halvings for whose sub-steps there are tables, with a tolerance and with a maximum step alone; finer

@@ -181,8 +181,7 @@ class PluginField(VelocityField):
         return self.origin[2]
 
 
-CLEARLY = 0.6
-"""A parameter matters where a factor of two lowers the cost to this share."""
+CLEARLY = 0.6  # a parameter matters where a factor of two lowers the cost to this share
 
 Settings = tuple[tuple[str, float], ...]
 """Parameters with their values, as in shot files."""

@@ -22,8 +22,7 @@ from pipeline.mesh.meshes import TriangleMesh
 from pipeline.mesh.normals import unit
 from pipeline.mesh.solids import cut_into, positive, square_grid, welded
 
-CLOSE = 1e-9
-"""Distance, in sizes of the solid, that counts as on a crease."""
+CLOSE = 1e-9  # distance, in sizes of the solid, that counts as on a crease
 
 RIM = 2e-4
 """Distance from a round rim, in radii, within which points are put on the rim.
@@ -235,8 +234,7 @@ def _is_within(points: Points, distance: float) -> AnyArray:
 MAX_CROSSINGS = 8000
 """Crossings of bars: more are finer than a picture, and each costs a hundred triangles even uncut."""
 
-BLOCK = 20_000
-"""Points per block: each is compared with 30 rectangles."""
+BLOCK = 20_000  # points per block: each is compared with 30 rectangles
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,7 @@ from pipeline.errors import MeshError, UsageError
 from pipeline.mesh.meshes import TriangleMesh
 from pipeline.mesh.normals import ShadedMesh, vertex_normals
 
-LEAST = 4
-"""Points along each side: the support of one cubic piece."""
+LEAST = 4  # points along each side: the support of one cubic piece
 
 
 @dataclass(frozen=True)
@@ -135,8 +134,7 @@ def _ring(radius: float, count: int) -> tuple[Floats, Floats]:
     return outer * np.cos(angle), outer * np.sin(angle)
 
 
-PIECES = 8
-"""Default number of pieces for each span between two control points."""
+PIECES = 8  # default number of pieces for each span between two control points
 
 MOST_VERTICES = 16_000_000
 

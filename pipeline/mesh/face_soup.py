@@ -323,11 +323,8 @@ def _walls(soup: FaceSoup, mate: AnyArray, counted: AnyArray) -> AnyArray:
     return doubled & (has_rim & ~has_free)[region]
 
 
-SMALL = 0.01
-"""Part of the surface's area below which a part is small."""
-
-LARGER = 1.1
-"""Size of the whole surface over that of its other parts from which on small parts decide it."""
+SMALL = 0.01  # part of the surface's area below which a part is small
+LARGER = 1.1  # size of the whole surface over that of its other parts from which on small parts decide it
 
 
 @dataclass(frozen=True)

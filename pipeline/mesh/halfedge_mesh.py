@@ -29,9 +29,7 @@ from pipeline.mesh.meshes import TriangleMesh, edge_keys, stable_order
 from pipeline.mesh.normals import tagged_halfedges
 from pipeline.mesh.validation import require
 
-IDENTITY = "identity"
-"""Vertex attribute (V,), int64, that tells the vertices of a film apart."""
-
+IDENTITY = "identity"  # vertex attribute (V,), int64, that tells the vertices of a film apart
 _LARGEST = 1 << 53  # attributes are stored as float64, which has no larger odd integers
 _NO_BIRTHS = np.empty((0, 3), np.int64)
 
@@ -176,8 +174,7 @@ def _merged(heirs: AnyArray, names: AnyArray, weights: Floats) -> tuple[AnyArray
 
 
 _HEADROOM_AT_FIRST, _HEADROOM = 1.25, 1.5
-WORTH_SHARING = 1 << 19
-"""Number of half-edges above which a pass over all of them is worth starting threads."""
+WORTH_SHARING = 1 << 19  # number of half-edges above which a pass over all of them is worth starting threads
 
 
 class HalfedgeMesh:

@@ -140,8 +140,7 @@ def early_end(promised: int, item: str, present: int) -> ValueError:
     return ValueError(f"it ends early: its header promises {count}, and {there}")
 
 
-MOST_BYTES = 1 << 30
-"""Bytes of a mesh file at most."""
+MOST_BYTES = 1 << 30  # bytes of a mesh file at most
 
 
 @dataclass(frozen=True)

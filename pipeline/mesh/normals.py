@@ -43,8 +43,7 @@ NORMAL = "normal"
 
 HARD_ANGLE = math.radians(40)
 
-_FACES_TOGETHER = 1 << 16
-"""Faces whose angles to their neighbours are computed together."""
+_FACES_TOGETHER = 1 << 16  # faces whose angles to their neighbours are computed together
 
 
 class ShadedMesh(NamedTuple):

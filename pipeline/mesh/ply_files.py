@@ -30,8 +30,7 @@ _STRIPS, _GRID = "tristrips", "range_grid"
 _END = re.compile(rb"[\r\n][ \t]*end_header[ \t]*(?=[\r\n]|\Z)")
 _FIRST_LINE = re.compile(rb"\s*ply[ \t]*(\r\n|\n\r|\r|\n)")
 
-_LONGEST_WORD = 64
-"""Characters of a number in a text file, which numpy reserves for each of them."""
+_LONGEST_WORD = 64  # characters of a number in a text file, which numpy reserves for each of them
 
 
 class Lists(NamedTuple):

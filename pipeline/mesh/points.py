@@ -153,8 +153,7 @@ _READERS: Mapping[str, Callable[[Path], PointSet]] = {
 }
 
 
-_GOLDEN = 1.2207440846057596
-"""The root of g⁴ = g + 1."""
+_GOLDEN = 1.2207440846057596  # the root of g⁴ = g + 1
 
 _PROBES = 4096
 

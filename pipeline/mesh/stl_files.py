@@ -12,21 +12,16 @@ from pipeline.file_contents import as_utf8, number_fault, text_content
 from pipeline.mesh.mesh_formats import FileSurface, early_end, file_surface
 from render.base.plural import plural
 
-_HEADER = 84
-"""Bytes before the triangles of a binary file; the last four are their number."""
+_HEADER = 84  # bytes before the triangles of a binary file; the last four are their number
 
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
-_MOST_TRIANGLES = 500_000_000
-"""More triangles than any file holds: such a header is text or damaged."""
-
-_START = 1024
-"""Bytes that tell text from a binary file."""
+_MOST_TRIANGLES = 500_000_000  # more triangles than any file holds: such a header is text or damaged
+_START = 1024  # bytes that tell text from a binary file
 
 _NEXT = rb"\b(?:facet\s+(?:normal|outer)|end[ \t]*solid)\b"
 _AFTER_SOLID = re.compile(rb"\n|\Z|" + _NEXT)
-_AFTER_END = re.compile(rb"\n|\Z|\bsolid\b(?=[^\n]*?" + _NEXT + rb")")
-"""Where the name of a solid ends."""
+_AFTER_END = re.compile(rb"\n|\Z|\bsolid\b(?=[^\n]*?" + _NEXT + rb")")  # where the name of a solid ends
 
 _FACET = b"facet normal x y z outer loop vertex x y z vertex x y z vertex x y z endloop endfacet".split()
 """The words of a triangle; letters stand for numbers."""

@@ -19,8 +19,7 @@ from pipeline.mesh.face_soup import FaceSoup, components
 _MOST_PAIRED = 32
 """Faces at one edge: where there are more, all are separated, for their pairs would be too many."""
 
-_SAME_DIRECTION = 1e-6
-"""Radians: faces around an edge at a smaller angle to each other point the same way."""
+_SAME_DIRECTION = 1e-6  # radians: faces around an edge at a smaller angle to each other point the same way
 
 
 class SideLinks(NamedTuple):

@@ -33,8 +33,7 @@ from pipeline.formula import Expression, time_values
 from pipeline.kernels import BlockKernel
 from pipeline.mesh.meshes import TriangleMesh
 
-SEGMENTS = 16
-"""Segments that approximate each span of a curve."""
+SEGMENTS = 16  # segments that approximate each span of a curve
 
 FALLOFF_SLOPE = 8.0 / (3.0 * math.sqrt(3.0))
 """The largest slope of (1 − s²)² for s from 0 to 1: 4 s (1 − s²) at s = 1/√3."""
@@ -201,8 +200,7 @@ class Wind(ExternalField):
 
 MAX_NUMBERS = 10
 
-SAMPLES = 8
-"""Samples of the gradient along each side of the cube; even, so that none lies on an axis."""
+SAMPLES = 8  # samples of the gradient along each side of the cube; even, so that none lies on an axis
 
 
 @dataclass(frozen=True)

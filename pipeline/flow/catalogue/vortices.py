@@ -189,8 +189,7 @@ RMS = 85.16306274927067
 """Root mean square of the kernel's curl: the integral over a cell of the squared factors of the 72
 independent components of gradients, times their variance (128² − 1) / 12."""
 
-GRADIENT = 11.5
-"""The gradient's norm, in root mean square speeds per cell, that 1 of 10⁴ points exceeds."""
+GRADIENT = 11.5  # the gradient's norm, in root mean square speeds per cell, that 1 of 10⁴ points exceeds
 
 
 @dataclass(frozen=True)
