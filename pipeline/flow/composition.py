@@ -32,7 +32,7 @@ from pipeline.flow.parameters import (
 )
 from pipeline.flow.regions import MAX_SLOPE, Region
 from pipeline.flow.streamlines import Streamlines
-from pipeline.flow.velocity import Program, VelocityField, grouped, scaled, transformed
+from pipeline.flow.velocity import ModifiedField, Program, VelocityField, grouped, scaled, transformed
 
 MAX_ROUNDS = 1000  # rounds of a repeated flow within one step
 ROUND_TOLERANCE = 1e-9  # the share of a period by which a sum of steps may miss its end
@@ -193,8 +193,6 @@ class Placed(Flow):
     """A flow transformed like an object, distances and speeds alike; or mirrored.
 
     A moving transform moves the flow, not the points. It is taken at the middle of each step.
-
-    max_step  the longest sub-step along velocities, if any
     """
 
     flow: Flow
@@ -257,31 +255,8 @@ class Sum(VelocityField):
 
 
 @dataclass(frozen=True)
-class _Modified(VelocityField):
-    """A field made of another one."""
-
-    field: VelocityField
-
-    def gradient_bound(self, time: float) -> float:
-        return self.field.gradient_bound(time)
-
-    def length_scale(self, time: float) -> float:
-        return self.field.length_scale(time)
-
-    def leaves(self, point: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
-        return self.field.leaves(point, time)
-
-    @property
-    def name(self) -> str:
-        return self.field.name
-
-
-@dataclass(frozen=True)
-class ScaledField(_Modified):
-    """A field with its velocities multiplied by a weight from 0 to 1, or by the rest of it.
-
-    rest  the factor is 1 − weight
-    """
+class ScaledField(ModifiedField):
+    """A field with its velocities multiplied by a weight from 0 to 1, or by the `rest`, 1 − weight."""
 
     weight: Number
     rest: bool = False
@@ -298,7 +273,7 @@ class ScaledField(_Modified):
 
 
 @dataclass(frozen=True)
-class RegionField(_Modified):
+class RegionField(ModifiedField):
     """A field within a region: its velocities times the region's weight at each point and time."""
 
     region: Region
@@ -334,7 +309,7 @@ class RegionField(_Modified):
 
 
 @dataclass(frozen=True)
-class TransformedField(_Modified):
+class TransformedField(ModifiedField):
     """A field with a transform, keyed or not, or a mirror: see `Placed`. Speeds and distances scale alike."""
 
     transform: Transform | Mirror

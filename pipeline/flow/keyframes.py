@@ -29,21 +29,9 @@ BEZIER = "bezier"  # the easing whose curve is drawn by handles
 BISECTIONS = 60  # after so many a number between 0 and 1 is exact to the last bit
 
 
-def _power(exponent: int) -> Ease:
-    return lambda s: math.pow(s, exponent)
-
-
-def _sine(s: float) -> float:
-    return 1.0 - math.cos(s * math.pi / 2)
-
-
 def _expo(s: float) -> float:
     """Return 2^(10 (s − 1)), shifted and scaled so that it starts at 0 and ends at 1 exactly."""
     return (math.exp2(10.0 * s) - 1.0) / 1023.0
-
-
-def _circ(s: float) -> float:
-    return 1.0 - math.sqrt(max(0.0, 1.0 - s * s))
 
 
 def _back(s: float) -> float:
@@ -82,13 +70,13 @@ def _both(ease: Ease) -> Ease:
 
 
 _STARTS: dict[str, Ease] = {
-    "sine": _sine,
-    "quad": _power(2),
-    "cubic": _power(3),
-    "quart": _power(4),
-    "quint": _power(5),
+    "sine": lambda s: 1.0 - math.cos(s * math.pi / 2),
+    "quad": lambda s: math.pow(s, 2),
+    "cubic": lambda s: math.pow(s, 3),
+    "quart": lambda s: math.pow(s, 4),
+    "quint": lambda s: math.pow(s, 5),
     "expo": _expo,
-    "circ": _circ,
+    "circ": lambda s: 1.0 - math.sqrt(max(0.0, 1.0 - s * s)),
     "back": _back,
     "bounce": _bounce,
     "elastic": _elastic,
@@ -125,9 +113,6 @@ class Handle:
     seconds: float
     values: Values
 
-    def scaled(self, factor: float) -> Handle:
-        return Handle(self.seconds * factor, tuple(value * factor for value in self.values))
-
 
 @dataclass(frozen=True)
 class BezierSegment:
@@ -150,10 +135,10 @@ class BezierSegment:
         """Return the values `passed` seconds after the first key."""
         both = self.right.seconds - self.left.seconds
         factor = min(1.0, self.length / both) if both > 0 else 1.0
-        right, left = self.right.scaled(factor), self.left.scaled(factor)
-        s = _parameter(passed / self.length, right.seconds / self.length, 1.0 + left.seconds / self.length)
-        rows = zip(self.start, self.end, right.values, left.values, strict=True)
-        return tuple(_cubic(s, a, a + out, b + back, b) for a, b, out, back in rows)
+        first, second = self.right.seconds * factor / self.length, self.left.seconds * factor / self.length
+        s = _parameter(passed / self.length, first, 1.0 + second)
+        rows = zip(self.start, self.end, self.right.values, self.left.values, strict=True)
+        return tuple(_cubic(s, a, a + out * factor, b + back * factor, b) for a, b, out, back in rows)
 
 
 def automatic_slope(times: Sequence[float], values: Sequence[Values], i: int) -> Values:
@@ -342,11 +327,10 @@ class Keyframes(Curve):
     after: Extrapolation = "hold"
 
     def __hash__(self) -> int:
-        return self._hash
+        return self._hash  # computed once: integrals are cached by their curve
 
     @cached_property
     def _hash(self) -> int:
-        """The hash of all keys, computed once: integrals are cached by their curve."""
         return hash((self.times, self.values, self.eases, self.left, self.right, self.before, self.after))
 
     def at(self, time: float) -> Values:
@@ -380,7 +364,7 @@ class Keyframes(Curve):
         if self.eases[i] == BEZIER:
             return BezierSegment(length, start, end, self._handle(i, 1), self._handle(i + 1, -1)).at(passed)
         share = EASINGS[self.eases[i]](passed / length)
-        if len(start) == 1:  # as below, without what takes longer than one number
+        if len(start) == 1:  # as below, but faster
             return (start[0] + (end[0] - start[0]) * share,)
         return tuple(a + (b - a) * share for a, b in zip(start, end, strict=True))
 
@@ -438,11 +422,13 @@ class FormulaCurve(Curve):
     fps: float
     first: int
     unit: float = 1.0
-    _expressions: tuple[Expression, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        expressions = tuple(Expression(text, TIME) for text in self.texts)
-        object.__setattr__(self, "_expressions", expressions)
+        assert self._expressions, "they are checked now, not when the first frame is made"
+
+    @cached_property
+    def _expressions(self) -> tuple[Expression, ...]:
+        return tuple(Expression(text, TIME) for text in self.texts)
 
     def at(self, time: float) -> Values:
         """Return the values at a time. Raises UsageError where a formula is not finite."""

@@ -64,12 +64,7 @@ class TriangleTree:
             if parent >= 0:
                 boxes[parent][6] = float(len(boxes))  # the second child; the first follows its parent
             around = corners[members].reshape(-1, 3)
-            box = [
-                *around.min(axis=0).tolist(),
-                *around.max(axis=0).tolist(),
-                float(first),
-                float(last - first),
-            ]
+            box = [*around.min(axis=0), *around.max(axis=0), float(first), float(last - first)]
             boxes.append(box)
             ranges.append((first, last))
             if last - first <= LEAF:
@@ -101,11 +96,11 @@ number is then below 0.02, and 0.5 decides."""
 
 
 class Lookup(NamedTuple):
-    """memory: the flat array of `kernels.regions`; low, high: the corners of the bounding box."""
+    """memory: the flat array of `region_kernels`; low, high: the corners of the bounding box."""
 
     memory: Floats
-    low: Vector
-    high: Vector
+    low: Floats
+    high: Floats
 
 
 @dataclass(frozen=True)
@@ -129,12 +124,12 @@ class ClosedSurface:
 
     @property
     def lookup(self) -> Lookup:
-        """The kernels' array, built on first use and shared by equal surfaces."""
         return _lookup(self)
 
 
 @lru_cache(maxsize=8)
 def _lookup(surface: ClosedSurface) -> Lookup:
+    """Return the kernels' array, which equal surfaces share."""
     corners = np.frombuffer(surface.data).reshape(-1, 3, 3)
     tree = TriangleTree.of(corners)
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
@@ -145,7 +140,7 @@ def _lookup(surface: ClosedSurface) -> Lookup:
     header = np.array([*begins, *(low - spacing), spacing, *shape], np.float64)
     memory = np.concatenate([header, tree.with_more(dipoles), np.empty(count)])
     kernels.distances(memory.ctypes.data, memory[-count:].reshape(tuple(shape.tolist())))
-    return Lookup(memory, _vector(low), _vector(high))
+    return Lookup(memory, low, high)
 
 
 def _dipoles(tree: TriangleTree, corners: Floats) -> Floats:
@@ -166,11 +161,6 @@ def _box_sums(tree: TriangleTree, rows: Floats) -> Floats:
     sums = np.concatenate([np.zeros((1, rows.shape[1])), np.cumsum(rows, axis=0)])
     first, last = tree.ranges.T
     return sums[last] - sums[first]
-
-
-def _vector(row: Floats) -> Vector:
-    x, y, z = row.tolist()
-    return x, y, z
 
 
 FalloffType = Literal["smooth", "sine", "linear"]
@@ -366,8 +356,7 @@ class MeshRegion(Region):
         return (*vector_at(self.centre, time), self._size(self.scale, "scale", time), address), ()
 
     def bounds(self, time: float) -> tuple[Vector, Vector]:
-        scale, (_, low, high) = self._size(self.scale, "scale", time), self.surface.lookup
-        falloff, centre = self.falloff_at(time), vector_at(self.centre, time)
-        x, y, z = (c + 0.5 * scale * (a + b) for c, a, b in zip(centre, low, high, strict=True))
-        u, v, w = (0.5 * scale * (b - a) + falloff for a, b in zip(low, high, strict=True))
+        half, (_, low, high) = 0.5 * self._size(self.scale, "scale", time), self.surface.lookup
+        x, y, z = (vector_at(self.centre, time) + half * (low + high)).tolist()
+        u, v, w = (half * (high - low) + self.falloff_at(time)).tolist()
         return (x, y, z), (u, v, w)

@@ -58,23 +58,13 @@ def read_npz(file: Path, content: bytes, most: int = MAX_BYTES) -> tuple[list[An
     wide = (math.prod(header.shape) * max(1, -(-header.dtype.itemsize // 8)) for header in headers)
     require_size(file, [-(-sum(wide) // 3)], most)
     arrays = {name: archive.array(name) for name in names}
-    velocity = arrays["velocity"]
-    return (
-        [arrays[name] for name in "xyz"],
-        arrays.get("t", np.zeros(1)),
-        velocity if "t" in arrays else velocity[None],
-    )
+    axes, velocity = [arrays[name] for name in "xyz"], arrays["velocity"]
+    return (axes, arrays["t"], velocity) if "t" in arrays else (axes, np.zeros(1), velocity[None])
 
 
-_TYPES = {
-    **{
-        f"{sign}Int{bits}": f"{code}{bits // 8}"
-        for sign, code in (("", "i"), ("U", "u"))
-        for bits in (8, 16, 32, 64)
-    },
-    "Float32": "f4",
-    "Float64": "f8",
-}
+_TYPES = {f"Int{8 * size}": f"i{size}" for size in (1, 2, 4, 8)}
+_TYPES |= {f"U{name}": f"u{kind[1]}" for name, kind in _TYPES.items()}
+_TYPES |= {"Float32": "f4", "Float64": "f8"}
 
 _DECOMPRESSORS: dict[str, Callable[[], Any]] = {
     "vtkZLibDataCompressor": zlib.decompressobj,
@@ -136,13 +126,11 @@ class _Grid:
         pieces = head.findall("*/Piece")
         kind = head.get("type", "")
         if head.tag != "VTKFile" or kind not in ("ImageData", "RectilinearGrid"):
-            raise UsageError(
-                f"{file}: its type is {kind or head.tag}; a field is ImageData or RectilinearGrid"
-            )
+            fact = f"its type is {kind or head.tag}; a field is ImageData or RectilinearGrid"
+            raise UsageError(f"{file}: {fact}")
         if len(pieces) != 1:
-            raise UsageError(
-                f"{file}: it has {len(pieces)} pieces; a field is read from one. Save it as one."
-            )
+            fact = f"it has {len(pieces)} pieces; a field is read from one. Save it as one."
+            raise UsageError(f"{file}: {fact}")
         end = body.rfind(b"</AppendedData")
         return cls(file, len(content), head, pieces[0], body[:end] if end >= 0 else body)
 
@@ -174,8 +162,9 @@ class _Grid:
 
     def velocities(self, array: str | None) -> ElementTree.Element:
         data = self.piece.find("PointData")
-        vectors = [] if data is None else [e for e in data if e.get("NumberOfComponents") == "3"]
-        wanted = array or (data.get("Vectors") if data is not None else None)
+        data = ElementTree.Element("PointData") if data is None else data
+        vectors = [element for element in data if element.get("NumberOfComponents") == "3"]
+        wanted = array or data.get("Vectors")
         matches = [element for element in vectors if wanted is None or element.get("Name") == wanted]
         if len(matches) != 1:
             names = ", ".join(element.get("Name", "?") for element in vectors) or "none"
@@ -210,11 +199,11 @@ class _Grid:
             text, is_base64 = (element.text or "").strip().encode(), True
         code = order + ("Q" if self.head.get("header_type") == "UInt64" else "I")
         compressor = self.head.get("compressor")
-        return (
-            _decoded(text, is_base64, code)
-            if compressor is None
-            else self._decompressed(text, is_base64, code, compressor, most)
-        )
+        if compressor is not None:
+            return self._decompressed(text, is_base64, code, compressor, most)
+        size = struct.calcsize(code)
+        (length,) = struct.unpack(code, _take(text, is_base64, 0, size))
+        return _take(text, is_base64, size, length)
 
     def _decompressed(self, text: bytes, is_base64: bool, code: str, compressor: str, most: int) -> bytes:
         """Decompress blocks: a header of count, size, last size and compressed sizes, then the blocks."""
@@ -246,13 +235,6 @@ class _Grid:
         if len(row) != count or not np.isfinite(row).all():
             self.fail(f"{name} is {text!r}; it must be {count} numbers")
         return row
-
-
-def _decoded(text: bytes, is_base64: bool, code: str) -> bytes:
-    """Return the bytes after a header with their length."""
-    size = struct.calcsize(code)
-    (length,) = struct.unpack(code, _take(text, is_base64, 0, size))
-    return _take(text, is_base64, size, length)
 
 
 def _take(text: bytes, is_base64: bool, first: int, count: int) -> bytes:
@@ -352,19 +334,18 @@ def _read_file(file: Path, array: str | None) -> tuple[tuple[Floats, Floats, Flo
         raise UsageError(
             f"{file}: {file.suffix or 'no suffix'} is not a format of fields; use {', '.join(FORMATS)}"
         )
-    content, times = read_input(file, MAX_BYTES), np.zeros(1)
-    if file.suffix.lower() == ".npz":
-        if array is not None:
-            raise UsageError(
-                f"{file}: array {array} does not apply; in .npz the array is velocity. Leave out array."
-            )
-        with reading(file, "an archive of arrays, as numpy.savez writes one"):
-            axes, times, velocity = read_npz(file, content, MAX_BYTES)
-            require_valid(file, axes, times, velocity)
-    else:
-        with reading(file, "a grid, as VTK and ParaView write one"):
-            axes, velocity = read_vtk(file, content, array, MAX_BYTES)
-            require_valid(file, axes, times, velocity)
+    content, times, is_npz = read_input(file, MAX_BYTES), np.zeros(1), file.suffix.lower() == ".npz"
+    if is_npz and array is not None:
+        raise UsageError(
+            f"{file}: array {array} does not apply; in .npz the array is velocity. Leave out array."
+        )
+    kind = "an archive of arrays, as numpy.savez writes" if is_npz else "a grid, as VTK and ParaView write"
+    with reading(file, f"{kind} one"):
+        if is_npz:
+            axes, times, velocity = read_npz(file, content)
+        else:
+            axes, velocity = read_vtk(file, content, array)
+        require_valid(file, axes, times, velocity)
     x, y, z = (np.ascontiguousarray(axis, np.float64) for axis in axes)
     velocity, times = np.ascontiguousarray(velocity, np.float64), np.asarray(times, np.float64)
     return (x, y, z), times, velocity, hashlib.sha256(content).hexdigest()

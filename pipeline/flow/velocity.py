@@ -19,11 +19,10 @@ from pipeline.kernels import BlockKernel, in_threads
 class Instruction(NamedTuple):
     """One row of a program.
 
-    opcode      see `kernels.instructions` and the families of fields
+    opcode      see `kernels.instructions` and `kernels.field_kernels`
     numbers     its operands at some time, at most COLUMNS
-    cache_data  JSON-able data in place of the numbers, where these hold addresses; equal data must mean equal
-                motion
-    owner       keeps the memory at these addresses, for as long as the row exists
+    cache_data  JSON-able data in place of numbers that hold addresses; equal data must mean equal motion
+    owner       keeps the memory at these addresses
     """
 
     opcode: int
@@ -62,7 +61,6 @@ def transformed(inside: Program, centre: tuple[float, ...], matrix: Floats) -> P
 
 
 def opcodes_of(program: Program) -> Indices:
-    """Return the opcodes (K,)."""
     return np.array([row.opcode for row in program], dtype=np.int32)
 
 
@@ -154,18 +152,10 @@ class ExternalField(VelocityField):
 
 
 @dataclass(frozen=True)
-class PluginField(VelocityField):
-    """A field of a plug-in.
-
-    origin  the plug-in, its version and the field's name, which are part of what decides it
-    """
+class ModifiedField(VelocityField):
+    """The base of fields made of another one."""
 
     field: VelocityField
-    origin: tuple[str, str, str]
-
-    def program(self, time: float) -> Program:
-        rows = self.field.program(time)
-        return tuple(row._replace(cache_data=[*self.origin, row.as_data()]) for row in rows)
 
     def gradient_bound(self, time: float) -> float:
         return self.field.gradient_bound(time)
@@ -175,6 +165,21 @@ class PluginField(VelocityField):
 
     def leaves(self, point: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
         return self.field.leaves(point, time)
+
+    @property
+    def name(self) -> str:
+        return self.field.name
+
+
+@dataclass(frozen=True)
+class PluginField(ModifiedField):
+    """A field of a plug-in; `origin`, which decides it too: plug-in, its version, and the field's name."""
+
+    origin: tuple[str, str, str]
+
+    def program(self, time: float) -> Program:
+        rows = self.field.program(time)
+        return tuple(row._replace(cache_data=[*self.origin, row.as_data()]) for row in rows)
 
     @property
     def name(self) -> str:
@@ -209,6 +214,7 @@ class Sensitivity(NamedTuple):
 
 def sensitivity(field: VelocityField, cost_of: Callable[[VelocityField], float], time: float) -> Sensitivity:
     """Return the parameters of a field, at a time, that lower its cost most clearly."""
+    assert is_dataclass(field) and not isinstance(field, type)
     raised: list[tuple[str, float]] = []
     lowered: list[tuple[str, float]] = []
     now = cost_of(field)
@@ -217,12 +223,6 @@ def sensitivity(field: VelocityField, cost_of: Callable[[VelocityField], float],
             continue
         value = number_at(getattr(field, parameter.name), time)
         for factor, found in ((2.0, raised), (0.5, lowered)):
-            if value and cost_of(_with(field, parameter.name, factor * value)) < CLEARLY * now:
+            if value and cost_of(replace(field, **{parameter.name: factor * value})) < CLEARLY * now:
                 found.append((parameter.name, value / parameter.doc.factor))
     return Sensitivity(tuple(raised), tuple(lowered))
-
-
-def _with(field: VelocityField, name: str, value: float) -> VelocityField:
-    """Return the field with another value of a parameter."""
-    assert is_dataclass(field) and not isinstance(field, type)
-    return replace(field, **{name: value})
