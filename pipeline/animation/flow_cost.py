@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import astuple, dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -72,34 +72,30 @@ FEW, ENOUGH = 4, 50  # sub-steps that cost little, and a number that the coarser
 class FlowCost:
     """Sub-steps that one flow takes in one frame.
 
-    place       its place in the shot file, such as `flows.0`
-    name        the flow's name
-    vertices    number of vertices
-    extent      the largest extent of the subject, units
-    gradient    sub-steps of every vertex, since velocities differ from place to place
-    length      sub-steps of a vertex on average, since one may move it by `max_step` only
-    distance    units that a vertex moves in the frame, on average
-    max_step    units; infinite where the velocities are linear in the position
-    is_given    tells whether the shot sets `max_step`
-    is_fixed    tells whether the shot sets `substeps`
-    settings    the parameters that the number of sub-steps follows from
-    coarser     the setting `max_step` with which ENOUGH sub-steps remain, in edges; None without edges
-    fit         how to fit the model, where that lowers the sub-steps; else empty
+    place     its place in the shot file, such as `flows.0`
+    vertices  their number
+    gradient  sub-steps of every vertex, since velocities differ from place to place
+    distance  units that a vertex moves in the frame, on average
+    max_step  units that a sub-step may move a vertex; infinite where velocities are linear in the position
+    settings  the parameters that the number of sub-steps follows from
+    coarser   the setting `max_step` with which ENOUGH sub-steps remain, in edges; None without edges
+    fit       how to fit the model, where that lowers the sub-steps; else empty
     """
 
     place: str
-    name: str
+    flow: Streamlines
     vertices: int
-    extent: float
     gradient: float
-    length: float
     distance: float
     max_step: float
-    is_given: bool
-    is_fixed: bool
     settings: Sensitivity
     coarser: float | None
-    fit: tuple[str, ...]
+    fit: list[str]
+
+    @property
+    def length(self) -> float:
+        """Sub-steps of a vertex on average, since one may move it by `max_step` only."""
+        return self.distance / self.max_step
 
     @property
     def substeps(self) -> float:
@@ -110,7 +106,7 @@ class FlowCost:
     def fact(self) -> str:
         """`flows.0 curl_noise takes 420 sub-steps a frame for each of 10,241 vertices`"""
         count = f"{self.substeps:,.0f} sub-step{'s' * (self.substeps >= 1.5)}"
-        return f"{self.place} {self.name} takes {count} a frame for each of {self.vertices:,} vertices"
+        return f"{self.place} {self.flow.name} takes {count} a frame for each of {self.vertices:,} vertices"
 
     @property
     def cause(self) -> str:
@@ -118,12 +114,16 @@ class FlowCost:
         if self.substeps <= FEW:
             return "there are many vertices"
         if self.length > self.gradient:
-            reason = "max_step × max_edge_length" if self.is_given else "half the size of its smallest detail"
+            reason = (
+                "max_step × max_edge_length"
+                if self.flow.max_step is not None
+                else "half the size of its smallest detail"
+            )
             return (
                 f"it moves a vertex by {self.distance:.3g} units a frame, and by {self.max_step:.3g} at most "
                 f"in one sub-step ({reason})"
             )
-        if self.is_fixed:
+        if self.flow.substeps is not None:
             return "the shot sets substeps"
         given = f" ({self.settings})" if self.settings else ""
         return f"its velocity changes much within a short distance{given}"
@@ -133,16 +133,14 @@ class FlowCost:
         """Changes of the shot file that make the frame faster, each by itself."""
         parameters = self.settings.remedies or ["lower its speed"]
         fewer = ["raise resample.max_edge_length"] if self.vertices > MANY_VERTICES else []
-        if self.is_fixed and self.gradient >= self.length:
+        if self.flow.substeps is not None and self.gradient >= self.length:
             return ["lower substeps", *fewer]
         if self.substeps <= FEW:
             return ["raise resample.max_edge_length"]
         if self.length > COMPARABLE * self.gradient:  # else the gradient keeps the number
-            edges = ["raise resample.max_edge_length"] if self.is_given else []
-            less = (
-                [] if self.coarser is None else [f"write max_step: {self.coarser:.2g}, which is less exact"]
-            )
-            return [*self.fit, *parameters, *edges, *less]
+            edges = ["raise resample.max_edge_length"] if self.flow.max_step is not None else []
+            less = f"write max_step: {self.coarser:.2g}, which is less exact" if self.coarser else ""
+            return [*self.fit, *parameters, *edges, *([less] if less else [])]
         if self.gradient > COMPARABLE * self.length:
             substeps = max(FEW, math.ceil(self.gradient / 20))
             return [*parameters, *fewer, f"write substeps: {substeps}, which is less exact"]
@@ -197,15 +195,14 @@ def _cost(
     max_step = flow.longest_step(time, dt)
     distance = _distance(flow, sample, time, dt)
     length = distance / max_step
-    fit: tuple[str, ...] = ()
+    fit: list[str] = []
     if isinstance(motion.subject, Model) and extent > 10.0 * TYPICAL_EXTENT and edge is not None:
         factor = TYPICAL_EXTENT / extent
         longest = max_step if flow.max_step is None else factor * max_step
         fitted = _distance(flow, factor * (sample - sample.mean(axis=0)), time, dt) / longest
         if COMPARABLE * fitted < length:
-            fit = (
-                f"write subject.fit: {TYPICAL_EXTENT:g} and resample.max_edge_length: {factor * edge:.2g}",
-            )
+            suited = f"resample.max_edge_length: {factor * edge:.2g}"
+            fit = [f"write subject.fit: {TYPICAL_EXTENT:g} and {suited}"]
     gradient = flow.gradient_substeps(time, dt)
 
     def substeps_of(field: VelocityField) -> float:
@@ -217,21 +214,8 @@ def _cost(
 
     leaves = [leaf for leaf, _ in flow.field.leaves(sample[0], time)]
     settings = sensitivity(max(leaves, key=substeps_of), substeps_of, time)
-    return FlowCost(
-        place=place,
-        name=flow.name,
-        vertices=count,
-        extent=extent,
-        gradient=gradient,
-        length=length,
-        distance=distance,
-        max_step=max_step,
-        is_given=flow.max_step is not None,
-        is_fixed=flow.substeps is not None,
-        settings=settings,
-        coarser=None if edge is None else distance / ENOUGH / edge,
-        fit=fit,
-    )
+    coarser = None if edge is None else distance / ENOUGH / edge
+    return FlowCost(place, flow, count, gradient, distance, max_step, settings, coarser, fit)
 
 
 def _distance(flow: Streamlines, points: Points, time: float, dt: float) -> float:
@@ -251,14 +235,11 @@ RUNAWAY = 10.0
 """Growth from which on a forecast warns of MANY_VERTICES, which take minutes where seconds were meant."""
 
 
-@dataclass(frozen=True)
-class Growth:
+class Growth(NamedTuple):
     """A forecast for one frame.
 
-    vertices  about how many it takes
-    times     over those of the first frame
-    place     of the flow that stretches most, in the shot file: `flows.0`
-    flow      its name
+    times  its vertices over those of the first frame
+    place  in the shot file, of the flow that stretches most: `flows.0`
     """
 
     frame: int
@@ -276,7 +257,7 @@ class GrowthWarning(NamedTuple):
 
     def __str__(self) -> str:
         """Return fact and remedy: `frame 40 takes about 900,000 vertices, 60 times those of the first; …`"""
-        frame, vertices, times, place, flow = astuple(self.growth)
+        frame, vertices, times, place, flow = self.growth
         return (
             f"frame {frame} takes about {_rounded(vertices):,} vertices, {_rounded(times):,} times those of "
             f"the first; {place} {flow} stretches most. {self.remedy}"
@@ -311,10 +292,8 @@ def _remedy(motion: Motion, growth: Growth, points: Points) -> str:
         costs = []
     remedies = max(costs, key=lambda cost: cost.substeps).settings.remedies if costs else []
     first = ", ".join(remedies or ["lower its amount or strength"])
-    return (
-        f"{first[0].upper()}{first[1:]}, or raise resample.max_edge_length; resample.max_growth stops a run "
-        "at the growth that you set."
-    )
+    more = "raise resample.max_edge_length; resample.max_growth stops a run at the growth that you set."
+    return f"{first[0].upper()}{first[1:]}, or {more}"
 
 
 def _rounded(number: float) -> int:
@@ -351,10 +330,8 @@ def forecast_growth(
             by_flow[k] *= splits / before
         edge = motion.longest_edge(number)
         times = splits if edge is None or start_edge is None else splits * (start_edge / edge) ** 2
-        strongest = int(np.argmax(by_flow))
-        yield Growth(
-            number, round(vertices * times), times, motion.place_of_flow(strongest), names[strongest]
-        )
+        k = int(np.argmax(by_flow))
+        yield Growth(number, round(vertices * times), times, motion.place_of_flow(k), names[k])
 
 
 def flows_of(flow: Flow) -> tuple[Flow, ...]:

@@ -30,13 +30,13 @@ class FrameReport:
     """Report of one frame.
 
     resampling      report of the resampler; None where resampling is off
-    measure         computes `statistics`
+    measure         computes `statistics`; None for a point cloud
     start_vertices  number of vertices of the shot's first frame, which growth is measured by; None where
                     nothing is resampled
     """
 
     resampling: Report | None
-    measure: Callable[[], MeshStatistics | None] = field(repr=False, compare=False)
+    measure: Callable[[], MeshStatistics | None] | None = field(repr=False, compare=False)
     start_vertices: int | None = None
 
     @cached_property
@@ -45,7 +45,7 @@ class FrameReport:
 
         Computed on first use, which takes as long as resampling does; previews do not use it.
         """
-        return self.measure()
+        return None if self.measure is None else self.measure()
 
     def as_data(self) -> dict[str, Any]:
         """Return the report as JSON data."""
@@ -59,7 +59,7 @@ class FrameReport:
         kind = PolyhedralReport if resampling and "cuts" in resampling else Report
         return cls(
             resampling=None if resampling is None else kind(**resampling),
-            measure=lambda: None if statistics is None else MeshStatistics(**statistics),
+            measure=None if statistics is None else lambda: MeshStatistics(**statistics),
             start_vertices=data.get("start_vertices"),
         )
 

@@ -29,7 +29,7 @@ from pipeline.resample.placement import REST, REST_NORMAL
 from pipeline.resample.resampler import STATELESS
 from pipeline.resample.thresholds import edges_in_region
 from pipeline.shot import Motion, Resampling, Shot
-from pipeline.statistics import COUNTED_FRAMES, MeshStatistics, mesh_statistics
+from pipeline.statistics import COUNTED_FRAMES, mesh_statistics
 
 
 def step_into(motion: Motion, flow: Flow, frame: int) -> FrameStep:
@@ -69,11 +69,6 @@ def blocks_of(count: int) -> Iterator[slice]:
     """Yield slices of MOVED_TOGETHER that cover so many vertices; the last one is shorter."""
     for first in range(0, count, MOVED_TOGETHER):
         yield slice(first, min(first + MOVED_TOGETHER, count))
-
-
-def thresholds_at(motion: Motion, resampling: Resampling, frame: int) -> Thresholds:
-    """Return the thresholds of a frame."""
-    return resampling.thresholds.at(frame, motion.clock.time(frame))
 
 
 class MovingSurface:
@@ -117,7 +112,9 @@ class _ResampledSurface(MovingSurface, Generic[R]):
     def _resample(self, number: int) -> Report:
         """Resample once; errors name the frame."""
         try:
-            thresholds = thresholds_at(self._motion, self._resampling, number)
+            now = self._motion.resampling_at(number)
+            assert now is not None, "this surface is resampled"
+            thresholds = now.thresholds
             most = self._most_vertices
             if most is not None and most < thresholds.max_vertices:
                 thresholds = replace(thresholds, max_vertices=most)
@@ -172,15 +169,12 @@ class TriangleSurface(_ResampledSurface[Resampler]):
     """A surface of triangles."""
 
     def frame(self, number: int, ready: Callable[[], None] = lambda: None) -> MeshFrame:
-        report, resampler = self._resample(number), self._resampler
+        resampled, resampler = self._resample(number), self._resampler
         ready()
         self._renew_rest(number)
         mesh = resampler.mesh
-        frame_report = self._report(number, mesh, report)
-        given, unsorted = resampler.identities, resampler.unsorted
-        return MeshFrame(
-            number, mesh, frame_report, births=resampler.births, identities=given, unsorted=unsorted
-        )
+        report, kept = self._report(number, mesh, resampled), (resampler.identities, resampler.unsorted)
+        return MeshFrame(number, mesh, report, None, resampler.births, *kept)
 
     def _renew_rest(self, number: int) -> None:
         """Make the present surface the one at rest, where a rest interval ends; others have none."""
@@ -228,11 +222,7 @@ class ExactSurface(TriangleSurface):
 def _report(motion: Motion, number: int, mesh: TriangleMesh, resampling: Report | None) -> FrameReport:
     """Return the report of a frame: its number alone decides whether crossings are counted."""
     is_counted = (number - motion.frames.first) % COUNTED_FRAMES == 0
-    return FrameReport(resampling, partial(_statistics, mesh, is_counted))
-
-
-def _statistics(mesh: TriangleMesh, count_crossings: bool) -> MeshStatistics | None:
-    return mesh_statistics(mesh, count_crossings) if len(mesh.faces) else None
+    return FrameReport(resampling, partial(mesh_statistics, mesh, is_counted) if len(mesh.faces) else None)
 
 
 def animate(
@@ -271,13 +261,14 @@ def at_rest(motion: Motion, flow: Flow) -> MovingSurface:
 
     Raises UsageError where points are to be resampled.
     """
-    resampling, first = motion.resampling, motion.frames.first
+    first = motion.frames.first
+    resampling = motion.resampling_at(first)
     if resampling is None:
         mesh = with_material(with_identities(motion.mesh_at_rest()))
         return MovingSurface(motion, mesh, motion.subject.lattice)
     if not motion.subject.is_surface:
         raise UsageError("points and control nets are not resampled; leave out resampling")
-    thresholds = thresholds_at(motion, resampling, first)
+    thresholds = resampling.thresholds
     if resampling.method == "polyhedra":
         polygons = with_material(motion.polygons_at_rest())
         polygons = _creased(polygons, resampling, _hard_angles(polygons, thresholds))
@@ -340,10 +331,10 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> MovingSurface:
 
     Raises UsageError where the frame lacks what the shot's resampling resumes from.
     """
-    resampling = motion.resampling
+    resampling = motion.resampling_at(frame.number)
     if resampling is None:
         return MovingSurface(motion, frame.mesh, frame.lattice)
-    thresholds = thresholds_at(motion, resampling, frame.number)
+    thresholds = resampling.thresholds
     if resampling.method == "polyhedra":
         polygons = frame.polygons
         if polygons is None:

@@ -6,7 +6,6 @@ Vertices have identities, never given twice, and recorded births give their ance
 from __future__ import annotations
 
 from collections.abc import Mapping
-from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from typing import Any
 
@@ -61,17 +60,13 @@ class Register:
             return None
         numbers = mesh.attributes[IDENTITY]
         if numbers.ndim != 1 or numbers.dtype != np.int64:
-            raise MeshError(
-                f"attribute {IDENTITY!r} holds {numbers.dtype} of shape {numbers.shape}; it must be one "
-                "int64 for each vertex. Rename it if it means something else"
-            )
+            fault = f"{numbers.dtype} of shape {numbers.shape}; it must be one int64 for each vertex"
+            raise MeshError(f"attribute {IDENTITY!r} holds {fault}. Rename it if it means something else")
         ordered = np.sort(numbers)
         low, high = int(ordered.min(initial=0)), int(ordered.max(initial=-1))
         if (np.diff(ordered) == 0).any() or low < 0 or high >= _LARGEST:
-            raise MeshError(
-                f"attribute {IDENTITY!r} holds a number twice, or one that is below 0 or over 2**53; it must "
-                "tell all vertices apart. Rename it if it means something else"
-            )
+            fault = "a number twice, or one below 0 or over 2**53; it must tell all vertices apart"
+            raise MeshError(f"attribute {IDENTITY!r} holds {fault}. Rename it if it means something else")
         return cls(max(given, high + 1))
 
     @property
@@ -90,9 +85,8 @@ class Register:
         """
         first, more = len(identities) - len(parents), self.given + len(parents)
         identities[first:] = np.arange(self.given, more)
-        self._records.append(
-            np.column_stack([identities[first:], identities[parents]]).astype(np.int64).reshape(-1, 3)
-        )
+        births = np.column_stack([identities[first:], identities[parents]])
+        self._records.append(births.astype(np.int64).reshape(-1, 3))
         self.given = more
 
 
@@ -286,12 +280,9 @@ class HalfedgeMesh:
         It holds what was left in it, zero at first, so that later passes need not wait for memory. No result
         may depend on its contents.
         """
-        kept = self._scratch.get(name)
-        if kept is None or len(kept) < room:
-            larger: AnyArray = np.zeros(room if kept is None else max(room, int(len(kept) * _HEADROOM)), kind)
-            if kept is not None:
-                larger[: len(kept)] = kept
-            self._scratch[name] = kept = larger
+        kept = self._scratch.get(name, np.empty(0, kind))
+        if len(kept) < room:
+            kept = self._scratch[name] = _grown(kept, max(room, int(len(kept) * _HEADROOM)))
         return kept
 
     def attributes(self) -> dict[str, AnyArray]:
@@ -301,9 +292,9 @@ class HalfedgeMesh:
     def set_attributes(self, named: Mapping[str, AnyArray]) -> None:
         """Replace vertex attributes by others of the same shape and type, or add them behind the rest."""
         vertices = int(self.sizes[0])
-        if missing := named.keys() - self._columns.names:
+        if missing := {name: named[name] for name in named if self.column(name) is None}:
             points, carried, _, *table = self.arrays
-            self._columns = self._columns.with_more({name: named[name] for name in named if name in missing})
+            self._columns = self._columns.with_more(missing)
             wider = np.zeros((len(carried), self._columns.width))
             shared = min(carried.shape[1], wider.shape[1])  # fields behind the attributes are set anew
             wider[:vertices, :shared] = carried[:vertices, :shared]
@@ -354,10 +345,6 @@ class _Columns:
     def start(self, name: str) -> int | None:
         return self._starts.get(name)
 
-    @property
-    def names(self) -> AbstractSet[str]:
-        return self._layout.keys()
-
     @classmethod
     def of(cls, attributes: Mapping[str, AnyArray]) -> _Columns:
         for name, values in attributes.items():
@@ -382,17 +369,15 @@ class _Columns:
     def fill(self, matrix: Floats, attributes: Mapping[str, AnyArray]) -> None:
         """Write attributes into their columns of the first rows."""
         for name, values in attributes.items():
-            first, width = self.start(name), _width(self._layout[name][0])
-            assert first is not None, "only attributes of the layout are packed"
+            first, width = self._starts[name], _width(self._layout[name][0])
             matrix[: len(values), first : first + width] = values.reshape(len(values), -1)
 
     def unpack(self, matrix: Floats) -> dict[str, AnyArray]:
-        named, column = {}, 0
+        named = {}
         for name, (shape, kind) in self._layout.items():
-            part = matrix[:, column : column + _width(shape)]
+            part = matrix[:, self._starts[name] : self._starts[name] + _width(shape)]
             named[name] = part.reshape(len(matrix), *shape).astype(kind)
             named[name].flags.writeable = False
-            column += _width(shape)
         return named
 
 

@@ -331,9 +331,8 @@ def _check_faces(offsets: AnyArray, corners: AnyArray, vertices: int) -> None:
     small = np.flatnonzero(np.diff(offsets) < 3)
     if len(small):
         f = int(small[0])
-        raise MeshError(
-            f"face {f} has {plural(int(offsets[f + 1] - offsets[f]), 'corner')}; a polygon has at least three"
-        )
+        corners_of_f = plural(int(offsets[f + 1] - offsets[f]), "corner")
+        raise MeshError(f"face {f} has {corners_of_f}; a polygon has at least three")
     require_existing(corners, vertices)
 
 
@@ -388,28 +387,23 @@ def _recut(
 ) -> tuple[Faces, Indices]:
     """Cut the doubled faces again, one after the other, with regard to all edges there are."""
     starts = offsets - 2 * np.arange(len(offsets), dtype=np.int32)  # of each face's triangles
+    parts = np.split(triangles, starts[1:-1])
+    polygons = np.split(corners, offsets[1:-1])
     redo = set(doubled.tolist())
     taken: set[Edge] = set()
-    for f in range(len(offsets) - 1):
-        sides = corners[offsets[f] : offsets[f + 1]]
-        taken.update(_edges(np.column_stack([sides, np.roll(sides, -1)])))
+    for f, (part, sides) in enumerate(zip(parts, polygons, strict=True)):
+        taken.update(_sides(sides[None]))
         if f not in redo:
-            for turn in range(3):
-                taken.update(_edges(np.roll(triangles[starts[f] : starts[f + 1]], turn, axis=1)[:, :2]))
-    parts: list[Faces] = []
+            taken.update(_sides(part))
     filled: list[int] = []
-    for f in range(len(offsets) - 1):
-        part = triangles[starts[f] : starts[f + 1]]
-        if f in redo:
-            sides = corners[offsets[f] : offsets[f + 1]]
-            part, cost = _cut(points[sides], sides, taken)
-            if cost >= FORBIDDEN:
-                centre = len(points) + len(filled)
-                filled.append(f)
-                part = np.column_stack([sides, np.roll(sides, -1), np.full(len(sides), centre)])
-            for turn in range(3):
-                taken.update(_edges(np.roll(part, turn, axis=1)[:, :2]))
-        parts.append(part)
+    for f in doubled.tolist():
+        sides = polygons[f]
+        parts[f], cost = _cut(points[sides], sides, taken)
+        if cost >= FORBIDDEN:
+            centre = len(points) + len(filled)
+            filled.append(f)
+            parts[f] = np.column_stack([sides, np.roll(sides, -1), np.full(len(sides), centre)])
+        taken.update(_sides(parts[f]))
     return np.concatenate(parts).astype(np.int32), np.array(filled, np.int32)
 
 
@@ -418,18 +412,16 @@ def _cut(polygon: Floats, sides: Indices, taken: set[Edge]) -> tuple[Faces, floa
     closed = np.zeros((n, n), np.uint8)
     for i in range(n):
         for j in range(i + 2, n if i else n - 1):
-            closed[i, j] = _edge(int(sides[i]), int(sides[j])) in taken
+            closed[i, j] = tuple(sorted((int(sides[i]), int(sides[j])))) in taken
     local = np.empty((n - 2, 3), np.int32)
     cost = triangulate_polygon(np.ascontiguousarray(polygon), closed, local)
     return sides[local], cost
 
 
-def _edge(a: int, b: int) -> Edge:
-    return (a, b) if a < b else (b, a)
-
-
-def _edges(pairs: Indices) -> list[Edge]:
-    return [_edge(a, b) for a, b in pairs.tolist()]
+def _sides(polygons: Indices) -> set[Edge]:
+    """Return the sides of polygons (N, n), each the lower of its two vertices first."""
+    ends = np.stack([polygons, np.roll(polygons, -1, axis=1)], axis=2).reshape(-1, 2)
+    return {(a, b) for a, b in np.sort(ends, axis=1).tolist()}
 
 
 _BITS = 10  # of each coordinate

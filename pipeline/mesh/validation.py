@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Indices, Points
 from pipeline.errors import MeshError
+from pipeline.mesh.face_soup import components
 from pipeline.mesh.kernels.halfedge import CROWDED, SOUND, find_nonmanifold_vertex, match_twins
 from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 
@@ -85,17 +86,14 @@ def twin_corners(mesh: PolygonMesh) -> AnyArray:
 
 
 def _points_problem(mesh: TriangleMesh) -> str | None:
+    if problem := _vertices_problem(mesh.vertices, len(mesh.faces)):
+        return problem
     a, b, c = mesh.faces.T
     collapsed = (a == b) | (b == c) | (c == a)
-    degenerate = None
     if collapsed.any():
         f = _first(collapsed)
-        degenerate = f"face {f} {_names(mesh, f)} names a vertex twice; remove such degenerate faces"
-    return (
-        _vertices_problem(mesh.vertices, len(mesh.faces))
-        or degenerate
-        or _unused_problem(mesh.vertices, mesh.faces.reshape(-1))
-    )
+        return f"face {f} {_names(mesh, f)} names a vertex twice; remove such degenerate faces"
+    return _unused_problem(mesh.vertices, mesh.faces.reshape(-1))
 
 
 def _vertices_problem(vertices: Points, faces: int) -> str | None:
@@ -104,9 +102,8 @@ def _vertices_problem(vertices: Points, faces: int) -> str | None:
     wrong = np.logical_not(np.isfinite(vertices).all(axis=1))
     if not wrong.any():
         return None
-    return (
-        f"vertex {_first(wrong)} is not finite (and {int(wrong.sum()) - 1} more); coordinates must be numbers"
-    )
+    more = int(wrong.sum()) - 1
+    return f"vertex {_first(wrong)} is not finite (and {more} more); coordinates must be numbers"
 
 
 def _unused_problem(vertices: Points, corners: Indices) -> str | None:
@@ -132,10 +129,8 @@ def _edges_problem(mesh: TriangleMesh, twin: Indices) -> str | None:
 
 def _edge_problem(a: int, b: int, faces: AnyArray, crowded: bool) -> str:
     if crowded:
-        return (
-            f"edge {a}-{b} has {len(faces)} faces ({_listed(faces)}); it may have at most two: split the "
-            "mesh there"
-        )
+        count = f"{len(faces)} faces ({_listed(faces)})"
+        return f"edge {a}-{b} has {count}; it may have at most two: split the mesh there"
     return f"faces {_listed(faces)} run along edge {a}-{b} the same way; reverse one of them"
 
 
@@ -156,20 +151,13 @@ def _fans_problem(mesh: TriangleMesh, twin: Indices) -> str | None:
 
 def _polygon_problem(mesh: PolygonMesh) -> tuple[str | None, AnyArray]:
     """Return the first fault of a polyhedron, or None, and its `twin_corners` if they are known."""
-    problem = (
-        _vertices_problem(mesh.vertices, len(mesh))
-        or _polygon_repeats_problem(mesh)
-        or _unused_problem(mesh.vertices, mesh.corners)
-    )
+    problem = _vertices_problem(mesh.vertices, len(mesh)) or _polygon_repeats_problem(mesh)
+    problem = problem or _unused_problem(mesh.vertices, mesh.corners)
     if problem is not None:
         return problem, np.empty(0, np.int64)
     twin = twin_corners(mesh)
-    problem = (
-        _polygon_edges_problem(mesh)
-        or _polygon_doubled_problem(mesh, twin)
-        or _polygon_fans_problem(mesh, twin)
-    )
-    return problem, twin
+    problem = _polygon_edges_problem(mesh) or _polygon_doubled_problem(mesh, twin)
+    return problem or _polygon_fans_problem(mesh, twin), twin
 
 
 def _polygon_repeats_problem(mesh: PolygonMesh) -> str | None:
@@ -225,15 +213,9 @@ def _polygon_fans_problem(mesh: PolygonMesh, twin: AnyArray) -> str | None:
     first = np.full(len(mesh.vertices), -1)
     first[mesh.corners[starts]] = starts
     onwards[ends] = first[mesh.corners[ends]]  # close open fans across their gaps
-    label, jump = np.arange(count), onwards
-    while True:
-        lower = np.minimum(label, label[jump])
-        if np.array_equal(lower, label):
-            break
-        label, jump = lower, jump[jump]
-    any_corner = np.empty(len(mesh.vertices), np.int64)
-    any_corner[mesh.corners] = np.arange(count)
-    split = label != label[any_corner][mesh.corners]
+    fan, any_fan = components(count, np.arange(count), onwards), np.empty(len(mesh.vertices), np.int64)
+    any_fan[mesh.corners] = fan
+    split = fan != any_fan[mesh.corners]
     return _two_parts(int(mesh.corners[_first(split)])) if split.any() else None
 
 
