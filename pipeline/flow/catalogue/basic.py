@@ -227,8 +227,21 @@ LINEAR: tuple[type, ...] = (Translation, Rotation, Scaling, Strain)
 SOURCES: tuple[type, ...] = (Source, Sink, Expansion, Squeeze)
 
 
+class _Waves(BasicField):
+    """The base of waves that make `turn` radians over `scale`."""
+
+    turn: ClassVar[float] = 2 * math.pi
+    scale: Number
+
+    def length_scale(self, time: float) -> float:
+        return 1.0 / self._wave(time)
+
+    def _wave(self, time: float) -> float:
+        return self.turn / number_at(self.scale, time)
+
+
 @dataclass(frozen=True)
-class ABC(BasicField):
+class ABC(_Waves):
     """Stirs in cells that repeat, by three crossed waves; keeps volume.
 
         u = a sin kz + c cos ky    v = b sin kx + a cos kz    w = c sin ky + b cos kx
@@ -253,18 +266,12 @@ class ABC(BasicField):
     def gradient_bound(self, time: float) -> float:
         return self._wave(time) * math.hypot(*self._speeds(time))
 
-    def length_scale(self, time: float) -> float:
-        return 1.0 / self._wave(time)
-
-    def _wave(self, time: float) -> float:
-        return 2 * math.pi / number_at(self.scale, time)
-
     def _speeds(self, time: float) -> tuple[float, float, float]:
         return number_at(self.a, time), number_at(self.b, time), number_at(self.c, time)
 
 
 @dataclass(frozen=True)
-class TaylorGreen(BasicField):
+class TaylorGreen(_Waves):
     """Turns in cubic cells, each against its neighbours on all sides; keeps volume and height.
 
         u = speed · sin kx cos ky cos kz    v = −speed · cos kx sin ky cos kz    w = 0
@@ -276,6 +283,7 @@ class TaylorGreen(BasicField):
     """
 
     opcode: ClassVar[int] = kernels.TAYLOR_GREEN
+    turn: ClassVar[float] = math.pi
 
     centre: Annotated[VectorParameter, ParameterDoc("a corner where cells meet", "units")] = ORIGIN
     scale: Annotated[Positive, ParameterDoc("side of a cell", "units")] = 1.0
@@ -286,12 +294,6 @@ class TaylorGreen(BasicField):
 
     def gradient_bound(self, time: float) -> float:
         return math.sqrt(2.0) * self._wave(time) * abs(number_at(self.speed, time))
-
-    def length_scale(self, time: float) -> float:
-        return 1.0 / self._wave(time)
-
-    def _wave(self, time: float) -> float:
-        return math.pi / number_at(self.scale, time)
 
 
 @dataclass(frozen=True)
@@ -375,7 +377,7 @@ class Enright(BasicField):
 
 
 @dataclass(frozen=True)
-class Kneading(BasicField):
+class Kneading(_Waves):
     """Stretches and folds like a baker, stroke after stroke: along x, along y, along z; keeps volume.
 
     A period T has three strokes. In each only one of
@@ -407,12 +409,6 @@ class Kneading(BasicField):
     def gradient_bound(self, time: float) -> float:
         """Return the bound at the peak of a stroke, so that none is missed between two times."""
         return self._wave(time) * abs(number_at(self.amount, time)) * 8.0 / self.period
-
-    def length_scale(self, time: float) -> float:
-        return 1.0 / self._wave(time)
-
-    def _wave(self, time: float) -> float:
-        return 2 * math.pi / number_at(self.scale, time)
 
     def _stroke(self, time: float) -> tuple[int, float]:
         """Return which of the three strokes acts, and its speed."""

@@ -6,7 +6,7 @@ import hashlib
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
@@ -124,13 +124,11 @@ class Attraction(ExternalField):
     jumps. Source: ours; the falloff is that of `Expansion`.
     """
 
+    block: ClassVar[BlockKernel] = kernels.attraction
+
     target: Target
     rate: Annotated[Number, ParameterDoc("of drawing near; negative repels", "1/s")] = 1.0
     radius: Annotated[Positive, ParameterDoc("R, beyond which nothing moves", "units")] = 1.0
-
-    @property
-    def block(self) -> BlockKernel:
-        return kernels.attraction
 
     def numbers(self, time: float) -> tuple[float, ...]:
         tree = self.target.tree
@@ -160,14 +158,12 @@ class Wind(ExternalField):
     turns faster inside the bend. Source: ours.
     """
 
+    block: ClassVar[BlockKernel] = kernels.wind
+
     through: tuple[Vector, ...]
     speed: Annotated[Number, ParameterDoc("on the curve; negative blows backwards", "units/s")] = 1.0
     radius: Annotated[Positive, ParameterDoc("R, beyond which no wind blows", "units")] = 1.0
     closed: Annotated[bool, ParameterDoc("from the last point the curve goes on to the first")] = False
-
-    @property
-    def block(self) -> BlockKernel:
-        return kernels.wind
 
     @cached_property
     def _curve(self) -> tuple[Floats, int, int, float]:
@@ -353,6 +349,8 @@ class Sampled(ExternalField):
     blended between times.
     """
 
+    block: ClassVar[BlockKernel] = kernels.sampled
+
     samples: Samples
     between: Annotated[Literal["linear", "cubic"], ParameterDoc("interpolation between samples")] = "linear"
     outside: Annotated[Outside, ParameterDoc("velocity outside of the grid")] = "clamp"
@@ -362,10 +360,6 @@ class Sampled(ExternalField):
     time_scale: Annotated[float, ParameterDoc("seconds of the samples per second of the shot")] = 1.0
     start: Annotated[float, ParameterDoc("of the samples when the shot starts", "s")] = 0.0
     loop: Annotated[bool, ParameterDoc("repeat after the last time; else its samples stay")] = False
-
-    @property
-    def block(self) -> BlockKernel:
-        return kernels.sampled
 
     @cached_property
     def _memory(self) -> Floats:
@@ -411,9 +405,7 @@ class Sampled(ExternalField):
 
     @cached_property
     def _narrowest(self) -> float:
-        return min(
-            (float(np.diff(axis).min()) for axis in self.samples.axes if len(axis) > 1), default=np.inf
-        )
+        return min(float(np.diff(axis).min()) for axis in self.samples.axes)
 
     @cached_property
     def _slopes(self) -> Floats:

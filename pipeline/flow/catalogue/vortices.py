@@ -210,6 +210,8 @@ class CurlNoise(ExternalField):
     *Improving Noise*, SIGGRAPH 2002.
     """
 
+    block: ClassVar[BlockKernel] = external_kernels.curl_noise
+
     size: Annotated[Positive, ParameterDoc("of the largest eddies", "units")] = 1.0
     strength: Annotated[Number, ParameterDoc("root mean square speed", "units/s")] = 1.0
     octaves: Annotated[int, ValueRange(1, 12), ParameterDoc("how many sizes of eddies")] = 3
@@ -219,10 +221,6 @@ class CurlNoise(ExternalField):
     lacunarity: Annotated[float, ValueRange(1, 8), ParameterDoc("a size over the next smaller")] = 2.0
     evolution: Annotated[float, ParameterDoc("how often the eddies are renewed", "1/s")] = 0.5
     seed: Annotated[int, ValueRange(0, 2**53), ParameterDoc("which turbulence")] = 0
-
-    @property
-    def block(self) -> BlockKernel:
-        return external_kernels.curl_noise
 
     @cached_property
     def _share(self) -> float:
