@@ -136,7 +136,7 @@ class ExternalField(VelocityField):
     @property
     @abstractmethod
     def block(self) -> BlockKernel:
-        """The function, from a block of points to velocities; a class variable where it is the same for all."""
+        """The function, from a block of points to velocities; a class variable if it is the same for all."""
 
     @abstractmethod
     def numbers(self, time: float) -> tuple[float, ...]:
