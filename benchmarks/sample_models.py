@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Indices, Points
 from pipeline.mesh import TriangleMesh, box, icosphere, torus
-from pipeline.mesh.write import write_mesh
+from pipeline.plugins.interchange.mesh_writers import write_mesh
 
 Polygons = Sequence[Sequence[int]]
 

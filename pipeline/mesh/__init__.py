@@ -6,7 +6,6 @@ from pipeline.mesh.normals import ShadedMesh, dihedral_angles, face_normals, spl
 from pipeline.mesh.read import read_mesh, read_polygons
 from pipeline.mesh.solids import box, icosphere, rod, sheet, torus
 from pipeline.mesh.validation import Soundness, require, validate
-from pipeline.mesh.write import write_mesh
 
 __all__ = [
     "HalfedgeMesh",
@@ -27,5 +26,4 @@ __all__ = [
     "torus",
     "validate",
     "vertex_normals",
-    "write_mesh",
 ]

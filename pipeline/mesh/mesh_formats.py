@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import json
-import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -50,28 +47,6 @@ class FileSurface(NamedTuple):
     @property
     def shares_vertices(self) -> bool:
         return self.base is not None
-
-    def packed(self) -> bytes:
-        """Return the surface as bytes: a line of JSON, and its arrays as npz."""
-        file = io.BytesIO()
-        np.savez(
-            file,
-            points=self.points,
-            offsets=self.offsets,
-            corners=self.corners,
-            groups=self.groups,
-            tagged=self.tagged,
-        )
-        facts = {"base": self.base, "notes": self.notes, "unit": self.unit}
-        return json.dumps(facts).encode() + b"\n" + file.getvalue()
-
-    @staticmethod
-    def unpacked(content: bytes) -> FileSurface:
-        """Return the surface that `packed` turned into bytes."""
-        head, _, archive = content.partition(b"\n")
-        facts = json.loads(head)
-        with np.load(io.BytesIO(archive), allow_pickle=False) as arrays:
-            return FileSurface(**arrays, base=facts["base"], notes=tuple(facts["notes"]), unit=facts["unit"])
 
 
 def file_surface(
@@ -126,11 +101,6 @@ def polygon_surface(
     return FileSurface(
         points, offsets, corners, alike, np.array(tagged, np.int64).reshape(-1, 2), base, notes
     )
-
-
-def known_unit(length: float) -> float | None:
-    """Return the length of a unit, metres; None for one that is not above 0 and finite."""
-    return length if 0.0 < length < math.inf else None
 
 
 def early_end(promised: int, item: str, present: int) -> ValueError:

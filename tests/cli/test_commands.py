@@ -14,8 +14,9 @@ from typer.main import get_command
 import pipeline
 from pipeline.cli.app import all_commands, command_line, command_named, command_words
 from pipeline.cli.options import REFERENCE
-from pipeline.mesh import TriangleMesh, icosphere, write_mesh
+from pipeline.mesh import TriangleMesh, icosphere
 from pipeline.plugin import plugins
+from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.production.execution.run import PATIENCE
 from render.movie.probe import probe_movie
 from render.post.image import read_png

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.mesh import icosphere, write_mesh
+from pipeline.mesh import icosphere
+from pipeline.plugins.interchange.mesh_writers import write_mesh
 
 ROOT = Path(__file__).parents[2]
 

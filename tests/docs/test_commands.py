@@ -11,7 +11,8 @@ import pytest
 from typer.main import get_command
 
 from pipeline.cli.app import command_line, command_named, command_words
-from pipeline.mesh import icosphere, write_mesh
+from pipeline.mesh import icosphere
+from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.production.request.lookup import is_quality
 from tests.conftest import commanded
 

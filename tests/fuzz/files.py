@@ -70,31 +70,29 @@ def _scene(path: Path) -> None:
 def _stage(path: Path) -> None:
     """Read USD as `read_surface` does, but in this process; a crash there is a message to users."""
 
-    from pipeline.mesh.mesh_formats import FileSurface
     from pipeline.mesh.read import repair_surface
-    from pipeline.plugins.interchange.scene_readers import content_of
+    from pipeline.plugins.interchange.scene_readers import content_of, unpacked_surface
     from pipeline.plugins.interchange.usd_files import answer
     from render.base.input_files import parsing
 
     with parsing(path, "a stage", ""):
         answer(str(path), "facts", "[null, null]")
         content = content_of(answer(str(path), "surface", "[null, null]"), path)
-        repair_surface(FileSurface.unpacked(content)).mesh.triangulated()
+        repair_surface(unpacked_surface(content)).mesh.triangulated()
 
 
 def _fbx(path: Path) -> None:
     """Read FBX as `read_surface` does, but in this process; a crash there is a message to users."""
 
     from pipeline.errors import MeshError
-    from pipeline.mesh.mesh_formats import FileSurface
     from pipeline.mesh.read import repair_surface
     from pipeline.plugins.interchange.fbx_files import answer
-    from pipeline.plugins.interchange.scene_readers import content_of
+    from pipeline.plugins.interchange.scene_readers import content_of, unpacked_surface
     from render.base.input_files import parsing
 
     with parsing(path, "FBX", ""):
         answer(str(path), "up")
-        surface = FileSurface.unpacked(content_of(answer(str(path), "surface"), path))
+        surface = unpacked_surface(content_of(answer(str(path), "surface"), path))
         if not len(surface.corners):
             raise MeshError("it has no faces")
         repair_surface(surface).mesh.triangulated()

@@ -7,8 +7,9 @@ import pytest
 import trimesh
 
 from pipeline.errors import MachineError, MeshError, MissingInputError
-from pipeline.mesh import box, icosphere, read_mesh, require, write_mesh
+from pipeline.mesh import box, icosphere, read_mesh, require
 from pipeline.mesh.read import model_files
+from pipeline.plugins.interchange.mesh_writers import write_mesh
 from render.base.input_files import digest_of_file
 
 

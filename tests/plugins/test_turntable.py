@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import FrameError, UsageError
 from pipeline.mesh import icosphere
-from pipeline.mesh.write import write_mesh
+from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.plugins.turntable.turntable_movie import (
     TurntableRequest,
     TurntableSheets,

@@ -11,8 +11,9 @@ import pytest
 from _pytest.mark import ParameterSet
 from pxr import Usd, UsdGeom, UsdUtils
 
-from pipeline.mesh import box, write_mesh
+from pipeline.mesh import box
 from pipeline.mesh.read import mesh_suffixes, model_files, read_surface
+from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.production.execution.project import Project
 from pipeline.shot import Shot
 from render.post.colour import view_exactly

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from pipeline.animation import animate
 from pipeline.errors import MeshError, ShotError
-from pipeline.mesh import TriangleMesh, icosphere, rod, write_mesh
+from pipeline.mesh import TriangleMesh, icosphere, rod
 from pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
+from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.shot import Model, Shot, read_shot
 from pipeline.shot.motion import as_data
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from pipeline.errors import MissingInputError, ShotError
-from pipeline.mesh import TriangleMesh, write_mesh
+from pipeline.mesh import TriangleMesh
 from pipeline.mesh.control_net import PIECES, bspline_surface
+from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.shot import read_shot
 from pipeline.shot.point_subjects import RADIUS, CloudInSolid, CloudOfFile, NetOfFile, NetOfRows, NetOfSolid
 from pipeline.shot.subjects import Solid

@@ -14,8 +14,9 @@ from pipeline.flow import Sequence, Streamlines, keyed
 from pipeline.flow.catalogue.basic import Rotation
 from pipeline.flow.catalogue.deformations import Twist
 from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.mesh import validate, write_mesh
+from pipeline.mesh import validate
 from pipeline.mesh.solids import box
+from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling, read_shot
 from render.scene.render_quality import QUALITIES

@@ -13,6 +13,8 @@ from pipeline.animation import animate
 from pipeline.animation.flow_cost import estimated_vertices
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
+from pipeline.mesh import PolygonMesh
+from pipeline.mesh.face_soup import components
 from pipeline.shot import Motion
 from pipeline.shot.subjects import Model, Solid, Subject
 
@@ -126,3 +128,31 @@ def _facts(subject: Subject) -> dict[str, Any]:
     if isinstance(subject, Solid):
         return {"subject": subject.solid}
     return {"subject": "control net" if subject.lattice is not None else "cloud"}
+
+
+SMALL = 0.01  # part of the surface's area below which a part is small
+LARGER = 1.1  # size of the whole surface over that of its other parts from which on small parts decide it
+
+
+def small_parts(mesh: PolygonMesh) -> str:
+    """Say which small parts decide the size of a model; an empty text if it is as large without them."""
+    part = components(len(mesh.vertices), mesh.corners, mesh.heads)
+    of_face = part[mesh.corners[mesh.offsets[:-1]]]
+    area, faces = np.bincount(of_face, mesh.areas, len(part)), np.bincount(of_face, minlength=len(part))
+    is_small = (faces > 0) & (area < SMALL * area.sum())
+    if not is_small.any() or is_small[faces > 0].all():
+        return ""
+    small, large = mesh.vertices[is_small[part]], mesh.vertices[~is_small[part]]
+    factor = np.ptp(mesh.vertices, axis=0).max() / max(np.ptp(large, axis=0).max(), 1e-300)
+    if factor < LARGER:
+        return ""
+    middle = 0.5 * (large.min(axis=0) + large.max(axis=0))
+    at = ", ".join(f"{x:.4g}" for x in small[np.linalg.norm(small - middle, axis=1).argmax()])
+    count, share = int(is_small.sum()), 100.0 * faces.max() / len(mesh)
+    make, them = (" each, make", "them") if count > 1 else (", makes", "it")
+    return (
+        f"{int((faces > 0).sum())} parts; the largest has {share:.3g}% of the faces. {count} of them, with "
+        f"less than {SMALL:.0%} of the area{make} the model {factor:.3g} times as large; the farthest "
+        f"reaches ({at}) in the file. Delete {them} in a modelling program, or leave {them} if the model is "
+        f"meant to have {them}."
+    )

@@ -37,8 +37,7 @@ from pipeline.flow.flow_map import checked_displacement
 from pipeline.flow.kernels.instructions import BLOCK
 from pipeline.flow.parameters import shot_name, unit, vector_at
 from pipeline.flow.streamlines import MAX_SUBSTEPS
-from pipeline.mesh.face_soup import find_small_parts
-from pipeline.plugins.authoring.first_frame import FirstFrame
+from pipeline.plugins.authoring.first_frame import FirstFrame, small_parts
 from pipeline.production.request.framing import frame_all
 from pipeline.shot import Motion, Shot
 from pipeline.shot.subjects import Model
@@ -337,7 +336,7 @@ def _size(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
 def _parts(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     """Check that no small parts decide the size of a model."""
     subject = shot.motion.subject
-    if isinstance(subject, Model) and (parts := find_small_parts(subject.imported().mesh)) is not None:
+    if isinstance(subject, Model) and (parts := small_parts(subject.imported().mesh)):
         yield Finding(("subject", "model"), f"{subject.path.name} has {parts}")
 
 

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.mesh import PolygonMesh
-from pipeline.mesh.face_soup import find_small_parts
 from pipeline.mesh.read import names_parts, states_up, usual_up
+from pipeline.plugins.authoring.first_frame import small_parts
 from pipeline.plugins.authoring.shot_schemas import default_text, facts
 from pipeline.shot.documents.look_documents import LOOKS
 from pipeline.shot.subjects import SOLIDS, Model
@@ -247,8 +247,8 @@ def model_template(file: Path, reference: str) -> ModelTemplate:
     fitted = mesh.with_vertices(mesh.vertices * (FIT / size.max()))
     usual = usual_edge(fitted)
     length = suggested_edge_length(fitted)
-    small = find_small_parts(mesh)
-    parts = () if small is None else (f"{file.name} has {small}",)
+    small = small_parts(mesh)
+    parts = (f"{file.name} has {small}",) if small else ()
     extents = " × ".join(f"{side:.4g}" for side in size)
     word = reference if re.fullmatch(r"[\w./-]+", reference) else json.dumps(reference, ensure_ascii=False)
     units = "its own units" if imported.unit is None else f"its own units, of {imported.unit:.6g} m"

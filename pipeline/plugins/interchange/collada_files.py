@@ -14,8 +14,15 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError, brief, shortened
 from pipeline.file_contents import number_fault
-from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, known_unit, reader_of
-from pipeline.plugins.interchange.scene_readers import PlacedMeshes, Polygons, bound_note, joined, one_file
+from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, reader_of
+from pipeline.plugins.interchange.scene_readers import (
+    PlacedMeshes,
+    Polygons,
+    bound_note,
+    joined,
+    known_unit,
+    one_file,
+)
 from pipeline.plugins.interchange.xml_elements import Element, parse_elements
 from render.base.plural import plural
 

@@ -21,7 +21,7 @@ from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError, shortened
 from pipeline.file_contents import text_content
 from pipeline.mesh.face_soup import FaceSoup
-from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, known_unit
+from pipeline.mesh.mesh_formats import FileSurface, MeshFormat
 from pipeline.plugins.interchange.scene_readers import (
     PlacedMeshes,
     Polygons,
@@ -29,8 +29,11 @@ from pipeline.plugins.interchange.scene_readers import (
     asked,
     bound_note,
     joined,
+    known_unit,
     one_file,
+    packed_surface,
     require_package,
+    unpacked_surface,
 )
 from render.base.input_files import read_input, require_input
 from render.base.limited_process import MEMORY, allow_memory, answer_about_content, serve
@@ -50,7 +53,7 @@ def read_fbx(path: Path) -> FileSurface:
     ParserError or MeshError where it cannot be read.
     """
     _require_ufbx()
-    return FileSurface.unpacked(asked(_MODULE, path, "surface"))
+    return unpacked_surface(asked(_MODULE, path, "surface"))
 
 
 def _up_of(path: Path, digest: str) -> str:
@@ -100,7 +103,7 @@ def answer(path: str, question: str) -> bytes:
     content = read_input(Path(path), MOST_BYTES)
     if question == "up":
         return up_axis(content).encode()
-    return answered(lambda: visible_surface(content).packed())
+    return answered(lambda: packed_surface(visible_surface(content)))
 
 
 @_uncollected()

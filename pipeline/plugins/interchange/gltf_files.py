@@ -25,7 +25,7 @@ from pipeline.plugins.interchange.gltf_scene import (
     translations,
 )
 from pipeline.plugins.interchange.meshopt import FILTERS, MODES
-from pipeline.plugins.interchange.scene_readers import require_package
+from pipeline.plugins.interchange.scene_readers import packed_surface, require_package, unpacked_surface
 from render.base.input_files import digest_of_file, joint_digest, require_input
 from render.base.limited_process import MEMORY, allow_memory, answer_of, serve
 from render.base.plural import plural
@@ -360,7 +360,7 @@ def read_gltf(path: Path) -> FileSurface:
     if scene.needs_draco:
         require_package("glTF files with Draco data", "DracoPy", "DracoPy", "models")
     _buffer_files(scene)
-    surface = FileSurface.unpacked(answer_of("pipeline.plugins.interchange.gltf_files", path))
+    surface = unpacked_surface(answer_of("pipeline.plugins.interchange.gltf_files", path))
     return surface._replace(notes=tuple(_notes(scene)))
 
 
@@ -410,7 +410,7 @@ def _answer(path: str) -> bytes:
     files = (Path(path), *_buffer_files(scene))
     allow_memory(MEMORY + 40 * sum(require_input(file, MOST_BYTES) for file in files))
     points, faces = SceneArrays(scene).surface()
-    return file_surface(points, faces, base=None).packed()
+    return packed_surface(file_surface(points, faces, base=None))
 
 
 if __name__ == "__main__":

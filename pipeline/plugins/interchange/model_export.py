@@ -18,8 +18,8 @@ from pipeline.arrays import AnyArray, Faces, Floats, Indices, Vectors
 from pipeline.errors import FrameError, MeshError, UsageError
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.normals import NORMAL, unit
-from pipeline.mesh.write import write_mesh
 from pipeline.plugins.interchange.exported_frame import ExportedFrame, KeyedFiles, frame_key, stored_frame
+from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.plugins.interchange.print_model import LONGEST_SIDE, PrintReport, print_model
 from pipeline.plugins.interchange.usd_prims import preview_surface
 from pipeline.production.request.render_request import RenderRequest

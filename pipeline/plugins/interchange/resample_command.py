@@ -14,9 +14,9 @@ from rich.table import Table
 from pipeline.cli.options import Common, require_one_of
 from pipeline.cli.output import print_result, print_warning, table
 from pipeline.errors import MeshError, UsageError
-from pipeline.mesh import PolygonMesh, TriangleMesh, write_mesh
+from pipeline.mesh import PolygonMesh, TriangleMesh
 from pipeline.mesh.read import read_surface
-from pipeline.mesh.write import WRITERS
+from pipeline.plugins.interchange.mesh_writers import WRITERS, write_mesh
 from pipeline.resample import PolyhedralResampler, Report, Thresholds
 from pipeline.resample import resample as resample_triangles
 from pipeline.resample.resampler import STATELESS, Splits

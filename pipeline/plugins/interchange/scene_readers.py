@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import math
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -164,3 +166,25 @@ def content_of(answer: bytes, path: Path) -> bytes:
     if "fault" in error:
         raise MeshError(error["fault"])
     return content
+
+
+def packed_surface(surface: FileSurface) -> bytes:
+    """Return a surface as bytes: a line of JSON, and its arrays as npz."""
+    fields = surface._asdict()
+    facts = {name: fields.pop(name) for name in ("base", "notes", "unit")}
+    file = io.BytesIO()
+    np.savez(file, **fields)
+    return json.dumps(facts).encode() + b"\n" + file.getvalue()
+
+
+def unpacked_surface(content: bytes) -> FileSurface:
+    """Return the surface that `packed_surface` turned into bytes."""
+    head, _, archive = content.partition(b"\n")
+    facts = json.loads(head)
+    with np.load(io.BytesIO(archive), allow_pickle=False) as arrays:
+        return FileSurface(**arrays, **(facts | {"notes": tuple(facts["notes"])}))
+
+
+def known_unit(length: float) -> float | None:
+    """Return the length of a unit, metres; None for one that is not above 0 and finite."""
+    return length if 0.0 < length < math.inf else None

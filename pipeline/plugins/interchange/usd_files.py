@@ -18,7 +18,14 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FlowsculptError, MeshError, MissingInputError, brief, suggestion
 from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, ModelFiles, ScenePart
-from pipeline.plugins.interchange.scene_readers import answered, asked, joined, require_package
+from pipeline.plugins.interchange.scene_readers import (
+    answered,
+    asked,
+    joined,
+    packed_surface,
+    require_package,
+    unpacked_surface,
+)
 from pipeline.plugins.interchange.usd_meshes import StageMeshes
 from render.base.input_files import digest_of_file, joint_digest, require_input
 from render.base.limited_process import MEMORY, allow_memory, serve
@@ -68,7 +75,7 @@ def read_usd(path: Path, part: ScenePart = _WHOLE) -> FileSurface:
     where there is no such prim, or no mesh.
     """
     require_usd()
-    return FileSurface.unpacked(_asked("surface", path, part))
+    return unpacked_surface(_asked("surface", path, part))
 
 
 USD = MeshFormat(read_usd, stage_files, states_up=True, read_part=read_usd)
@@ -251,7 +258,7 @@ def _surface(stage: Usd.Stage, prim: str | None, time_code: float | None) -> byt
             f"{where} holds no mesh that is active, visible and of purpose default or render.{others} "
             f"{_remedy(stage)}"
         )
-    return joined(meshes.placed.parts, meshes.notes()).packed()
+    return packed_surface(joined(meshes.placed.parts, meshes.notes()))
 
 
 def _start(stage: Usd.Stage, prim: str | None) -> Usd.Prim:

@@ -21,8 +21,8 @@ from pipeline.mesh import TriangleMesh, box, icosphere
 from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.points import read_points
 from pipeline.mesh.read import read_mesh, read_surface
-from pipeline.mesh.write import write_mesh
 from pipeline.plugins.interchange.exported_frame import ExportedFrame
+from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.plugins.interchange.model_export import (
     point_normals,
     write_glb,

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.mesh import TriangleMesh, box, icosphere, read_mesh, read_polygons, require, write_mesh
+from pipeline.mesh import TriangleMesh, box, icosphere, read_mesh, read_polygons, require
+from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.plugins.interchange.resample_command import REFUSALS
 from pipeline.resample.kernels.collapse import REASONS
 

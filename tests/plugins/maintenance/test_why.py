@@ -12,7 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.mesh import box, write_mesh
+from pipeline.mesh import box
+from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.plugins.maintenance.why import Explanation, differences, explain, option_differences
 from pipeline.production.execution.project import Project
 from pipeline.production.request.keys import picture_header

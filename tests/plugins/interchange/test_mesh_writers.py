@@ -11,7 +11,8 @@ import pytest
 import trimesh
 
 from pipeline.errors import MachineError, MeshError
-from pipeline.mesh import PolygonMesh, TriangleMesh, box, icosphere, read_mesh, require, write_mesh
+from pipeline.mesh import PolygonMesh, TriangleMesh, box, icosphere, read_mesh, require
+from pipeline.plugins.interchange.mesh_writers import write_mesh
 
 
 def ball() -> TriangleMesh:
