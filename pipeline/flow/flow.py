@@ -80,8 +80,7 @@ def _check(event: str, arguments: tuple[Any, ...]) -> None:
     if path in files or path.endswith(_CODE) or path.startswith(_system()) or not Path(path).is_file():
         return
     raise FrameError(
-        f"{flow}: it opens {path}, which its shot does not name, so changes to it would not update any "
-        "frame. "
+        f"{flow}: it opens {path}, which its shot does not name: changes to it would not update frames. "
         f"Write reads: [{Path(path).name}], with its folder, beside function."
     )
 
@@ -180,8 +179,7 @@ class PythonFlow(Flow):
 
     digest   SHA-256 of the file, for keys; the modules it imports do not count
     allowed  True if the file may run; otherwise every step fails
-    reads    digests of the files that it may open
-    files    their paths
+    reads    digests of the `files` that it may open
     """
 
     function: str
@@ -199,19 +197,15 @@ class PythonFlow(Flow):
         require_permission(self)
         with only_declared(self.path, self.files):
             function = _function(self.path, self.digest, self.function)
-            return self._moved(function, np.array(points, np.float64), time, dt)
-
-    def _moved(self, function: Displacement, points: Points, time: float, dt: float) -> Points:
-        """Return what a function makes of points, over which it may write. Raises FrameError."""
-        try:
-            return function(points, time, dt)
-        except FrameError:
-            raise
-        except (Exception, SystemExit) as error:
-            raise FrameError(
-                f"{self.path}: {self.function} raised {_described(error, self.path)} at {time:g} s; a flow "
-                "takes points (N, 3), time and dt and returns points (N, 3). Call it alone with these."
-            ) from error
+            try:
+                return function(np.array(points, np.float64), time, dt)
+            except FrameError:
+                raise
+            except (Exception, SystemExit) as error:
+                raise FrameError(
+                    f"{self.path}: {self.function} raised {_described(error, self.path)} at {time:g} s; a "
+                    "flow takes points (N, 3), time and dt and returns points (N, 3). Call it alone with these."
+                ) from error
 
     def cache_data(self, time: float, dt: float) -> Any:
         reads = {"reads": self.reads} if self.reads else {}
@@ -221,9 +215,8 @@ class PythonFlow(Flow):
     def advice(self) -> str:
         """Advice on how to make it faster."""
         return (
-            f"flow {self.name} runs in Python; if that is too slow, write it as a formula, which is "
-            "compiled and runs "
-            "on all cores, or decorate the function with numba.njit(cache=True)."
+            f"flow {self.name} runs in Python; if that is too slow, write it as a formula, which is compiled "
+            "and runs on all cores, or decorate the function with numba.njit(cache=True)."
         )
 
 

@@ -318,10 +318,8 @@ def _read(files: tuple[Path, ...], array: str | None, interval: float) -> Sample
     for k, file in enumerate(files[1:], 1):
         others, _, part, digest = _read_file(file, array)
         if part.shape[1:] != first.shape[1:] or any(map(_differ, axes, others)):
-            raise UsageError(
-                f"{file}: its grid differs from that of {files[0].name}; all files of a sequence share one "
-                "grid"
-            )
+            fact = f"its grid differs from that of {files[0].name}"
+            raise UsageError(f"{file}: {fact}; all files of a sequence share one grid")
         _require_one_time(file, part)
         velocity[k] = part[0]
         digests.append(digest)

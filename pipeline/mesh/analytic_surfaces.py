@@ -260,10 +260,8 @@ class BarLattice(AnalyticSurface):
             )
         for length in self.size:
             if length != self.thickness and length <= 2 * self.thickness:
-                raise UsageError(
-                    f"size {length:g} must be thickness {self.thickness:g}, for one layer of bars, or more "
-                    "than twice that"
-                )
+                one_layer = f"thickness {self.thickness:g}, for one layer of bars"
+                raise UsageError(f"size {length:g} must be {one_layer}, or more than twice that")
         crossings = math.prod(self._along(length) for length in self.size)
         if crossings > MAX_CROSSINGS:
             raise UsageError(

@@ -41,10 +41,9 @@ class Lattice:
 
     def __post_init__(self) -> None:
         if min(self.rows, self.columns) < LEAST:
-            raise MeshError(
-                f"a net of {self.rows} × {self.columns} points is too small; a bicubic patch needs "
-                f"{LEAST} × {LEAST}. Add rows or columns."
-            )
+            size = f"{self.rows} × {self.columns}"
+            fact = f"a net of {size} points is too small; a bicubic patch needs {LEAST} × {LEAST}"
+            raise MeshError(f"{fact}. Add rows or columns.")
 
     def __len__(self) -> int:
         """Return the number of points."""
@@ -62,10 +61,8 @@ class Lattice:
     def from_array(cls, numbers: AnyArray) -> Lattice:
         """Return the lattice of an `as_array`. Raises MeshError for other arrays."""
         if numbers.shape != (4,):
-            raise MeshError(
-                f"a net has shape {numbers.shape}; it must be 4 numbers: rows, columns, and whether each is "
-                "closed"
-            )
+            rule = "it must be 4 numbers: rows, columns, and whether each is closed"
+            raise MeshError(f"a net has shape {numbers.shape}; {rule}")
         rows, columns, around, across = numbers.tolist()
         return cls(rows, columns, (bool(around), bool(across)))
 

@@ -93,10 +93,8 @@ def polygon_surface(
         c = int(np.argmax(outside))
         face = int(np.searchsorted(offsets, c, side="right")) - 1
         first = base or 0
-        raise ValueError(
-            f"face {face + first} names vertex {corners[c] + first}; the file has {len(points)} vertices, "
-            f"numbered from {first}"
-        )
+        fact = f"face {face + first} names vertex {corners[c] + first}"
+        raise ValueError(f"{fact}; the file has {len(points)} vertices, numbered from {first}")
     alike = np.zeros(len(offsets) - 1, np.int64) if groups is None else np.array(groups, np.int64)
     return FileSurface(
         points, offsets, corners, alike, np.array(tagged, np.int64).reshape(-1, 2), base, notes

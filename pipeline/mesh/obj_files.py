@@ -123,11 +123,8 @@ class _Wavefront:
         try:
             self.coordinates += map(float, words[1:4])
             if len(words) == 5 and float(words[4]) != 1.0:
-                raise MeshError(
-                    "its fourth number is a weight, which belongs to rational curves, not to vertices of "
-                    "faces. "
-                    "Export it without weights."
-                )
+                fact = "its fourth number is a weight, which belongs to rational curves, not to faces"
+                raise MeshError(f"{fact}. Export it without weights.")
         except ValueError:
             raise ValueError(number_fault(words[1:5])) from None
         if len(words) < 4:
@@ -186,9 +183,8 @@ class _Wavefront:
         if number == 0:
             raise ValueError("vertices are numbered from 1")
         if -number > vertices:
-            raise ValueError(
-                f"{number} counts back beyond the first of {plural(vertices, 'vertex', 'vertices')}"
-            )
+            there = plural(vertices, "vertex", "vertices")
+            raise ValueError(f"{number} counts back beyond the first of {there}")
         return vertices + 1 + number
 
     def other(self, words: list[bytes]) -> None:
@@ -213,22 +209,13 @@ class _Wavefront:
 
     def surface(self) -> FileSurface:
         """Return the faces. Raises ValueError where one names a missing vertex."""
-        return polygon_surface(
-            np.array(self.coordinates, np.float64).reshape(-1, 3),
-            offsets_of(self.sides),
-            np.array(self.corners, np.int64) - 1,
-            self.groups,
-            self.tagged,
-            base=1,
-            notes=self._notes(),
-        )
-
-    def _notes(self) -> tuple[str, ...]:
         counts = [
             f"{plural(count, *_LEFT_OUT[name])} ({name.decode()})" for name, count in self.left_out.items()
         ]
-        found = " and ".join(counts)
-        return (f"{found} left out: only faces (f) make a surface",) if found else ()
+        notes = (f"{' and '.join(counts)} left out: only faces (f) make a surface",) if counts else ()
+        points = np.array(self.coordinates, np.float64).reshape(-1, 3)
+        corners = np.array(self.corners, np.int64) - 1
+        return polygon_surface(points, offsets_of(self.sides), corners, self.groups, self.tagged, 1, notes)
 
 
 def _creases(words: list[bytes]) -> list[tuple[int, int]]:

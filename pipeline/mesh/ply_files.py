@@ -61,11 +61,9 @@ Table = dict[str, Column]
 
 
 class _Property(NamedTuple):
-    """`length` is the type of a list's length, or empty for a single number."""
-
     name: str
     kind: str
-    length: str = ""
+    length: str = ""  # the type of a list's length; empty for a single number
 
 
 class _Element(NamedTuple):
@@ -86,10 +84,8 @@ def read_polygon_file(content: bytes) -> FileSurface:
     if _rows(tables, _STRIPS):
         faces = faces.joined(_triangles_of(_corners(_STRIPS, tables[_STRIPS], restarts=True)))
     if not len(faces.lengths) and _rows(tables, _GRID):
-        raise MeshError(
-            f"it has a scanner's grid of ranges ({_GRID}) and no faces. Export faces from the scanner's "
-            "program."
-        )
+        fact = f"it has a scanner's grid of ranges ({_GRID}) and no faces"
+        raise MeshError(f"{fact}. Export faces from the scanner's program.")
     return polygon_surface(vertex_positions(tables), faces.offsets, faces.values.reshape(-1))
 
 

@@ -97,11 +97,11 @@ def _require_finite(path: Path, points: Floats) -> None:
 def _polygon_file(content: bytes) -> PointSet:
     tables = read_elements(content)
     others = {
-        name: column for name, column in tables.get("vertex", {}).items() if name not in ("x", "y", "z")
+        name: column
+        for name, column in tables.get("vertex", {}).items()
+        if name not in ("x", "y", "z") and isinstance(column, np.ndarray)
     }
-    return PointSet(
-        vertex_positions(tables), {name: c for name, c in others.items() if isinstance(c, np.ndarray)}
-    )
+    return PointSet(vertex_positions(tables), others)
 
 
 _PARTED_TWICE = re.compile(rb"[-+]?\d+,\d+")
@@ -119,10 +119,8 @@ def _xyz(content: bytes) -> PointSet:
             raise ValueError(f"line {line}: {shown}: commas separate numbers, and decimals have a point")
         row = b" ".join(words).replace(b",", b" ").split()
         if len(row) < 3 or len(row) != len(rows[0] if rows else row):
-            raise ValueError(
-                f"point {len(rows)} has {plural(len(row), 'number')}; all need the same number, at least "
-                "three"
-            )
+            fact = f"point {len(rows)} has {plural(len(row), 'number')}"
+            raise ValueError(f"{fact}; all need the same number, at least three")
         if fault := number_fault(row):
             raise ValueError(f"line {line}: {fault}")
         rows.append(row)

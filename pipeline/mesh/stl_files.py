@@ -54,9 +54,8 @@ def _is_text(content: bytes) -> bool:
 
 def _binary_points(content: bytes) -> Points:
     if len(content) < _HEADER:
-        raise ValueError(
-            f"it ends early: it has {plural(len(content), 'byte')}, and its header alone needs 84"
-        )
+        size = plural(len(content), "byte")
+        raise ValueError(f"it ends early: it has {size}, and its header alone needs {_HEADER}")
     promised = int.from_bytes(content[80:_HEADER], "little")
     present = (len(content) - _HEADER) // _TRIANGLE.itemsize
     if promised > _MOST_TRIANGLES:
@@ -64,9 +63,8 @@ def _binary_points(content: bytes) -> Points:
     if present < promised:
         raise early_end(promised, "triangle", present)
     if present > promised and content[_HEADER + promised * _TRIANGLE.itemsize :].strip(b"\0"):
-        raise ValueError(
-            f"its header promises {plural(promised, 'triangle')}, and there is room for {present}"
-        )
+        count = plural(promised, "triangle")
+        raise ValueError(f"its header promises {count}, and there is room for {present}")
     triangles = np.frombuffer(content, _TRIANGLE, promised, _HEADER)
     return triangles["corners"].reshape(-1, 3).astype(np.float64)
 
@@ -119,11 +117,8 @@ def _regular(words: list[bytes]) -> list[bytes]:
             corners += islice(remaining, 3)
         elif word in (b"facet", b"endloop", b"endfacet") and corners:
             if len(corners) != 9:
-                triangle, vertices = (
-                    len(regular) // len(_FACET),
-                    plural(-(-len(corners) // 3), "vertex", "vertices"),
-                )
-                raise ValueError(f"facet {triangle} has {vertices}; each is a triangle")
+                vertices = plural(-(-len(corners) // 3), "vertex", "vertices")
+                raise ValueError(f"facet {len(regular) // len(_FACET)} has {vertices}; each is a triangle")
             place = dict(zip(_COORDINATES, corners, strict=True))
             regular += [place.get(k, word) for k, word in enumerate(_FACET)]
             corners = []

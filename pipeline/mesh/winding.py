@@ -15,6 +15,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.mesh.face_soup import FaceSoup, components
+from pipeline.mesh.normals import unit
 
 _MOST_PAIRED = 32
 """Faces at one edge: where there are more, all are separated, for their pairs would be too many."""
@@ -74,18 +75,13 @@ def _directions(
     """
     normals = soup.area_vectors[soup.owners[sides]]
     axis = soup.points[soup.heads[sides]] - soup.points[soup.corners[sides]]
-    inwards = _unit(np.cross(_unit(normals), _unit(axis)))
-    up = _unit(np.where(along[:, None], axis, -axis))
+    inwards = unit(np.cross(unit(normals), unit(axis)))
+    up = unit(np.where(along[:, None], axis, -axis))
     first = np.searchsorted(edges, edges)
     reference = inwards[first]
     cosine = np.einsum("ij,ij->i", inwards, reference)
     sine = np.einsum("ij,ij->i", np.cross(reference, inwards), up)
     return inwards, np.mod(np.arctan2(sine, cosine) + 0.5 * _SAME_DIRECTION, 2.0 * np.pi)
-
-
-def _unit(vectors: AnyArray) -> AnyArray:
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
 
 
 def _pairs(edges: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
