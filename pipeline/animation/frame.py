@@ -96,26 +96,27 @@ class MeshFrame:
         unsorted (). With polygons also offsets int32 (P + 1,) and corners int32 (C,). With a control net also
         net int32 (4,): rows, columns, and 1 for each closed direction.
         """
-        attributes = {_ATTRIBUTE + name: values for name, values in self.mesh.attributes.items()}
-        polygons, births = self.polygons, self.births
-        given, unsorted = np.array(self.identities), np.array(self.unsorted)
-        return {
-            "vertices": self.mesh.vertices,
-            "faces": self.mesh.faces,
-            "creases": self.mesh.creases,
-            **({} if polygons is None else {"offsets": polygons.offsets, "corners": polygons.corners}),
-            **({} if births is None else {"births": births, "identities": given, "unsorted": unsorted}),
-            **({} if self.lattice is None else {"net": self.lattice.as_array()}),
-            **attributes,
-            "number": np.array(self.number),
-            "report": np.array(json.dumps(self.report.as_data())),
+        mesh, polygons = self.mesh, self.polygons
+        arrays: dict[str, AnyArray] = {
+            "vertices": mesh.vertices,
+            "faces": mesh.faces,
+            "creases": mesh.creases,
         }
+        if polygons is not None:
+            arrays |= {"offsets": polygons.offsets, "corners": polygons.corners}
+        if self.births is not None:
+            numbers = {"identities": np.array(self.identities), "unsorted": np.array(self.unsorted)}
+            arrays |= {"births": self.births, **numbers}
+        if self.lattice is not None:
+            arrays["net"] = self.lattice.as_array()
+        arrays |= {_ATTRIBUTE + name: values for name, values in mesh.attributes.items()}
+        report = np.array(json.dumps(self.report.as_data()))
+        return {**arrays, "number": np.array(self.number), "report": report}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, AnyArray]) -> MeshFrame:
         """Return the frame of these arrays, bit for bit. Raises UsageError for a missing name."""
-        missing = sorted({"vertices", "faces", "number", "report"} - set(arrays))
-        if missing:
+        if missing := sorted({"vertices", "faces", "number", "report"} - set(arrays)):
             raise UsageError(f"the arrays have no {' and no '.join(missing)}; they are not a stored frame")
         names = [name for name in arrays if name.startswith(_ATTRIBUTE)]
         attributes = {name.removeprefix(_ATTRIBUTE): arrays[name] for name in names}
@@ -166,18 +167,14 @@ def descent(frames: Sequence[MeshFrame]) -> Ancestry:
     numbers = [frame.number for frame in frames]
     if not numbers or numbers != list(range(numbers[0], numbers[0] + len(numbers))):
         raise UsageError(f"frames {numbers} are not consecutive; give all from the first to the last")
-    births = [_births(frame) for frame in frames]
+    births: list[AnyArray] = []
+    for frame in frames:
+        if frame.births is None or IDENTITY not in frame.mesh.attributes:
+            fact = f"frame {frame.number} has no identities, so the ancestors of its vertices are unknown"
+            raise UsageError(f"{fact}; method polyhedra keeps none")
+        births.append(frame.births)
     now, then = (frame.mesh.attributes[IDENTITY] for frame in (frames[-1], frames[0]))
     return ancestry(now, then, np.concatenate(births))
-
-
-def _births(frame: MeshFrame) -> AnyArray:
-    if frame.births is None or IDENTITY not in frame.mesh.attributes:
-        raise UsageError(
-            f"frame {frame.number} has no identities, so the ancestors of its vertices are unknown; method "
-            "polyhedra keeps none"
-        )
-    return frame.births
 
 
 MATERIAL = "material"
@@ -205,9 +202,8 @@ def material_of(mesh: TriangleMesh) -> Points:
     for name in (MATERIAL, REST):
         if name in mesh.attributes:
             return mesh.attributes[name]
-    raise UsageError(
-        f"the mesh has neither vertex attribute {MATERIAL!r} nor {REST!r}; it is not from a frame of a shot"
-    )
+    neither = f"neither vertex attribute {MATERIAL!r} nor {REST!r}"
+    raise UsageError(f"the mesh has {neither}; it is not from a frame of a shot")
 
 
 MAX_DISTANCE = 1.0  # frames: farther away another frame is nearer, and the surface has been resampled since
@@ -223,9 +219,8 @@ def mesh_at_subframe(motion: Motion, frame: MeshFrame, subframe: float) -> Trian
     Raises UsageError for a sub-frame more than MAX_DISTANCE from the frame, FrameError where the flow fails.
     """
     if not abs(subframe - frame.number) <= MAX_DISTANCE:
-        raise UsageError(
-            f"sub-frame {subframe:g} is more than a frame from frame {frame.number}; take a nearer frame"
-        )
+        fact = f"sub-frame {subframe:g} is more than a frame from frame {frame.number}"
+        raise UsageError(f"{fact}; take a nearer frame")
     time, dt = motion.clock.between(frame.number, subframe)
     flow = motion.limit_steps(motion.flow, frame.number + (subframe > frame.number))
     moved = checked_displacement(flow, frame.mesh.vertices, time, dt, frame.number)

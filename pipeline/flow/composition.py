@@ -160,10 +160,8 @@ class Transform:
         """
         scale = float(number_at(self.scale, time))
         if not 0 < scale < math.inf:
-            raise FrameError(
-                f"a frame has the scale {scale:g} at {time:g} s; it must be above 0, and finite. "
-                "Correct its keys."
-            )
+            fact = f"a frame has the scale {scale:g} at {time:g} s; it must be above 0, and finite"
+            raise FrameError(f"{fact}. Correct its keys.")
         (cx, cy, cz), (sx, sy, sz) = (
             [function(angle) for angle in vector_at(self.rotate, time)] for function in (math.cos, math.sin)
         )
@@ -338,9 +336,7 @@ def within(flow: Flow, region: Region) -> Flow:
 
 def placed(flow: Flow, transform: Transform | Mirror) -> Flow:
     """Return a transformed or mirrored flow."""
-    return _composed(
-        flow, lambda field: TransformedField(field, transform), lambda other: Placed(other, transform)
-    )
+    return _composed(flow, lambda f: TransformedField(f, transform), lambda other: Placed(other, transform))
 
 
 def blended(first: Flow, second: Flow, weight: Number) -> Flow:
@@ -424,8 +420,7 @@ class Blend(_Weighted):
     weight: Number
 
     def _forwards(self, points: Points, time: float, dt: float) -> Points:
-        weight = weight_at(self.weight, time + dt / 2, self.name)
-        moved = points
+        weight, moved = weight_at(self.weight, time + dt / 2, self.name), points
         for flow, share in ((self.first, 1.0 - weight), (self.second, weight)):
             if share:
                 moved = moved + share * (flow.displace(points, time, dt) - points)

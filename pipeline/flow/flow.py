@@ -202,10 +202,9 @@ class PythonFlow(Flow):
             except FrameError:
                 raise
             except (Exception, SystemExit) as error:
-                raise FrameError(
-                    f"{self.path}: {self.function} raised {_described(error, self.path)} at {time:g} s; a "
-                    "flow takes points (N, 3), time and dt and returns points (N, 3). Call it alone with these."
-                ) from error
+                fact = f"{self.function} raised {_described(error, self.path)} at {time:g} s"
+                rule = "a flow takes points (N, 3), time and dt and returns points (N, 3)"
+                raise FrameError(f"{self.path}: {fact}; {rule}. Call it alone with these.") from error
 
     def cache_data(self, time: float, dt: float) -> Any:
         reads = {"reads": self.reads} if self.reads else {}

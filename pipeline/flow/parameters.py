@@ -148,7 +148,6 @@ class Parameter:
 
     form      number and vector may be keyed; constant and point are the same without keys
     positive  True if it must be above 0
-    bounds    further limits
     default   as in code; dataclasses.MISSING where it has none
     choices   the words of a choice
     kind      its annotated type, for parameters with a form of their own
@@ -165,7 +164,7 @@ class Parameter:
 
     @property
     def needed(self) -> bool:
-        """Tell whether a shot must give it."""
+        """True if a shot must give it."""
         return self.doc.required or self.default is dataclasses.MISSING
 
     @property
@@ -181,6 +180,14 @@ class Parameter:
 
 
 _AXES = {X: "x", Y: "y", Z: "z"}
+_FORMS: dict[Any, Form] = {
+    Number: "number",
+    VectorParameter: "vector",
+    float: "constant",
+    int: "whole",
+    bool: "switch",
+    str: "text",
+}
 
 
 def parameters_of(flow: type) -> tuple[Parameter, ...]:
@@ -224,16 +231,6 @@ def _marks(annotation: Any) -> tuple[Any, ...]:
 
 
 def _form(kind: Any, direction: bool) -> Form:
-    forms: dict[Any, Form] = {
-        Number: "number",
-        VectorParameter: "vector",
-        float: "constant",
-        int: "whole",
-        bool: "switch",
-        str: "text",
-    }
     if kind == Vector:
         return "direction" if direction else "point"
-    if typing.get_origin(kind) is Literal:
-        return "choice"
-    return forms.get(kind, "other")
+    return "choice" if typing.get_origin(kind) is Literal else _FORMS.get(kind, "other")

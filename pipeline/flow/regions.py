@@ -231,10 +231,8 @@ class Region(ABC):
     def _size(self, measure: Number, what: str, time: float) -> float:
         size = float(number_at(measure, time))
         if not size > 0:
-            raise FrameError(
-                f"a {self.name} has the {what} {size:g} at {time:g} s and is empty; it must be above 0. "
-                "Correct its keys."
-            )
+            fact = f"a {self.name} has the {what} {size:g} at {time:g} s and is empty"
+            raise FrameError(f"{fact}; it must be above 0. Correct its keys.")
         return size
 
 
