@@ -25,6 +25,7 @@ PREPARED = (
     "render.frame.sample_sums",
     "render.movie.movie_frames",
     "render.post.colour",
+    "render.post.half_floats",
     "render.raster",
 )
 """Modules whose function `prepare` compiles the kernels of pictures, and bakes the tables of displays."""

@@ -1,14 +1,16 @@
 """Read and write picture files: EXR with AOVs and a header, PNG and JPEG.
 
-Files are written atomically: a name holds a whole picture or nothing. OpenEXR writes EXRs, in a third of the
-time that OpenImageIO takes for channels of different precision; OpenImageIO does the rest.
+Files are written atomically: a name holds a whole picture or nothing. OpenEXR writes and reads EXRs, in a
+third of the time that OpenImageIO takes for channels of different precision; OpenImageIO does the rest.
 """
 
 from __future__ import annotations
 
 import json
+import mmap
+import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar
@@ -33,11 +35,14 @@ Header = Mapping[str, Any]
 Displayed = NDArray[np.uint8] | NDArray[np.uint16]
 
 PREFIX = "flowsculpt:"
-BAND = 64
-"""Rows that are read at a time, a multiple of the 16 that are compressed together."""
+CHUNK = 16
+"""Rows that ZIP compresses together."""
 
-_MAX_HALF = np.float32(np.finfo(np.float16).max)
+BAND = 4 * CHUNK
+"""Rows that OpenImageIO reads at a time."""
 
+_STARTS = (b"v/1\x01\2\0\0\0", b"v/1\x01\2\4\0\0")
+"""The first bytes of an EXR of one part in scanlines, with short names and with long ones."""
 
 CONVENTION, CHANNELS = "layers", "channels"
 """Header entries of a file with the channel names of another program: that program; the names by layer."""
@@ -92,12 +97,11 @@ def write_exr(
 
 def _planes(array: Pixels, kind: str, factor: float) -> Iterator[NDArray[np.float16] | Pixels]:
     """Yield the channels (H, W) of a layer, times a factor, as they are stored."""
+    from render.post.half_floats import to_half  # numba, which who only reads a header never needs
+
     for plane in np.moveaxis(np.atleast_3d(array), 2, 0):
         values = np.multiply(plane, np.float32(factor), dtype=np.float32, order="C")
-        if kind == "half":
-            yield np.clip(values, -_MAX_HALF, _MAX_HALF, out=values).astype(np.float16)
-        else:
-            yield values
+        yield to_half(values) if kind == "half" else values
 
 
 def read_exr(path: Path) -> tuple[RenderedFrame, dict[str, Any]]:
@@ -107,11 +111,11 @@ def read_exr(path: Path) -> tuple[RenderedFrame, dict[str, Any]]:
     is no EXR.
     """
 
-    def read(file: Any) -> tuple[RenderedFrame, dict[str, Any]]:
-        header = _header(file.spec())
+    def read(file: Any, content: Path) -> tuple[RenderedFrame, dict[str, Any]]:
+        header, channels = _header(file.spec()), file.spec().channelnames
         convention, named = header.pop(CONVENTION, None), header.pop(CHANNELS, None)
-        columns = _columns(file.spec().channelnames, named)
-        arrays = _layers(file, path, columns)
+        columns = _columns(channels, named)
+        arrays = _openexr_layers(content, channels, columns) or _layers(file, path, columns)
         for layer, indices in columns.items() if convention else ():
             arrays[layer] *= np.float32(channels_of(layer, len(indices), convention).factor)
         return RenderedFrame(arrays, header), header
@@ -121,8 +125,8 @@ def read_exr(path: Path) -> tuple[RenderedFrame, dict[str, Any]]:
 
 def read_header(path: Path) -> dict[str, Any]:
     """Read only the `flowsculpt:` entries. Raises as `read_exr` does."""
-    header = _read(path, lambda file: _header(file.spec()))
-    return header or _read_copy(path, lambda file: _header(file.spec()))
+    header = _read(path, lambda file, _: _header(file.spec()))
+    return header or _read_copy(path, lambda file, _: _header(file.spec()))
 
 
 def write_png(path: Path, picture: Displayed, header: Header | None = None) -> None:
@@ -188,7 +192,7 @@ def jpeg_bytes(picture: NDArray[np.uint8]) -> bytes:
 def read_png(path: Path) -> NDArray[Any]:
     """Read display values (H, W, C), uint8 or uint16 as in the file. Raises as `read_exr` does."""
     spec, pixels = _read(
-        path, lambda file: (oiio.ImageSpec(file.spec()), _pixels(file, path, file.spec().format))
+        path, lambda file, _: (oiio.ImageSpec(file.spec()), _pixels(file, path, file.spec().format))
     )
     return np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
 
@@ -240,18 +244,18 @@ def _header(spec: Any) -> dict[str, Any]:
     }
 
 
-def _read(path: Path, read: Callable[[Any], T]) -> T:
-    """Return what `read` returns of an opened picture; where that fails, of a copy of it in memory."""
+def _read(path: Path, read: Callable[[Any, Path], T]) -> T:
+    """Return what `read` returns of an opened picture and its file; where that fails, of a copy in memory."""
     if not path.is_file():
         raise MissingImageError(f"{path}: picture not found")
     try:
         with _opened(path, path) as file:
-            return read(file)
+            return read(file, path)
     except CorruptImageError:
         return _read_copy(path, read)
 
 
-def _read_copy(path: Path, read: Callable[[Any], T]) -> T:
+def _read_copy(path: Path, read: Callable[[Any, Path], T]) -> T:
     """Return what `read` returns of a copy in memory.
 
     OpenEXR leaves entries of a header out, without a word, where a read of it is interrupted.
@@ -260,7 +264,7 @@ def _read_copy(path: Path, read: Callable[[Any], T]) -> T:
         raise MissingImageError(f"{path}: picture not found")
     try:
         with copied_to_memory(path) as copy, _opened(copy, path) as file:
-            return read(file)
+            return read(file, copy)
     except OSError as error:
         raise machine_error(path, error, "read") from error
 
@@ -287,6 +291,61 @@ def _whole(pixels: Any, file: Any, path: Path) -> Any:
     if pixels is None:
         raise CorruptImageError(f"{path}: cannot be read to its end ({last_message(file)}); make it again")
     return pixels
+
+
+def _openexr_layers(
+    content: Path, channels: Sequence[str], columns: Mapping[str, list[int]]
+) -> dict[str, Pixels] | None:
+    """Return the layers of an EXR, or None where OpenImageIO has to read it or to say what is wrong with it.
+
+    columns  the places in `channels` of each layer's channels
+    """
+    if not _has_all_chunks(content):
+        return None
+    try:
+        with OpenEXR.File(str(content), separate_channels=True) as file:
+            planes = {name: channel.pixels for name, channel in file.channels().items()}
+        return {name: _joined([planes.pop(channels[i]) for i in places]) for name, places in columns.items()}
+    except (KeyError, RuntimeError, ValueError):
+        return None
+
+
+def _joined(planes: Sequence[NDArray[Any]]) -> Pixels:
+    """Return the channels (H, W) of a layer as one array, float32."""
+    from render.post.half_floats import fill_from_half  # numba, which who only reads a header never needs
+
+    joined = np.empty((*planes[0].shape, len(planes)), np.float32)
+    for place, plane in enumerate(planes):
+        if plane.dtype == np.float16:
+            fill_from_half(joined, place, plane)
+        else:
+            joined[..., place] = plane
+    return joined if len(planes) > 1 else joined[..., 0]
+
+
+def _has_all_chunks(content: Path) -> bool:
+    """Tell whether an EXR that ZIP compressed ends where its last chunk does.
+
+    OpenEXR prints what it finds wrong with a truncated file.
+    Source: https://openexr.com/en/latest/OpenEXRFileLayout.html
+    """
+    with (
+        suppress(LookupError, OSError, ValueError, struct.error),
+        content.open("rb") as file,
+        mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
+    ):
+        at, attributes = len(_STARTS[0]), dict[bytes, bytes]()
+        while data[at]:
+            kind = data.find(b"\0", at) + 1
+            first = data.find(b"\0", kind) + 5
+            (size,) = struct.unpack_from("<I", data, first - 4)
+            attributes[data[at : kind - 1]], at = data[first : first + size], first + size
+        _, top, _, bottom = struct.unpack("<4i", attributes[b"dataWindow"])
+        places = struct.unpack_from(f"<{len(range(top, bottom + 1, CHUNK))}Q", data, at + 1)
+        ends = [place + 8 + struct.unpack_from("<i", data, place + 4)[0] for place in places]
+        is_known = data[:8] in _STARTS and attributes[b"compression"] == b"\3"
+        return is_known and [at + 1 + 8 * len(places), *ends] == [*places, len(data)]
+    return False
 
 
 def _layers(file: Any, path: Path, columns: Mapping[str, list[int]]) -> dict[str, Pixels]:
@@ -321,7 +380,7 @@ def _write(path: Path, kind: str, spec: Any, pixels: NDArray[Any]) -> None:
 def _check_whole(temporary: Path, path: Path) -> None:
     """Read the file back: the PNG writer does not notice a full disk."""
     try:
-        _read(temporary, lambda file: _pixels(file, path, oiio.UNKNOWN))
+        _read(temporary, lambda file, _: _pixels(file, path, oiio.UNKNOWN))
     except (CorruptImageError, MissingImageError) as error:
         reason = str(error).removeprefix(f"{path}: ").removesuffix("; make it again")
         raise cannot_write(path, temporary, f"the written file {reason}") from error

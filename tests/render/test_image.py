@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -104,7 +105,9 @@ def test_the_same_picture_is_the_same_file_whenever_it_is_written(
 
 
 @pytest.mark.parametrize("share", [0.99, 0.5, 0.01])
-def test_a_truncated_picture_is_reported(share: float, layers: RenderedFrame, tmp_path: Path) -> None:
+def test_a_truncated_picture_is_reported_in_one_line(
+    share: float, layers: RenderedFrame, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "a.0007.exr"
     write_exr(path, layers, {})
     whole = path.read_bytes()
@@ -113,6 +116,29 @@ def test_a_truncated_picture_is_reported(share: float, layers: RenderedFrame, tm
         read_exr(path)
     assert raised.value.exit_code == 1
     assert "\n" not in str(raised.value)
+    assert not "".join(capfd.readouterr())
+
+
+def test_a_picture_with_a_changed_byte_is_reported(layers: RenderedFrame, tmp_path: Path) -> None:
+    path = tmp_path / "a.0007.exr"
+    write_exr(path, layers, {})
+    content = bytearray(path.read_bytes())
+    content[-100] ^= 0x10
+    path.write_bytes(content)
+    with pytest.raises(CorruptImageError, match="cannot be read to its end"):
+        read_exr(path)
+
+
+def test_pictures_of_other_programs_are_read(tmp_path: Path) -> None:
+    """Their compression may be any, and what they store below or above may not be ours."""
+    light = np.random.default_rng(3).random((37, 20, 3), dtype=np.float32)
+    for number, compression in enumerate(("none", "zips", "piz", "zip")):
+        spec = oiio.ImageSpec(20, 37, 3, oiio.FLOAT)
+        spec.attribute("compression", compression)
+        output = oiio.ImageOutput.create("exr")
+        assert output.open(str(tmp_path / f"{number}.exr"), spec) and output.write_image(light)
+        output.close()
+        assert np.array_equal(read_exr(tmp_path / f"{number}.exr")[0]["beauty"], light)
 
 
 def test_a_file_that_is_no_picture_is_reported(tmp_path: Path) -> None:
