@@ -9,11 +9,12 @@ import re
 import zipfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
+if TYPE_CHECKING:  # planning reads text, and does without numpy
+    import numpy as np
 
-from pipeline.arrays import AnyArray
+    from pipeline.arrays import AnyArray
 
 _MARKS = (
     (codecs.BOM_UTF32_LE, "utf-32-le"),  # begins as UTF-16 does
@@ -87,11 +88,6 @@ _HEADER = 1 << 14
 _MOST_DEFLATED = 1100
 """Bytes that one byte unpacks to at most: 1032, and some for the beginning (RFC 1951)."""
 
-_HEADERS: dict[tuple[int, int], Callable[[Any], Any]] = {
-    (1, 0): np.lib.format.read_array_header_1_0,
-    (2, 0): np.lib.format.read_array_header_2_0,
-}
-
 
 @dataclass(frozen=True)
 class ArrayHeader:
@@ -119,12 +115,15 @@ class Archive:
 
     def header(self, name: str) -> ArrayHeader:
         """Return the header of an array, as its file has it. Raises ValueError where there is none."""
+        from numpy.lib import format as npy
+
+        readers = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
         with self._zip.open(f"{name}.npy") as packed:
             head = io.BytesIO(packed.read(_HEADER))
-        version = np.lib.format.read_magic(head)
-        if version not in _HEADERS:
+        version = npy.read_magic(head)
+        if version not in readers:
             raise ValueError(f"array {name[:40]} has a header of version {version[0]}, which is not read")
-        shape, _, dtype = _HEADERS[version](head)
+        shape, _, dtype = readers[version](head)
         return ArrayHeader(tuple(shape), dtype)
 
     def array(self, name: str) -> AnyArray:
@@ -132,6 +131,8 @@ class Archive:
 
         Raises ValueError where its header promises more than is there, and whatever zipfile and numpy raise.
         """
+        from numpy.lib.format import read_array
+
         header, member = self.header(name), self._zip.getinfo(f"{name}.npy")
         if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise ValueError(f"array {name[:40]} has an unknown compression method")
@@ -144,5 +145,5 @@ class Archive:
         if self._unpacked > _MOST_DEFLATED * self._present:  # members may share bytes
             raise ValueError("its arrays overlap")
         with self._zip.open(member) as packed:
-            values: AnyArray = np.lib.format.read_array(packed, allow_pickle=False)
+            values: AnyArray = read_array(packed, allow_pickle=False)
         return values

@@ -15,9 +15,8 @@ from pipeline.cli.options import Common, Quality, Settings, Shot, project_of, sh
 from pipeline.cli.output import duration, exit_with, print_error, print_result, table
 from pipeline.errors import FlowsculptError
 from pipeline.plugins.maintenance.run_report import LABELS, RunReport, named_run
-from pipeline.plugins.maintenance.store_repair import is_begun
 from pipeline.production.execution.project import Project
-from pipeline.production.planning.frame_states import FrameStates, mesh_states, picture_states
+from pipeline.production.planning.frame_states import FrameStates, is_begun, mesh_states, picture_states
 from pipeline.production.request.lookup import find_shot, shot_names
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.history import History

@@ -19,6 +19,7 @@ from typing import Any
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.plugins.maintenance.verify import ShownFile, StoredFile, inode, shown_files
 from pipeline.production.execution.project import Project
+from pipeline.production.planning.frame_states import is_begun
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.planner import Planner
 from pipeline.production.request.edit import Edit
@@ -61,11 +62,6 @@ def begun_requests(project: Project, warn: Callable[[str], object]) -> Iterator[
                 requests.append(project.as_finished(request))
         begun = [request for request in requests if is_begun(request, project.store)]
         yield from begun or requests[:1]
-
-
-def is_begun(request: RenderRequest, store: Store) -> bool:
-    """Tell whether pictures of a request were ever asked for at its quality."""
-    return (store.root / request.folders.home / request.quality_name).exists()
 
 
 def begun_films(project: Project) -> Iterator[Film]:
