@@ -243,17 +243,15 @@ def run(
         return outcome
 
 
-class _RunClock:
-    """Times a round of a run, from the planning before it."""
-
-    def __init__(self) -> None:
-        self.restart()
-
-    def restart(self) -> None:
-        self.began, self.cpu_before = time.time(), cpu_seconds()
-
-
 @dataclass(frozen=True)
+class _RunClock:
+    """When a round of a run began, with the planning before it, and the CPU seconds until then."""
+
+    began: float = field(default_factory=time.time)
+    cpu_before: float = field(default_factory=cpu_seconds)
+
+
+@dataclass
 class _Rounds:
     """The rounds of a run; its values are the arguments of `run`."""
 
@@ -277,7 +275,7 @@ class _Rounds:
             events = self._execute(outcome.plan, policy.cores)
             outcome.runs.append(outcome.plan.name)
             outcome.events += events
-            self.clock.restart()
+            self.clock = _RunClock()
             outcome.plan = self.make_plan()
             may_retry = policy.allows(events)
 

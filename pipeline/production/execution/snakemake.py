@@ -73,15 +73,13 @@ def log_of(plan: Plan) -> Path:
 
 def complaint(log: Path) -> str | None:
     """Return the first message about a job that could not be run, such as that a farm refused it."""
-    text = log.read_text(errors="replace", encoding="utf-8") if log.exists() else ""
-    message = re.search(r"^ +message: (?!None)(.+?)(?:For further error details.*)?$", text, re.MULTILINE)
+    message = re.search(r"^ +message: (?!None)(.+?)(?:For further error details.*)?$", _said(log), re.MULTILINE)
     return message.group(1).strip().rstrip(".") + "." if message else None
 
 
 def refusal(root: Path, log: Path) -> str | None:
     """Return why Snakemake could not write what it needs itself: by its log, or as a disk is full."""
-    text = log.read_text(errors="replace", encoding="utf-8") if log.exists() else ""
-    for number, path in re.findall(r"Error: \[Errno (\d+)\] [^\n:]+: '([^'\n]+)'", text):
+    for number, path in re.findall(r"Error: \[Errno (\d+)\] [^\n:]+: '([^'\n]+)'", _said(log)):
         if int(number) in REMEDIES:
             return str(machine_error(root / path, OSError(int(number), "")))
     for folder in (root / STATE, Path(gettempdir())):
@@ -91,6 +89,10 @@ def refusal(root: Path, log: Path) -> str | None:
         except MachineError as error:
             return str(error)
     return None
+
+
+def _said(log: Path) -> str:
+    return log.read_text(errors="replace", encoding="utf-8") if log.exists() else ""
 
 
 @contextmanager

@@ -283,10 +283,6 @@ def size_of(log: Path) -> int:
     return total
 
 
-def _works_on(worker: Worker, job: str) -> bool:
-    return is_at_work(*worker) and job in command_of(worker.process)
-
-
 KEPT_BYTES = 64 * 1024 * 1024
 """The most that the logs of ended runs take, but those of the last LATEST runs."""
 
