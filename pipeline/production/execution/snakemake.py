@@ -73,7 +73,9 @@ def log_of(plan: Plan) -> Path:
 
 def complaint(log: Path) -> str | None:
     """Return the first message about a job that could not be run, such as that a farm refused it."""
-    message = re.search(r"^ +message: (?!None)(.+?)(?:For further error details.*)?$", _said(log), re.MULTILINE)
+    message = re.search(
+        r"^ +message: (?!None)(.+?)(?:For further error details.*)?$", _said(log), re.MULTILINE
+    )
     return message.group(1).strip().rstrip(".") + "." if message else None
 
 

@@ -39,29 +39,9 @@ class CameraFile(Mapping[int, "Framing"]):
         self._store, self.key, self._numbers, self._parse = store, key, numbers, parse
         self._built: dict[int, Framing] = {}
 
-    @classmethod
-    def of(cls, store: Store, key: Key, numbers: Collection[int]) -> CameraFile | None:
-        """Return None where the store does not hold it; a damaged file is evicted.
-
-        Raises MachineError where the disk refuses a file that the remote store has.
-        """
-        path = store.path("cameras", key)
-        try:
-            store.bring("cameras", key)
-            is_known = store.digests.check(path)
-            text = path.read_text(encoding="utf-8")
-            cameras = cls(store, key, numbers, lambda: json.loads(text))
-            if not is_known and not cameras._data.keys() >= set(map(str, numbers)):
-                raise CorruptFileError(f"{path} lacks cameras")
-            return cameras
-        except FileNotFoundError:
-            return None
-        except (CorruptFileError, ValueError, AttributeError):
-            store.discard("cameras", key)
-            return None
-
     @cached_property
-    def _data(self) -> Mapping[str, Any]:
+    def data(self) -> Mapping[str, Any]:
+        """The plain data of all, by number."""
         return self._parse()
 
     def __getitem__(self, number: int) -> Framing:
@@ -72,7 +52,7 @@ class CameraFile(Mapping[int, "Framing"]):
             from pipeline.production.request.framing import Framing
 
             try:
-                self._built[number] = from_plain(Framing, self._data[str(number)])
+                self._built[number] = from_plain(Framing, self.data[str(number)])
             except (ValueError, TypeError, AttributeError, KeyError, BadInputError) as error:
                 self._store.discard("cameras", self.key)
                 raise FrameError("its camera cannot be read; run again to frame the shot again") from error
@@ -89,8 +69,25 @@ class CameraFile(Mapping[int, "Framing"]):
 
 
 def camera_file(request: RenderRequest, store: Store) -> CameraFile | None:
-    """Return camera and stage of every picture of a request, or None where the store does not hold them."""
-    return CameraFile.of(store, request.cameras_key, request.angles)
+    """Return camera and stage of every picture of a request; None where the store does not hold them.
+
+    A damaged file is evicted. Raises MachineError where the disk refuses a file that the remote store has.
+    """
+    key, numbers = request.cameras_key, request.angles
+    path = store.path("cameras", key)
+    try:
+        store.bring("cameras", key)
+        is_known = store.digests.check(path)
+        text = path.read_text(encoding="utf-8")
+        cameras = CameraFile(store, key, numbers, lambda: json.loads(text))
+        if not is_known and not cameras.data.keys() >= set(map(str, numbers)):
+            raise CorruptFileError(f"{path} lacks cameras")
+        return cameras
+    except FileNotFoundError:
+        return None
+    except (CorruptFileError, ValueError, AttributeError):
+        store.discard("cameras", key)
+        return None
 
 
 @dataclass(frozen=True)

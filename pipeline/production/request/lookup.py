@@ -50,12 +50,10 @@ def cropped_name(
 
 def options_of(name: str) -> str:
     """Return the options that ask for a quality, or for a crop or scale of one: `-q draft --scale 50%`."""
-    match = _NAME.fullmatch(name)
-    assert match, "names are made by `cropped_name`, or looked up before"
-    base, scale, *crop = match.groups()
+    base, scale, crop = _parts(name)
     options = [f"-q {base}"]
     options += [f"--scale {scale}%"] if scale else []
-    options += [f"--crop {','.join(crop)}"] if crop[0] else []
+    options += [f"--crop {','.join(map(str, crop))}"] if crop else []
     return " ".join(options)
 
 
@@ -80,8 +78,7 @@ def require_quality(name: str) -> None:
 
 def base_of(name: str) -> str:
     """Return the quality whose crop or scale has this name."""
-    match = _NAME.fullmatch(name)
-    return match[1] if match else name
+    return _parts(name)[0]
 
 
 def quality_named(name: str, qualities: Mapping[str, Quality]) -> Quality:
@@ -89,15 +86,13 @@ def quality_named(name: str, qualities: Mapping[str, Quality]) -> Quality:
 
     Raises UsageError for a crop of larger pictures than those of the shot.
     """
-    match = _NAME.fullmatch(name)
-    assert match, "names are made by `cropped_name`, or looked up before"
-    base, scale = match.groups()[:2]
+    base, scale, crop = _parts(name)
     quality = qualities[base]
-    if scale is not None:
+    if scale:
         size = (max(1, round(side * float(scale) / 100.0)) for side in (quality.width, quality.height))
         width, height = size
         quality = replace(quality, width=width, height=height)
-    if crop := crop_of(name):
+    if crop:
         if crop[2] > quality.width or crop[3] > quality.height:
             raise UsageError(
                 f"crop {','.join(map(str, crop))} goes beyond the picture, which has {quality.width} × "
@@ -109,11 +104,17 @@ def quality_named(name: str, qualities: Mapping[str, Quality]) -> Quality:
 
 def crop_of(name: str) -> Crop | None:
     """Return the crop of a name that `cropped_name` gave; None for whole pictures."""
+    return _parts(name)[2]
+
+
+def _parts(name: str) -> tuple[str, str, Crop | None]:
+    """Return the quality, the per cent of its scale, and the crop of a name that `cropped_name` gave."""
     match = _NAME.fullmatch(name)
-    if match is None or match[3] is None:
-        return None
-    x0, y0, x1, y1 = map(int, match.groups()[2:])
-    return x0, y0, x1, y1
+    if match is None:
+        return name, "", None
+    base, scale, *crop = match.groups()
+    x0, y0, x1, y1 = (int(edge or 0) for edge in crop)
+    return base, scale or "", (x0, y0, x1, y1) if crop[0] else None
 
 
 def pixels(name: str) -> int:

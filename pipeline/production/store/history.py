@@ -66,6 +66,9 @@ class Worker(NamedTuple):
     process: int
     start: float | None
 
+    def is_on(self, job: str) -> bool:
+        return is_at_work(*self) and job in command_of(self.process)
+
 
 @dataclass
 class StageHistory:
@@ -137,7 +140,7 @@ class History:
         """Return the frames that processes are working on now."""
         places = [(shot, quality if STAGES[stage].per_quality else SHARED) for stage in stages]
         works = [self._working.get(about, {}) for about in zip(places, stages, strict=True)]
-        return {frame for jobs in works for (job, frame), worker in jobs.items() if _works_on(worker, job)}
+        return {frame for jobs in works for (job, frame), worker in jobs.items() if worker.is_on(job)}
 
     def pace(self, shot: str, stages: Iterable[str], quality: str) -> float | None:
         """Return the mean seconds from one frame to the next at the slowest of the stages in its last run.
