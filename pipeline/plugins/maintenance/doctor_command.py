@@ -11,7 +11,7 @@ import typer
 from pipeline.cli.kernel_build import build_kernels, kernel_calls
 from pipeline.cli.options import Common
 from pipeline.cli.output import exit_with, print_result, progress_bars
-from pipeline.production.store.remote_store import fetch_kernels, note_all_compiled, send_kernels
+from pipeline.production.store.remote_store import note_all_compiled, remote_stores
 from pipeline.production.store.store import Store
 from render.base.kernel_cache import cache_folder
 from render.base.plural import plural
@@ -39,12 +39,12 @@ def doctor(
     if prepare and not common.dry_run:
         with progress_bars(common.progress) as bar:
             if remote is not None:
-                fetch_kernels(remote)
+                remote_stores().fetch_kernels(remote)
             calls = kernel_calls()
             build_kernels(calls, common.cores, bar("compiling kernels", len(calls)))
             note_all_compiled()
             if remote is not None:
-                send_kernels(remote)
+                remote_stores().send_kernels(remote)
     renderer = engine.facts()
     facts: dict[str, Any] = {
         "flowsculpt": version("flowsculpt"),

@@ -34,6 +34,7 @@ from pipeline.plugins.remote.remote_requests import (
     load_package,
     open_url,
 )
+from pipeline.plugins.remote.shared_kernels import fetch_kernels, send_kernels
 from pipeline.production.store.digests import digest_of
 from pipeline.production.store.remote_store import SIDE_BY_SIDE
 from render.base.atomic_write import machine_error
@@ -258,6 +259,8 @@ class RemoteAddresses:
     checked = staticmethod(checked_url)
     opened = staticmethod(RemoteFiles.of)
     load = staticmethod(load_package)
+    send_kernels = staticmethod(send_kernels)
+    fetch_kernels = staticmethod(fetch_kernels)
 
 
 STORES = RemoteAddresses()

@@ -29,7 +29,7 @@ from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import logs_of
 from pipeline.production.store.locks import lock_name
 from pipeline.production.store.paths import DONE, PLANS
-from pipeline.production.store.remote_store import remote_stores, send_kernels, store_url
+from pipeline.production.store.remote_store import remote_stores, store_url
 from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write
 from render.base.serialise import NOT_PLAIN, from_plain, to_plain
@@ -147,7 +147,7 @@ class Plan:
     farm      whether jobs run on a farm's nodes
     host      the machine that made the plan
     versions  those that keys hold, of stages and packages, where the plan was made
-    kernels   names the compiled kernels that workers may take from the remote store: see `send_kernels`
+    kernels   names the compiled kernels that workers may take from the remote store: see `RemoteStores`
     """
 
     requests: tuple[RenderRequest, ...]
@@ -275,7 +275,10 @@ class Plan:
     def write(self, path: Path) -> None:
         """Write the plan to a file, whole or not at all; upload the compiled kernels that workers need."""
         url = store_url()
-        plan = self if url is None else replace(self, kernels=send_kernels(remote_stores().opened(url)))
+        plan = self
+        if url is not None:
+            stores = remote_stores()
+            plan = replace(self, kernels=stores.send_kernels(stores.opened(url)))
         with atomic_write(path) as draft:
             draft.write_text(json.dumps(to_plain(plan)), encoding="utf-8")
 

@@ -4,11 +4,6 @@ The plug-in that adds it knows addresses and file systems. Without an address no
 
 A file is marked in `.flowsculpt/uploads/` before it is sent, and the mark goes once the remote store has it.
 So the next run knows what is still to be sent without comparing two stores, also after a process was killed.
-
-It also holds compiled kernels, so that a farm's nodes do not compile what another machine has: one archive
-for each set of sources, versions and level of processor. It holds pickles, which run as code, and whoever may
-write to a remote store could put others there. So a machine takes an archive only where its digest is in the
-plan that it works by, or where its user asks for it by `flowsculpt doctor --prepare`.
 """
 
 from __future__ import annotations
@@ -16,8 +11,6 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
-import tempfile
-import zipfile
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -94,6 +87,14 @@ class RemoteStores(Protocol):
 
     def load(self, url: str) -> None:
         """Import what the store at an address needs, without starting a thread."""
+        ...
+
+    def send_kernels(self, remote: RemoteStore) -> str:
+        """Upload the kernels of this machine; return their name, by which a plan lets workers take them."""
+        ...
+
+    def fetch_kernels(self, remote: RemoteStore, planned: str | None = None) -> bool:
+        """Fetch the kernels for this machine, those of a name or any; return whether some came."""
         ...
 
 
@@ -185,9 +186,6 @@ def _mark(root: Path, name: Name) -> Path:
     return root / UPLOADS / ".".join(name)
 
 
-KIND = "kernels"
-
-
 def has_kernels(key: str) -> bool:
     """Tell whether this machine has all kernels of a key of `kernels_key`, without importing numba."""
     return any((home / f"complete-{key}").exists() for home in kernel_homes())
@@ -206,70 +204,3 @@ def note_all_compiled() -> None:
     if not has_kernels(key := kernels_key()):
         with atomic_write(kernel_homes()[1] / f"complete-{key}", flush=False) as draft:
             draft.touch()
-
-
-def send_kernels(remote: RemoteStore) -> str:
-    """Upload the kernels of this machine where the remote store lacks them; return `KEY.DIGEST`.
-
-    Return an empty string where not all are compiled, or the remote store does not take them. Raises
-    MachineError where the disk refuses the archive.
-    """
-    if not has_kernels(key := kernels_key()):
-        return ""
-    archive = kernel_homes()[1] / f"{key}.zip"
-    if not archive.exists():
-        _pack(archive)
-    digest = digest_of(archive)
-    there = digest in remote.digests(KIND).get(key, ())
-    return f"{key}.{digest}" if there or remote.send(KIND, key, archive, digest) else ""
-
-
-def fetch_kernels(remote: RemoteStore, planned: str | None = None) -> bool:
-    """Fetch the kernels for this machine from the remote store, if it lacks some; return whether it did.
-
-    planned  `KEY.DIGEST` of those that may be taken; None to trust whoever may write to the remote store
-
-    Raises MachineError where the disk refuses them.
-    """
-    key, _, digest = (planned or kernels_key()).partition(".")
-    if has_kernels(key) or key != kernels_key():  # for other processors or sources
-        return False
-    with tempfile.TemporaryDirectory() as folder:
-        draft = Path(folder) / "kernels.zip"
-        found = remote.fetch(KIND, key, draft)
-        if found is None or found != (digest or found):
-            return False
-        _unpack(draft)
-    note_all_compiled()
-    return True
-
-
-def _pack(archive: Path) -> None:
-    """Write all kernels of this machine to an archive."""
-    from render.base.kernel_cache import all_kernels, kernel_folders
-
-    files = {
-        f"{name}/{path.name}": path
-        for folder in kernel_folders()
-        for name in all_kernels()
-        for path in sorted((folder / name).glob("*.kernel"))
-    }
-    with (
-        atomic_write(archive, flush=False) as draft,
-        zipfile.ZipFile(draft, "w", zipfile.ZIP_DEFLATED) as packed,
-    ):
-        for name, path in files.items():
-            info = zipfile.ZipInfo(name)  # without a time: the same kernels are the same archive everywhere
-            packed.writestr(info, path.read_bytes(), zipfile.ZIP_DEFLATED)
-
-
-def _unpack(archive: Path) -> None:
-    """Write the kernels of an archive to where this machine looks for its own."""
-    from render.base.kernel_cache import all_kernels, folder_name
-
-    with zipfile.ZipFile(archive) as packed:
-        for name in packed.namelist():
-            folder, _, file = name.partition("/")
-            if folder in all_kernels() and Path(file).name == file:
-                with atomic_write(kernel_homes()[1] / folder_name() / folder / file, flush=False) as draft:
-                    draft.write_bytes(packed.read(name))

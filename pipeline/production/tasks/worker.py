@@ -24,7 +24,7 @@ from pipeline.production.planning.plan import Plan, write_manifest
 from pipeline.production.planning.profile import ON_GPU, VariantError, require_variant
 from pipeline.production.stages import STAGES
 from pipeline.production.store.locks import of_key, writing
-from pipeline.production.store.remote_store import fetch_kernels, has_kernels
+from pipeline.production.store.remote_store import has_kernels, remote_stores
 from pipeline.production.tasks.job import ENVIRONMENT, Context, cpu_of_job
 from pipeline.production.tasks.supervisor import (
     INTERRUPTED,
@@ -169,7 +169,7 @@ def _bring_kernels(context: Context) -> None:
     planned, remote = context.plan.kernels, context.store.remote
     if planned and remote is not None and not has_kernels(planned.partition(".")[0]):
         with suppress(MachineError):  # compiling them needs no disk
-            fetch_kernels(remote, planned)
+            remote_stores().fetch_kernels(remote, planned)
 
 
 def _as_failure(error: FlowsculptError | OSError, root: Path) -> FlowsculptError:

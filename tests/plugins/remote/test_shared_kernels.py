@@ -5,14 +5,13 @@ import os
 import pytest
 
 from pipeline.plugins.remote.remote_files import RemoteFiles
+from pipeline.plugins.remote.shared_kernels import fetch_kernels, send_kernels
 from pipeline.production.planning.plan import Plan
 from pipeline.production.store.remote_store import (
     VARIABLE,
-    fetch_kernels,
     has_kernels,
     kernels_key,
     note_all_compiled,
-    send_kernels,
 )
 from render.base.kernel_cache import all_kernels, folder_name
 from render.base.user_cache import kernel_homes
