@@ -15,7 +15,7 @@ import psutil
 import pytest
 
 from pipeline.cli.options import CommonOptions
-from pipeline.plugins.preview.first_look import FirstLook
+from pipeline.plugins.preview.first_look import arguments_for
 from pipeline.plugins.preview.first_pictures import WITHOUT
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
@@ -100,7 +100,7 @@ def words(
     """Return what the process that makes the pictures is called with, for somebody at a terminal."""
     common = CommonOptions(root=project.path, **options).resolved(CommonOptions())  # type: ignore[arg-type]
     with pytest.MonkeyPatch.context() as patch, at_terminal(patch, ci):
-        return FirstLook(animatic).arguments(common, plan)
+        return arguments_for(common, plan, animatic)
 
 
 def test_a_person_at_a_terminal_gets_an_animatic_of_what_was_never_rendered(
@@ -148,6 +148,6 @@ def test_output_to_a_file_gets_none(project: ProjectFolder, monkeypatch: pytest.
     plan = planned(longer(project), monkeypatch)
     common = CommonOptions(root=project.path).resolved(CommonOptions())
     with at_terminal(monkeypatch), Path(os.devnull).open("w") as nowhere:
-        assert FirstLook().arguments(common, plan) is not None
+        assert arguments_for(common, plan) is not None
         monkeypatch.setattr(sys, "stdout", nowhere)
-        assert FirstLook().arguments(common, plan) is None
+        assert arguments_for(common, plan) is None

@@ -144,7 +144,7 @@ def test_a_sky_is_seen_as_bright_as_it_shines(factors: dict, words: str, tmp_pat
             "Scale the rendered light by a factor instead: lights.rim=2",
         ),
         ((), 2, "no light is set. Write, for example, --set lights.warm=1.4; the light groups of"),
-        (("--set", "lights.rim=2", "--name", "a b"), 2, "--name a b: the name of a version consists of"),
+        (("--set", "lights.rim=2", "--name", "a b"), 2, "--name a b: a version has letters"),
         (
             ("--set", "lights.rim=2", "-f", "2-3", *SIZE[:4]),
             3,

@@ -352,7 +352,7 @@ def test_a_value_that_the_command_line_sets_is_not_edited(shot: Path) -> None:
     editor = ShotEditor(shot, ("camera.elevation=50",))
     state = editor.state()
     assert {tuple(v["where"]): v["value"] for v in state["values"]}["camera", "elevation"] == 50
-    with pytest.raises(ShotError, match=r"--set camera\.elevation=50: this overrides camera\.elevation"):
+    with pytest.raises(ShotError, match=r"--set camera\.elevation=50: it overrides camera\.elevation"):
         editor.edit(state["digest"], [ValueEdit("set", ("camera", "elevation"), 3)])
 
 

@@ -99,7 +99,7 @@ def test_an_edit_written_by_hand_is_not_replaced(tmp_path):
     edit.target.write_text(edit.text())
     assert edit.text() == edit.target.read_text()
     edit.target.write_text("title: Mine\n")
-    with pytest.raises(UsageError, match="already exists and was not made from cut"):
+    with pytest.raises(UsageError, match="was not made from cut"):
         edit.text()
 
 

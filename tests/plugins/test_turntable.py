@@ -289,7 +289,7 @@ def test_through_the_whole_turn_the_object_touches_neither_balls_nor_chart(
         ((NAME, "--frames", "0"), 2, "a turntable of 0 frames does not turn"),
         ((NAME, "--look", "clay,glace"), 2, "'glace' is not a look. Did you mean 'glaze'?"),
         ((NAME, "--look", " ,"), 2, "--look names no look"),
-        ((NAME, "--turn", "light"), 2, "--turn light: nothing by that name turns. Did you mean 'lights'?"),
+        ((NAME, "--turn", "light"), 2, "--turn light: it does not turn. Did you mean 'lights'?"),
     ],
 )
 def test_what_cannot_be_turned_is_told_in_one_line(

@@ -18,7 +18,7 @@ PLUGIN = Plugin(
         ),
     },
     exporters={
-        "otio": Command("pipeline.plugins.delivery.timeline:otio", "OpenTimelineIO, for editing programs."),
+        "otio": Command("pipeline.plugins.delivery.timeline:otio", "OpenTimelineIO, for editing programs.")
     },
     edits={".otio": "pipeline.plugins.delivery.timeline_import:edit_of"},
     sequences=("pipeline.plugins.delivery.relit_frames:relit_sequences",),

@@ -65,14 +65,12 @@ def deliver(
     slate: Annotated[
         str | None,
         typer.Option(
-            metavar="|".join(SLATES), help="Add a slate: before the first frame, or as a file of its own."
+            metavar="|".join(SLATES), help="Add a slate: before the first frame, or as its own file."
         ),
     ] = None,
     burn_in: Annotated[
         str | None,
-        typer.Option(
-            "--burn-in", metavar="FIELD,…", help=f"Write over the frames: all, or {', '.join(FIELDS)}."
-        ),
+        typer.Option("--burn-in", metavar="FIELD,…", help=f"Burn in: all, or {', '.join(FIELDS)}."),
     ] = None,
     sound: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Add this sound. An edit may name its own.")
@@ -80,7 +78,7 @@ def deliver(
     relit: Annotated[
         str | None,
         typer.Option(
-            metavar="VERSION", help="Encode the frames that `relight` made, by the name of their folder."
+            metavar="VERSION", help="Encode frames that `relight` made, by the name of their folder."
         ),
     ] = None,
     output: Annotated[
@@ -153,14 +151,16 @@ class _Wanted:
 
     def plan(self) -> Plan:
         """Return the plan that renders what is missing."""
-        return self.project.frames([request for name in self.names for request in self._requests(name)])
+        return self.project.frames(self._all_requests())
 
     def relit_frames(self) -> list[RelitFrames]:
         """Return the relit versions, none unless they are asked for. Raises what `relit_version` does."""
         if self.relit is None:
             return []
-        requests = [request for name in self.names for request in self._requests(name)]
-        return [relit_version(request, self.project.store, self.relit) for request in requests]
+        return [relit_version(request, self.project.store, self.relit) for request in self._all_requests()]
+
+    def _all_requests(self) -> list[RenderRequest]:
+        return [request for name in self.names for request in self._requests(name)]
 
     def deliveries(self, order: DeliveryOptions, failed: Mapping[tuple[str, int], str]) -> list[Delivery]:
         store, made = self.project.store, []
@@ -179,9 +179,8 @@ class _Wanted:
             return [self.project.as_finished(self.project.asked(name, self.quality, self.frames))]
         if self.frames is not None:
             raise UsageError(f"-f {self.frames} chooses frames of shots; {name} is an edit and names its own")
-        return [
-            self.project.as_finished(each) for each in self.project.edit(self.quality, find_edit(name))[1]
-        ]
+        _, requests = self.project.edit(self.quality, find_edit(name))
+        return [self.project.as_finished(each) for each in requests]
 
 
 def _is_of_edit(name: str) -> bool:
@@ -190,9 +189,7 @@ def _is_of_edit(name: str) -> bool:
 
 
 def _report(common: Common, done: Sequence[DeliveredFile], lost: Sequence[str], seconds: float) -> None:
-    lines = [
-        f"{file.path}: {plural(file.frames, 'frame')}{', up to date' if file.reused else ''}" for file in done
-    ]
+    lines = [f"{f.path}: {plural(f.frames, 'frame')}{', up to date' if f.reused else ''}" for f in done]
     facts = {
         "deliverables": [
             {"path": str(f.path), "as": f.encode, "frames": f.frames, "up_to_date": f.reused} for f in done

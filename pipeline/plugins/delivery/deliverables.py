@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import MachineError
-from pipeline.plugins.delivery.delivery_source import DeliverySource, FrameFormat, LabelledFrame, opaque
+from pipeline.plugins.delivery.delivery_source import DeliverySource, FrameFormat, opaque
 from pipeline.production.request.audio import AudioClip, AudioTrack, samples_of
 from pipeline.production.stages import DELIVER
 from pipeline.production.store.store import Key, Store, key_of
@@ -21,11 +21,9 @@ from render.graphics.typesetting import BurnIn
 from render.movie.codecs import Encode, timecode
 from render.movie.encode import write_movie
 from render.movie.movie_frames import Frame, prefetch
-from render.movie.movie_sound import Samples
 from render.post.colour import quantise
 
-SLATES = ("head", "apart")
-"""The places of a slate: before the first frame, or in a file of its own."""
+SLATES = ("head", "apart")  # the places of a slate: before the first frame, or in a file of its own
 
 SLATE_SECONDS = 2
 
@@ -34,9 +32,8 @@ _KINDS = {".mp4": "movie", ".mov": "mov", ".mkv": "mkv", ".webp": "webp"}
 
 @dataclass(frozen=True)
 class DeliveryOptions:
-    """Options of a delivery: the files to make of a source.
+    """Options of a delivery: the files to make of a source, one for each encode.
 
-    encodes  one file each
     slate    one of SLATES; None for no slate
     burn_in  facts over the frames; None for none
     audio    replaces the film's own sound
@@ -73,16 +70,18 @@ class Delivery:
         return [path for _, path, _ in self._files()]
 
     def make(self, bar: Callable[[str, int], Callable[[], None]]) -> list[DeliveredFile]:
-        """Encode the files that are missing or out of date.
-
-        bar  takes a file's name and number of frames; returns the function to call after each frame
+        """Encode the files that are missing or out of date; `bar` gets a file's name and number of frames.
 
         Raises MachineError where the disk refuses, BadInputError for pictures that an encode cannot hold,
         FrameError where sound was changed meanwhile.
         """
         made = []
+        place = self.store.root / self._folder
+        with disk_errors(place):
+            place.mkdir(parents=True, exist_ok=True)
+        if not os.access(place, os.W_OK):
+            raise MachineError(f"{place}: permission denied; choose another folder with -o")
         for encode, path, part in self._files():
-            self._require_folder(path.parent)
             kind, key = _KINDS[encode.suffix], self._key(encode, part)
             count = self._slate_frames if part == "slate" else self.source.count + self._leader
             reused = self.store.bring(kind, key)
@@ -92,22 +91,16 @@ class Delivery:
             made.append(DeliveredFile(path, encode.name, count, reused))
         return made
 
+    @property
+    def _folder(self) -> Path:
+        return self.options.folder.absolute() if self.options.folder else self.source.folder
+
     def _files(self) -> Iterator[tuple[Encode, Path, str]]:
         """Yield encode, path and part (frames or slate) of each file."""
-        folder = self.options.folder.absolute() if self.options.folder else self.source.folder
         for encode in self.options.encodes:
-            yield encode, folder / encode.file_name(self.source.name), "frames"
+            yield encode, self._folder / encode.file_name(self.source.name), "frames"
             if self.options.slate == "apart":
-                yield encode, folder / encode.file_name(self.source.name, "slate"), "slate"
-
-    def _require_folder(self, folder: Path) -> None:
-        place = self.store.root / folder
-        with disk_errors(place):
-            place.mkdir(parents=True, exist_ok=True)
-        if not os.access(place, os.W_OK):
-            raise MachineError(f"{place}: permission denied; choose another folder with -o")
-
-    # The content of a file
+                yield encode, self._folder / encode.file_name(self.source.name, "slate"), "slate"
 
     @property
     def _slate_frames(self) -> int:
@@ -145,23 +138,22 @@ class Delivery:
         form = FrameFormat(encode.display, encode.alpha_format is not None and source.has_coverage)
         frames = self._slates(encode, form) if part == "slate" else self._frames(encode, form)
         first = source.start - (self._slate_frames if part == "slate" else self._leader)
-        sound = self._sound() if part == "frames" and encode.container.audio_codec else None
+        sound = None
+        if part == "frames" and encode.container.audio_codec:  # also under the slate before them
+            clips = [clip.later(self._leader) for clip in self._sounds]
+            sound = samples_of(clips, source.count + self._leader, source.rate)
         code, counted = timecode(first, rate), _counted(prefetch(frames), passed)
         write_movie(path, counted, rate, encode, code, sound, source.projection)
 
     def _frames(self, encode: Encode, form: FrameFormat) -> Iterator[Frame]:
         if self._leader:
             yield from self._slates(encode, form)
-        for index, shown in enumerate(self.source.frames(form)):
-            yield self._burn_in(shown, index)
-
-    def _burn_in(self, shown: LabelledFrame, index: int) -> Frame:
-        frame, labels = shown
-        if self.options.burn_in is None:
-            return frame
-        code = timecode(self.source.start + index, self.source.rate.fps)
-        labelled = self.options.burn_in.over(frame[..., :3], {**labels, "timecode": code})
-        return np.concatenate([labelled, frame[..., 3:]], axis=2) if frame.shape[2] == 4 else labelled
+        for number, (frame, labels) in enumerate(self.source.frames(form), self.source.start):
+            if self.options.burn_in is not None:
+                facts = {**labels, "timecode": timecode(number, self.source.rate.fps)}
+                labelled = self.options.burn_in.over(frame[..., :3], facts)
+                frame = np.concatenate([labelled, frame[..., 3:]], axis=2)
+            yield frame
 
     def _slates(self, encode: Encode, form: FrameFormat) -> Iterator[Frame]:
         """Yield the slate SLATE_SECONDS long."""
@@ -173,11 +165,6 @@ class Delivery:
         frame = opaque(quantise(drawn, bits=16), form)
         for _ in range(self._slate_frames):
             yield frame
-
-    def _sound(self) -> Iterator[Samples] | None:
-        """Return the sound under the frames and the slate before them."""
-        clips = [clip.later(self._leader) for clip in self._sounds]
-        return samples_of(clips, self.source.count + self._leader, self.source.rate)
 
 
 def _counted(frames: Iterator[Frame], passed: Callable[[], None]) -> Iterator[Frame]:

@@ -38,13 +38,11 @@ from render.scene.render_camera import Projection
 LabelledFrame = tuple[Frame, Mapping[str, str | int]]
 """A display frame, and the values that can be burnt in."""
 
-Failures = Mapping[tuple[str, int], str]
-"""Messages of the last run by name of a shot and frame number."""
+Failures = Mapping[tuple[str, int], str]  # messages of the last run by name of a shot and frame number
 
 STAGES = ("simulate", "smooth_normals", "frame_camera", "render", "finish")
 
-IN_WORK = "in work"
-"""The version of frames that are not published."""
+IN_WORK = "in work"  # the version of frames that are not published
 
 
 @dataclass(frozen=True)
@@ -130,8 +128,8 @@ class FrameReader:
         return self.keys[number].frame if self.keys is not None else ""
 
     def _labels(self, number: int, key: str) -> Mapping[str, str | int]:
-        name, quality = self.request.name, self.request.quality_name
-        return {"shot": name, "version": self.version, "frame": number, "key": key[:10], "quality": quality}
+        facts = {"shot": self.request.name, "version": self.version, "quality": self.request.quality_name}
+        return {**facts, "frame": number, "key": key[:10]}
 
 
 def opaque(frame: NDArray[Any], form: FrameFormat) -> Frame:
@@ -160,16 +158,12 @@ def _version(request: RenderRequest, store: Store, keys: PictureKeys | None) -> 
 class DeliverySource:
     """Frames in order, and facts about them.
 
-    name          of the files
     folder        of the files, relative to the root
-    projection    of the frames
     start         the frame number that gives the first timecode
-    count         the number of frames
     facts         names and values for the slate
     content       plain data of everything that decides the frames
     lost          frames that cards stand for, shot by shot
     has_coverage  True if the subject's coverage is known in all of them
-    sounds        what is heard while they play
     frames        reads the frames in a format
     poster        reads one of them, for the slate
     """
@@ -195,9 +189,9 @@ class DeliverySource:
 def shot_source(
     request: RenderRequest, store: Store, failures: Failures, relit: str | None = None
 ) -> DeliverySource:
-    """Return the frames of a request, in ascending order. Raises FrameError where all failed.
+    """Return the frames of a request, or of a relit version by its name, in ascending order.
 
-    relit  the name of a relit version, in place of the finished frames
+    Raises FrameError where all failed.
     """
     reader, numbers = FrameReader(request, store, failures, relit), sorted(request.requested)
     lost = _lost([(reader, n) for n in numbers])
@@ -226,15 +220,11 @@ def shot_source(
 
 
 def film_source(
-    edit: Edit,
-    requests: Sequence[RenderRequest],
-    store: Store,
-    failures: Failures,
-    relit: str | None = None,
+    edit: Edit, requests: Sequence[RenderRequest], store: Store, failures: Failures, relit: str | None = None
 ) -> DeliverySource:
-    """Return the film of an edit. Raises FrameError where all frames of its shots failed.
+    """Return the film of an edit; `relit` names a relit version of every shot.
 
-    relit  the name of a relit version of every shot, in place of the finished frames
+    Raises FrameError where all frames of its shots failed.
     """
     readers = [FrameReader(request, store, failures, relit) for request in requests]
     numbered = [(reader, n) for reader in readers for n in reader.request.requested]
@@ -292,8 +282,7 @@ def _lost(numbered: Sequence[tuple[FrameReader, int]]) -> tuple[str, ...]:
         reader, number = lost[0]
         raise FrameError(
             f"{reader.request.name}: none of its frames could be made, so there is nothing to deliver; the "
-            "first "
-            f"error: {reader.reason(number)}"
+            f"first error: {reader.reason(number)}"
         )
     by_shot: dict[str, list[int]] = {}
     for reader, number in lost:

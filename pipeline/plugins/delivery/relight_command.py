@@ -41,8 +41,7 @@ from render.scene.scene_lights import BACKGROUND, LightGroup, LightRig
 
 MAX_FACTOR = 1e6
 
-MOST_LETTERS = 60
-"""Letters of the longest name that factors give to a version."""
+MOST_LETTERS = 60  # letters of the longest name that factors give to a version
 
 _FACTOR = re.compile(r"\s*lights\.(\w+)\s*=(.*)", re.DOTALL)
 _INTENSITY = re.compile(r"\s*lights\.intensity(?:\.(\w+))?\s*=(.*)", re.DOTALL)
@@ -126,9 +125,7 @@ def version_name(factors: Mapping[str, Triple]) -> str:
 
 def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Mapping[str, Triple]) -> str:
     """Return how the factors are written in the shot file at `path`; `of_shot` are settings over it."""
-    members = {
-        group.name: [light for light in group.lights if light != BACKGROUND] for group in lights.groups
-    }
+    members = {each.name: [name for name in each.lights if name != BACKGROUND] for each in lights.groups}
     refused = [
         name
         for name, factor in factors.items()
@@ -156,8 +153,7 @@ def permanent(path: Path, of_shot: Sequence[str], lights: LightRig, factors: Map
     if refused:
         words.append(
             f"{', '.join(refused)}: the colour of daylight and of an hdri cannot be set; write softboxes or "
-            "a sky "
-            "with a radiance of that colour"
+            "a sky with a radiance of that colour"
         )
     sentences = ["To render with these lights, " + "; ".join(words) + "."] if words else []
     if len({_factor_on(light, lights, factors) for light in ("sky", BACKGROUND)} - {None}) > 1:
@@ -224,13 +220,14 @@ def relight(
             f"light_groups: each in the file, and render it: {_command('render', request)}"
         )
     factors = given.by_group(request.name, lights.groups)
-    version = _version(name) or version_name(factors)
+    if name is not None and not re.fullmatch(NAME, name):
+        raise UsageError(f"--name {name}: a version has letters, digits, _, - and . in its name, as warm_key")
+    version = name or version_name(factors)
     relit = RelitFrames(project.as_finished(request), project.store, factors, version)
     if missing := relit.missing():
         raise MissingInputError(
             f"{request.name}: frame {missing} is not finished at {request.quality_name}, so it cannot be "
-            "relit. "
-            f"Render it first: {_command('render', relit.request)} -f {missing}"
+            f"relit. Render it first: {_command('render', relit.request)} -f {missing}"
         )
     count = plural(len(relit.numbers), "frame")
     facts: dict[str, Any] = {"path": str(relit.movie_path), "frames": relit.numbers, "factors": factors}
@@ -251,15 +248,6 @@ def relight(
     facts |= {"relit": made, "failed": faults, "seconds": round(seconds, 2)}
     print_result(words, facts, common.json)
     exit_with(FrameError.exit_code if faults else 0)
-
-
-def _version(name: str | None) -> str | None:
-    """Return a name that a folder can have, or None. Raises UsageError."""
-    if name is not None and not re.fullmatch(NAME, name):
-        raise UsageError(
-            f"--name {name}: the name of a version consists of letters, digits, _, - and ., as in warm_key"
-        )
-    return name
 
 
 def _command(command: str, request: RenderRequest) -> str:

@@ -41,11 +41,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class RelitFrames:
-    """The frames of a request with factors on their light groups.
-
-    factors  (red, green, blue) by light group, linear Rec.709
-    name     of their folder
-    """
+    """The frames of a request with factors on their light groups: (red, green, blue), linear Rec.709."""
 
     request: RenderRequest
     store: Store
@@ -68,9 +64,7 @@ class RelitFrames:
         return FrameRange.of(lacking) if lacking else None
 
     def make(self, threads: int, bar: Callable[[str, int], Callable[[], None]]) -> tuple[int, list[str]]:
-        """Mix the frames and encode the movie, except what the store holds.
-
-        bar  takes a name and a number of frames; returns the function to call after each
+        """Mix the frames and encode the movie, except what the store holds; `bar` gets a name and a number.
 
         Returns how many frames were mixed, and the messages about damaged frames; with any, there is no
         movie. Raises MachineError where the disk refuses.
@@ -92,10 +86,6 @@ class RelitFrames:
                 faults += [outcome] if isinstance(outcome, str) else []
                 passed()
         return made, faults
-
-    def is_mixed(self, number: int) -> bool:
-        """Tell whether the store holds a frame."""
-        return self._keys is not None and self.store.holds("frame", self.key(number))
 
     def _make_frame(self, number: int) -> bool | str:
         """Mix a frame unless the store holds it; return whether it did, or why it could not."""
@@ -161,6 +151,10 @@ class RelitFrames:
         assert self._keys is not None, "finished frames have keys"
         return self._keys[number].frame
 
+    def is_mixed(self, number: int) -> bool:
+        """Tell whether the store holds a frame."""
+        return self._keys is not None and self.store.holds("frame", self.key(number))
+
     def key(self, number: int) -> Key:
         """Return the key of a frame, whose finished frame has one."""
         return key_of(RELIGHT.recipe, self._source(number), {n: list(f) for n, f in self.factors.items()})
@@ -204,9 +198,9 @@ def relit_version(request: RenderRequest, store: Store, name: str) -> RelitFrame
             told.add(tuple((group, tuple(f)) for group, f in read_header(path).get("relit", {}).items()))
     if not told:
         names = relit_names(request, store.root)
-        there = f"There are: {', '.join(names)}" if names else "flowsculpt relight makes them"
+        others = f"There are: {', '.join(names)}" if names else "flowsculpt relight makes them"
         raise MissingInputError(
-            f"{request.name} has no relit frames {name} at {request.quality_name}. {there}"
+            f"{request.name} has no relit frames {name} at {request.quality_name}. {others}"
         )
     if len(told) > 1:
         raise FrameError(

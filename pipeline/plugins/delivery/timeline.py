@@ -13,13 +13,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from math import ceil
 from pathlib import Path
 from typing import Annotated, Any
 from urllib.parse import quote
 
 import typer
+from opentimelineio import opentime, schema
 
 from pipeline.cli.options import Common, Quality, ShotOptions, output_option, require_one_of
 from pipeline.cli.output import print_result
@@ -60,9 +60,7 @@ class HeardSound:
 
 
 def heard_sounds(edit: Edit, requests: Sequence[RenderRequest]) -> list[HeardSound]:
-    """Return all sounds of a film in the order in which they begin.
-
-    requests  of the clips, in order
+    """Return all sounds of a film in the order in which they begin; `requests` are of its clips, in order.
 
     Raises MissingInputError or BadInputError for sound that cannot be read.
     """
@@ -106,47 +104,43 @@ def _heard(edit: Edit, clip: AudioClip, request: RenderRequest | None) -> Iterat
             )
 
 
-def sound_tracks(sounds: Sequence[HeardSound], url: Callable[[Path], str], otio: Any) -> list[Any]:
-    """Return as few tracks of opentimelineio as hold all sounds; none for none.
-
-    sounds  in the order in which they begin
-    url     returns the place of a file as the timeline names it
-    """
+def sound_tracks(sounds: Sequence[HeardSound], url: Callable[[Path], str]) -> list[Any]:
+    """Return as few tracks of opentimelineio as hold sounds, which are in the order in which they begin."""
     tracks: list[tuple[Any, int]] = []
     for sound in sounds:
         free = next((i for i, (_, end) in enumerate(tracks) if end < sound.begins), len(tracks))
         if free == len(tracks):
             name = f"sound {free + 1}" if free else "sound"
-            tracks.append((otio.schema.Track(name, kind=otio.schema.TrackKind.Audio), 0))
+            tracks.append((schema.Track(name, kind=schema.TrackKind.Audio), 0))
         track, end = tracks[free]
-        track.extend(_parts(sound, end, url, otio))
+        track.extend(_parts(sound, end, url))
         tracks[free] = track, sound.ends
     for track, _ in tracks:
-        if isinstance(track[-1], otio.schema.Transition):
-            track.append(otio.schema.Gap(duration=track[-1].in_offset))
+        if isinstance(track[-1], schema.Transition):
+            track.append(schema.Gap(duration=track[-1].in_offset))
     return [track for track, _ in tracks]
 
 
-def _parts(sound: HeardSound, end: int, url: Callable[[Path], str], otio: Any) -> Iterator[Any]:
+def _parts(sound: HeardSound, end: int, url: Callable[[Path], str]) -> Iterator[Any]:
     """Yield the silence since `end`, the last sample of the track, and the clip with its transitions."""
     from render.movie.movie_sound import RATE
 
     def time(samples: int) -> Any:
-        return otio.opentime.RationalTime(samples, RATE)
+        return opentime.RationalTime(samples, RATE)
 
     def fade(before: int, after: int) -> Any:
-        kind = otio.schema.TransitionTypes.SMPTE_Dissolve
-        return otio.schema.Transition("fade", kind, time(before), time(after))
+        kind = schema.TransitionTypes.SMPTE_Dissolve
+        return schema.Transition("fade", kind, time(before), time(after))
 
     heard = sound.ends - sound.begins
     if sound.begins > end:
-        yield otio.schema.Gap(duration=time(sound.begins - end))
+        yield schema.Gap(duration=time(sound.begins - end))
     if sound.rise and sound.begins > end:
         yield fade(0, min(sound.rise, heard))
     file = Path(sound.track.file)
-    media = otio.schema.ExternalReference(url(file), otio.opentime.TimeRange(time(0), time(sound.length)))
-    shown = otio.opentime.TimeRange(time(sound.skipped), time(heard))
-    clip = otio.schema.Clip(file.stem, media, shown)
+    media = schema.ExternalReference(url(file), opentime.TimeRange(time(0), time(sound.length)))
+    shown = opentime.TimeRange(time(sound.skipped), time(heard))
+    clip = schema.Clip(file.stem, media, shown)
     clip.metadata["flowsculpt"] = _facts(sound)
     yield clip
     if sound.fall:
@@ -194,12 +188,12 @@ class Timeline:
     def build(self) -> Any:
         """Return the timeline as an object of opentimelineio."""
         start = self._time(FILM_START * ceil(self._fps))
-        timeline = self._otio.schema.Timeline(self.edit.name, global_start_time=start)
-        pictures = self._otio.schema.Track("pictures", kind=self._otio.schema.TrackKind.Video)
+        timeline = schema.Timeline(self.edit.name, global_start_time=start)
+        pictures = schema.Track("pictures", kind=schema.TrackKind.Video)
         for part in self._parts():
             pictures.append(part)
         timeline.tracks.append(pictures)
-        timeline.tracks.extend(sound_tracks(heard_sounds(self.edit, self.requests), self._url, self._otio))
+        timeline.tracks.extend(sound_tracks(heard_sounds(self.edit, self.requests), self._url))
         return timeline
 
     def _parts(self) -> Iterator[Any]:
@@ -209,14 +203,14 @@ class Timeline:
             after = items[index + 1].dissolve if index + 1 < len(items) else 0
             if item.dissolve:
                 before = item.dissolve // 2
-                yield self._otio.schema.Transition(
+                yield schema.Transition(
                     "dissolve",
-                    self._otio.schema.TransitionTypes.SMPTE_Dissolve,
+                    schema.TransitionTypes.SMPTE_Dissolve,
                     self._time(before),
                     self._time(item.dissolve - before),
                 )
             handles = item.dissolve // 2, after - after // 2
-            yield from self._card(item, *handles) if item.clip is None else self._clips(item, *handles)
+            yield from [self._card(item, *handles)] if item.clip is None else self._clips(item, *handles)
 
     def _clips(self, item: EditItem, head: int, tail: int) -> Iterator[Any]:
         """Yield a clip without its handles, in runs of one speed."""
@@ -225,31 +219,25 @@ class Timeline:
         numbers = request.requested[head : item.frames - tail]
         for run in _runs(numbers):
             step = run[1] - run[0] if len(run) > 1 else 1
-            clip = self._otio.schema.Clip(
-                request.name, self._reference(request), self._range(run[0], len(run))
-            )
+            clip = schema.Clip(request.name, self._reference(request), self._range(run[0], len(run)))
             if step != 1:
-                clip.effects.append(self._otio.schema.LinearTimeWarp(time_scalar=float(step)))
+                clip.effects.append(schema.LinearTimeWarp(time_scalar=float(step)))
             clip.metadata["flowsculpt"] = {"quality": request.quality_name, "title": request.shot.title}
             yield clip
 
-    def _card(self, item: EditItem, head: int, tail: int) -> Iterator[Any]:
+    def _card(self, item: EditItem, head: int, tail: int) -> Any:
         words = {"title": item.title, "subtitle": item.subtitle}
-        card = self._otio.schema.GeneratorReference(
-            "card", "flowsculpt card", self._range(0, item.frames), words
-        )
-        yield self._otio.schema.Clip(item.title or "card", card, self._range(head, item.frames - head - tail))
+        card = schema.GeneratorReference("card", "flowsculpt card", self._range(0, item.frames), words)
+        return schema.Clip(item.title or "card", card, self._range(head, item.frames - head - tail))
 
     def _reference(self, request: RenderRequest) -> Any:
         """Return a reference to all frames of a shot."""
         frames = sorted(request.angles)
         available = self._range(frames[0], len(frames))
         if self.media in ENCODES:
-            return self._otio.schema.ExternalReference(
-                self._url(_delivered(request, ENCODES[self.media])), available
-            )
+            return schema.ExternalReference(self._url(_delivered(request, ENCODES[self.media])), available)
         place = request.place("frame", frames[0])
-        return self._otio.schema.ImageSequenceReference(
+        return schema.ImageSequenceReference(
             target_url_base=f"{self._url(place.parent)}/",
             name_prefix=f"{request.folders.name}.",
             name_suffix=place.suffix,
@@ -269,17 +257,11 @@ class Timeline:
     def _fps(self) -> float:
         return float(self.edit.frame_rate.fps)
 
-    @cached_property
-    def _otio(self) -> Any:
-        import opentimelineio  # which takes 0.2 s; `export` reads MEDIA for its help
-
-        return opentimelineio
-
     def _time(self, frames: int) -> Any:
-        return self._otio.opentime.RationalTime(frames, self._fps)
+        return opentime.RationalTime(frames, self._fps)
 
     def _range(self, first: int, count: int) -> Any:
-        return self._otio.opentime.TimeRange(self._time(first), self._time(count))
+        return opentime.TimeRange(self._time(first), self._time(count))
 
 
 def _delivered(request: RenderRequest, encode: Encode) -> Path:

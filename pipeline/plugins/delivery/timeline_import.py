@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
+from opentimelineio import adapters, schema
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 
@@ -63,9 +64,7 @@ class ImportedEdit:
         """
         first = _FIRST_LINE.format(name=self.file.name)
         if self.target.exists() and not self.target.read_text(encoding="utf-8").startswith(first):
-            raise UsageError(
-                f"{self.target} already exists and was not made from {self.file.name}; rename one of the two"
-            )
+            raise UsageError(f"{self.target} was not made from {self.file.name}, but exists; rename one")
         rate = self._rate
         written: dict[str, Any] = {"title": self._timeline.name or self.file.stem}
         entries, faults = self._entries(rate)
@@ -82,13 +81,13 @@ class ImportedEdit:
     def _timeline(self) -> Any:
         try:
             text = as_utf8(read_input(self.file)).decode()
-            found = self._otio.adapters.read_from_string(text, "otio_json")
+            found = adapters.read_from_string(text, "otio_json")
         except FlowsculptError:
             raise
         except Exception as error:  # of many kinds, by what the file holds
             fact = " ".join(str(error).split())[:200]
             raise ShotError(f"{shown(self.file)}: it cannot be read as OpenTimelineIO ({fact})") from None
-        if not isinstance(found, self._otio.schema.Timeline):
+        if not isinstance(found, schema.Timeline):
             raise ShotError(f"{shown(self.file)}: it holds a {type(found).__name__}; export a timeline")
         return found
 
@@ -114,7 +113,7 @@ class ImportedEdit:
         faults: list[str] = []
         parts = list(self._pictures)
         for index, part in enumerate(parts):
-            if isinstance(part, self._otio.schema.Transition):
+            if isinstance(part, schema.Transition):
                 continue
             place = f"entry {index + 1} ({part.name or type(part).__name__})"
             before, after = (parts[i] if 0 <= i < len(parts) else None for i in (index - 1, index + 1))
@@ -132,20 +131,20 @@ class ImportedEdit:
         return entries, faults
 
     def _offset(self, part: Any, name: str, rate: FrameRate) -> int:
-        if not isinstance(part, self._otio.schema.Transition):
+        if not isinstance(part, schema.Transition):
             return 0
         return round(getattr(part, name).rescaled_to(float(rate.fps)).value)
 
     def _entry(self, part: Any, head: int, tail: int, rate: FrameRate) -> dict[str, Any]:
         """Return a clip or a card; `head` and `tail` are its frames beyond the cuts, where it dissolves."""
-        if not isinstance(part, self._otio.schema.Clip):
+        if not isinstance(part, schema.Clip):
             kind = type(part).__name__
             raise UsageError(f"it is a {kind}, which an edit cannot hold; close it, or show a card")
         shown_range = part.trimmed_range()
         first = round(shown_range.start_time.rescaled_to(float(rate.fps)).value)
         count = round(shown_range.duration.rescaled_to(float(rate.fps)).value)
         reference = part.media_reference
-        if isinstance(reference, self._otio.schema.GeneratorReference):
+        if isinstance(reference, schema.GeneratorReference):
             words = {name: str(text) for name, text in reference.parameters.items() if text}
             return {
                 "card": words.get("title", part.name or "Card"),
@@ -165,9 +164,7 @@ class ImportedEdit:
         (effect, *more) = clip.effects
         step = getattr(effect, "time_scalar", 0.5)
         if more or step != int(step) or not step:
-            raise UsageError(
-                "it has an effect other than a speed in whole numbers; an edit shows frames as they are"
-            )
+            raise UsageError("it has an effect other than a whole speed; an edit shows frames as they are")
         return int(step)
 
     def _shot_of(self, clip: Any) -> str:
@@ -191,7 +188,7 @@ class ImportedEdit:
             clip
             for track in self._timeline.audio_tracks()
             for clip in track.find_clips()
-            if isinstance(clip.media_reference, self._otio.schema.ExternalReference)
+            if isinstance(clip.media_reference, schema.ExternalReference)
         ]
         of_shots = [clip for clip in clips if _facts(clip).get("shot")]
         own = [clip for clip in clips if not _facts(clip).get("shot")]
@@ -203,8 +200,7 @@ class ImportedEdit:
         moved = next((clip for clip in of_shots if not self._is_under_its_picture(clip)), None)
         if moved is not None:
             raise self._refused(
-                f"{moved.name} is not where shot {_facts(moved)['shot']} has it; an edit has the "
-                "sounds of "
+                f"{moved.name} is not where shot {_facts(moved)['shot']} has it; an edit has the sounds of "
                 "its shots as they are. Move it back, or mix the sounds down to one file."
             )
         if len(own) > 1:
@@ -236,12 +232,6 @@ class ImportedEdit:
 
     def _refused(self, fault: str) -> ShotError:
         return ShotError(f"{shown(self.file)}: {fault}")
-
-    @cached_property
-    def _otio(self) -> Any:
-        import opentimelineio  # which takes 0.2 s
-
-        return opentimelineio
 
 
 def _facts(clip: Any) -> Mapping[str, Any]:

@@ -2,21 +2,17 @@
 
 from pipeline.plugin import Command, Plugin
 
+_COMMANDS = "pipeline.plugins.farm.farm_commands"
+
 PLUGIN = Plugin(
     name="farm",
     version="1",
     commands={
-        "task": Command(
-            "pipeline.plugins.farm.farm_commands:task",
-            "Run part of a shot's plan, as a worker of a render manager.",
-            "Render",
-        ),
+        "task": Command(f"{_COMMANDS}:task", "Run part of a plan, as a worker of a render manager.", "Render")
     },
     exporters={
-        "openjd": Command(
-            "pipeline.plugins.farm.farm_commands:openjd", "Open Job Description, for render managers."
-        ),
-        "plan": Command("pipeline.plugins.farm.farm_commands:plan", "What tasks of a render manager read."),
-        "kubernetes": Command("pipeline.plugins.farm.farm_commands:kubernetes", "Manifests of Jobs."),
+        "openjd": Command(f"{_COMMANDS}:openjd", "Open Job Description, for render managers."),
+        "plan": Command(f"{_COMMANDS}:plan", "What tasks of a render manager read."),
+        "kubernetes": Command(f"{_COMMANDS}:kubernetes", "Manifests of Jobs."),
     },
 )

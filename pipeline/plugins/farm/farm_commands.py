@@ -25,7 +25,7 @@ from render.base.plural import plural
 from render.scene.render_quality import DEFAULT_QUALITY
 
 Names = Annotated[
-    list[str], typer.Argument(metavar="SHOT|EDIT...", help="Shots by name or path, or an edit.")
+    list[str], typer.Argument(metavar="SHOT|EDIT...", help="Shots, by name or path, or an edit.")
 ]
 
 

@@ -26,13 +26,7 @@ STEPS = {
 
 @dataclass(frozen=True)
 class FarmStep:
-    """One step of a plan.
-
-    kind   its name in STEPS
-    shot   the shot that it works for; the film has none
-    jobs   the plan's jobs that it does, in order
-    after  places of the steps that it waits for
-    """
+    """One step of a plan: jobs for a shot, or for the film, and the places of the steps that it waits for."""
 
     plan: Plan
     kind: str

@@ -24,14 +24,9 @@ from pipeline.production.store.store import key_of
 from render.base.plural import plural
 from render.base.serialise import to_plain
 
-CHUNK = 8
-"""Frames of a pod: each costs the start of a container and a renderer."""
-
-RETRIES = 2
-"""Times that a failed pod is replaced."""
-
-FOR_GOOD = (2, 3)
-"""Exit codes that another attempt would end with too: bad usage, a missing input."""
+CHUNK = 8  # frames of a pod: each costs the start of a container and a renderer
+RETRIES = 2  # times that a failed pod is replaced
+FOR_GOOD = (2, 3)  # exit codes that another attempt would end with too: bad usage, a missing input
 
 SECRET = "flowsculpt-store"
 """The secret whose entries pods get as environment variables, if it is there: credentials of the store."""
@@ -39,14 +34,10 @@ SECRET = "flowsculpt-store"
 PLAN_FILE, SCRIPT = "0-plan.yaml", "run.sh"
 """Files beside those of the Jobs: the ConfigMap, and the script that creates all."""
 
-MOST_LETTERS = 50
-"""Letters of a Job's name: with an index it names pods, which may have 63."""
+MOST_LETTERS = 50  # letters of a Job's name: with an index it names pods, which may have 63
+MOST_BYTES = 900_000  # size of a plan in a ConfigMap, which may have 1 MiB with all that is around it
 
-MOST_BYTES = 900_000
-"""Size of a plan in a ConfigMap, which may have 1 MiB with all that is around it."""
-
-EVERYWHERE = "kubernetes"
-"""The name of a plan in a cluster, and of its host."""
+EVERYWHERE = "kubernetes"  # the name of a plan in a cluster, and of its host
 
 PLAN, WORK = Path("/plan"), Path("/show")
 """Folders of a pod: of the plan, and of its outputs."""
@@ -54,11 +45,8 @@ PLAN, WORK = Path("/plan"), Path("/show")
 
 @dataclass(frozen=True)
 class KubernetesJob:
-    """A whole plan as a job of Kubernetes.
+    """A whole plan as a job of Kubernetes; a pod asks for `threads` cores.
 
-    image         the container image of its pods
-    store         the address of the remote store
-    threads       cores that a pod asks for
     side_by_side  the most pods of a step at once
 
     Raises UsageError where there is no store that pods reach, and for a plan too large for a ConfigMap.
@@ -126,13 +114,11 @@ class KubernetesJob:
         steps, depths = steps_of(self.plan), list[int]()
         for step in steps:
             depths.append(1 + max((depths[other] for other in step.after), default=0))
-        levels = {
-            depth: [s for s, d in zip(steps, depths, strict=True) if d == depth] for depth in sorted(depths)
-        }
-        kinds = {
-            depth: "-".join(dict.fromkeys(s.kind.lower() for s in level)) for depth, level in levels.items()
-        }
-        return {f"{depth}-{kinds[depth]}.yaml": level for depth, level in levels.items()}
+        files = {}
+        for depth in sorted(set(depths)):
+            level = [step for step, d in zip(steps, depths, strict=True) if d == depth]
+            files[f"{depth}-{'-'.join(dict.fromkeys(step.kind.lower() for step in level))}.yaml"] = level
+        return files
 
     def _job(self, step: FarmStep, level: int) -> dict[str, Any]:
         """Return the Job of a step: its pods share out the frames, and each is replaced where it fails."""

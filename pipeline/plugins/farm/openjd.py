@@ -23,20 +23,16 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.store.remote_store import VARIABLE, remote_stores
 from render.base.python_process import command
 
-CHUNK = 8
-"""Frames that a task makes until the manager knows how long one takes."""
+CHUNK = 8  # frames that a task makes until the manager knows how long one takes
 
-CHUNK_SECONDS = 900
-"""Target length of a task: tasks lose nothing when killed, but each starts a renderer."""
+CHUNK_SECONDS = 900  # target length of a task: tasks lose nothing when killed, but each starts a renderer
 
 TIME_MARGIN = 4
 """Time limit of a task, as a multiple of its target length: nodes differ, and so do frames."""
 
-NOTICE_SECONDS = 15
-"""Time that a cancelled task has to keep the samples of its frame."""
+NOTICE_SECONDS = 15  # time that a cancelled task has to keep the samples of its frame
 
-MOST_LETTERS = 64
-"""Letters of the name of a job or a step, by the specification."""
+MOST_LETTERS = 64  # letters of the name of a job or a step, by the specification
 
 
 def template(
@@ -46,7 +42,6 @@ def template(
 
     plan_file  where the frozen plan lies, relative to the template
     root       where outputs lie, as workers see it
-    name       the name of the job
     threads    cores that a task asks for
     store      the address of the remote store, if workers share one
     """
@@ -144,12 +139,9 @@ def main(root: str, plan: str, store: str, *jobs: str) -> int:
     """Do jobs of a plan in a root, one after the other until one fails; `render:1-9:2` is every second."""
     if store:
         os.environ[VARIABLE] = remote_stores().checked(store)
-    tasks = [f"{stage}{colon}{frames.replace(':', 'x')}" for stage, colon, frames in map(_parted, jobs)]
+    named = [job.partition(":") for job in jobs]
+    tasks = [f"{stage}{colon}{frames.replace(':', 'x')}" for stage, colon, frames in named]
     return do(Path(root), Path(plan), tasks)
-
-
-def _parted(job: str) -> tuple[str, str, str]:
-    return job.partition(":")
 
 
 if __name__ == "__main__":

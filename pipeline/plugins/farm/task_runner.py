@@ -19,16 +19,12 @@ from pipeline.production.store.remote_store import store_url, upload_missed
 from pipeline.production.store.store import Store
 from render.base.plural import plural
 
-BY_FRAMES = ("render", "finish")
-"""The stages whose frames several workers may share out."""
+BY_FRAMES = ("render", "finish")  # the stages whose frames several workers may share out
 
 
 @dataclass(frozen=True)
 class Part:
-    """One of so many equal parts of the frames of a task, which neighbours in time are dealt into.
-
-    number  from 0 on, as array jobs count
-    """
+    """One of so many equal parts of the frames of a task, by its number from 0 on, as array jobs count."""
 
     number: int
     count: int
@@ -39,9 +35,8 @@ class Part:
         number, _, count = text.partition("/")
         if not (number.isdecimal() and count.isdecimal() and int(number) < int(count)):
             raise UsageError(
-                f"--part {text}: not a part; write its number, counted from 0, and how many parts there "
-                "are, such as "
-                "0/8 for the first of eight"
+                f"--part {text}: not a part; write its number, counted from 0, and how many parts there are, "
+                "such as 0/8 for the first of eight"
             )
         return cls(int(number), int(count))
 

@@ -2,27 +2,24 @@
 
 from pipeline.plugin import Command, Plugin
 
+_COMMANDS = "pipeline.plugins.interchange.export_commands"
+
 PLUGIN = Plugin(
     name="interchange",
     version="1",
     commands={
         "resample": Command(
             "pipeline.plugins.interchange.resample_command:resample", "Resample one mesh file.", "Maintain"
-        ),
+        )
     },
     exporters={
         "usd": Command(
-            "pipeline.plugins.interchange.export_commands:usd",
-            "The sculpture with its motion, camera and lights, for 3-D programs.",
+            f"{_COMMANDS}:usd", "The sculpture with its motion, camera and lights, for 3-D programs."
         ),
-        "ply": Command("pipeline.plugins.interchange.export_commands:ply", "A mesh file of each frame."),
-        "obj": Command("pipeline.plugins.interchange.export_commands:obj", "A mesh file of each frame."),
-        "glb": Command(
-            "pipeline.plugins.interchange.export_commands:glb", "A mesh file of one frame, for the web."
-        ),
-        "stl": Command(
-            "pipeline.plugins.interchange.export_commands:stl", "A mesh file of one frame, to be printed."
-        ),
+        "ply": Command(f"{_COMMANDS}:ply", "A mesh file of each frame."),
+        "obj": Command(f"{_COMMANDS}:obj", "A mesh file of each frame."),
+        "glb": Command(f"{_COMMANDS}:glb", "A mesh file of one frame, for the web."),
+        "stl": Command(f"{_COMMANDS}:stl", "A mesh file of one frame, to be printed."),
     },
     mesh_formats={
         "off": "pipeline.plugins.interchange.off_files:OFF",
@@ -31,9 +28,6 @@ PLUGIN = Plugin(
         "fbx": "pipeline.plugins.interchange.fbx_files:FBX",
         "dae": "pipeline.plugins.interchange.collada_files:COLLADA",
         "3mf": "pipeline.plugins.interchange.threemf_files:THREEMF",
-        "usd": "pipeline.plugins.interchange.usd_files:USD",
-        "usda": "pipeline.plugins.interchange.usd_files:USD",
-        "usdc": "pipeline.plugins.interchange.usd_files:USD",
-        "usdz": "pipeline.plugins.interchange.usd_files:USD",
+        **dict.fromkeys(("usd", "usda", "usdc", "usdz"), "pipeline.plugins.interchange.usd_files:USD"),
     },
 )

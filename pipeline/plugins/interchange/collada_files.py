@@ -22,9 +22,9 @@ from pipeline.plugins.interchange.scene_readers import (
     joined,
     known_unit,
     one_file,
+    require_vertices,
 )
 from pipeline.plugins.interchange.xml_elements import Element, parse_elements
-from render.base.plural import plural
 
 _LINES = ("lines", "linestrips")
 
@@ -32,9 +32,7 @@ _LINES = ("lines", "linestrips")
 def read_geometry(mesh: Element, left_out: Counter[str]) -> Polygons:
     """Return the faces of a `mesh` element; edges between its materials are creases.
 
-    left_out  counts what is not read, by kind
-
-    Raises MeshError, with its line, for what contradicts itself, and for polygons with holes.
+    Counts what is not read. Raises MeshError, with its line, for contradictions, and for polygons with holes.
     """
     sources = {child.attributes.get("id", ""): child for child in mesh.children}
     points = _points(mesh, sources)
@@ -45,15 +43,15 @@ def read_geometry(mesh: Element, left_out: Counter[str]) -> Polygons:
             left_out["line set"] += 1
         if element.name not in _PRIMITIVES:
             continue
-        numbers = [_vertices(element, text) for text in _index_lists(element)]
+        for holed in element.all("ph"):
+            raise MeshError(
+                f"line {holed.line}: a polygon has holes (ph), which are not read. Triangulate the model in "
+                "the program that made it."
+            )
+        numbers = [_vertices(element, text) for text in element.all("p")]
         counts, named = _PRIMITIVES[element.name](element, numbers)
         _require_count(element, counts, numbers)
-        wrong = np.flatnonzero((named < 0) | (named >= len(points)))
-        if len(wrong):
-            raise MeshError(
-                f"line {element.line}: its {element.name} name vertex {named[wrong[0]]}; the mesh has "
-                f"{len(points)}, numbered from 0"
-            )
+        require_vertices(named, counts, len(points), f"line {element.line}")
         sides.append(counts)
         corners.append(named)
         group = symbols.setdefault(element.attributes.get("material", ""), len(symbols))
@@ -71,13 +69,12 @@ def _points(mesh: Element, sources: dict[str, Element]) -> Points:
     array = None if source is None else source.first("float_array")
     if source is None or array is None:
         raise MeshError(f"line {named[0].line}: its vertices name positions that are not there")
-    values = _floats(array)
+    values = _numbers(array, float)
     accessor = source.first("technique_common", "accessor")
     if accessor is None:
         return values[: len(values) // 3 * 3].reshape(-1, 3)
-    count, stride, offset = (
-        _number(accessor, *given) for given in (("count", 0), ("stride", 1), ("offset", 0))
-    )
+    count, stride = _number(accessor, "count", 0), _number(accessor, "stride", 1)
+    offset = _number(accessor, "offset", 0)
     if min(count, offset) < 0 or stride < 3 or offset + count * stride > len(values):
         raise MeshError(
             f"line {accessor.line}: its accessor asks for {count} positions of {stride} numbers; "
@@ -90,21 +87,11 @@ def _points(mesh: Element, sources: dict[str, Element]) -> Points:
     return values[offset : offset + count * stride].reshape(count, stride)[:, columns]
 
 
-def _index_lists(element: Element) -> list[Element]:
-    """Return the `p` elements of a set of faces. Raises MeshError for polygons with holes."""
-    for holed in element.all("ph"):
-        raise MeshError(
-            f"line {holed.line}: a polygon has holes (ph), which are not read. Triangulate the model in the "
-            "program that made it."
-        )
-    return list(element.all("p"))
-
-
 def _vertices(element: Element, text: Element) -> AnyArray:
     """Return the vertices (C,) that a `p` element names, without the other inputs of its corners."""
     inputs = [(_number(i, "offset", 0), _semantic(i)) for i in element.all("input")]
     offsets = [offset for offset, semantic in inputs if semantic == "VERTEX"]
-    numbers = _integers(text)
+    numbers = _numbers(text, int)
     if not len(numbers):
         return numbers
     stride = max(offset for offset, _ in inputs) + 1 if inputs else 1
@@ -112,7 +99,7 @@ def _vertices(element: Element, text: Element) -> AnyArray:
         raise MeshError(f"line {element.line}: its {element.name} have {len(offsets)} inputs VERTEX, not one")
     if len(numbers) % stride:
         raise MeshError(
-            f"line {text.line}: it has {len(numbers)} numbers, not a multiple of the {stride} of a corner"
+            f"line {text.line}: its {len(numbers)} numbers are no multiple of {stride}, as of corners"
         )
     return numbers.reshape(-1, stride)[:, offsets[0]]
 
@@ -122,9 +109,7 @@ def _require_count(element: Element, sides: AnyArray, numbers: list[AnyArray]) -
     promised = _number(element, "count", -1)
     present = len(numbers) if element.name in ("tristrips", "trifans") else len(sides)
     if promised not in (-1, present):
-        raise MeshError(
-            f"line {element.line}: its {element.name} promise {promised}, and {present} are there"
-        )
+        raise MeshError(f"line {element.line}: its {element.name} promise {promised}; there are {present}")
 
 
 def _triangles(element: Element, lists: list[AnyArray]) -> tuple[AnyArray, AnyArray]:
@@ -136,12 +121,10 @@ def _triangles(element: Element, lists: list[AnyArray]) -> tuple[AnyArray, AnyAr
 
 def _polylist(element: Element, lists: list[AnyArray]) -> tuple[AnyArray, AnyArray]:
     given = element.first("vcount")
-    sides = np.empty(0, np.int64) if given is None else _integers(given)
+    sides = np.empty(0, np.int64) if given is None else _numbers(given, int)
     corners = _joined(lists)
     if (sides < 0).any() or sides.sum() != len(corners):
-        raise MeshError(
-            f"line {element.line}: its vcount asks for {sides.sum()} corners, and p has {len(corners)}"
-        )
+        raise MeshError(f"line {element.line}: vcount asks for {sides.sum()} corners; p has {len(corners)}")
     return sides, corners
 
 
@@ -150,21 +133,15 @@ def _polygons(element: Element, lists: list[AnyArray]) -> tuple[AnyArray, AnyArr
 
 
 def _strips(element: Element, lists: list[AnyArray]) -> tuple[AnyArray, AnyArray]:
-    triangles = [np.empty((0, 3), np.int64)]
-    for strip in lists:
-        rows = np.column_stack([strip[:-2], strip[1:-1], strip[2:]])
+    strips = [np.column_stack([strip[:-2], strip[1:-1], strip[2:]]) for strip in lists]
+    for rows in strips:
         rows[1::2] = rows[1::2, [1, 0, 2]]  # every other one runs the other way round
-        triangles.append(rows)
-    corners = np.concatenate(triangles).reshape(-1)
-    return np.full(len(corners) // 3, 3), corners
+    return _triangles(element, [rows.reshape(-1) for rows in strips])
 
 
 def _fans(element: Element, lists: list[AnyArray]) -> tuple[AnyArray, AnyArray]:
-    triangles = [np.empty((0, 3), np.int64)]
-    for fan in lists:
-        triangles.append(np.column_stack([np.repeat(fan[:1], max(len(fan) - 2, 0)), fan[1:-1], fan[2:]]))
-    corners = np.concatenate(triangles).reshape(-1)
-    return np.full(len(corners) // 3, 3), corners
+    fans = [np.column_stack([np.repeat(f[:1], max(len(f) - 2, 0)), f[1:-1], f[2:]]) for f in lists]
+    return _triangles(element, [rows.reshape(-1) for rows in fans])
 
 
 _PRIMITIVES = {
@@ -193,17 +170,9 @@ def _number(element: Element, name: str, default: int) -> int:
         raise MeshError(f"line {element.line}: its {name} {shortened(text)} is not an integer") from None
 
 
-def _floats(element: Element) -> AnyArray:
-    return numbers_in(element, element.text, float).astype(np.float64)
-
-
-def _integers(element: Element) -> AnyArray:
-    return numbers_in(element, element.text, int).astype(np.int64)
-
-
-def numbers_in(element: Element, text: str, kind: type[float] | type[int]) -> AnyArray:
-    """Return the numbers (N,) of a text. Raises MeshError, with the line of its element, for other words."""
-    words = text.split()
+def _numbers(element: Element, kind: type[float] | type[int]) -> AnyArray:
+    """Return the numbers (N,) of an element's text. Raises MeshError, with its line, for other words."""
+    words = element.text.split()
     try:
         return np.fromiter(map(kind, words), np.float64 if kind is float else np.int64, len(words))
     except (ValueError, OverflowError) as error:
@@ -211,17 +180,13 @@ def numbers_in(element: Element, text: str, kind: type[float] | type[int]) -> An
         raise MeshError(f"line {element.line}: {fault}") from None
 
 
-MOST_NODES = 50_000
-"""Nodes that are visited; those of instances count each time."""
-
-_DEEPEST = 200
-"""Nodes within nodes."""
+MOST_NODES = 50_000  # nodes that are visited; those of instances count each time
+_DEEPEST = 200  # nodes within nodes
 
 _X_UP = np.array([[0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 """Turns coordinates with x up, as row vectors, to y up."""
 
-_NAMED = ("geometry", "controller", "node", "visual_scene")
-"""Elements that others refer to by their ids."""
+_NAMED = ("geometry", "controller", "node", "visual_scene")  # elements that others refer to by their ids
 
 
 def read_collada(content: bytes) -> FileSurface:
@@ -236,7 +201,8 @@ def read_collada(content: bytes) -> FileSurface:
     scene = _Scene(root)
     scene.add_all()
     if not scene.placed.parts:
-        others = f" Left out: {scene.left_out_words}." if scene.left_out else ""
+        words = scene.placed.left_out_words
+        others = f" Left out: {words}." if words else ""
         raise MeshError(f"it has no mesh.{others} Export the model as meshes.")
     return joined(scene.placed.parts, scene.notes())._replace(unit=_unit(root))
 
@@ -266,16 +232,10 @@ def _unit(root: Element) -> float | None:
 
 @dataclass
 class _Scene:
-    """Collects the meshes of the nodes of a file.
-
-    placed    the meshes
-    left_out  number of elements of each kind that was not read
-    bound     meshes that a skeleton or blend shapes would move
-    """
+    """Collects the meshes of the nodes of a file; a skeleton or blend shapes would move `bound` of them."""
 
     root: Element
-    placed: PlacedMeshes = field(default_factory=lambda: PlacedMeshes("export fewer"))
-    left_out: Counter[str] = field(default_factory=Counter)
+    placed: PlacedMeshes = field(default_factory=PlacedMeshes)
     bound: int = 0
     _named: dict[tuple[str, str], Element] = field(default_factory=dict)
     _read: dict[int, Polygons] = field(default_factory=dict)
@@ -302,10 +262,7 @@ class _Scene:
                 self._add_geometry(geometry, turn)
 
     def _add_node(self, node: Element, parent: Floats, depth: int) -> None:
-        """Add the meshes of a node and those below it.
-
-        parent  matrix (4, 4) of row vectors that places the node's parent
-        """
+        """Add the meshes of a node and those below it; `parent` places its parent, as row vectors."""
         self._nodes += 1
         if depth > _DEEPEST or self._nodes > MOST_NODES:
             raise MeshError(
@@ -344,10 +301,10 @@ class _Scene:
         mesh = geometry.first("mesh")
         if mesh is None:
             kinds = {child.name for child in geometry.children} & {"spline", "convex_mesh", "brep"}
-            self.left_out[min(kinds, default="empty geometry")] += 1
+            self.placed.left_out[min(kinds, default="empty geometry")] += 1
             return
         if id(mesh) not in self._read:
-            self._read[id(mesh)] = read_geometry(mesh, self.left_out)
+            self._read[id(mesh)] = read_geometry(mesh, self.placed.left_out)
         if len(self._read[id(mesh)].sides):
             self.placed.add(self._read[id(mesh)], matrix)
 
@@ -357,29 +314,18 @@ class _Scene:
         if not address.startswith("#") and ("#" in address or "." in address):
             raise MeshError(
                 f"line {element.line}: it refers to {shortened(address)}, in another file, which is not "
-                "read. Export "
-                "the model as one file."
+                "read. Export the model as one file."
             )
         target = self._named.get((kind, _identifier(element, attribute)))
         if target is None:
-            raise MeshError(
-                f"line {element.line}: it refers to a {kind} {shortened(address)}, which is not there"
-            )
+            raise MeshError(f"line {element.line}: it refers to a missing {kind}, {shortened(address)}")
         return target
-
-    @property
-    def left_out_words(self) -> str:
-        """Number and kind of what was left out: `2 line sets, 1 spline`."""
-        return ", ".join(plural(count, kind) for kind, count in sorted(self.left_out.items())[:5])
 
     def notes(self) -> list[str]:
         """Return lines about what was not read as other programs show it."""
-        lines = []
-        if self.bound:
-            lines.append(bound_note(self.bound))
-        if self.left_out:
-            lines.append(f"left out, as they are not meshes: {self.left_out_words}")
-        return lines
+        words = self.placed.left_out_words
+        left_out = [f"left out, as they are not meshes: {words}"] if words else []
+        return [*([bound_note(self.bound)] if self.bound else []), *left_out]
 
 
 def _identifier(element: Element, attribute: str) -> str:
@@ -392,11 +338,9 @@ _TRANSFORMS = {"matrix": 16, "translate": 3, "rotate": 4, "scale": 3, "lookat": 
 
 def _transform(element: Element) -> Floats:
     """Return the matrix (4, 4) of row vectors of an element that places a node. Raises MeshError."""
-    values = numbers_in(element, element.text, float)
-    if len(values) != _TRANSFORMS[element.name]:
-        raise MeshError(
-            f"line {element.line}: {element.name} has {len(values)} numbers, not {_TRANSFORMS[element.name]}"
-        )
+    values, count = _numbers(element, float), _TRANSFORMS[element.name]
+    if len(values) != count:
+        raise MeshError(f"line {element.line}: {element.name} has {len(values)} numbers, not {count}")
     matrix = np.eye(4)
     match element.name:
         case "matrix":
@@ -406,7 +350,10 @@ def _transform(element: Element) -> Floats:
         case "scale":
             matrix[[0, 1, 2], [0, 1, 2]] = values
         case "rotate":
-            matrix[:3, :3] = _rotation(values[:3], np.deg2rad(values[3]))
+            (x, y, z), angle = _unit_vector(values[:3]), np.deg2rad(values[3])
+            across = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+            turn = np.sin(angle) * across, (1.0 - np.cos(angle)) * (across @ across)
+            matrix[:3, :3] = matrix[:3, :3] + turn[0] + turn[1]
         case "lookat":
             back = _unit_vector(values[:3] - values[3:6])
             right = _unit_vector(np.cross(values[6:], back))
@@ -418,13 +365,6 @@ def _transform(element: Element) -> Floats:
                 "matrix."
             )
     return matrix
-
-
-def _rotation(axis: Floats, angle: float) -> Floats:
-    """Return the matrix (3, 3) of row vectors that turns by an angle about an axis, radians."""
-    x, y, z = _unit_vector(axis)
-    across = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
-    return np.eye(3) + np.sin(angle) * across + (1.0 - np.cos(angle)) * (across @ across)
 
 
 def _unit_vector(vector: Floats) -> Floats:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,7 +16,6 @@ from pipeline.cli.output import exit_with, print_error, print_result, progress_b
 from pipeline.errors import FrameError, UsageError
 from pipeline.plugins.interchange.model_export import ModelExport, require_still
 from pipeline.plugins.interchange.print_model import LONGEST_SIDE
-from pipeline.plugins.interchange.usd_export import UsdExport
 from pipeline.plugins.interchange.usd_files import require_usd
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import mesh_states
@@ -24,6 +23,9 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import writing
 from render.base.plural import plural
 from render.scene.render_quality import DEFAULT_QUALITY
+
+if TYPE_CHECKING:
+    from pipeline.plugins.interchange.usd_export import UsdExport
 
 Folder = Annotated[
     Path | None, output_option("Write to this folder. Default: usd or models in renders/SHOT.", "DIR")
@@ -47,15 +49,15 @@ def usd(common: Common, shot: Shot, options: ModelOptions, quality: Quality = DE
     frames are simulated first. Later exports write only clips that changed. It needs the package
     usd-core; see docs/interchange.md.
     """
-    project = options.project(common)
-    asked = _asked(common, project, shot, quality, options.frames, options.subject)
+    project, asked, folder = _asked(common, shot, options, quality, "usd")
     if asked.source.subject:
         raise UsageError(
             f"--subject {asked.source.subject}: a USD stage holds all subjects of {asked.name}, each as a "
             "prim. Leave out --subject"
         )
     require_usd()
-    folder = options.output.absolute() if options.output else common.root / asked.folders.home / "usd"
+    from pipeline.plugins.interchange.usd_export import UsdExport
+
     _export(common, project, asked, [UsdExport(asked, project.store, folder)])
 
 
@@ -100,33 +102,30 @@ def stl(
     _models(common, shot, options, "stl", size)
 
 
-def _models(
-    common: Common,
-    shot: str,
-    options: ModelOptions,
-    form: str,
-    size: float = LONGEST_SIDE,
-) -> None:
+def _models(common: Common, shot: str, options: ModelOptions, form: str, size: float = LONGEST_SIDE) -> None:
     """Write mesh files of the subjects of a shot."""
-    project = options.project(common)
-    asked = _asked(common, project, shot, DEFAULT_QUALITY, options.frames, options.subject)
+    project, asked, folder = _asked(common, shot, options, DEFAULT_QUALITY, "models")
     require_still(form, options.frames, len(asked.requested))
-    folder = options.output.absolute() if options.output else common.root / asked.folders.home / "models"
     exports = [ModelExport(part, project.store, folder, form, size) for part in asked.parts]
     _export(common, project, asked, exports)
 
 
 def _asked(
-    common: Common, project: Project, shot: str, quality: str, frames: str | None, subject: str | None
-) -> RenderRequest:
-    return project.asked(shot, quality, frames, mesh_states, variant="none").of_subject(subject)
+    common: Common, shot: str, options: ModelOptions, quality: str, name: str
+) -> tuple[Project, RenderRequest, Path]:
+    """Return the project, the frames to export, and their folder, which has a name by default."""
+    project = options.project(common)
+    asked = project.asked(shot, quality, options.frames, mesh_states, variant="none")
+    asked = asked.of_subject(options.subject)
+    folder = options.output.absolute() if options.output else common.root / asked.folders.home / name
+    return project, asked, folder
 
 
 def _export(
     common: Common, project: Project, asked: RenderRequest, exports: Sequence[UsdExport | ModelExport]
 ) -> None:
     """Simulate what is missing, write the files that are not current, and report them."""
-    plan_of = project.geometry if isinstance(exports[0], UsdExport) else project.mesh_frames
+    plan_of = project.mesh_frames if isinstance(exports[0], ModelExport) else project.geometry
     if common.dry_run:
         report_plan(common, plan_of(asked))
         if not common.json:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,8 +32,19 @@ from pipeline.production.stages import EXPORT
 from pipeline.production.store import readers
 from pipeline.production.store.store import Key, Store, key_of
 from pipeline.shot import Shot
-from render.base.serialise import to_plain
-from render.scene.materials import Material, PatternedMaterial
+from render.base.serialise import Colour, to_plain
+from render.scene.materials import (
+    BrushedMetal,
+    Diffuse,
+    Glass,
+    Glossy,
+    Material,
+    Metal,
+    MitsubaMaterial,
+    PatternedMaterial,
+    Satin,
+    Smoke,
+)
 from render.scene.patterns import SPEED
 from render.scene.surface import Surface
 from render.scene.textures import Texture
@@ -43,70 +55,60 @@ from render.scene.vertex_colours import vertex_colours
 class KeyedFiles:
     """The exported files of one folder. A file is current while it has the key and the size that are noted.
 
-    folder  absolute
-    name    of the JSON file, which holds key and size by file name
+    name  of the JSON file, which holds key and size by file name
     """
 
     folder: Path
     name: str
     store: Store
-    _noted: dict[str, dict[str, Any]] = field(init=False)
-    _written: list[str] = field(default_factory=list)
+    written: list[str] = field(default_factory=list)
 
-    def __post_init__(self) -> None:
-        self._noted = _read(self.folder / self.name)
+    @cached_property
+    def _noted(self) -> dict[str, dict[str, Any]]:
+        """What the JSON file says; nothing if it is missing or damaged: all is then written again."""
+        try:
+            noted = json.loads((self.folder / self.name).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return {}
+        if not isinstance(noted, dict):
+            return {}
+        return {name: entry for name, entry in noted.items() if isinstance(entry, dict)}
 
-    @property
-    def written(self) -> tuple[str, ...]:
-        """The names of the files written so far."""
-        return tuple(self._written)
-
-    def keys(self) -> Mapping[str, Key]:
-        """Return the keys of the files that are whole, by name."""
-        return {name: str(noted.get("key")) for name, noted in self._noted.items() if self._is_whole(name)}
+    def is_whole(self, name: str) -> bool:
+        """Tell whether a file is there as it was written."""
+        try:
+            size = (self.folder / name).stat().st_size
+        except OSError:
+            return False
+        return size == self._noted.get(name, {}).get("bytes")
 
     def is_current(self, name: str, key: Key) -> bool:
         """Tell whether a file is there, whole, and made from what `key` says."""
-        return self._noted.get(name, {}).get("key") == key and self._is_whole(name)
+        return self._noted.get(name, {}).get("key") == key and self.is_whole(name)
 
     def write(self, name: str, key: Key, write: Callable[[Path], object]) -> None:
         """Write a file by `write(draft)`, whole or not at all. Raises MachineError where the disk refuses."""
         path = self.folder / name
         self.store.write(path, write, flush=False)
         self._noted[name] = {"key": key, "bytes": path.stat().st_size}
-        self._written.append(name)
+        self.written.append(name)
+
+    def update(self, name: str, key: Key, write: Callable[[Path], object]) -> None:
+        """Write a file as `write` does, unless it is current."""
+        if not self.is_current(name, key):
+            self.write(name, key, write)
 
     @contextmanager
     def noting(self) -> Iterator[None]:
         """Write the JSON file when the block ends, also by an error, if files were written in it."""
-        before = len(self._written)
+        before = len(self.written)
         try:
             yield
         finally:
-            if len(self._written) > before:
+            if len(self.written) > before:
                 text = json.dumps(dict(sorted(self._noted.items())), indent=1) + "\n"
-                self.store.write(
-                    self.folder / self.name,
-                    lambda draft: draft.write_text(text, encoding="utf-8"),
-                    flush=False,
-                )
-
-    def _is_whole(self, name: str) -> bool:
-        try:
-            return (self.folder / name).stat().st_size == self._noted[name].get("bytes")
-        except OSError:
-            return False
-
-
-def _read(path: Path) -> dict[str, dict[str, Any]]:
-    """Return what the JSON file says; nothing if it is missing or damaged: all is then written again."""
-    try:
-        noted = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    if not isinstance(noted, dict):
-        return {}
-    return {name: entry for name, entry in noted.items() if isinstance(entry, dict)}
+                path = self.folder / self.name
+                self.store.write(path, lambda draft: draft.write_text(text, encoding="utf-8"), flush=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +135,7 @@ class ExportedFrame:
     corner_normals: Faces
     velocities: Vectors
     rest: Points
-    creases: Indices
+    creases: Indices = field(default_factory=lambda: np.empty((0, 2), np.int32))
     colours: Floats | None = None
     texture: Floats | None = None
     radii: Floats | None = None
@@ -151,16 +153,15 @@ def exported_frame(shot: Shot, frame: MeshFrame) -> ExportedFrame:
     """Return a mesh frame of a shot for other programs.
 
     A mesh is exported as it was simulated, without the curved patches that hide its facets. A control net is
-    exported as its smooth surface.
-
-    Raises FrameError where the flow fails, BadInputError where a picture of the look cannot be read.
+    exported as its smooth surface. Raises FrameError where the flow fails, BadInputError where a picture of
+    the look cannot be read.
     """
     if is_cloud(frame):
         return _exported_cloud(shot, frame)
     shading = Shading.of(frame, thresholds_at(shot.motion, frame.number), shot.picture.tessellate)
-    return (
-        _exported_net(shot, shading) if shading.split is None else _exported_mesh(shot, frame, shading.split)
-    )
+    if shading.split is None:
+        return _exported_net(shot, shading)
+    return _exported_mesh(shot, frame, shading.split)
 
 
 def _exported_mesh(shot: Shot, frame: MeshFrame, split: ShadedMesh) -> ExportedFrame:
@@ -169,13 +170,7 @@ def _exported_mesh(shot: Shot, frame: MeshFrame, split: ShadedMesh) -> ExportedF
     surface = _surface(split.vertices, split.normals, split.faces, rest[source], velocities[source])
     colours = vertex_colours(surface, shot.picture.look)
     return ExportedFrame(
-        points=mesh.vertices,
-        faces=mesh.faces,
-        normals=split.normals,
-        corner_normals=split.faces,
-        velocities=velocities,
-        rest=rest,
-        creases=mesh.creases,
+        *(mesh.vertices, mesh.faces, split.normals, split.faces, velocities, rest, mesh.creases),
         colours=None if colours is None else colours[: len(rest)],  # the mesh's own vertices come first
         texture=texture_coordinates(shot.picture.look, rest, mesh.faces),
         copies=_copies(shot, rest),
@@ -189,13 +184,7 @@ def _exported_net(shot: Shot, shading: Shading) -> ExportedFrame:
     faces, rest = arrays["faces"], arrays["material"].astype(np.float64)
     surface = _surface(points, normals, faces, rest, velocities)
     return ExportedFrame(
-        points=points,
-        faces=faces,
-        normals=normals,
-        corner_normals=faces,
-        velocities=velocities,
-        rest=rest,
-        creases=np.empty((0, 2), np.int32),
+        *(points, faces, normals, faces, velocities, rest),
         colours=vertex_colours(surface, shot.picture.look),
         texture=texture_coordinates(shot.picture.look, rest, faces),
     )
@@ -207,13 +196,7 @@ def _exported_cloud(shot: Shot, frame: MeshFrame) -> ExportedFrame:
     faces, numbers = nothing.astype(np.int32), frame.mesh.attributes.get(IDENTITY)
     surface = _surface(points, np.zeros_like(points), faces, rest, velocities)
     return ExportedFrame(
-        points=points,
-        faces=faces,
-        normals=nothing,
-        corner_normals=faces,
-        velocities=velocities,
-        rest=rest,
-        creases=np.empty((0, 2), np.int32),
+        *(points, faces, nothing, faces, velocities, rest),
         colours=vertex_colours(surface, shot.picture.look),
         radii=radii(frame),
         numbers=np.arange(len(points)) if numbers is None else numbers,
@@ -254,17 +237,11 @@ def texture_coordinates(look: Material, rest: Points, faces: Faces) -> Floats | 
     if projection is None:
         return None
     coordinates, _ = projection.coordinates(rest, faces)
+    height = width = 1
+    if projection.keeps_shape and (texture := colour_texture(look)) is not None:
+        height, width = texture.pixels().shape[:2]
     right, up = projection.offset
-    return np.asarray(coordinates * (1.0, _width_to_height(look)) + (0.5 - right, 0.5 - up))
-
-
-def _width_to_height(look: Material) -> float:
-    """Return the aspect of the picture that a look lays on the surface; 1 where it takes the place given."""
-    projection, texture = look.texture_projection, colour_texture(look)
-    if texture is None or projection is None or not projection.keeps_shape:
-        return 1.0
-    height, width = texture.pixels().shape[:2]
-    return width / height
+    return np.asarray(coordinates * (1.0, width / height) + (0.5 - right, 0.5 - up))
 
 
 def frame_key(request: RenderRequest, number: int) -> Key:
@@ -290,3 +267,36 @@ def stored_frame(request: RenderRequest, store: Store, number: int) -> ExportedF
         raise FrameError("it was not simulated, so it is not exported", number)
     frame = store.read("mesh", key, request.place("mesh", number), readers.mesh_frame(key))
     return exported_frame(request.shot, frame)
+
+
+CLEAR_OPACITY = 0.3
+"""Opacity of clear bodies. Readers do not refract at a preview surface; at 0 some would show nothing."""
+
+
+class PreviewSurface(NamedTuple):
+    """Inputs of a UsdPreviewSurface. `colour` is linear Rec.709; the others lie between 0 and 1."""
+
+    colour: Colour
+    roughness: float
+    metallic: float = 0.0
+    clearcoat: float = 0.0
+    opacity: float = 1.0
+    refraction: float = 1.5
+    is_matt: bool = False
+
+
+def preview_surface(look: Material) -> PreviewSurface:
+    """Return the preview surface that is nearest to a look."""
+    if isinstance(look, Metal | BrushedMetal):
+        return PreviewSurface(look.colour, look.roughness, metallic=1.0)
+    if isinstance(look, Satin):
+        return PreviewSurface(look.colour, look.roughness, look.metallic, look.coat)
+    if isinstance(look, Glass):
+        return PreviewSurface(
+            look.auxiliary_colour, look.roughness, opacity=CLEAR_OPACITY, refraction=look.refraction
+        )
+    if isinstance(look, Smoke):
+        return PreviewSurface(look.colour, 1.0, opacity=CLEAR_OPACITY, is_matt=True)
+    if isinstance(look, Glossy | MitsubaMaterial):
+        return PreviewSurface(look.colour, look.roughness)
+    return PreviewSurface(look.colour, 1.0, is_matt=isinstance(look, Diffuse))

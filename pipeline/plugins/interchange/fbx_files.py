@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import ctypes
 import gc
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -42,7 +41,6 @@ from render.base.plural import plural
 if TYPE_CHECKING:
     import ufbx
 
-
 _MODULE = "pipeline.plugins.interchange.fbx_files"
 
 
@@ -68,16 +66,14 @@ def _require_ufbx() -> None:
 
 FBX = MeshFormat(read_fbx, one_file(_up_of), states_up=True)
 
-MOST_BYTES = 1 << 30
-"""Size of the largest file."""
+MOST_BYTES = 1 << 30  # size of the largest file
 
 _BINARY = b"Kaydara FBX Binary"
 
 _DIRECTIONS = np.concatenate([np.eye(3), -np.eye(3)])[[0, 3, 1, 4, 2, 5]]
 """The vectors of ufbx's CoordinateAxis: ±x, ±y, ±z."""
 
-_SCENES: list[Any] = []
-"""The scenes that were read, which ufbx 0.0.5 cannot free without a crash."""
+_SCENES: list[Any] = []  # the scenes that were read, which ufbx 0.0.5 cannot free without a crash
 
 
 def _counted(element: Any) -> Any:
@@ -145,34 +141,30 @@ def _axes(scene: ufbx.Scene) -> Floats | None:
     return _DIRECTIONS[numbers]
 
 
-def _turn(axes: Floats | None) -> Floats:
-    """Return the matrix (4, 4) of row vectors that turns coordinates of the file to y up where it must."""
-    matrix = np.eye(4)
-    if axes is not None and not (np.linalg.det(axes) > 0.0 and max(axes[1, 1], axes[1, 2]) == 1.0):
-        matrix[:3, :3] = axes.T
-    return matrix
-
-
 @_uncollected()
 def visible_surface(content: bytes) -> FileSurface:
     """Return the visible meshes of a file as one surface. Raises MeshError where there is none."""
     scene = _loaded(content)
-    meshes, left_out, cages, bound = PlacedMeshes("export fewer"), Counter[str](), 0, 0
+    meshes, cages, bound = PlacedMeshes(), 0, 0
     read: dict[int, Polygons] = {}
-    turn = _turn(_axes(scene))
+    axes, turn = _axes(scene), np.eye(4)
+    if axes is not None and not (np.linalg.det(axes) > 0.0 and max(axes[1, 1], axes[1, 2]) == 1.0):
+        turn[:3, :3] = axes.T  # to y up, as row vectors
     for node, is_shown in _nodes(scene):
         mesh = _counted(node.mesh)
-        kind = _kind_of_shape(node) if mesh is None else "" if is_shown else "hidden mesh"
+        kind = _SHAPES.get(int(node.attrib_type), "") if mesh is None else "" if is_shown else "hidden mesh"
         if kind:
-            left_out[kind] += 1
+            meshes.left_out[kind] += 1
         if kind or mesh is None:
             continue
         if mesh.element_id not in read:
             read[mesh.element_id] = _polygons(mesh, shortened(node.name or mesh.name))
         bound += len(mesh.skin_deformers) + len(mesh.blend_deformers) > 0
         cages += int(mesh.subdivision_display_mode) != 0
-        meshes.add(read[mesh.element_id], _matrix(node) @ turn)
-    others = ", ".join(plural(count, kind, _PLURALS.get(kind, "")) for kind, count in left_out.items())
+        matrix = np.eye(4)
+        matrix[:, :3] = node.geometry_to_world  # with its pivots and geometric transform
+        meshes.add(read[mesh.element_id], matrix @ turn)
+    others = meshes.left_out_words
     if not meshes.parts:
         raise MeshError(
             f"it has no visible mesh.{f' Left out: {others}.' if others else ''} "
@@ -189,16 +181,10 @@ def visible_surface(content: bytes) -> FileSurface:
     return joined(meshes.parts, notes)._replace(unit=known_unit(scene.settings.unit_meters))
 
 
-_PLURALS = {"hidden mesh": "hidden meshes"}
-
 _SHAPES = {7: "curve", 8: "curve", 9: "NURBS surface", 10: "trimmed NURBS surface", 12: "procedural shape"}
 """Kinds of shapes that are not meshes, by ufbx's ElementType."""
 
 _LOD_GROUP = 16
-
-
-def _kind_of_shape(node: ufbx.Node) -> str:
-    return _SHAPES.get(int(node.attrib_type), "")
 
 
 def _nodes(scene: ufbx.Scene) -> Iterator[tuple[ufbx.Node, bool]]:
@@ -217,22 +203,8 @@ def _nodes(scene: ufbx.Scene) -> Iterator[tuple[ufbx.Node, bool]]:
         waiting += [(child, is_shown) for child in reversed(children)]
 
 
-def _matrix(node: ufbx.Node) -> Floats:
-    """Return the matrix (4, 4) of row vectors that places the mesh of a node, with its pivots and geometric
-    transform.
-    """
-    matrix = np.eye(4)
-    matrix[:, :3] = node.geometry_to_world
-    return matrix
-
-
 def _polygons(mesh: ufbx.Mesh, name: str) -> Polygons:
-    """Return the faces of a mesh in its own coordinates, without holes.
-
-    name  of the mesh, for messages
-
-    Raises MeshError.
-    """
+    """Return the faces of a mesh in its own coordinates, without holes. Raises MeshError, with its name."""
     points = _numbers(mesh.vertices, np.float64, 3)
     first, sides = _numbers(mesh.faces, np.uint32, 2).astype(np.int64).T
     corners = _numbers(mesh.vertex_indices, np.uint32).astype(np.int64)
@@ -274,8 +246,7 @@ def _creases(mesh: ufbx.Mesh, points: Points, corners: AnyArray, sides: AnyArray
     return np.concatenate([weighted, hard])
 
 
-_SAME_NORMAL = 0.999
-"""Cosine between normals, from which they are the same: 2.6 degrees."""
+_SAME_NORMAL = 0.999  # cosine between normals, from which they are the same: 2.6 degrees
 
 
 def _parted_edges(mesh: ufbx.Mesh, points: Points, corners: AnyArray, sides: AnyArray) -> AnyArray:

@@ -9,6 +9,7 @@ import base64
 import json
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -19,11 +20,8 @@ from pipeline.errors import MeshError, brief
 from pipeline.mesh.mesh_formats import early_end
 from render.base.input_files import opened_input, read_input, size_of
 
-_BINARY = ("binary_glTF", "KHR_binary_glTF")
-"""Names of the buffer that a GLB holds itself."""
-
-_MOST_PRIMITIVES = 1_000_000
-"""Most primitives of the meshes that nodes join."""
+_BINARY = ("binary_glTF", "KHR_binary_glTF")  # names of the buffer that a GLB holds itself
+_MOST_PRIMITIVES = 1_000_000  # most primitives of the meshes that nodes join
 
 _KINDS = ("buffers", "bufferViews", "accessors", "meshes", "nodes", "scenes")
 
@@ -121,8 +119,7 @@ class _Rewriter:
         return {**accessor, "bufferView": len(self.views) - 1}
 
 
-MOST_BYTES = 1 << 30
-"""Size of the largest file, and of the largest buffer."""
+MOST_BYTES = 1 << 30  # size of the largest file, and of the largest buffer
 
 MOST_JSON = 64 << 20
 """Size of the largest JSON, without the data in its addresses: parsed, it may take 25 times as much."""
@@ -200,7 +197,6 @@ class JsonObject:
 class GltfDocument:
     """A glTF file, from whose buffers nothing is read yet.
 
-    path      of the file
     root      its JSON, of version 2.0
     binary    offset and size of the binary chunk of a GLB
     embedded  addresses with data, which were cut from the JSON before it was parsed
@@ -249,17 +245,12 @@ class GltfDocument:
 
     def item(self, kind: str, index: object, named_by: str) -> JsonObject:
         """Return an object of one of the lists of the file: `item("nodes", 3, "scene 0")`."""
-        there = self.root.items(kind)
+        there, singular = self.root.items(kind), kind.removesuffix("es" if kind == "meshes" else "s")
         if not isinstance(index, int) or isinstance(index, bool) or not 0 <= index < len(there):
-            singular = kind.removesuffix("es" if kind == "meshes" else "s")
             raise ValueError(
-                f"{named_by} names {singular} {brief(repr(index))}; the file has {len(there)}, from 0"
+                f"{named_by} names {singular} {brief(repr(index))}; there are {len(there)}, from 0"
             )
-        return JsonObject(there[index], f"{kind.removesuffix('es' if kind == 'meshes' else 's')} {index}")
-
-    def buffer_of_view(self, view: JsonObject) -> int:
-        """Return the buffer that holds the bytes of a buffer view, which may be compressed."""
-        return (view.extension(*MESHOPT) or view).whole("buffer")
+        return JsonObject(there[index], f"{singular} {index}")
 
     def buffer_file(self, index: int) -> Path | None:
         """Return the file of a buffer; None where it is in the glTF file itself.
@@ -330,10 +321,9 @@ def _places(file: BinaryIO, version: int, end: int) -> tuple[tuple[int, int], tu
 
 
 def _is_there(path: Path) -> bool:
-    try:
+    with suppress(OSError, ValueError):
         return path.is_file()
-    except (OSError, ValueError):
-        return False
+    return False
 
 
 def _other_version(version: object) -> MeshError:

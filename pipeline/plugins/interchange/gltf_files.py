@@ -36,8 +36,7 @@ _SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _MOST_CORNERS = 200_000_000
 """Most corners of triangles, and most points, counted in every copy that instancing makes."""
 
-_MOST_ZEROS = 50_000_000
-"""Most elements of a sparse accessor that has nothing but its exceptions."""
+_MOST_ZEROS = 50_000_000  # most elements of a sparse accessor that has nothing but its exceptions
 
 
 class Triangles(NamedTuple):
@@ -91,9 +90,7 @@ class SceneArrays:
         if faces.size and not 0 <= faces.min() <= faces.max() < len(points):
             face = int(np.argmax(((faces < 0) | (faces >= len(points))).any(axis=1)))
             wrong = next(int(v) for v in faces[face] if not 0 <= v < len(points))
-            raise ValueError(
-                f"face {face} of {part.place} names vertex {wrong}; it has {len(points)}, from 0"
-            )
+            raise ValueError(f"face {face} of {part.place} names vertex {wrong} of {len(points)}, from 0")
         return Triangles(self._skinned(part, points, others) if part.is_skinned else points, faces)
 
     def _positions(self, part: PlacedPrimitive) -> Points:
@@ -102,8 +99,7 @@ class SceneArrays:
         if values.dtype == np.uint32:  # floats under a wrong name, or no positions
             raise ValueError(
                 f"{accessor.place} of {part.place} has positions of componentType 5125, which glTF allows "
-                "only for "
-                "indices"
+                "only for indices"
             )
         return _as_floats(values, accessor)
 
@@ -130,9 +126,7 @@ class SceneArrays:
             mesh = DracoPy.decode(data)
             faces = np.asarray(mesh.faces, np.int64).reshape(-1, 3)
         except Exception as error:  # the library raises whatever it likes
-            raise ValueError(
-                f"the Draco data of {part.place} cannot be decoded ({reason_of(error)})"
-            ) from None
+            raise ValueError(f"the Draco data of {part.place} is damaged ({reason_of(error)})") from None
         values = {}
         packed, attributes = draco.entry("attributes"), part.primitive.entry("attributes").values
         for name in ("POSITION", *(name for pair in part.influences() for name in pair)):
@@ -177,20 +171,15 @@ class SceneArrays:
         """Return where a part is: matrices (N, 4, 4), one for each copy of it."""
         instances = part.node.extension(INSTANCING)
         if part.is_skinned and instances is not None:
-            raise ValueError(
-                f"{part.node.place} has a skin and instances, a combination that is not supported"
-            )
+            raise ValueError(f"{part.node.place} has a skin and instances, which is not supported")
         if part.is_skinned:
             return np.eye(4)[None]
         own = self.scene.matrix(part.number)
         if instances is None:
             return own[None]
-        given = instances.entry("attributes").values
-        sizes = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
-        place = f"the instances of {part.node.place}"
-        values = {
-            name: self._numbers(given[name], place, kind) for name, kind in sizes.items() if name in given
-        }
+        given, place = instances.entry("attributes").values, f"the instances of {part.node.place}"
+        kinds = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
+        values = {name: self._numbers(given[name], place, kinds[name]) for name in kinds if name in given}
         counts = {len(numbers) for numbers in values.values()}
         if len(counts) != 1:
             raise ValueError(f"{place} have {' or '.join(map(str, sorted(counts))) or 'no'} transforms")
@@ -214,9 +203,7 @@ class SceneArrays:
         """Return the elements (N, k) of an accessor as the file has them. Raises ValueError."""
         accessor = self.document.item("accessors", index, place)
         if accessor.text("type") != kind:
-            raise ValueError(
-                f"{accessor.place} of {place} is of type {accessor.text('type')}; it must be {kind}"
-            )
+            raise ValueError(f"{accessor.place} of {place} is of type {accessor.text('type')}, not {kind}")
         count, sparse = accessor.whole("count"), accessor.entry("sparse")
         if "bufferView" in accessor:
             values = self._strided(accessor, accessor, count, _SIZES[kind])
@@ -244,9 +231,7 @@ class SceneArrays:
         width = size * dtype.itemsize
         stride, start = view.whole("byteStride", 0) or width, source.whole("byteOffset", 0)
         if stride < width:
-            raise ValueError(
-                f"byteStride of {view.place} is {stride}; elements of {source.place} have {width} bytes"
-            )
+            raise ValueError(f"byteStride of {view.place} is {stride}; {source.place} needs {width} bytes")
         end = start + stride * (count - 1) + width if count else start
         if end > len(data):
             raise ValueError(f"{source.place} ends at byte {end} of {view.place}, which has {len(data)}")
@@ -278,9 +263,7 @@ class SceneArrays:
 def _component(accessor: JsonObject) -> str:
     kind = accessor.values.get("componentType")
     if kind not in _COMPONENTS:
-        raise ValueError(
-            f"componentType of {accessor.place} is {brief(repr(kind))}; it must be one of glTF's"
-        )
+        raise ValueError(f"componentType of {accessor.place} is {brief(repr(kind))}; not one of glTF's")
     return _COMPONENTS[kind]
 
 
@@ -297,9 +280,7 @@ def _unpacked(data: bytes, packed: JsonObject, place: str) -> AnyArray:
     if mode not in MODES:
         raise ValueError(f"{place} is compressed by meshoptimizer in mode {brief(mode)}, which is not read")
     if name not in FILTERS:
-        raise ValueError(
-            f"{place} places vertices with meshoptimizer's filter {brief(name)}, which is not read"
-        )
+        raise ValueError(f"{place} has vertices of meshoptimizer's filter {brief(name)}, which is not read")
     try:
         elements = MODES[mode](data, packed.whole("count"), packed.whole("byteStride"))
         return FILTERS[name](elements).view(np.uint8).reshape(-1)
@@ -314,9 +295,8 @@ def _faces(corners: AnyArray, part: PlacedPrimitive) -> AnyArray:
             raise ValueError(f"{part.place} has {len(corners)} corners; those of triangles come in threes")
         return corners.reshape(-1, 3)
     runs = np.split(corners, np.flatnonzero(corners < 0))
-    faces = np.concatenate(
-        [_fan(run[run >= 0]) if part.mode == FAN else _strip(run[run >= 0]) for run in runs]
-    )
+    triangles = _fan if part.mode == FAN else _strip
+    faces = np.concatenate([triangles(run[run >= 0]) for run in runs])
     a, b, c = faces.T
     return faces[(a != b) & (b != c) & (c != a)]  # a strip turns corners by triangles without area
 
@@ -357,7 +337,7 @@ def read_gltf(path: Path) -> FileSurface:
     Raises ValueError or ParserError where it cannot be read, MissingInputError for a missing buffer.
     """
     scene = DefaultScene.of(GltfDocument.read(path))
-    if scene.needs_draco:
+    if any(scene.draco_of(part) is not None for part in scene.distinct):
         require_package("glTF files with Draco data", "DracoPy", "DracoPy", "models")
     _buffer_files(scene)
     surface = unpacked_surface(answer_of("pipeline.plugins.interchange.gltf_files", path))
@@ -374,17 +354,15 @@ def _files(path: Path) -> ModelFiles:
 
 def _buffer_files(scene: DefaultScene) -> tuple[Path, ...]:
     """Return the files of a scene's buffers. Raises MissingInputError where one is not there."""
-    files: dict[Path, None] = {}
-    for index in sorted(scene.buffers):
-        file = scene.document.buffer_file(index)
-        if file is None:
-            continue
+    document = scene.document
+    files = {index: document.buffer_file(index) for index in sorted(scene.buffers)}
+    for index, file in files.items():
         try:
-            require_input(file, MOST_BYTES)
+            if file is not None:
+                require_input(file, MOST_BYTES)
         except MissingInputError as error:
-            raise MissingInputError(f"{scene.document.path}: its buffer {index} refers to {error}") from None
-        files[file] = None
-    return tuple(files)
+            raise MissingInputError(f"{document.path}: its buffer {index} refers to {error}") from None
+    return tuple(dict.fromkeys(file for file in files.values() if file is not None))
 
 
 GLTF = MeshFormat(read_gltf, _files)

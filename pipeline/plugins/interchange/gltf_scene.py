@@ -29,8 +29,7 @@ _NOT_GEOMETRY = (
 )
 """Beginnings of the names of extensions without which surfaces are the same."""
 
-_MOST_PARTS = 1_000_000
-"""Most primitives, counted at every node that has their mesh."""
+_MOST_PARTS = 1_000_000  # most primitives, counted at every node that has their mesh
 
 POINTS_AND_LINES = (0, 1, 2, 3)
 TRIANGLES, STRIP, FAN = 4, 5, 6
@@ -38,14 +37,7 @@ TRIANGLES, STRIP, FAN = 4, 5, 6
 
 @dataclass(frozen=True)
 class PlacedPrimitive:
-    """A primitive of triangles, in a mesh that a node of the scene has.
-
-    number     of the node
-    node       that has the mesh
-    mesh       that has the primitive
-    primitive  its triangles
-    place      of the primitive, for messages
-    """
+    """A primitive of triangles, in a mesh that a node of the scene has; `place` is for messages."""
 
     number: int
     node: JsonObject
@@ -95,24 +87,21 @@ class DefaultScene:
         for name in map(str, document.root.items("extensionsRequired")):
             if name not in _READ and not name.startswith(_NOT_GEOMETRY):
                 raise MeshError(
-                    f"it requires the extension {brief(name)}, which is not read. Export it without."
+                    f"it requires the extension {brief(name)}, which is not read. Export without."
                 )
         scene = cls(document)
         scene._find_parts()
         return scene
 
     def _find_parts(self) -> None:
-        waiting: list[tuple[Any, int | None, bool]] = [
-            (number, None, True) for number in dict.fromkeys(self._roots())
-        ]
+        roots = dict.fromkeys(self._roots())
+        waiting: list[tuple[Any, int | None, bool]] = [(number, None, True) for number in roots]
         while waiting:
             number, parent, is_shown = waiting.pop()
             above = "the scene" if parent is None else f"node {parent}"
             node = self.document.item("nodes", number, above)
             if number in self._parents:
-                raise ValueError(
-                    f"node {number} is its own ancestor or has two parents; a node has one parent"
-                )
+                raise ValueError(f"node {number} is its own ancestor or has two parents; a node has one")
             self._parents[number] = parent
             visibility = node.extension(_VISIBILITY)
             is_shown = is_shown and (visibility is None or visibility.values.get("visible") is not False)
@@ -150,9 +139,7 @@ class DefaultScene:
             raise ValueError(f"{skin.place} has no joints")
         for joint in joints:
             if joint not in self._parents:
-                raise ValueError(
-                    f"{skin.place} has the joint {brief(repr(joint))}, which is not in the scene"
-                )
+                raise ValueError(f"{skin.place} has a joint that is not in the scene, {brief(repr(joint))}")
         return joints, skin
 
     def matrix(self, number: int) -> AnyArray:
@@ -164,7 +151,7 @@ class DefaultScene:
         at: int | None = number
         while at is not None:
             local = self._local(at)
-            if not _is_identity(local):
+            if np.abs(local - np.eye(4)).max() > 1e-8:
                 chain.append(local)
             at = self._parents[at]
         return _rigid(reduce(lambda below, above: np.dot(above, below), chain)) if chain else np.eye(4)
@@ -172,11 +159,9 @@ class DefaultScene:
     def _local(self, number: int) -> AnyArray:
         if number not in self._locals:
             node = self.document.item("nodes", number, "the scene")
-            matrix = (
-                np.array(node.numbers("matrix", 16), np.float64).reshape(4, 4).T
-                if "matrix" in node
-                else np.eye(4)
-            )
+            matrix = np.eye(4)
+            if "matrix" in node:
+                matrix = np.array(node.numbers("matrix", 16), np.float64).reshape(4, 4).T
             if "translation" in node:
                 matrix = np.dot(matrix, translations(np.array([node.numbers("translation", 3)]))[0])
             if "rotation" in node:
@@ -194,10 +179,6 @@ class DefaultScene:
             own = id(part.node.values) if {"skin", "extensions"} & part.node.values.keys() else 0
             known.setdefault((id(part.primitive.values), own), part)
         return list(known.values())
-
-    @property
-    def needs_draco(self) -> bool:
-        return any(self.draco_of(part) is not None for part in self.distinct)
 
     @cached_property
     def views(self) -> frozenset[int]:
@@ -244,10 +225,8 @@ class DefaultScene:
     @cached_property
     def buffers(self) -> frozenset[int]:
         """The buffers that hold what the surface is made from."""
-        view = self.document.item
-        return frozenset(
-            self.document.buffer_of_view(view("bufferViews", index, "an accessor")) for index in self.views
-        )
+        views = [self.document.item("bufferViews", index, "an accessor") for index in self.views]
+        return frozenset((view.extension(*MESHOPT) or view).whole("buffer") for view in views)
 
     @property
     def was_misread(self) -> bool:
@@ -265,9 +244,8 @@ class DefaultScene:
     def _was_part_misread(self, part: PlacedPrimitive) -> bool:
         if part.mode == FAN or part.is_skinned or self._position_of(part).values.get("normalized"):
             return True
-        used = (
-            self.document.item("accessors", index, part.place) for index in self._accessors_of(part, None)
-        )
+        indices = self._accessors_of(part, None)
+        used = (self.document.item("accessors", index, part.place) for index in indices)
         return any("sparse" in accessor or "bufferView" not in accessor for accessor in used)
 
 
@@ -293,10 +271,6 @@ def rotations(quaternions: AnyArray) -> AnyArray:
     ]
     matrices[turns, :3, :3] = np.array(rows).transpose(2, 0, 1)[turns]
     return matrices
-
-
-def _is_identity(matrix: AnyArray) -> bool:
-    return bool(np.abs(matrix - np.eye(4)).max() <= 1e-8)
 
 
 def _rigid(matrix: AnyArray) -> AnyArray:

@@ -6,7 +6,6 @@ The bitstream is the one that appendix A of these extensions of Khronos describe
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
@@ -15,8 +14,7 @@ from pipeline.arrays import AnyArray
 
 T = TypeVar("T")
 
-_GROUP = 16
-"""Elements whose deltas take the same number of bits."""
+_GROUP = 16  # elements whose deltas take the same number of bits
 
 _BITS = {"version 0": (0, 2, 4, 8), 0: (0, 1, 2, 4), 1: (1, 2, 4, 8)}
 """Bits of a delta by the two header bits of its group: in version 0, and by control mode in version 1."""
@@ -53,20 +51,13 @@ def _ended() -> ValueError:
     return ValueError("it ends early")
 
 
-@dataclass
-class _Groups:
-    """Groups of deltas of one number of bits: where each begins in the stream, and where its deltas go."""
-
-    starts: list[int] = field(default_factory=list)
-    targets: list[int] = field(default_factory=list)
-
-
 def _deltas(data: bytes, end: int, count: int, stride: int, has_control: bool) -> AnyArray:
     """Return the stored deltas as uint8 (stride, count rounded up to whole groups)."""
     stream = np.frombuffer(data, np.uint8)
     row = -(-count // _GROUP)
     deltas = np.zeros((stride, row * _GROUP), np.uint8)
-    groups = {bits: _Groups() for bits in (1, 2, 4, 8)}
+    groups: dict[int, list[tuple[int, int]]] = {bits: [] for bits in (1, 2, 4, 8)}
+    """By bits, where each group begins in the stream, and where its deltas go."""
     sentinels = {bits: _running_count(stream, bits) for bits in (1, 2, 4)}
     per_block = min(8192 // stride & ~(_GROUP - 1), 256)
     at = 1
@@ -93,8 +84,7 @@ def _deltas(data: bytes, end: int, count: int, stride: int, has_control: bool) -
                 bits = bits_by_header[data[header + (group >> 2)] >> 2 * (group & 3) & 3]
                 if not bits:
                     continue
-                groups[bits].starts.append(at)
-                groups[bits].targets.append(target + group)
+                groups[bits].append((at, target + group))
                 after = at + 2 * bits
                 if bits < 8:
                     running = sentinels[bits]
@@ -105,9 +95,10 @@ def _deltas(data: bytes, end: int, count: int, stride: int, has_control: bool) -
     if at != end:
         raise ValueError("bytes are left over at its end")
     flat = deltas.reshape(-1, _GROUP)
-    for bits, of_bits in groups.items():
-        if of_bits.starts:
-            flat[of_bits.targets] = _unpacked(stream, np.array(of_bits.starts), bits)
+    for bits, places in groups.items():
+        if places:
+            starts, targets = np.array(places).T
+            flat[targets] = _unpacked(stream, starts, bits)
     return deltas
 
 
@@ -161,10 +152,10 @@ def decode_indices(data: bytes, count: int, stride: int) -> AnyArray:
     """Decode a sequence of indices; return uint16 or uint32 (count,). Raises ValueError."""
     if data[:1] not in (b"\xd0", b"\xd1"):
         raise ValueError("it does not begin like a compressed sequence of indices")
-    numbers, last = _numbers(data, 1, len(data) - 4), [0, 0]
+    stream, last = iter(data[1 : max(1, len(data) - 4)]), [0, 0]
     indices = np.empty(count, np.uint32)
     for k in range(count):
-        value = next(numbers)
+        value = _number(stream)
         last[value & 1] += ~(value >> 2) if value & 2 else value >> 2
         indices[k] = last[value & 1] & 0xFFFFFFFF
     return _of_stride(indices, stride)
@@ -195,16 +186,15 @@ def _of_stride(indices: AnyArray, stride: int) -> AnyArray:
     return kept
 
 
-def _numbers(data: bytes, at: int, end: int) -> Iterator[int]:
-    """Yield the numbers between two places of a stream: 7 bits a byte, the lowest first."""
+def _number(stream: Iterator[int]) -> int:
+    """Return the next number of a stream of bytes: 7 bits a byte, the lowest first."""
     value = shift = 0
-    for byte in data[at : max(at, end)]:
+    for byte in stream:
         value |= (byte & 127) << shift
         shift += 7
         if byte < 128:
-            yield value & 0xFFFFFFFF
-            value = shift = 0
-        elif shift > 28:
+            return value & 0xFFFFFFFF
+        if shift > 28:
             raise ValueError("one of its numbers has over 5 bytes")
     raise _ended()
 
@@ -220,8 +210,7 @@ class _TriangleDecoder:
     """The state while triangles are decoded: recent edges and vertices, the next new vertex, and the last."""
 
     def __init__(self, data: bytes, at: int, end: int, version: int) -> None:
-        self._data, self._at, self._end = data, at, end
-        self._table = data[end:]
+        self._stream, self._table = iter(data[at:end]), data[end:]
         self._next = self._last = 0
         self._edges: list[tuple[int, int] | None] = [None] * 16
         self._vertices: list[int | None] = [None] * 16
@@ -254,10 +243,9 @@ class _TriangleDecoder:
         pair = self._table[low] if low < 14 else self._byte()
         if low >= 14 and pair == 0:
             self._next = 0
-        is_named = (low == 15, low >= 14 and pair >> 4 == 15, low >= 14 and pair & 15 == 15)
-        a = self._named() if is_named[0] else self._new()
-        b, b_is_new = self._vertex_of(pair >> 4, is_named[1])
-        c, c_is_new = self._vertex_of(pair & 15, is_named[2])
+        a = self._named() if low == 15 else self._new()
+        b, b_is_new = self._vertex_of(pair >> 4, low >= 14)
+        c, c_is_new = self._vertex_of(pair & 15, low >= 14)
         self._push(a)
         for vertex, is_new in ((b, b_is_new), (c, c_is_new)):
             if is_new:
@@ -267,9 +255,9 @@ class _TriangleDecoder:
         self._push_edge(a, c)
         return a, b, c
 
-    def _vertex_of(self, entry: int, is_named: bool) -> tuple[int, bool]:
+    def _vertex_of(self, entry: int, may_be_named: bool) -> tuple[int, bool]:
         """Return a vertex, and whether the queue of recent ones lacks it."""
-        if is_named:
+        if entry == 15 and may_be_named:
             return self._named(), True
         if entry == 0:
             return self._new(), True
@@ -280,21 +268,13 @@ class _TriangleDecoder:
         return self._next - 1
 
     def _byte(self) -> int:
-        if self._at >= self._end:
+        byte = next(self._stream, None)
+        if byte is None:
             raise _ended()
-        self._at += 1
-        return self._data[self._at - 1]
+        return byte
 
     def _named(self) -> int:
-        value = shift = 0
-        while True:
-            byte = self._byte()
-            value |= (byte & 127) << shift
-            shift += 7
-            if byte < 128:
-                break
-            if shift > 28:
-                raise ValueError("one of its numbers has over 5 bytes")
+        value = _number(self._stream)
         self._last = self._last + (~(value >> 1) if value & 1 else value >> 1) & 0xFFFFFFFF
         return self._last
 

@@ -6,7 +6,7 @@ renders/<shot>/models/<shot>.ply.keys.json    what each was made from
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,14 +14,19 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Faces, Floats, Indices, Vectors
+from pipeline.arrays import AnyArray, Faces, Indices, Vectors
 from pipeline.errors import FrameError, MeshError, UsageError
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.normals import NORMAL, unit
-from pipeline.plugins.interchange.exported_frame import ExportedFrame, KeyedFiles, frame_key, stored_frame
+from pipeline.plugins.interchange.exported_frame import (
+    ExportedFrame,
+    KeyedFiles,
+    frame_key,
+    preview_surface,
+    stored_frame,
+)
 from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.plugins.interchange.print_model import LONGEST_SIDE, PrintReport, print_model
-from pipeline.plugins.interchange.usd_prims import preview_surface
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.atomic_write import disk_errors
@@ -47,11 +52,11 @@ def write_ply(path: Path, frame: ExportedFrame) -> None:
     attributes["velocity"] = frame.velocities.astype(np.float32)
     attributes["rest"] = frame.rest.astype(np.float32)
     if frame.colours is not None:
-        attributes |= dict(
-            zip(("red", "green", "blue"), _bytes(srgb_of_linear(frame.colours)).T, strict=True)
-        )
-        names = ("linear_red", "linear_green", "linear_blue")
-        attributes |= dict(zip(names, frame.colours.astype(np.float32).T, strict=True))
+        shown = np.rint(255.0 * np.clip(srgb_of_linear(frame.colours), 0.0, 1.0)).astype(np.uint8)
+        for prefix, colours in (("", shown), ("linear_", frame.colours.astype(np.float32))):
+            attributes |= {
+                f"{prefix}{name}": colours[:, k] for k, name in enumerate(("red", "green", "blue"))
+            }
     if frame.radii is not None:
         attributes["radius"] = frame.radii.astype(np.float32)
     if frame.copies is not None:
@@ -93,13 +98,11 @@ def write_glb(path: Path, frame: ExportedFrame, look: Material) -> None:
     corner, faces = _split_corners(frame)
     source, normal = frame.faces.reshape(-1)[corner], frame.corner_normals.reshape(-1)[corner]
     surface = preview_surface(look)
-    opacity = () if surface.opacity == 1.0 else {"alphaMode": "BLEND"}
-    is_varied = frame.colours is not None
     material = trimesh.visual.material.PBRMaterial(
-        baseColorFactor=[*((1.0, 1.0, 1.0) if is_varied else surface.colour), surface.opacity],
+        baseColorFactor=[*(surface.colour if frame.colours is None else (1.0, 1.0, 1.0)), surface.opacity],
         metallicFactor=surface.metallic,
         roughnessFactor=surface.roughness,
-        **dict(opacity),
+        alphaMode=None if surface.opacity == 1.0 else "BLEND",
     )
     attributes = {"_VELOCITY": frame.velocities[source], "_REST": frame.rest[source]}
     if frame.colours is not None:
@@ -143,23 +146,13 @@ def _split_corners(frame: ExportedFrame) -> tuple[Indices, Faces]:
     return corner.astype(np.int32), vertex.astype(np.int32).reshape(-1, 3)
 
 
-def normal_vertices(frame: ExportedFrame) -> Indices:
-    """Return the vertex (N,) that each normal of a frame belongs to."""
-    source = np.zeros(len(frame.normals), np.int32)
-    source[frame.corner_normals.reshape(-1)] = frame.faces.reshape(-1)
-    return source
-
-
 def point_normals(frame: ExportedFrame) -> Vectors:
     """Return unit normals (V, 3) of the vertices: the mean of the sides of a crease."""
+    vertex = np.zeros(len(frame.normals), np.int32)
+    vertex[frame.corner_normals.reshape(-1)] = frame.faces.reshape(-1)
     sums = np.zeros_like(frame.points)
-    np.add.at(sums, normal_vertices(frame), frame.normals)
+    np.add.at(sums, vertex, frame.normals)
     return unit(sums)
-
-
-def _bytes(values: Floats) -> AnyArray:
-    """Return numbers from 0 to 1 as uint8."""
-    return np.asarray(np.rint(255.0 * np.clip(values, 0.0, 1.0)), np.uint8)
 
 
 def _lines(form: str, rows: AnyArray) -> str:
@@ -169,13 +162,7 @@ def _lines(form: str, rows: AnyArray) -> str:
     return "".join(f"{form % row}\n" for row in values)
 
 
-SEQUENCES = ("ply", "obj")
-"""Formats that can hold a range of frames."""
-
-STILLS = ("glb", "stl")
-"""Formats that hold one frame."""
-
-MODELS = (*SEQUENCES, *STILLS)
+STILLS = ("glb", "stl")  # formats that hold one frame
 
 
 def require_still(form: str, frames: str | None, count: int) -> None:
@@ -192,8 +179,6 @@ def require_still(form: str, frames: str | None, count: int) -> None:
 class ModelExport:
     """Frames of a shot as files of one form. Files that are current are kept.
 
-    folder   of the files, absolute
-    form     one of MODELS
     longest  millimetres of the longest side of a model to be printed
     """
 
@@ -221,16 +206,15 @@ class ModelExport:
 
     def stale(self) -> list[int]:
         """Return the frames whose files are missing, damaged, or of an earlier shot."""
-        return [n for n in sorted(self.request.requested) if not self._is_current(n)]
+        numbers = sorted(self.request.requested)
+        return [n for n in numbers if not self.files.is_current(self._file(n), self._key(n))]
 
     def shown(self) -> list[int]:
         """Return the frames whose files are current, in ascending order."""
-        return [n for n in sorted(self.request.requested) if self._is_current(n)]
+        return sorted(set(self.request.requested).difference(self.stale()))
 
     def write(self, passed: Callable[[], None]) -> list[str]:
-        """Write the files that are not current, and return messages of failed frames.
-
-        passed  is called after each file
+        """Write the files that are not current, and return messages of failed frames; `passed` follows each.
 
         Raises MachineError where the disk refuses, MeshError for a model that cannot be printed, or has no
         surface that GLB could hold.
@@ -262,15 +246,10 @@ class ModelExport:
             return lambda path: write_mesh(model, path)
         if not len(frame.faces) and self.form != "ply":
             raise MeshError(f"{name}: a point cloud has no surface for {self.form}; export it as ply or usd")
-        writers: Mapping[str, Callable[[Path], object]] = {
-            "ply": lambda path: write_ply(path, frame),
-            "obj": lambda path: write_obj(path, frame),
-            "glb": lambda path: write_glb(path, frame, look),
-        }
-        return writers[self.form]
-
-    def _is_current(self, number: int) -> bool:
-        return self.files.is_current(self._file(number), self._key(number))
+        if self.form == "glb":
+            return lambda path: write_glb(path, frame, look)
+        write = {"ply": write_ply, "obj": write_obj}[self.form]
+        return lambda path: write(path, frame)
 
     def _key(self, number: int) -> Key:
         more = {"stl": self.longest, "glb": to_plain(self.request.shot.picture.look)}.get(self.form)

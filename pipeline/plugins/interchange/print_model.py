@@ -8,7 +8,7 @@ ray-triangle intersection", Journal of Graphics Tools 2(1), 1997.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -20,15 +20,7 @@ from pipeline.mesh.validation import validate
 from pipeline.plugins.interchange.exported_frame import ExportedFrame
 from pipeline.statistics import self_intersections
 
-RAYS = 4000
-"""The most faces that rays start from, chosen evenly."""
-
-
-class Rays(NamedTuple):
-    """Rays from origins (R, 3) in unit directions (R, 3)."""
-
-    origins: Points
-    directions: Vectors
+RAYS = 4000  # the most faces that rays start from, chosen evenly
 
 
 def wall_thickness(mesh: TriangleMesh, rays: int = RAYS) -> Floats:
@@ -39,10 +31,10 @@ def wall_thickness(mesh: TriangleMesh, rays: int = RAYS) -> Floats:
     normals, corners = face_normals(mesh), mesh.vertices[mesh.faces]
     sound = np.flatnonzero(np.linalg.norm(normals, axis=1) > 0.5)  # a face without area has no normal
     starts = sound[np.linspace(0, len(sound) - 1, min(rays, len(sound))).astype(int)]
-    return distances(TriangleTree.of(corners), Rays(corners[starts].mean(axis=1), -normals[starts]), starts)
+    return _distances(TriangleTree.of(corners), corners[starts].mean(axis=1), -normals[starts], starts)
 
 
-def distances(tree: TriangleTree, rays: Rays, starts: AnyArray) -> Floats:
+def _distances(tree: TriangleTree, origins: Points, directions: Vectors, starts: AnyArray) -> Floats:
     """Return how far rays go until they meet a triangle, (R,), infinite where they meet none.
 
     starts  (R,) the triangle that each starts on, which does not count
@@ -50,15 +42,20 @@ def distances(tree: TriangleTree, rays: Rays, starts: AnyArray) -> Floats:
     All rays go down the tree together, a level at a time.
     """
     boxes = tree.memory[: tree.triangles].reshape(-1, 8)
-    corners = tree.memory[tree.triangles :].reshape(-1, 3, 3)
+    triangles = tree.memory[tree.triangles :].reshape(-1, 3, 3)
     nearest = np.full(len(starts), np.inf)
     ray, box = np.arange(len(starts)), np.zeros(len(starts), np.int64)
     while len(ray):
-        entry = _entries(rays.origins[ray], rays.directions[ray], boxes[box])
-        kept = entry < nearest[ray]
+        kept = _entries(origins[ray], directions[ray], boxes[box]) < nearest[ray]
         ray, box = ray[kept], box[kept]
         is_leaf = boxes[box, 7] > 0
-        _meet(tree, corners, rays, ray[is_leaf], box[is_leaf], starts, nearest)
+        first, end = tree.ranges[box[is_leaf]].T
+        counts = end - first
+        of_leaf = np.repeat(ray[is_leaf], counts)
+        triangle = np.arange(len(of_leaf)) + np.repeat(first - np.cumsum(counts) + counts, counts)
+        other = tree.order[triangle] != starts[of_leaf]
+        of_leaf, triangle = of_leaf[other], triangle[other]
+        np.minimum.at(nearest, of_leaf, _hits(triangles[triangle], origins[of_leaf], directions[of_leaf]))
         ray, parent = ray[~is_leaf], box[~is_leaf]
         second = boxes[parent, 6].astype(np.int64)
         ray, box = np.concatenate([ray, ray]), np.concatenate([parent + 1, second])
@@ -75,37 +72,21 @@ def _entries(origins: Points, directions: Vectors, boxes: Floats) -> Floats:
     return np.where((last >= first) & (last >= 0.0), first, np.inf)
 
 
-def _meet(
-    tree: TriangleTree,
-    corners: Floats,
-    rays: Rays,
-    ray: AnyArray,
-    box: AnyArray,
-    starts: AnyArray,
-    nearest: Floats,
-) -> None:
-    """Intersect rays with the triangles of leaves; lower `nearest` in place."""
-    counts = tree.ranges[box, 1] - tree.ranges[box, 0]
-    ray = np.repeat(ray, counts)
-    within = np.arange(len(ray)) - np.repeat(np.cumsum(counts) - counts, counts)
-    triangle = np.repeat(tree.ranges[box, 0], counts) + within
-    other = tree.order[triangle] != starts[ray]
-    ray, triangle = ray[other], triangle[other]
-    a, b, c = corners[triangle].transpose(1, 0, 2)
-    direction, from_corner = rays.directions[ray], rays.origins[ray] - a
-    across = np.cross(direction, c - a)
+def _hits(triangles: Floats, origins: Points, directions: Vectors) -> Floats:
+    """Return where rays (N,) meet their triangles (N, 3, 3), infinite where they miss them."""
+    a, b, c = triangles.transpose(1, 0, 2)
+    from_corner, across = origins - a, np.cross(directions, c - a)
     determinant = np.einsum("ij,ij->i", b - a, across)
     with np.errstate(divide="ignore", invalid="ignore"):
         u = np.einsum("ij,ij->i", from_corner, across) / determinant
         along = np.cross(from_corner, b - a)
-        v = np.einsum("ij,ij->i", direction, along) / determinant
+        v = np.einsum("ij,ij->i", directions, along) / determinant
         distance = np.einsum("ij,ij->i", c - a, along) / determinant
         inside = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (distance > 0.0)
-    np.minimum.at(nearest, ray[inside], distance[inside])
+    return np.where(inside, distance, np.inf)
 
 
-LONGEST_SIDE = 100.0
-"""Millimetres of the longest side of a printed model."""
+LONGEST_SIDE = 100.0  # millimetres of the longest side of a printed model
 
 
 @dataclass(frozen=True)
@@ -159,12 +140,9 @@ class PrintReport:
 
 
 def print_model(frame: ExportedFrame, longest: float, name: str) -> TriangleMesh:
-    """Return a frame in millimetres, standing on z = 0 with z up, as printers have it.
+    """Return a frame standing on z = 0 with z up, as printers have it, `longest` mm long on its longest side.
 
-    longest  millimetres of its longest side
-    name     of the frame, for messages
-
-    Raises MeshError for a point cloud, and for a surface that is not closed.
+    Raises MeshError, with its name, for a point cloud, and for a surface that is not closed.
     """
     if not len(frame.faces):
         raise MeshError(f"{name}: a point cloud has no surface to print; export it as ply or usd")

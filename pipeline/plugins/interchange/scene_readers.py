@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.errors import FlowsculptError, MachineError, MeshError, MissingInputError
+from pipeline.errors import FlowsculptError, MachineError, MeshError, MissingInputError, brief
 from pipeline.mesh.mesh_formats import FileSurface, ModelFiles
 from render.base.input_files import digest_of_file, joint_digest
 from render.base.limited_process import answer_of
@@ -54,9 +55,8 @@ class Polygons(NamedTuple):
         """Return the mesh without the faces where `dropped` (F,) is True."""
         kept = ~dropped
         groups = None if self.groups is None else self.groups[kept]
-        return self._replace(
-            sides=self.sides[kept], corners=self.corners[np.repeat(kept, self.sides)], groups=groups
-        )
+        corners = self.corners[np.repeat(kept, self.sides)]
+        return self._replace(sides=self.sides[kept], corners=corners, groups=groups)
 
 
 def reversed_faces(corners: AnyArray, sides: AnyArray) -> AnyArray:
@@ -67,17 +67,43 @@ def reversed_faces(corners: AnyArray, sides: AnyArray) -> AnyArray:
     return corners[np.repeat(ends - sides, sides) + (count - place) % np.maximum(count, 1)]
 
 
-class PlacedMeshes:
-    """Collects placed meshes. Raises MeshError for more than the limits.
+def require_vertices(corners: AnyArray, sides: AnyArray, count: int, place: str) -> None:
+    """Raise MeshError where the corners (C,) of faces name a vertex that a mesh of so many lacks."""
+    wrong = np.flatnonzero((corners < 0) | (corners >= count))
+    if len(wrong):
+        face = int(np.searchsorted(np.cumsum(sides), wrong[0], side="right"))
+        raise MeshError(f"{place}: face {face} names vertex {corners[wrong[0]]}; there are {count}, from 0")
 
-    parts   the meshes, placed
-    remedy  what the message about too many of them advises
+
+_PLURALS = {
+    "hidden mesh": "hidden meshes",
+    "object without triangles": "objects without triangles",
+    "BasisCurves": "BasisCurves",
+    "Points": "Points",
+    "NurbsPatch": "NurbsPatches",
+    "HermiteCurves": "HermiteCurves",
+    "NurbsCurves": "NurbsCurves",
+    "TetMesh": "TetMeshes",
+}
+
+
+class PlacedMeshes:
+    """Collects placed meshes, and counts what is not read. Raises MeshError for more than the limits.
+
+    remedy  what the message about too many meshes advises
     """
 
-    def __init__(self, remedy: str) -> None:
+    def __init__(self, remedy: str = "export fewer") -> None:
         self.parts: list[Polygons] = []
+        self.left_out: Counter[str] = Counter()
         self._remedy = remedy
         self._corners = 0
+
+    @property
+    def left_out_words(self) -> str:
+        """Number and kind of what was left out: `2 line sets, 1 spline`."""
+        counts = sorted((+self.left_out).items())[:5]
+        return ", ".join(plural(count, brief(kind), _PLURALS.get(kind, "")) for kind, count in counts)
 
     def add(self, polygons: Polygons, matrix: Floats) -> None:
         """Add a mesh transformed by a matrix (4, 4) of row vectors."""

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 from urllib.parse import unquote
@@ -18,22 +16,23 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.errors import MeshError, brief, shortened
 from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, reader_of
-from pipeline.plugins.interchange.scene_readers import PlacedMeshes, Polygons, joined, one_file
+from pipeline.plugins.interchange.scene_readers import (
+    PlacedMeshes,
+    Polygons,
+    joined,
+    one_file,
+    require_vertices,
+)
 from pipeline.plugins.interchange.xml_elements import limited_parser, local_name, parse_elements
 from render.base.input_files import size_of
-from render.base.plural import plural
 
-MOST_OBJECTS = 50_000
-"""Objects that are visited; those of components count each time."""
+MOST_OBJECTS = 50_000  # objects that are visited; those of components count each time
 
 MOST_BYTES, _MOST_PACKED = 1 << 30, 200
 """Size of a part of a package unpacked, and how many times its size in the package that may be."""
 
-_SMALL = 1 << 24
-"""Size of parts that may be packed more tightly, bytes."""
-
-_DEEPEST = 32
-"""Components of components."""
+_SMALL = 1 << 24  # size of parts that may be packed more tightly, bytes
+_DEEPEST = 32  # components of components
 
 _UNITS = {
     "micron": 1e-6,
@@ -47,9 +46,6 @@ _UNITS = {
 
 _HARMLESS = ("/core/", "/production/", "/material/", "/trianglesets/")
 """Parts of the namespaces of extensions that leave the shape as its triangles are."""
-
-_NO_MESH = "object without triangles"
-_PLURALS = {_NO_MESH: "objects without triangles"}
 
 _SUPPORTS = ("support", "solidsupport")
 
@@ -108,15 +104,10 @@ THREEMF = MeshFormat(reader_of(read_threemf), one_file(lambda path, digest: "z")
 
 @dataclass
 class _Package:
-    """Collects the triangles of a package.
-
-    placed    the meshes
-    left_out  number of objects of each kind that was not read
-    """
+    """Collects the triangles of a package."""
 
     archive: zipfile.ZipFile
-    placed: PlacedMeshes = field(default_factory=lambda: PlacedMeshes("export fewer"))
-    left_out: Counter[str] = field(default_factory=Counter)
+    placed: PlacedMeshes = field(default_factory=PlacedMeshes)
     _parts: dict[str, _ModelPart] = field(default_factory=dict)
     _visited: int = 0
 
@@ -148,18 +139,15 @@ class _Package:
             return file.read(info.file_size)
 
     def add(self, reference: _Reference, within: str, parent: Floats, depth: int) -> None:
-        """Add an object, and the components below it.
+        """Add an object, and the components below it; `within` is the part that refers to it.
 
-        within  the part that refers to it
         parent  matrix (4, 4) of row vectors that places what refers to it
         """
         name = _part_name(reference.path) or within
         place = f"{within}, line {reference.line}"
         self._visited += 1
         if depth > _DEEPEST or self._visited > MOST_OBJECTS:
-            raise MeshError(
-                f"{place}: over {MOST_OBJECTS} objects with components, or {_DEEPEST} within each other"
-            )
+            raise MeshError(f"{place}: over {MOST_OBJECTS} objects with components, or over {_DEEPEST} deep")
         part, root = self.part(name), next(iter(self._parts.values()))
         if part.unit != root.unit:
             raise MeshError(f"{name}: its unit is {part.unit}, and that of the package {root.unit}")
@@ -167,11 +155,11 @@ class _Package:
         if found is None:
             raise MeshError(f"{place}: {name} has no object {shortened(reference.object_id)}")
         if found.kind in _SUPPORTS:
-            self.left_out["support"] += 1
+            self.placed.left_out["support"] += 1
             return
-        self.left_out["beam lattice"] += found.lattices
+        self.placed.left_out["beam lattice"] += found.lattices
         if found.polygons is None and not found.components and not found.lattices:
-            self.left_out[_NO_MESH] += 1
+            self.placed.left_out["object without triangles"] += 1
         matrix = reference.matrix @ parent
         if found.polygons is not None:
             self.placed.add(found.polygons, matrix)
@@ -180,8 +168,7 @@ class _Package:
 
     def notes(self) -> list[str]:
         """Return lines about what was not read as other programs show it."""
-        counts = sorted((+self.left_out).items())
-        words = ", ".join(plural(count, kind, _PLURALS.get(kind, "")) for kind, count in counts)
+        words = self.placed.left_out_words
         return [f"left out, as only the triangles of models are read: {words}"] if words else []
 
 
@@ -194,7 +181,7 @@ def _parsed_part(name: str, content: bytes) -> _ModelPart:
     part = _ModelPart()
     current, core = _Object("", 0), ""
 
-    def start(tag: str, given: dict[str, str]) -> None:
+    def read(tag: str, given: dict[str, str]) -> None:
         nonlocal current, core
         if local_name(tag) == "model":
             core = tag.removesuffix("model")
@@ -218,32 +205,23 @@ def _parsed_part(name: str, content: bytes) -> _ModelPart:
                 part.unit = given.get("unit", part.unit)
                 _require_known(part.unit, given)
 
+    def start(tag: str, given: dict[str, str]) -> None:
+        try:
+            read(tag, given)
+        except (KeyError, MeshError, ValueError) as error:
+            fault = str(error) if isinstance(error, MeshError) else brief(error)
+            if isinstance(error, KeyError):
+                fault = f"{brief(tag)} has no {error.args[0]}"
+            raise MeshError(f"{name}, line {parser.CurrentLineNumber}: {fault}") from None
+
     def end(tag: str) -> None:
         if tag == f"{core}object":
             current.polygons = _polygons(current, name)
             current.points, current.triangles, current.materials = [], [], []
 
-    parser = limited_parser(_with_lines(start, lambda: parser.CurrentLineNumber, name), end)
+    parser = limited_parser(start, end)
     parser.Parse(content, True)
     return part
-
-
-def _with_lines(
-    start: Callable[[str, dict[str, str]], None], line: Callable[[], int], name: str
-) -> Callable[[str, dict[str, str]], None]:
-    """Return a function that raises the errors of another as MeshError, with part and line."""
-
-    def called(tag: str, given: dict[str, str]) -> None:
-        try:
-            start(tag, given)
-        except KeyError as error:
-            raise MeshError(f"{name}, line {line()}: {brief(tag)} has no {error.args[0]}") from None
-        except MeshError as error:
-            raise MeshError(f"{name}, line {line()}: {error}") from None
-        except ValueError as error:
-            raise MeshError(f"{name}, line {line()}: {brief(error)}") from None
-
-    return called
 
 
 def _require_known(unit: str, given: dict[str, str]) -> None:
@@ -281,13 +259,8 @@ def _polygons(found: _Object, part: str) -> Polygons | None:
     if not found.triangles:
         return None
     corners = np.array(found.triangles, np.int64).reshape(-1)
-    wrong = np.flatnonzero((corners < 0) | (corners >= len(found.points)))
-    if len(wrong):
-        raise MeshError(
-            f"{part}, line {found.line}: triangle {wrong[0] // 3} names vertex "
-            f"{corners[wrong[0]]}; its object has {len(found.points)}, numbered from 0"
-        )
+    sides = np.full(len(found.triangles), 3)
+    require_vertices(corners, sides, len(found.points), f"{part}, line {found.line}")
     numbers: dict[tuple[str | None, ...], int] = {}
     groups = np.array([numbers.setdefault(key, len(numbers)) for key in found.materials], np.int64)
-    sides = np.full(len(found.triangles), 3)
     return Polygons(np.array(found.points, np.float64), sides, corners, groups=groups)

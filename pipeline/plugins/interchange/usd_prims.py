@@ -16,33 +16,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.plugins.interchange.exported_frame import colour_texture, has_colours
+from pipeline.plugins.interchange.exported_frame import colour_texture, has_colours, preview_surface
 from render.base.serialise import Colour, Triple
 from render.mitsuba.emitters import gradient_map
 from render.post.image import write_exr
 from render.scene.aovs import RenderedFrame
-from render.scene.materials import (
-    BrushedMetal,
-    Diffuse,
-    Glass,
-    Glossy,
-    Material,
-    Metal,
-    MitsubaMaterial,
-    Satin,
-    Smoke,
-)
+from render.scene.materials import Material
 from render.scene.render_camera import Camera
 from render.scene.scene_lights import LightRig, Softbox, Sun
 from render.scene.sky import SUN_WIDTH
-
-if TYPE_CHECKING:
-    from pxr import Usd, UsdShade
 
 
 class CameraSettings(NamedTuple):
@@ -72,8 +60,6 @@ def add_camera(
     cameras   by frame number
     shutters  opening and closing by frame number, in frames from the frame; None without motion blur
     """
-    from pxr import Gf, UsdGeom
-
     camera = UsdGeom.Camera.Define(stage, path)
     width = settings.sensor_width * min(1.0, settings.aspect)
     tenths = width / 100.0 / settings.unit  # tenths of a scene unit
@@ -115,9 +101,7 @@ def _matrix(camera: Camera) -> Floats:
 
 def _focus(camera: Camera) -> float:
     """Return the distance in focus, scene units; that of the target where all is sharp."""
-    if camera.has_depth_of_field:
-        return camera.focus_distance
-    return math.dist(camera.origin, camera.target)
+    return camera.focus_distance if camera.has_depth_of_field else math.dist(camera.origin, camera.target)
 
 
 def sky_map(lights: LightRig) -> AnyArray | None:
@@ -159,8 +143,6 @@ def add_lights(
 
 
 def _add_softbox(stage: Usd.Stage, path: str, box: Softbox, sizes: Mapping[int, float]) -> None:
-    from pxr import Gf, UsdGeom, UsdLux
-
     light = UsdLux.RectLight.Define(stage, path)
     light.CreateWidthAttr(box.width)
     light.CreateHeightAttr(box.height)
@@ -174,8 +156,6 @@ def _add_softbox(stage: Usd.Stage, path: str, box: Softbox, sizes: Mapping[int, 
 
 def _add_sun(stage: Usd.Stage, path: str, sun: Sun, width: float = SUN_WIDTH) -> None:
     """Add a distant light. `width` is its angular diameter, radians."""
-    from pxr import Gf, UsdGeom, UsdLux
-
     light = UsdLux.DistantLight.Define(stage, path)
     light.CreateAngleAttr(math.degrees(width))
     light.CreateNormalizeAttr(True)  # its colour is then irradiance, whatever its width
@@ -186,8 +166,6 @@ def _add_sun(stage: Usd.Stage, path: str, sun: Sun, width: float = SUN_WIDTH) ->
 
 def _add_dome(stage: Usd.Stage, path: str, lights: LightRig, map_name: str) -> None:
     """Add what surrounds the scene, unless it is black."""
-    from pxr import Sdf, UsdGeom, UsdLux
-
     sky = lights.without_maps().sky
     if lights.environment is None and sky.is_black:
         return
@@ -205,8 +183,6 @@ def _add_dome(stage: Usd.Stage, path: str, lights: LightRig, map_name: str) -> N
 
 def _set_colour(light: Any, radiance: Colour) -> float:
     """Set intensity and colour of a light; the colour's largest component is 1. Return the intensity."""
-    from pxr import Gf
-
     brightest = max(*radiance, 1e-9)
     light.CreateIntensityAttr(brightest)
     light.CreateColorAttr(Gf.Vec3f(*(part / brightest for part in radiance)))
@@ -227,8 +203,6 @@ def facing(position: Triple, direction: Sequence[float] | Floats) -> Floats:
 
 def _free(name: str, taken: set[str]) -> str:
     """Return a name that a prim can have and none has yet, and take it."""
-    from pxr import Tf
-
     valid = Tf.MakeValidIdentifier(name)
     while valid in taken:
         valid += "_"
@@ -236,46 +210,8 @@ def _free(name: str, taken: set[str]) -> str:
     return str(valid)
 
 
-CLEAR_OPACITY = 0.3
-"""Opacity of clear bodies. Readers do not refract at a preview surface; at 0 some would show nothing."""
-
-
-class PreviewSurface(NamedTuple):
-    """Inputs of a UsdPreviewSurface. `colour` is linear Rec.709; the others lie between 0 and 1."""
-
-    colour: Colour
-    roughness: float
-    metallic: float = 0.0
-    clearcoat: float = 0.0
-    opacity: float = 1.0
-    refraction: float = 1.5
-    is_matt: bool = False
-
-
-def preview_surface(look: Material) -> PreviewSurface:
-    """Return the preview surface that is nearest to a look."""
-    if isinstance(look, Metal | BrushedMetal):
-        return PreviewSurface(look.colour, look.roughness, metallic=1.0)
-    if isinstance(look, Satin):
-        return PreviewSurface(look.colour, look.roughness, look.metallic, look.coat)
-    if isinstance(look, Glass):
-        return PreviewSurface(
-            look.auxiliary_colour, look.roughness, opacity=CLEAR_OPACITY, refraction=look.refraction
-        )
-    if isinstance(look, Smoke):
-        return PreviewSurface(look.colour, 1.0, opacity=CLEAR_OPACITY, is_matt=True)
-    if isinstance(look, Glossy | MitsubaMaterial):
-        return PreviewSurface(look.colour, look.roughness)
-    return PreviewSurface(look.colour, 1.0, is_matt=isinstance(look, Diffuse))
-
-
 def add_material(stage: Usd.Stage, path: str, look: Material, picture: str = "") -> UsdShade.Material:
-    """Add the material of a look. A colour that varies is read from a picture or from the vertices' colours.
-
-    picture  the file of the picture that colours the look, relative to the stage
-    """
-    from pxr import Sdf, UsdShade
-
+    """Add the material of a look; colours that vary are of vertices, or of a picture beside the stage."""
     material = UsdShade.Material.Define(stage, path)
     shader = _shader(stage, f"{path}/surface", "UsdPreviewSurface")
     surface = preview_surface(look)
@@ -306,8 +242,6 @@ def add_material(stage: Usd.Stage, path: str, look: Material, picture: str = "")
 
 def _picture_reader(stage: Usd.Stage, path: str, picture: str) -> UsdShade.Shader:
     """Add the shader that reads a picture of linear colours, which repeats, by texture coordinates."""
-    from pxr import Sdf
-
     coordinates = _primvar_reader(stage, f"{path}/coordinates", 2, "st")
     reader = _shader(stage, f"{path}/picture", "UsdUVTexture")
     _set(reader, "file", "Asset", Sdf.AssetPath(f"./{picture}"))
@@ -321,8 +255,6 @@ def _picture_reader(stage: Usd.Stage, path: str, picture: str) -> UsdShade.Shade
 
 def _primvar_reader(stage: Usd.Stage, path: str, size: int, name: str) -> UsdShade.Shader:
     """Add the shader that reads a primvar of so many floats."""
-    from pxr import Sdf
-
     reader = _shader(stage, path, f"UsdPrimvarReader_float{size}")
     _set(reader, "varname", "String", name)
     reader.CreateOutput("result", getattr(Sdf.ValueTypeNames, f"Float{size}"))
@@ -330,8 +262,6 @@ def _primvar_reader(stage: Usd.Stage, path: str, size: int, name: str) -> UsdSha
 
 
 def _shader(stage: Usd.Stage, path: str, kind: str) -> UsdShade.Shader:
-    from pxr import UsdShade
-
     shader = UsdShade.Shader.Define(stage, path)
     shader.CreateIdAttr(kind)
     return shader
@@ -339,13 +269,9 @@ def _shader(stage: Usd.Stage, path: str, kind: str) -> UsdShade.Shader:
 
 def bind(prim: Usd.Prim, material: UsdShade.Material) -> None:
     """Bind a material to a prim."""
-    from pxr import UsdShade
-
     UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
 
 
 def _set(shader: UsdShade.Shader, name: str, kind: str, value: Any) -> None:
-    from pxr import Gf, Sdf
-
     held = Gf.Vec3f(*value) if isinstance(value, tuple) else value
     shader.CreateInput(name, getattr(Sdf.ValueTypeNames, kind)).Set(held)

@@ -5,15 +5,24 @@ A stage reads the clip of a frame only while it shows that frame, so a frame tha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 
 from pipeline.arrays import AnyArray
-from pipeline.plugins.interchange.exported_frame import ExportedFrame
+from pipeline.plugins.interchange.exported_frame import (
+    ExportedFrame,
+    KeyedFiles,
+    colour_texture,
+    frame_key,
+    has_colours,
+    stored_frame,
+)
 from pipeline.plugins.interchange.usd_prims import (
     CameraSettings,
     add_camera,
@@ -21,23 +30,23 @@ from pipeline.plugins.interchange.usd_prims import (
     add_material,
     bind,
     sample,
+    write_picture,
 )
 from pipeline.production.request.framing import Framing
-from pipeline.shot import Shot
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.stages import EXPORT
+from pipeline.production.store.store import Key, Store, key_of
+from pipeline.shot import Picture, Shot
 from render.base.atomic_write import cannot_write
-from render.base.serialise import Colour
+from render.base.serialise import to_plain
 from render.scene.materials import Diffuse, Material, Satin
 from render.scene.scene_stage import Stage
 
-if TYPE_CHECKING:
-    from pxr import Sdf, Usd, UsdShade
+SCULPTURE = "sculpture"  # name of the prim that clips move
 
+METRE = 1.0  # metres in a scene unit of a shot that does not say what a unit is, as most programs take it
 
-SCULPTURE = "sculpture"
-"""Name of the prim that clips move."""
-
-SHARPNESS = 10.0
-"""Sharpness of a crease that stays sharp however finely a surface is subdivided."""
+SHARPNESS = 10.0  # sharpness of a crease that stays sharp however finely a surface is subdivided
 
 
 class SampledAttribute(NamedTuple):
@@ -89,11 +98,7 @@ _OF_CLOUDS = (
 def sampled_attributes(
     is_cloud: bool, has_colours: bool, has_texture: bool, has_copies: bool = False
 ) -> tuple[SampledAttribute, ...]:
-    """Return the attributes that every clip of a shot has.
-
-    has_colours, has_texture  whether vertices have colours, and corners of faces texture coordinates
-    has_copies                whether vertices have the number of their copy
-    """
+    """Return the attributes that every clip of a shot has; texture coordinates are of corners of faces."""
     left_out = {
         *(() if has_colours else ("primvars:displayColor",)),
         *(() if has_texture else ("primvars:st",)),
@@ -106,14 +111,10 @@ def sampled_attributes(
 def write_clip(
     path: Path, prim: str, number: int, frame: ExportedFrame, attributes: tuple[SampledAttribute, ...]
 ) -> None:
-    """Write the clip of one frame: a time sample of each attribute at the frame's number, and nothing else.
-
-    prim  path of the sculpture in the stage
+    """Write the clip of one frame: a time sample of each attribute of the sculpture's prim, and nothing else.
 
     Raises MachineError where the disk refuses.
     """
-    from pxr import Sdf
-
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     with Sdf.ChangeBlock():
         spec = Sdf.CreatePrimInLayer(layer, prim)
@@ -127,8 +128,6 @@ def write_clip(
 
 def write_manifest(path: Path, prim: str, attributes: tuple[SampledAttribute, ...]) -> None:
     """Write the layer that declares the attributes of the clips. Raises MachineError."""
-    from pxr import Sdf
-
     layer = Sdf.Layer.CreateAnonymous(".usda")
     declare(Sdf.CreatePrimInLayer(layer, prim), attributes)
     write_layer(path, layer)
@@ -136,8 +135,6 @@ def write_manifest(path: Path, prim: str, attributes: tuple[SampledAttribute, ..
 
 def declare(spec: Sdf.PrimSpec, attributes: tuple[SampledAttribute, ...]) -> None:
     """Declare attributes at a prim, without values: a value would hide those of the clips."""
-    from pxr import Sdf
-
     for attribute in attributes:
         declared = Sdf.AttributeSpec(spec, attribute.name, getattr(Sdf.ValueTypeNames, attribute.kind))
         if attribute.interpolation:
@@ -157,8 +154,6 @@ def clip_times(numbers: tuple[int, ...]) -> Iterator[tuple[float, float]]:
 
 def write_layer(path: Path, layer: Sdf.Layer) -> None:
     """Write a layer, as text or binary by the suffix. Raises MachineError where the disk refuses."""
-    from pxr import Tf
-
     try:
         is_written = layer.Export(str(path))
     except Tf.ErrorException as error:
@@ -169,8 +164,6 @@ def write_layer(path: Path, layer: Sdf.Layer) -> None:
 
 def _array(kind: str, values: AnyArray) -> Any:
     """Return values as an array of USD's of a value type."""
-    from pxr import Vt
-
     components = {"Point3f": "Vec3f", "Vector3f": "Vec3f", "Normal3f": "Vec3f", "Color3f": "Vec3f"}
     components |= {"Float3": "Vec3f", "TexCoord2f": "Vec2f"}
     name = kind.removesuffix("Array")
@@ -179,84 +172,123 @@ def _array(kind: str, values: AnyArray) -> Any:
     return getattr(Vt, f"{components.get(name, name)}Array").FromNumpy(held)
 
 
-METRE = 1.0
-"""Metres in a scene unit of a shot that does not say what a unit is, as most programs take it."""
-
-
 @dataclass(frozen=True, eq=False)
-class StageSculpture:
-    """One subject of a root stage.
+class SculptureFiles:
+    """One sculpture of a stage: clips of frames, a manifest, and the picture that colours it.
 
-    prim        path of its prim in the stage
-    look        its material
-    clips       names of the clips, by frame number
-    manifest    name of the layer that declares the clips' attributes
-    texture     name of the picture that colours it
-    is_cloud    whether it is a point cloud
-    attributes  the attributes of the clips
+    A shot of several subjects has one for each, with a request of its own; its files have its name.
     """
 
-    prim: str
-    look: Material
-    clips: Mapping[int, str]
-    manifest: str
-    texture: str
-    is_cloud: bool
-    attributes: tuple[SampledAttribute, ...]
+    request: RenderRequest
+    store: Store
+    files: KeyedFiles
+
+    @property
+    def look(self) -> Material:
+        return self.request.shot.picture.look
+
+    @cached_property
+    def prim(self) -> str:
+        """The path of its prim; those of several subjects stand below one prim, by name."""
+        home, subject = f"{root_prim(self.request.shot)}/{SCULPTURE}", self.request.shot.subject
+        return f"{home}/{subject}" if subject else home
 
     @property
     def material(self) -> str:
         """The name of its material in the stage: `sculpture`, or `sculpture_<name>` of one of several."""
         return "_".join(self.prim.split("/")[2:])
 
+    @cached_property
+    def is_cloud(self) -> bool:
+        from pipeline.shot.point_subjects import Cloud
 
-@dataclass(frozen=True, eq=False)
-class StageContent:
-    """Content of a root stage.
+        return isinstance(self.request.shot.motion.subject, Cloud)
 
-    sculptures  one, or one for each of several subjects
-    framings    camera and place of the set, by the number of each exported frame, in ascending order
-    shutters    opening and closing by frame number, in frames from the frame; None without motion blur
-    sky         name of the map of what surrounds the scene
-    aspect      width to height of the picture
-    """
+    @cached_property
+    def attributes(self) -> tuple[SampledAttribute, ...]:
+        """The attributes of its clips."""
+        has_texture, copies = self.look.texture_projection is not None, self.request.shot.motion.copies
+        return sampled_attributes(self.is_cloud, has_colours(self.look), has_texture, copies is not None)
 
-    shot: Shot
-    sculptures: tuple[StageSculpture, ...]
-    framings: Mapping[int, Framing]
-    shutters: Mapping[int, tuple[float, float] | None]
-    sky: str
-    aspect: float
+    def clip(self, number: int) -> str:
+        """Return the name of the clip of a frame."""
+        return f"{self._name}.{number:04d}.usdc"
+
+    @property
+    def manifest(self) -> str:
+        """The name of the layer that declares the attributes of the clips."""
+        return f"{self._name}.manifest.usda"
+
+    @property
+    def texture(self) -> str:
+        """The name of the picture that colours it."""
+        return f"{self._name}.colour.exr"
+
+    def stale(self, numbers: Iterable[int]) -> list[int]:
+        """Return the frames whose clips are missing, damaged, or of an earlier shot."""
+        return [n for n in numbers if not self.files.is_current(self.clip(n), self._key(n))]
+
+    def shown(self) -> set[int]:
+        """Return the frames whose clips are current."""
+        whole = {n for n in self.request.angles if self.files.is_whole(self.clip(n))}
+        return whole.difference(self.stale(whole))
+
+    def write_clip(self, number: int) -> None:
+        """Write the clip of a frame. Raises FrameError where its mesh is missing or the flow fails."""
+        frame = stored_frame(self.request, self.store, number)
+        self.files.write(
+            self.clip(number),
+            self._key(number),
+            lambda draft: write_clip(draft, self.prim, number, frame, self.attributes),
+        )
+
+    def write_others(self) -> None:
+        """Write the manifest and the picture that colours the sculpture, each if it has changed."""
+        key = key_of(EXPORT.recipe, self.prim, [attribute.name for attribute in self.attributes])
+        self.files.update(self.manifest, key, lambda draft: write_manifest(draft, self.prim, self.attributes))
+        texture = colour_texture(self.look)
+        if texture is not None:
+            key = key_of(EXPORT.recipe, to_plain(texture))
+            self.files.update(self.texture, key, lambda draft: write_picture(draft, texture.pixels()))
+
+    def _key(self, number: int) -> Key:
+        if number not in self._keys:
+            self._keys[number] = frame_key(self.request, number)
+        return self._keys[number]
+
+    @cached_property
+    def _keys(self) -> dict[int, Key]:
+        return {}
+
+    @property
+    def _name(self) -> str:
+        return self.request.motion_folders.part_name
 
 
 def root_prim(shot: Shot) -> str:
     """Return the path of the prim that holds all others of a shot."""
-    from pxr import Tf
-
     return f"/{Tf.MakeValidIdentifier(shot.name)}"
 
 
-def sculpture_prim(shot: Shot) -> str:
-    """Return the path of the prim of a shot's subject; those of several stand below one prim, by name."""
-    home = f"{root_prim(shot)}/{SCULPTURE}"
-    return f"{home}/{shot.subject}" if shot.subject else home
+def write_root(
+    path: Path,
+    request: RenderRequest,
+    sculptures: Sequence[SculptureFiles],
+    framings: Mapping[int, Framing],
+    sky: str,
+) -> None:
+    """Write the root stage, as text. Raises MachineError where the disk refuses.
 
-
-def unit_of(shot: Shot) -> float:
-    """Return the metres in a scene unit."""
-    unit = shot.picture.camera.unit
-    return METRE if unit is None else unit / 1000.0
-
-
-def write_root(path: Path, content: StageContent) -> None:
-    """Write the root stage, as text. Raises MachineError where the disk refuses."""
-    from pxr import Sdf, Usd, UsdGeom
-
-    shot, home = content.shot, root_prim(content.shot)
-    numbers, rate = tuple(content.framings), float(shot.rate.fps)
+    sculptures  one, or one for each of several subjects
+    framings    camera and place of the set, by the number of each exported frame, in ascending order
+    sky         name of the map of what surrounds the scene
+    """
+    shot, camera = request.shot, request.shot.picture.camera
+    home, numbers, rate = root_prim(shot), tuple(framings), float(shot.rate.fps)
+    unit = METRE if camera.unit is None else camera.unit / 1000.0
     stage = Usd.Stage.CreateInMemory(".usda")
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
-    UsdGeom.SetStageMetersPerUnit(stage, unit_of(shot))
+    UsdGeom.SetStageMetersPerUnit(stage, unit)
     stage.SetTimeCodesPerSecond(rate)
     stage.SetFramesPerSecond(rate)
     stage.SetStartTimeCode(float(numbers[0]))
@@ -264,29 +296,26 @@ def write_root(path: Path, content: StageContent) -> None:
     stage.GetRootLayer().documentation = shot.heading
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, home).GetPrim())
     UsdGeom.Scope.Define(stage, f"{home}/materials")
-    if len(content.sculptures) > 1 or content.sculptures[0].prim != f"{home}/{SCULPTURE}":
+    if sculptures[0].request.shot.subject:
         UsdGeom.Xform.Define(stage, f"{home}/{SCULPTURE}")
-    for sculpture in content.sculptures:
+    for sculpture in sculptures:
         place = f"{home}/materials/{sculpture.material}"
         _add_sculpture(stage, sculpture, add_material(stage, place, sculpture.look, sculpture.texture))
     if shot.picture.look.is_lit:
-        _add_set(stage, home, content)
-    cameras = {number: framing.camera for number, framing in content.framings.items()}
-    lens = CameraSettings(
-        content.aspect, shot.picture.camera.sensor_width, unit_of(shot), shot.picture.lights.exposure
-    )
-    if not shot.picture.camera.projection.is_wide:  # UsdGeomCamera has no such projection
-        add_camera(stage, f"{home}/camera", cameras, content.shutters, lens)
+        _add_set(stage, home, shot.picture, framings, sky)
+    if not camera.projection.is_wide:  # UsdGeomCamera has no such projection
+        cameras = {number: framing.camera for number, framing in framings.items()}
+        shutters = {number: request.open_at(number) for number in numbers}
+        lens = CameraSettings(request.aspect, camera.sensor_width, unit, shot.picture.lights.exposure)
+        add_camera(stage, f"{home}/camera", cameras, shutters, lens)
     layer = Sdf.Layer.CreateAnonymous(".usda")  # without a stage, which would look for the clips
     layer.TransferContent(stage.GetRootLayer())
-    for sculpture in content.sculptures:
-        layer.GetPrimAtPath(sculpture.prim).SetInfo("clips", {"default": _clips(sculpture)})
+    for sculpture in sculptures:
+        layer.GetPrimAtPath(sculpture.prim).SetInfo("clips", {"default": _clips(sculpture, numbers)})
     write_layer(path, layer)
 
 
-def _add_sculpture(stage: Usd.Stage, content: StageSculpture, material: UsdShade.Material) -> None:
-    from pxr import UsdGeom, Vt
-
+def _add_sculpture(stage: Usd.Stage, content: SculptureFiles, material: UsdShade.Material) -> None:
     schema: Any = UsdGeom.Points if content.is_cloud else UsdGeom.Mesh
     sculpture = schema.Define(stage, content.prim)
     declare(stage.GetRootLayer().GetPrimAtPath(content.prim), content.attributes)
@@ -298,13 +327,10 @@ def _add_sculpture(stage: Usd.Stage, content: StageSculpture, material: UsdShade
     bind(sculpture.GetPrim(), material)
 
 
-def _clips(content: StageSculpture) -> dict[str, Any]:
+def _clips(content: SculptureFiles, numbers: tuple[int, ...]) -> dict[str, Any]:
     """Return the metadata that names the clips and says which is shown when."""
-    from pxr import Gf, Sdf, Vt
-
-    numbers = tuple(content.clips)
     return {
-        "assetPaths": Sdf.AssetPathArray([Sdf.AssetPath(f"./{name}") for name in content.clips.values()]),
+        "assetPaths": Sdf.AssetPathArray([Sdf.AssetPath(f"./{name}") for name in map(content.clip, numbers)]),
         "primPath": content.prim,
         "manifestAssetPath": Sdf.AssetPath(f"./{content.manifest}"),
         "active": Vt.Vec2dArray([Gf.Vec2d(number, index) for index, number in enumerate(numbers)]),
@@ -312,25 +338,22 @@ def _clips(content: StageSculpture) -> dict[str, Any]:
     }
 
 
-def _add_set(stage: Usd.Stage, home: str, content: StageContent) -> None:
+def _add_set(
+    stage: Usd.Stage, home: str, picture: Picture, framings: Mapping[int, Framing], sky: str
+) -> None:
     """Add floor and lights. The set has a size of its own and follows the sculpture, as in our pictures."""
-    from pxr import Gf, UsdGeom
-
-    picture = content.shot.picture
     placed = UsdGeom.Xform.Define(stage, f"{home}/set").AddTransformOp()
-    matrices = {n: Gf.Matrix4d(f.placement.matrix().T.tolist()) for n, f in content.framings.items()}
+    matrices = {n: Gf.Matrix4d(f.placement.matrix().T.tolist()) for n, f in framings.items()}
     sample(placed.GetAttr(), matrices)
     UsdGeom.Scope.Define(stage, f"{home}/set/lights")
-    sizes = {number: framing.placement.size for number, framing in content.framings.items()}
-    add_lights(stage, home, f"{home}/set/lights", picture.lights, sizes, content.sky)
+    sizes = {number: framing.placement.size for number, framing in framings.items()}
+    add_lights(stage, home, f"{home}/set/lights", picture.lights, sizes, sky)
     if picture.stage.kind != "none" and not picture.stage.shadow_catcher:
         _add_floor(stage, home, picture.stage)
 
 
 def _add_floor(stage: Usd.Stage, home: str, floor: Stage) -> None:
     """Add floor, wall and plinth, without reference objects."""
-    from pxr import UsdGeom, Vt
-
     vertices, normals, faces = floor.mesh()
     mesh = UsdGeom.Mesh.Define(stage, f"{home}/set/floor")
     mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(vertices))
@@ -341,12 +364,7 @@ def _add_floor(stage: Usd.Stage, home: str, floor: Stage) -> None:
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
     mesh.CreateDisplayColorAttr(Vt.Vec3fArray([floor.colour]))
-    bind(mesh.GetPrim(), add_material(stage, f"{home}/materials/floor", floor_material(floor)))
-
-
-def floor_material(floor: Stage) -> Diffuse | Satin:
-    """Return the material of a floor: matt, or under a clear coat."""
-    colour: Colour = floor.colour
-    if floor.roughness is None:
-        return Diffuse(colour)
-    return Satin(colour, roughness=floor.roughness, coat=1.0)
+    material: Material = Diffuse(floor.colour)
+    if floor.roughness is not None:
+        material = Satin(floor.colour, roughness=floor.roughness, coat=1.0)
+    bind(mesh.GetPrim(), add_material(stage, f"{home}/materials/floor", material))

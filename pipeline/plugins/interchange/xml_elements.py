@@ -13,16 +13,12 @@ from xml.parsers import expat
 
 from pipeline.errors import MeshError
 
-_DEEPEST = 500
-"""Elements within elements."""
+_DEEPEST = 500  # elements within elements
 
 
 @dataclass(slots=True)
 class Element:
-    """An element of XML; names are without prefixes of namespaces.
-
-    line  where it begins in the file
-    """
+    """An element of XML, and the line where it begins; names are without prefixes of namespaces."""
 
     name: str
     attributes: dict[str, str]
@@ -49,9 +45,7 @@ class _EnoughError(Exception):
 
 
 def parse_elements(content: bytes, until: str = "") -> Element:
-    """Return the root element.
-
-    until  name of a child of the root; what follows it is not parsed
+    """Return the root element; what follows its child of the name `until` is not parsed.
 
     Raises MeshError for entities, ExpatError with its line for other faults.
     """

@@ -10,7 +10,7 @@ PLUGIN = Plugin(
             "pipeline.plugins.preview.preview_command:preview",
             "Draw a shot in seconds, without a path tracer, or live while you edit.",
             "Look",
-        ),
+        )
     },
     watchers=("pipeline.plugins.preview.first_look:first_look",),
 )

@@ -8,10 +8,10 @@ on the same surface as the vertices of those frames; a camera differs by what li
 from __future__ import annotations
 
 import itertools
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from pipeline.animation.loop import step_into
 from pipeline.arrays import AnyArray, Indices
 from pipeline.errors import FrameError
 from pipeline.plugins.preview.sketch import Sketch, is_closed
-from pipeline.plugins.preview.surface_stream import SurfaceStream
+from pipeline.plugins.preview.surface_stream import SurfaceStream, in_order
 from pipeline.production.request.audio import samples_of
 from pipeline.production.request.cameras import camera_file
 from pipeline.production.request.edit import Edit
@@ -43,17 +43,13 @@ from pipeline.shot import Motion
 from render.graphics.cards import Screen
 from render.movie.codecs import PLAYBLAST, timecode
 from render.movie.encode import write_movie
-from render.movie.movie_frames import Frame, dissolve, mix_frames
+from render.movie.movie_frames import dissolve, mix_frames
 from render.post.image import write_png
 
-SIZES = {"still": (960, 540), "movie": (480, 270)}
-"""Pixels of a 16:9 picture; other aspects have as many."""
+SIZES = {"still": (960, 540), "movie": (480, 270)}  # pixels of a 16:9 picture; other aspects have as many
 
-THREADS = 2
-"""Pictures that are drawn at the same time."""
-
-WAITING = 12
-"""Pictures that may be begun and not yet written before more frames are simulated."""
+THREADS = 2  # pictures that are drawn at the same time
+WAITING = 12  # pictures that may be begun and not yet written before more frames are simulated
 
 Picture = NDArray[Any]
 Framed = tuple[int, Framing]
@@ -78,10 +74,7 @@ class Animatic:
         for played in stream.play(request, self.played_for_still(number)):
             tell("simulating", played)
         known = camera_file(request, stream.store)
-        if known is None:
-            framing = framing_of_still(request, stream, number, self.played({number}))
-        else:
-            framing = known[number]
+        framing = known[number] if known else framing_of_still(request, stream, number, self.played({number}))
         size = size_for(request.aspect, SIZES["still"])
         picture = next(self._pictures(iter([(number, framing)]), size, "srgb"))
         stream.store.write(path, lambda draft: write_png(draft, picture))
@@ -154,9 +147,8 @@ class FramedSurfaces:
     def movie(self, path: Path, tell: FrameCallback) -> int:
         """Write an MP4 of the requested frames and return their number."""
         request = self.sketch.request
-        pictures = self.pictures(
-            sorted(request.requested), size_for(request.aspect, SIZES["movie"]), "rec709"
-        )
+        size = size_for(request.aspect, SIZES["movie"])
+        pictures = self.pictures(sorted(request.requested), size, "rec709")
         return write_playblast(self.stream.store, path, request, pictures, tell)
 
 
@@ -169,20 +161,10 @@ def drawn(
         return sketch.picture(number, stream.each(sketch.request, number), framing, size, display)
 
     with ThreadPoolExecutor(THREADS) as pool:
-        under_way: deque[tuple[int, Future[Picture]]] = deque()
-
-        def oldest() -> Picture:
-            number, picture = under_way.popleft()
-            found = picture.result()
+        submitted = ((number, pool.submit(draw, number, framing)) for number, framing in framed)
+        for number, picture in in_order(submitted, lambda: WAITING):
             stream.drawn(sketch.request, number)
-            return found
-
-        for number, framing in framed:
-            under_way.append((number, pool.submit(draw, number, framing)))
-            while under_way and (under_way[0][1].done() or len(under_way) > WAITING):
-                yield oldest()
-        while under_way:
-            yield oldest()
+            yield picture
 
 
 def write_playblast(
@@ -190,17 +172,21 @@ def write_playblast(
 ) -> int:
     """Write an MP4 of the requested frames and return their number."""
     numbers, rate = sorted(request.requested), request.shot.rate.fps
-
-    def told() -> Iterator[Picture]:
-        for number, picture in zip(numbers, pictures, strict=True):
-            yield picture
-            tell("drawing", number)
-
+    told = told_frames(numbers, pictures, tell)
     start = timecode(numbers[0], rate)
     sound = samples_of(request.sounds, len(numbers), request.shot.rate)
     projection = request.projection
-    store.write(path, lambda draft: write_movie(draft, told(), rate, PLAYBLAST, start, sound, projection))
+    store.write(path, lambda draft: write_movie(draft, told, rate, PLAYBLAST, start, sound, projection))
     return len(numbers)
+
+
+def told_frames(
+    numbers: Iterable[int], pictures: Iterator[Picture], tell: FrameCallback
+) -> Iterator[Picture]:
+    """Yield pictures, and tell the number of each when it is done."""
+    for number, picture in zip(numbers, pictures, strict=True):
+        yield picture
+        tell("drawing", number)
 
 
 def size_for(aspect: float, like: tuple[int, int]) -> tuple[int, int]:
@@ -209,8 +195,7 @@ def size_for(aspect: float, like: tuple[int, int]) -> tuple[int, int]:
     return 2 * max(1, round(height * aspect / 2)), 2 * max(1, round(height / 2))
 
 
-INTERVAL = 8
-"""Frames after which settled cameras are computed."""
+INTERVAL = 8  # frames after which settled cameras are computed
 
 
 def framings_of(
@@ -240,26 +225,19 @@ def framings_while(
                 yield next(left), with_stage_in_view(framing, stage, request.flat_aspect)
 
 
-MOST_SAMPLED = 4000
-"""Points of a still that are moved on, about."""
-
-DIRECTIONS = 200
-"""Directions in which the outermost points are in the sample."""
+MOST_SAMPLED = 4000  # points of a still that are moved on, about
+DIRECTIONS = 200  # directions in which the outermost points are in the sample
 
 
 def framing_of_still(
     request: RenderRequest, stream: SurfaceStream, number: int, numbers: Sequence[int]
 ) -> Framing:
-    """Return camera and stage of a frame.
-
-    numbers  all frames that they depend on; the stream has played those up to the frame
-    """
+    """Return camera and stage of a frame, of `numbers` that they depend on; up to it all are played."""
     known = [[_extent(arrays) for arrays in stream.each(request, n)] for n in numbers if n <= number]
     last = len(known)
     motions = [part.motion for part in request.shot.parts]
-    later = [
-        _moved(motion, extent, numbers[last:]) for motion, extent in zip(motions, known[-1], strict=True)
-    ]
+    ends = zip(motions, known[-1], strict=True)
+    later = [_moved(motion, extent, numbers[last:]) for motion, extent in ends]
     extents = [_together(each) for each in (*known, *zip(*later, strict=False))]
     views = [request.view(n) for n in numbers[: len(extents)]]
     framing = frame_all(views, lambda i: extents[i], request.aspect, request.follow)[last - 1]
@@ -305,8 +283,7 @@ def outline(points: AnyArray) -> Indices:
     return np.unique(np.concatenate([spread, outermost]))
 
 
-FOLDER = "preview"
-"""Stands for the quality in the path of a film's animatic."""
+FOLDER = "preview"  # stands for the quality in the path of a film's animatic
 
 
 def film_path(edit: Edit) -> Path:
@@ -337,15 +314,12 @@ def write_film_animatic(
         yield from _in_order(clip.sketch.request.requested, clip.pictures(tell))
 
     screen, rate = Screen(request.projection, first.movie_size), edit.frame_rate
-    frames = dissolve(list(cut_together(edit, screen, shown, _as_bytes)), mix_frames)
-    told = _told(frames, tell)
+    parts = cut_together(edit, screen, shown, lambda card: (card // 257).astype(np.uint8))
+    frames = dissolve(list(parts), mix_frames)
+    told = told_frames(range(1, edit.length + 1), frames, tell)
     sound = samples_of(edit.sounds, edit.length, rate)
-    first.stream.store.write(
-        path,
-        lambda draft: write_movie(
-            draft, told, rate.fps, PLAYBLAST, sound=sound, projection=request.projection
-        ),
-    )
+    write = partial(write_movie, sound=sound, projection=request.projection)
+    first.stream.store.write(path, lambda draft: write(draft, told, rate.fps, PLAYBLAST))
     return edit.length
 
 
@@ -355,14 +329,3 @@ def _in_order(numbers: Sequence[int], pictures: Iterator[Picture]) -> Iterator[P
         return pictures
     drawn = dict(zip(sorted(set(numbers)), pictures, strict=True))
     return (drawn[number] for number in numbers)
-
-
-def _told(frames: Iterator[Frame], tell: FrameCallback) -> Iterator[Frame]:
-    for number, frame in enumerate(frames, 1):
-        yield frame
-        tell("drawing", number)
-
-
-def _as_bytes(card: Frame) -> Frame:
-    """Return a card of 16 bits with the 8 of an animatic."""
-    return (card // 257).astype(np.uint8)

@@ -8,7 +8,6 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
@@ -18,34 +17,28 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import RenderRequest
 from render.base import python_process
 
-FEWEST = 24
-"""Frames that an animatic has at the least: fewer are soon rendered."""
-
-ENDING_SECONDS = 3.0
-"""Seconds in which the process that draws leaves, before it is killed."""
+FEWEST = 24  # frames that an animatic has at the least: fewer are soon rendered
+ENDING_SECONDS = 3.0  # seconds in which the process that draws leaves, before it is killed
 
 
-@dataclass(frozen=True)
-class FirstLook:
-    """Announces an animatic, if one is wanted, and the first finished frame while a run goes on."""
+def first_look(common: Common, plan: Plan, preview: bool) -> AbstractContextManager[None]:
+    """Show the first pictures of a run during the context, where somebody looks on and none is there yet.
 
-    animatic: bool = True
+    They are an animatic, if one is wanted as a `preview`, and the first finished frame.
+    """
+    arguments = arguments_for(common, plan, preview)
+    return nullcontext() if arguments is None else _process(common.root, *arguments)
 
-    def during(self, common: Common, plan: Plan) -> AbstractContextManager[None]:
-        """Show the pictures until the context is left, where somebody sees them and none is there yet."""
-        arguments = self.arguments(common, plan)
-        return nullcontext() if arguments is None else _process(common.root, *arguments)
 
-    def arguments(self, common: Common, plan: Plan) -> list[str] | None:
-        """Return the arguments of the process that makes the pictures; None where none are shown."""
-        from pipeline.plugins.preview.first_pictures import WITHOUT, shown_requests
+def arguments_for(common: Common, plan: Plan, animatic: bool = True) -> list[str] | None:
+    """Return the arguments of the process that makes the pictures; None where none are shown."""
+    from pipeline.plugins.preview.first_pictures import WITHOUT, shown_requests
 
-        requests = shown_requests(plan)
-        frames = sum(len(request.requested) for request in requests)
-        if not (frames > 1 and is_watched(common) and all(_is_new(common.root, each) for each in requests)):
-            return None
-        is_drawn = self.animatic and frames >= FEWEST
-        return [str(plan.file), *([] if is_drawn else [WITHOUT])]
+    requests = shown_requests(plan)
+    frames = sum(len(request.requested) for request in requests)
+    if not (frames > 1 and is_watched(common) and all(_is_new(common.root, each) for each in requests)):
+        return None
+    return [str(plan.file), *([] if animatic and frames >= FEWEST else [WITHOUT])]
 
 
 def is_watched(common: Common) -> bool:
@@ -58,11 +51,6 @@ def _is_new(root: Path, request: RenderRequest) -> bool:
     """Tell whether no frame of a shot was rendered yet at the quality of a request."""
     folders = (root / request.place(kind, 0).parent for kind in ("raw", "frame"))
     return not any(any(folder.glob("*.exr")) for folder in folders)
-
-
-def first_look(common: Common, plan: Plan, preview: bool) -> AbstractContextManager[None]:
-    """Show the first pictures of a run while the context lasts; no animatic unless `preview`."""
-    return FirstLook(preview).during(common, plan)
 
 
 @contextmanager

@@ -51,11 +51,9 @@ PAGE = {
 
 _PICTURE = re.compile(r"frames/(\d{1,9})/(\d{1,9})\.jpg(?:\?\d+)?")
 
-TOKEN_BYTES = 24
-"""Random bytes of the token in the address."""
+TOKEN_BYTES = 24  # random bytes of the token in the address
 
-MOST_BYTES = 65536
-"""Size of the largest body of a request."""
+MOST_BYTES = 65536  # size of the largest body of a request
 
 Action = Callable[[Mapping[str, Any]], dict[str, Any]]
 """Answers a request of the page, from JSON to JSON. Raises FlowsculptError."""
@@ -74,8 +72,7 @@ HEADERS = {
 KEEP_ALIVE = 5.0
 """Seconds between comments in a stream without messages, by which a closed page is noticed."""
 
-PATIENCE = 10.0
-"""Seconds that a browser has to send its request, and to take each part of the answer."""
+PATIENCE = 10.0  # seconds that a browser has to send its request, and to take each part of the answer
 
 MOST_CONNECTIONS = 64
 """Connections that are served at once: each open page has one, and six more while it loads pictures."""
@@ -83,9 +80,8 @@ MOST_CONNECTIONS = 64
 
 @contextmanager
 def serving(feed: LiveFeed, port: int = 0, actions: Mapping[str, Action] | None = None) -> Iterator[str]:
-    """Serve the page until the end of the context, and yield its address.
+    """Serve the page until the end of the context, and yield its address. Port 0 is any free one.
 
-    port     0 is any free one
     actions  answers by the names of requests, such as `edit`
 
     Raises MachineError if the port is taken.
@@ -173,7 +169,9 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(files(package).joinpath("page", file).read_bytes(), kind)
         elif name == "events":
             self._stream()
-        elif (picture := self._picture(name)) is not None:
+        elif (match := _PICTURE.fullmatch(name)) and (
+            picture := self._feed.picture(int(match[1]), int(match[2]))
+        ):
             self._send(picture, "image/jpeg")
         else:
             self.send_error(404)
@@ -214,11 +212,6 @@ class _Handler(BaseHTTPRequestHandler):
     def _origins(self) -> list[str]:
         return [f"http://{host}:{self.server.server_port}" for host in (ADDRESS, "localhost")]
 
-    def _picture(self, name: str) -> bytes | None:
-        """Return the requested picture, if there is one."""
-        match = _PICTURE.fullmatch(name)
-        return None if match is None else self._feed.picture(int(match[1]), int(match[2]))
-
     def _body(self) -> dict[str, Any] | None:
         """Return the JSON object of a request; None where it is refused, which it is then told."""
         length = self.headers.get("Content-Length", "")
@@ -241,12 +234,9 @@ class _Handler(BaseHTTPRequestHandler):
     def _answer(self, action: Action, asked: Mapping[str, Any]) -> None:
         try:
             status, answer = 200, action(asked)
-        except StaleError as error:
-            status, answer = 409, {"error": str(error)}
-        except MachineError as error:
-            status, answer = 507, {"error": str(error)}
         except FlowsculptError as error:
-            status, answer = 422, {"error": str(error)}
+            status = 409 if isinstance(error, StaleError) else 507 if isinstance(error, MachineError) else 422
+            answer = {"error": str(error)}
         except OSError as error:
             status, answer = 507, {"error": str(machine_error(Path(error.filename or "."), error, "used"))}
         self._send(json.dumps(answer, allow_nan=False).encode(), "application/json", status)
@@ -308,16 +298,8 @@ def actions_of(editor: ShotEditor, session: LiveSession) -> dict[str, Action]:
             session.resume()
 
     def edit(asked: Mapping[str, Any]) -> dict[str, Any]:
-        return edited(
-            asked,
-            lambda digest: editor.edit(digest, edits_in(asked.get("edits")), _text(asked, "gesture", "")),
-        )
-
-    def undo(asked: Mapping[str, Any]) -> dict[str, Any]:
-        return edited(asked, editor.undo)
-
-    def redo(asked: Mapping[str, Any]) -> dict[str, Any]:
-        return edited(asked, editor.redo)
+        edits, gesture = edits_in(asked.get("edits")), _text(asked, "gesture", "")
+        return edited(asked, lambda digest: editor.edit(digest, edits, gesture))
 
     def prepare(asked: Mapping[str, Any]) -> dict[str, Any]:
         pictures.prepare(where_in(asked.get("where")), _frame(asked))
@@ -326,7 +308,8 @@ def actions_of(editor: ShotEditor, session: LiveSession) -> dict[str, Action]:
     def follow(asked: Mapping[str, Any]) -> dict[str, Any]:
         return pictures.picture(_text(asked, "digest"), edits_in(asked.get("edits")), _frame(asked))
 
-    return {action.__name__: action for action in (state, edit, undo, redo, prepare, follow)}
+    undo, redo = partial(edited, write=editor.undo), partial(edited, write=editor.redo)
+    return {"state": state, "edit": edit, "undo": undo, "redo": redo, "prepare": prepare, "follow": follow}
 
 
 def _frame(asked: Mapping[str, Any]) -> int:

@@ -13,7 +13,6 @@ from threading import Event
 from typing import Any
 
 from pipeline.animation import FrameProgress
-from pipeline.arrays import AnyArray
 from pipeline.errors import FlowsculptError
 from pipeline.plugins.preview.animatic import SIZES, FramedSurfaces, framings_of, size_for
 from pipeline.plugins.preview.sketch import Sketch, is_closed
@@ -21,7 +20,6 @@ from pipeline.plugins.preview.surface_stream import SurfaceStream
 from pipeline.production.request.cameras import camera_file
 from pipeline.production.request.framing import Framing
 from pipeline.production.request.keys import speed_data
-from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shading import STEP, flow_cache_data
 from pipeline.production.request.shot_source import ShotSource
 from render.base.atomic_write import machine_error
@@ -30,8 +28,7 @@ from render.scene.render_camera import Camera
 
 Message = dict[str, Any]
 
-LATEST = 2
-"""Takes whose pictures are kept: the page shows the last one while the next is drawn."""
+LATEST = 2  # takes whose pictures are kept: the page shows the last one while the next is drawn
 
 
 @dataclass(eq=False)
@@ -57,16 +54,8 @@ class LiveFeed:
         """Begin a take and return its number."""
         with self._lock:
             take = self._begun.get("take", 0) + 1
-            self._begun = {
-                "event": "begin",
-                "session": self.session,
-                "take": take,
-                "shot": shot,
-                "first": first,
-                "last": last,
-                "fps": fps,
-                "size": list(size),
-            }
+            self._begun = {"event": "begin", "session": self.session, "take": take, "shot": shot}
+            self._begun |= {"first": first, "last": last, "fps": fps, "size": list(size)}
             for place in [place for place in self._pictures if place[0] <= take - LATEST]:
                 del self._pictures[place], self._drawn[place]
                 self._cameras.pop(place, None)
@@ -119,8 +108,7 @@ class LiveFeed:
             messages.put(message)
 
 
-READY = "Up to date."
-"""The message of the page when it shows the whole shot."""
+READY = "Up to date."  # the message of the page when it shows the whole shot
 
 
 class EditedError(Exception):
@@ -129,10 +117,7 @@ class EditedError(Exception):
 
 @dataclass(frozen=True)
 class Drawn:
-    """A picture, the recipe that it was drawn from, and what draws it.
-
-    key  of its surface
-    """
+    """A picture, the recipe that it was drawn from, and what draws it."""
 
     recipe: tuple[Any, ...]
     jpeg: bytes
@@ -197,10 +182,6 @@ class LiveSession:
         drawn = self._drawn.get(number)
         return drawn if drawn and self.stream.knows(drawn.sketch.request, number) else None
 
-    def arrays(self, request: RenderRequest, number: int) -> dict[str, AnyArray]:
-        """Return the arrays of a frame that is drawn, of a request of one subject."""
-        return self.stream.arrays(request, number)
-
     def _require_unedited(self) -> None:
         while time.monotonic() < self._rests_until:
             time.sleep(POLL_SECONDS / 5)
@@ -214,9 +195,7 @@ class LiveSession:
         self.watched |= files_of(request.source)
         self._before |= stamp(self.watched - known_before)
         numbers, size = sorted(request.angles), size_for(request.aspect, SIZES["movie"])
-        take_number = self.feed.begin(
-            request.name, numbers[0], numbers[-1], float(request.shot.rate.fps), size
-        )
+        take = self.feed.begin(request.name, numbers[0], numbers[-1], float(request.shot.rate.fps), size)
         self.feed.say("Simulating …")
 
         def within_frame(progress: FrameProgress) -> None:
@@ -235,14 +214,13 @@ class LiveSession:
             if is_simulated:
                 continue  # the frames are drawn at once with their new cameras
             framing = known.get(number) or framings_of(request, self.stream, [number])[number]
-            self._draw(
-                take_number, FramedSurfaces(sketch, self.stream, {number: framing}), [number], size, check
-            )
+            surfaces = FramedSurfaces(sketch, self.stream, {number: framing})
+            self._draw(take, surfaces, [number], size, check)
         self._framings = camera_file(request, self.stream.store) or framings_of(request, self.stream, numbers)
         surfaces = FramedSurfaces(sketch, self.stream, self._framings)
         self.feed.say("Framing …")
         focus = numbers[0] if self.focus is None else self.focus
-        self._draw(take_number, surfaces, sorted(numbers, key=lambda n: abs(n - focus)), size, check)
+        self._draw(take, surfaces, sorted(numbers, key=lambda n: abs(n - focus)), size, check)
         self.feed.say("Writing the movie …")
         self.done(surfaces)
         self.feed.say("Done.")
@@ -285,15 +263,8 @@ def camera_data(camera: Camera, aspect: float) -> dict[str, Any] | None:
     """
     if camera.projection.is_wide:
         return None
-    half = math.tan(camera.field_of_view / 2.0)
-    axes = camera.axes().tolist()
-    return {
-        "origin": list(camera.origin),
-        "target": list(camera.target),
-        "axes": axes,
-        "half": half,
-        "aspect": aspect,
-    }
+    places = {"origin": list(camera.origin), "target": list(camera.target), "axes": camera.axes().tolist()}
+    return {**places, "half": math.tan(camera.field_of_view / 2.0), "aspect": aspect}
 
 
 def files_of(source: ShotSource) -> set[Path]:
@@ -320,11 +291,9 @@ def _recipe(surfaces: FramedSurfaces, number: int) -> tuple[Any, ...]:
 REST_SECONDS = 1.0
 """Time from the begin of a picture of a drag in which nothing else is computed, unless an edit is written."""
 
-POLL_SECONDS = 0.1
-"""Seconds between checks for an edit."""
+POLL_SECONDS = 0.1  # seconds between checks for an edit
 
-Stamp = frozenset[tuple[str, int, int]]
-"""Paths with the time they were last written, ns, and their sizes."""
+Stamp = frozenset[tuple[str, int, int]]  # paths with the time they were last written, ns, and their sizes
 
 
 def stamp(paths: Collection[Path]) -> Stamp:

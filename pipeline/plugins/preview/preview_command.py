@@ -13,14 +13,7 @@ import typer
 from pipeline.animation import FrameProgress
 from pipeline.animation.flow_cost import estimated_vertices, growth_warning
 from pipeline.cli.options import Common, Frames, Shot, ShotOptions, at_option, output_option
-from pipeline.cli.output import (
-    err,
-    frame_progress,
-    make_folder_of,
-    print_error,
-    print_result,
-    print_warning,
-)
+from pipeline.cli.output import err, frame_progress, make_folder_of, print_error, print_result, print_warning
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.flow.flow import require_permission
 from pipeline.plugins.preview.animatic import (
@@ -64,9 +57,7 @@ def preview(
     ] = None,
     live: Annotated[
         bool,
-        typer.Option(
-            "--live", help="Open a page that shows the shot, follows edits of its file and edits it."
-        ),
+        typer.Option("--live", help="Open a page that shows the shot, follows edits of its file, and edits."),
     ] = False,
     watch: Annotated[
         bool, typer.Option("--watch", help="Draw again whenever the shot file is saved, until Ctrl-C.")
@@ -104,7 +95,7 @@ def preview(
     if names_edit(shot):
         if at is not None or frames is not None or live or watch:
             raise UsageError(
-                f"{shot} is an edit, which is always drawn whole; --at, -f, --live and --watch are for shots"
+                f"{shot} is an edit, always drawn whole; --at, -f, --live and --watch are for shots"
             )
         edit, requests = options.project(common).edit(DEFAULT_QUALITY, find_edit(shot), variant="none")
         _draw_film(common, edit, [Sketch(each, flow, edges, fields) for each in requests], output)
@@ -135,7 +126,6 @@ def preview(
 def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, path: Path) -> None:
     """Draw a still of frame `at`, or the movie of all requested frames."""
     numbers = {at} if at is not None else set(sketch.request.requested)
-    frames = plural(len(numbers), "frame")
     if not common.dry_run:
         with SurfaceStream(store, once=True) as stream:
             make_folder_of(path)
@@ -148,10 +138,8 @@ def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, pat
                     animatic.movie(path, report)
                 else:
                     animatic.still(at, path, report)
-    for line in _notes(sketch.request):
-        print_warning(line)
-    words = f"{path}: {frames}{' would be drawn' if common.dry_run else ''}."
-    print_result(words, {"path": str(path), "frames": len(numbers)}, common.json)
+    _print_notes([sketch])
+    _report(common, path, len(numbers))
 
 
 def _draw_film(common: Common, edit: Edit, sketches: Sequence[Sketch], output: Path | None) -> None:
@@ -167,19 +155,26 @@ def _draw_film(common: Common, edit: Edit, sketches: Sequence[Sketch], output: P
             played = sum(len(clip.played(set(clip.sketch.request.requested))) for clip in clips)
             with _bars(common, clips, {"simulating": played, "drawing": edit.length}) as report:
                 write_film_animatic(edit, clips, path, report)
-    for line in dict.fromkeys(line for each in sketches for line in _notes(each.request)):
+    _print_notes(sketches)
+    _report(common, path, edit.length)
+
+
+def _report(common: Common, path: Path, frames: int) -> None:
+    words = f"{path}: {plural(frames, 'frame')}{' would be drawn' if common.dry_run else ''}."
+    print_result(words, {"path": str(path), "frames": frames}, common.json)
+
+
+def _print_notes(sketches: Sequence[Sketch]) -> None:
+    requests = [sketch.request for sketch in sketches]
+    for line in dict.fromkeys(
+        f"{each.name}: {line}" for each in requests for line in each.source.new_notes()
+    ):
         print_warning(line)
-    words = f"{path}: {plural(edit.length, 'frame')}{' would be drawn' if common.dry_run else ''}."
-    print_result(words, {"path": str(path), "frames": edit.length}, common.json)
 
 
 def _require_permissions(request: RenderRequest) -> None:
     for part in request.shot.parts:
         require_permission(part.motion.flow)
-
-
-def _notes(request: RenderRequest) -> list[str]:
-    return [f"{request.name}: {line}" for line in request.source.new_notes()]
 
 
 def _warn_of_growth(request: RenderRequest, last: int) -> None:
@@ -209,7 +204,7 @@ def _redraw(
             requested = set(sketch.request.requested)
             totals = {"simulating": len(animatic.played(requested)), "drawing": len(requested)}
             with _bars(common, [animatic], totals) as report:
-                _report_movie(common, movie, animatic.movie(movie, report))
+                _report(common, movie, animatic.movie(movie, report))
         except FlowsculptError as error:
             print_error(str(error))
         wait_for_edit(watched, before)
@@ -228,7 +223,7 @@ def _serve(
     feed = LiveFeed()
 
     def write_movie(surfaces: FramedSurfaces) -> None:
-        _report_movie(common, movie, surfaces.movie(movie, lambda stage, number: None))
+        _report(common, movie, surfaces.movie(movie, lambda stage, number: None))
 
     session = LiveSession(read, feed, stream, write_movie, {editor.path})
     with serving(feed, port, actions_of(editor, session)) as address:
@@ -236,10 +231,6 @@ def _serve(
         if browser:
             webbrowser.open(address)
         session.follow()
-
-
-def _report_movie(common: Common, movie: Path, frames: int) -> None:
-    print_result(f"{movie}: {plural(frames, 'frame')}.", {"path": str(movie), "frames": frames}, common.json)
 
 
 @contextmanager

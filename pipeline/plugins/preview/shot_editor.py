@@ -11,7 +11,6 @@ import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from pathlib import Path
 from threading import RLock
 from typing import Any
@@ -19,7 +18,6 @@ from typing import Any
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
 from pipeline.plugins.preview.settable_values import settable_values
 from pipeline.plugins.preview.text_edits import ValueEdit, edited, parsed
-from pipeline.shot.motion import Clock
 from pipeline.shot.shot_reader import read_clock, read_shot
 from pipeline.shot.yaml.inheritance import inherited_files
 from pipeline.shot.yaml.named_files import text_of
@@ -27,8 +25,7 @@ from pipeline.shot.yaml.yaml_source import Where, YamlSource, dotted
 from render.base.atomic_write import ChangedFileError, atomic_write
 from render.base.input_files import read_input
 
-MOST_STEPS = 200
-"""Edits that can be undone."""
+MOST_STEPS = 200  # edits that can be undone
 
 MOST_EDITS, DEEPEST_PATH = 64, 24
 """Values that one request may change, and steps of a path."""
@@ -55,9 +52,7 @@ class Step:
 class ShotEditor:
     """Edits one shot file; safe to use from several threads; one writes at a time.
 
-    path        the shot file
-    settings    values of the command line, which replace those of the file and cannot be edited
-    allow_code  whether the shot may run the Python files that it names
+    settings  values of the command line, which replace those of the file and cannot be edited
     """
 
     path: Path
@@ -114,8 +109,7 @@ class ShotEditor:
         for edit in edits:
             self._require_own(source, edit)
         clock, _ = read_clock(source)
-        time_of = partial(_seconds, clock)
-        return edited(self.path, text, edits, time_of, verify)
+        return edited(self.path, text, edits, lambda key: clock.seconds(key) if clock else None, verify)
 
     def _require_own(self, source: YamlSource, edit: ValueEdit) -> None:
         """Refuse an edit of a value that a setting replaces, or that another file gives in part."""
@@ -123,9 +117,7 @@ class ShotEditor:
         for setting in self.settings:
             given = setting.partition("=")[0].strip()
             if name == given or name.startswith(f"{given}.") or given.startswith(f"{name}."):
-                raise ShotError(
-                    f"--set {setting}: this overrides {name} of the file. Start again without it."
-                )
+                raise ShotError(f"--set {setting}: it overrides {name} of the file. Start again without.")
         for depth, step in enumerate(edit.where):
             is_within = isinstance(step, int) or "keys" in edit.where[:depth]
             if is_within and source.get(*edit.where[:depth]) is None:
@@ -163,9 +155,8 @@ class ShotEditor:
 
     def _stale(self) -> StaleError:
         return StaleError(
-            f"{self.path}: the file has changed in the meantime; nothing was written. The page shows the "
-            "new file: "
-            "edit again."
+            f"{self.path}: the file has changed in the meantime; nothing was written. The page shows the new "
+            "file: edit again."
         )
 
     def _forget_others(self, text: str) -> None:
@@ -218,10 +209,6 @@ class ShotEditor:
                     shutil.copymode(target, draft)
         except (ChangedFileError, MissingInputError):
             raise self._stale() from None
-
-
-def _seconds(clock: Clock | None, key: Any) -> float | None:
-    return None if clock is None else clock.seconds(key)
 
 
 def digest_of(text: str) -> str:

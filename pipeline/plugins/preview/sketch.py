@@ -41,8 +41,7 @@ OCTAHEDRON = TriangleMesh(
     [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]],
 )
 
-LINE = 1 / 600
-"""Width of a streamline, over that of the picture."""
+LINE = 1 / 600  # width of a streamline, over that of the picture
 
 SLOW, MIDDLE, FAST = (0.10, 0.36, 0.56), (0.86, 0.63, 0.16), (0.80, 0.24, 0.14)
 """Display colours of streamlines, from still to the fastest."""
@@ -52,11 +51,10 @@ SLOW, MIDDLE, FAST = (0.10, 0.36, 0.56), (0.86, 0.63, 0.16), (0.80, 0.24, 0.14)
 class Sketch:
     """The style in which frames of a shot are drawn.
 
-    flow     draw streamlines
-    edges    draw the edges of faces
-    burn_in  fields that are written over the picture
-    closed   True if no surface has a boundary, so that inner sides are never seen
-    quick    draw points as coarse balls
+    flow    draw streamlines
+    edges   draw the edges of faces
+    closed  True if no surface has a boundary, so that inner sides are never seen
+    quick   draw points as coarse balls
     """
 
     request: RenderRequest
@@ -74,14 +72,10 @@ class Sketch:
         size: tuple[int, int],
         display: str,
     ) -> NDArray[Any]:
-        """Draw a frame as uint8 (H, W, 3). Raises FrameError where the flow fails.
-
-        surfaces  the arrays of each subject
-        """
+        """Draw a frame from the arrays of each subject, uint8 (H, W, 3). Raises FrameError."""
         picture, parts = self.request.picture(number), self.request.parts
-        camera = framing.camera
+        camera, view = framing.camera, picture.view.for_previews()
         fades = stage_fades(camera, picture.lights)
-        view = picture.view.for_previews()
         setup = StageSetup(picture.lights, picture.stage, framing.placement, view, fades)
         first, *others = (
             shape_of(arrays, part.picture(number).look, self.quick)._replace(closed=self.closed)
@@ -111,22 +105,17 @@ class Sketch:
 
     def _streamlines(self, number: int, surfaces: Sequence[Mapping[str, AnyArray]]) -> StreamlineSet:
         """Return the streamlines around the surfaces of all subjects."""
-        parts = zip(surfaces, self.request.parts, strict=True)
         each = [
             streamlines(part.shot.motion, number, arrays["vertices"].astype(np.float64))
-            for arrays, part in parts
+            for arrays, part in zip(surfaces, self.request.parts, strict=True)
         ]
-        return _joined(each)
+        points, speeds = zip(*each, strict=True)
+        return StreamlineSet(np.concatenate(points), np.concatenate(speeds))
 
     def _facts(self, number: int) -> dict[str, str | int]:
-        rate = self.request.shot.rate
-        return {
-            "shot": self.request.name,
-            "frame": number,
-            "timecode": timecode(number, rate.fps),
-            "quality": "preview",
-            "key": self.request.mesh_key(number)[:8],
-        }
+        code, key = timecode(number, self.request.shot.rate.fps), self.request.mesh_key(number)[:8]
+        facts: dict[str, str | int] = {"shot": self.request.name, "frame": number, "timecode": code}
+        return {**facts, "quality": "preview", "key": key}
 
 
 def shape_of(arrays: Mapping[str, AnyArray], look: Material, quick: bool = False) -> Shape:
@@ -186,16 +175,11 @@ STEP = 1 / 16
 """Frames over which points are moved to measure velocity, which flows that are maps do not have."""
 
 SEEDS, PIECES = 420, 48
-SEED_BOX = 1.35
-"""Half-size of the box where streamlines begin, over that of the subject."""
+SEED_BOX = 1.35  # half-size of the box where streamlines begin, over that of the subject
 
-LENGTH = 0.6
-"""Length of streamlines of median speed, over the subject's half-size."""
-MOST_SPEED = 2.5
-"""Upper bound of speed along a streamline, over the median speed."""
-
-STILL = 0.02
-"""Fraction of the 95th percentile of speed below which no streamline begins."""
+LENGTH = 0.6  # length of streamlines of median speed, over the subject's half-size
+MOST_SPEED = 2.5  # upper bound of speed along a streamline, over the median speed
+STILL = 0.02  # fraction of the 95th percentile of speed below which no streamline begins
 
 
 class StreamlineSet(NamedTuple):
@@ -203,12 +187,6 @@ class StreamlineSet(NamedTuple):
 
     points: Floats
     speeds: Floats
-
-
-def _joined(sets: Sequence[StreamlineSet]) -> StreamlineSet:
-    """Return the streamlines around all subjects."""
-    points, speeds = zip(*sets, strict=True)
-    return StreamlineSet(np.concatenate(points), np.concatenate(speeds))
 
 
 def streamlines(motion: Motion, frame: int, vertices: Points) -> StreamlineSet:

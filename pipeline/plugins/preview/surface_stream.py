@@ -11,7 +11,7 @@ import math
 import tempfile
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -19,6 +19,7 @@ from functools import partial
 from pathlib import Path
 from threading import Lock
 from types import TracebackType
+from typing import TypeVar
 
 import psutil
 
@@ -35,17 +36,16 @@ from pipeline.production.store.store import Key, Store, key_of
 from render.base.atomic_write import atomic_write, disk_errors
 from render.scene.patterns import SPEED
 
-SLOW = 0.25
-"""Core-seconds from which on a simulated frame is stored."""
+SLOW = 0.25  # core-seconds from which on a simulated frame is stored
 
-MEMORY_SHARE = 0.2
-"""Fraction of the free memory that mesh frames may take, and that surfaces may take."""
+MEMORY_SHARE = 0.2  # fraction of the free memory that mesh frames may take, and that surfaces may take
 
 UNSHADED, LARGE_BYTES = 4, 1 << 24
 """Frames that may wait for normals while others are simulated, and the size from which on only one may."""
 
-DICED = 100_000
-"""Vertices, about, of a previewed surface that renders dice."""
+DICED = 100_000  # vertices, about, of a previewed surface that renders dice
+
+T = TypeVar("T")
 
 Arrays = Mapping[str, AnyArray]
 
@@ -86,7 +86,10 @@ class MeshSource:
             self._simulation = None
             return known
         if self._simulation is None:
-            self._simulation = animate_reporting(self.request.shot, self._before(number), self.callback)
+            first = self.request.shot.motion.frames.first
+            earlier = (self._known(n) for n in range(number - 1, first - 1, -1))
+            latest = next((frame for frame in earlier if frame is not None), None)
+            self._simulation = animate_reporting(self.request.shot, latest, self.callback)
         while True:
             started = time.thread_time()
             frame = next(self._simulation)
@@ -103,12 +106,6 @@ class MeshSource:
                 place = self.request.place("mesh", number)
                 return self.store.read("mesh", key, place, readers.mesh_frame(key))
         return None
-
-    def _before(self, number: int) -> MeshFrame | None:
-        """Return the latest known frame before `number`."""
-        first = self.request.shot.motion.frames.first
-        known = (self._known(earlier) for earlier in range(number - 1, first - 1, -1))
-        return next((frame for frame in known if frame is not None), None)
 
     def _keep(self, frame: MeshFrame, seconds: float) -> None:
         key = self.request.mesh_key(frame.number)
@@ -170,6 +167,29 @@ class SpillCache:
         return Path(self._folder.name) / f"{key}.npz"
 
 
+def in_order(submitted: Iterator[tuple[int, Future[T]]], most: Callable[[], int]) -> Iterator[tuple[int, T]]:
+    """Yield numbers and results in the order in which they are submitted; `most` returns how many may wait.
+
+    Where submitting raises FrameError, those before it are yielded first.
+    """
+    under_way: deque[tuple[int, Future[T]]] = deque()
+    failure = None
+    while True:
+        try:
+            under_way.append(next(submitted))
+        except StopIteration:
+            break
+        except FrameError as error:
+            failure = error
+            break
+        while under_way and (under_way[0][1].done() or len(under_way) > most()):
+            number, future = under_way.popleft()
+            yield number, future.result()
+    yield from ((number, future.result()) for number, future in under_way)
+    if failure is not None:
+        raise failure
+
+
 @dataclass(eq=False)
 class SurfaceStream:
     """Surfaces of a shot, kept from one preview to the next; a context manager.
@@ -202,16 +222,12 @@ class SurfaceStream:
         self.surfaces.close()
 
     def play(
-        self,
-        request: RenderRequest,
-        numbers: Iterable[int],
-        shown: Iterable[tuple[RenderRequest, int]] = (),
+        self, request: RenderRequest, numbers: Iterable[int], shown: Iterable[tuple[RenderRequest, int]] = ()
     ) -> Iterator[int]:
         """Compute the surfaces of frames in ascending order, and yield each number when its surface is there.
 
-        shown  frames of earlier requests, whose surfaces are kept too
-
-        Raises FrameError where the flow or the resampling fails, after all frames before it.
+        Keeps those of `shown`, frames of earlier requests, too. Raises FrameError where the flow or the
+        resampling fails, after all frames before it.
         """
         frames, numbers = request.shot.frames, list(numbers)
         wanted = [*((request, n) for n in frames), *shown]
@@ -223,25 +239,8 @@ class SurfaceStream:
     def _play(self, request: RenderRequest, numbers: list[int]) -> Iterator[int]:
         """Compute the surfaces of one subject, as `play` does."""
         with ThreadPoolExecutor(1) as pool:
-            under_way: deque[tuple[int, Future[None]]] = deque()
-            failure = None
-
-            def oldest() -> int:
-                number, surface = under_way.popleft()
-                surface.result()
-                return number
-
-            try:
-                for submitted in self._submitted(request, sorted(numbers), pool):
-                    under_way.append(submitted)
-                    while len(under_way) > self._waiting or (under_way and under_way[0][1].done()):
-                        yield oldest()
-            except FrameError as error:
-                failure = error
-            while under_way:
-                yield oldest()
-            if failure is not None:
-                raise failure
+            submitted = self._submitted(request, sorted(numbers), pool)
+            yield from (number for number, _ in in_order(submitted, lambda: self._waiting))
 
     def knows(self, request: RenderRequest, number: int) -> bool:
         """Tell whether the surfaces of a frame are there without simulation."""

@@ -42,11 +42,8 @@ from render.post.image import jpeg_bytes
 from render.scene.patterns import SPEED
 from render.scene.render_camera import Camera
 
-MOST_STEPS = 24
-"""Steps in which points are carried to a frame; each spans several frames in a long shot."""
-
-MOST_WEIGHTS = 1 << 21
-"""Weights of carried points for vertices, at most, and with it their memory: 8 MiB."""
+MOST_STEPS = 24  # steps in which points are carried to a frame; each spans several frames in a long shot
+MOST_WEIGHTS = 1 << 21  # weights of carried points for vertices, at most, and with it their memory: 8 MiB
 
 MOST_CARRIED, LEAST_CARRIED = 500, 60
 """Points that are carried: the more vertices, the fewer."""
@@ -91,9 +88,9 @@ class CarriedPoints:
         number: int,
         subjects: int = 1,
     ) -> CarriedPoints:
-        """Carry some of the first frame's vertices to a frame with these arrays. Raises FrameError.
+        """Carry some of the first frame's vertices to one with these arrays: fewer for each of many subjects.
 
-        subjects  number of subjects that are moved; the more, the fewer points are carried for each
+        Raises FrameError.
         """
         vertices = arrays["vertices"]
         start = _spread(at_first, _points_for(subjects * len(vertices))).astype(np.float64)
@@ -116,9 +113,7 @@ class CarriedPoints:
 
 
 def built(motion: Motion, number: int, tessellate: int) -> dict[str, AnyArray]:
-    """Build the subject coarsely, carry it to a frame and return its arrays there.
-
-    tessellate  pieces into which spans of a control net are cut
+    """Build the subject coarsely, a net cut as `tessellate` says, and return its arrays in a frame.
 
     Raises FrameError where the flow fails, and the errors of `Subject.build`.
     """
@@ -203,14 +198,9 @@ def _turned(normals: AnyArray, before: Vectors, now: Vectors) -> AnyArray:
     return np.where(lengths > 0.1, turned / np.maximum(lengths, 0.1), now).astype(np.float32)
 
 
-SIZE = (240, 135)
-"""Pixels of a 16:9 picture: a quarter of those of the page's pictures."""
-
-FRAMED = 600
-"""Points of a frame, about, by which a trial's camera is framed."""
-
-MOST_FRAMED = 64
-"""Frames by which a trial's camera is framed that holds still over the whole shot."""
+SIZE = (240, 135)  # pixels of a 16:9 picture: a quarter of those of the page's pictures
+FRAMED = 600  # points of a frame, about, by which a trial's camera is framed
+MOST_FRAMED = 64  # frames by which a trial's camera is framed that holds still over the whole shot
 
 
 class Change(IntEnum):
@@ -256,7 +246,9 @@ class TrialPictures:
         """
         self.session.hold()
         with self._lock:
-            drawn = self._drawn(number)
+            drawn = self.session.drawn(number)
+            if drawn is None:
+                raise UsageError(f"frame {number} is not simulated yet; the drag shows nothing until it is")
             request = _with_text(drawn.sketch.request, self.editor.trial(digest, edits))
             places, parts = [edit.where for edit in edits], drawn.sketch.request.parts
             if [part.source.subject for part in parts] != [part.source.subject for part in request.parts]:
@@ -292,12 +284,6 @@ class TrialPictures:
                 if change_of([where], part.source.subject) == Change.FLOW:
                     self._carry(drawn, part, number)
 
-    def _drawn(self, number: int) -> Drawn:
-        drawn = self.session.drawn(number)
-        if drawn is None:
-            raise UsageError(f"frame {number} is not simulated yet; the drag shows nothing until it is")
-        return drawn
-
     def _surface(
         self, drawn: Drawn, before: RenderRequest, after: RenderRequest, change: Change, number: int
     ) -> dict[str, AnyArray]:
@@ -308,7 +294,7 @@ class TrialPictures:
         elif change == Change.FLOW:
             arrays = self._carry(drawn, before, number).moved(motion, number)
         else:
-            arrays = self.session.arrays(before, number)
+            arrays = self.session.stream.arrays(before, number)
         if after.measures_speed and (change >= Change.FLOW or SPEED not in arrays):
             arrays = with_speeds(arrays, motion, number)
         return arrays
@@ -318,10 +304,8 @@ class TrialPictures:
         name = part.source.subject
         known, carried = self._carried.get(name, (None, None))
         if carried is None or known is not drawn:
-            motion = part.shot.motion
-            at_first = self._at_first(part)
-            arrays, subjects = self.session.arrays(part, number), len(drawn.sketch.request.parts)
-            carried = CarriedPoints.of(motion, at_first, arrays, number, subjects)
+            arrays, subjects = self.session.stream.arrays(part, number), len(drawn.sketch.request.parts)
+            carried = CarriedPoints.of(part.shot.motion, self._at_first(part), arrays, number, subjects)
             self._carried[name] = drawn, carried
         return carried
 
@@ -334,7 +318,7 @@ class TrialPictures:
                 raise UsageError("the first frame is not simulated yet; the drag shows nothing until it is")
             name = part.source.subject
             part = next(each for each in begun.sketch.request.parts if each.source.subject == name)
-        return self.session.arrays(part, first)["vertices"]
+        return self.session.stream.arrays(part, first)["vertices"]
 
     def _framing(self, drawn: Drawn, request: RenderRequest, number: int) -> Framing:
         """Return the framing of a frame for another camera.
@@ -355,21 +339,20 @@ class TrialPictures:
             views = [asked.view(n) for n in numbers]
             return frame_all(views, lambda i: extents[i], asked.aspect, asked.follow)[index]
 
-        before, after = framed(drawn.sketch.request), framed(request)
-        return _corrected(after, before, drawn.framing, request, number)
+        return _corrected(framed(request), framed(drawn.sketch.request), drawn.framing, request, number)
 
     def _framing_of_subject(
         self, drawn: Drawn, request: RenderRequest, surfaces: Sequence[Mapping[str, AnyArray]], number: int
     ) -> Framing:
         """Return the framing of a frame for another subject: it moves as one by this frame alone would."""
-        known = [self.session.arrays(part, number) for part in drawn.sketch.request.parts]
+        known = [self.session.stream.arrays(part, number) for part in drawn.sketch.request.parts]
 
         def framed(asked: RenderRequest, seen: Sequence[Mapping[str, AnyArray]]) -> Framing:
             points = np.concatenate([arrays["vertices"] for arrays in seen])
             return frame_all([asked.view(number)], lambda i: points, asked.aspect, asked.follow)[0]
 
-        before, after = framed(drawn.sketch.request, known), framed(request, surfaces)
-        return _corrected(after, before, drawn.framing, request, number)
+        before = framed(drawn.sketch.request, known)
+        return _corrected(framed(request, surfaces), before, drawn.framing, request, number)
 
     def _extent(self, number: int) -> AnyArray:
         """Return a part of a frame's points (N, 3)."""
@@ -378,7 +361,7 @@ class TrialPictures:
         key = number, drawn.key
         if key not in self._extents:
             parts = drawn.sketch.request.parts
-            each = [self.session.arrays(part, number)["vertices"] for part in parts]
+            each = [self.session.stream.arrays(part, number)["vertices"] for part in parts]
             self._extents = {place: part for place, part in self._extents.items() if place[0] != number}
             self._extents[key] = np.concatenate([p[:: -(-len(parts) * len(p) // FRAMED)] for p in each])
         return self._extents[key]

@@ -10,7 +10,7 @@ PLUGIN = Plugin(
             "pipeline.plugins.remote.push_command:push",
             "Upload stored files that the remote store lacks.",
             "Maintain",
-        ),
+        )
     },
     remote_stores="pipeline.plugins.remote.remote_files:STORES",
 )

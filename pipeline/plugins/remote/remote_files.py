@@ -25,6 +25,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from pathlib import Path
+from types import SimpleNamespace
 
 from pipeline.plugins.remote.remote_requests import (
     NO_FOLDER,
@@ -54,11 +55,7 @@ _LOCAL_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 @dataclass(eq=False)
 class RemoteFiles:
-    """The remote store at a checked address. One for each process and address: `RemoteFiles.of`.
-
-    requests  makes the requests to its file system
-    home      its path there
-    """
+    """The remote store at a checked address, with its path there. One for each process and address."""
 
     url: str
     requests: RemoteRequests
@@ -81,8 +78,6 @@ class RemoteFiles:
         """The warnings that this process has logged."""
         return self.requests.told
 
-    # What it holds
-
     def holds(self, kind: str, key: str) -> bool:
         """Tell whether the remote store has a file of `key` that is not known to be damaged."""
         return bool(self._names(kind, key))
@@ -95,7 +90,8 @@ class RemoteFiles:
     def fault(self) -> str | None:
         """Ask the remote store for a listing; return what is wrong with it, or None."""
         with contextlib.suppress(UnreachableError):
-            if not self.requests.tried(lambda: self.requests.call("exists", self._bucket)):
+            bucket = self.home.partition("/")[0] if self._is_bucket else self.home
+            if not self.requests.tried(lambda: self.requests.call("exists", bucket)):
                 return NO_FOLDER
             self._names_of("cameras")
         return self.requests.fault
@@ -138,8 +134,6 @@ class RemoteFiles:
 
         return self.requests.tried(ask)
 
-    # Files
-
     def fetch(self, kind: str, key: str, draft: Path) -> str | None:
         """Write the file of `key` to `draft`; return its digest, or None where there is no whole one.
 
@@ -155,8 +149,7 @@ class RemoteFiles:
                 else:
                     self.requests.warn(
                         f"{self.url}: {kind}/{name[0]}/{name} differs from the stored file: it is not used, "
-                        "and is "
-                        "replaced once it is made again"
+                        "and is replaced once it is made again"
                     )
                 self._bad.add(name)
         return None
@@ -175,10 +168,7 @@ class RemoteFiles:
         return True
 
     def send(self, kind: str, key: str, path: Path, digest: str, replace: bool = False) -> bool:
-        """Upload the file of `key`; return whether the remote store has it now.
-
-        replace  remove other files of `key`
-        """
+        """Upload the file of `key`; return whether it is there. `replace` removes other files of `key`."""
         name = f"{key}.{digest}{path.suffix}"
         listed = self._listing(kind) if replace else self._listed.get(kind, (0.0, {}))[1]
         others = [other for other in listed.get(key, ()) if other != name]
@@ -230,11 +220,6 @@ class RemoteFiles:
     def _is_bucket(self) -> bool:
         return self.url.partition("://")[0] in _BUCKETS
 
-    @property
-    def _bucket(self) -> str:
-        """The bucket, or the folder, which must be there."""
-        return self.home.partition("/")[0] if self._is_bucket else self.home
-
     def _require_folder(self) -> None:
         """Raise NotADirectoryError where the folder is not there, as when a share is not mounted."""
         if not (self._is_bucket or self.requests.files.isdir(self.home)):
@@ -253,14 +238,11 @@ def _digest_in(name: str) -> str:
     return name.split(".")[1]
 
 
-class RemoteAddresses:
-    """Finds remote stores by their addresses, for `pipeline.production.store.remote_store`."""
-
-    checked = staticmethod(checked_url)
-    opened = staticmethod(RemoteFiles.of)
-    load = staticmethod(load_package)
-    send_kernels = staticmethod(send_kernels)
-    fetch_kernels = staticmethod(fetch_kernels)
-
-
-STORES = RemoteAddresses()
+STORES = SimpleNamespace(
+    checked=checked_url,
+    opened=RemoteFiles.of,
+    load=load_package,
+    send_kernels=send_kernels,
+    fetch_kernels=fetch_kernels,
+)
+"""Finds remote stores by their addresses, for `pipeline.production.store.remote_store`."""

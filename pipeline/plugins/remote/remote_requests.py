@@ -30,11 +30,8 @@ OPTION = "--store"
 
 EXAMPLES = "s3://bucket/show, or a folder such as /mnt/share/show"
 
-CONNECT_SECONDS = 5.0
-"""Seconds until a server that does not accept a connection counts as absent."""
-
-READ_SECONDS = 20.0
-"""Seconds without a byte after which an answer counts as lost."""
+CONNECT_SECONDS = 5.0  # seconds until a server that does not accept a connection counts as absent
+READ_SECONDS = 20.0  # seconds without a byte after which an answer counts as lost
 
 
 def checked_url(typed: str) -> str:
@@ -88,9 +85,8 @@ def _check_host(text: str, where: str) -> None:
         raise UsageError(f"{where}: cannot be parsed ({error}); write {EXAMPLES}") from None
     if has_password:
         raise UsageError(
-            f"{where}: it contains a password, which would end up in logs; leave it out, and put "
-            "credentials in the "
-            "file system's own settings (docs/farm.md)"
+            f"{where}: it contains a password, which would end up in logs; leave it out, and put credentials "
+            "in the file system's own settings (docs/farm.md)"
         )
     bucket = rest.partition("/")[0]
     if scheme in _BUCKETS and not re.fullmatch(r"[\w.-]+|arn:[\w:.-]+", bucket, re.ASCII):
@@ -147,11 +143,9 @@ def _without_password(text: str) -> str:
 
 T = TypeVar("T")
 
-PATIENCE = 5.0
-"""Seconds for which a request that failed is tried again."""
+PATIENCE = 5.0  # seconds for which a request that failed is tried again
 
-FIRST_PAUSE = 0.25
-"""Seconds before the second try; each further pause is twice as long."""
+FIRST_PAUSE = 0.25  # seconds before the second try; each further pause is twice as long
 
 REQUEST_SECONDS = 300.0
 """Seconds that one request may take, the transfer of a file too: of 900 MB at 3 MB/s."""
@@ -169,10 +163,8 @@ class UnreachableError(Exception):
 
 @dataclass(eq=False)
 class RemoteRequests:
-    """Requests to one file system.
+    """Requests to one file system of fsspec.
 
-    url    the address of the remote store, for messages
-    files  the fsspec file system
     told   the warnings that this process has logged
     fault  what is wrong with the remote store, in words; None where it answered last
     """
@@ -233,9 +225,7 @@ class RemoteRequests:
                 return
             self._silent_until = time.monotonic() + self._silence
             self._silence = min(2.0 * self._silence, MAX_SILENT_SECONDS)
-        self.warn(
-            f"{self.url}: {fault}; continuing without it. New files stay here, and the next run uploads them"
-        )
+        self.warn(f"{self.url}: {fault}; continuing without it. New files stay; the next run uploads them")
 
     def warn(self, message: str) -> None:
         """Log a warning, each once."""

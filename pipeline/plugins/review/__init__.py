@@ -2,20 +2,18 @@
 
 from pipeline.plugin import Command, Plugin
 
+_COMMANDS = "pipeline.plugins.review.review_commands"
+
 PLUGIN = Plugin(
     name="review",
     version="1",
     commands={
         "review": Command(
-            "pipeline.plugins.review.review_commands:review",
+            f"{_COMMANDS}:review",
             "Write a page for reviewing shots frame by frame and writing notes.",
             "Look",
         ),
-        "notes": Command(
-            "pipeline.plugins.review.review_commands:notes",
-            "List the notes that reviewers wrote about a shot.",
-            "Look",
-        ),
+        "notes": Command(f"{_COMMANDS}:notes", "List the notes that reviewers wrote about a shot.", "Look"),
     },
     schemas={"notes": "pipeline.plugins.review.review_notes:NotesDocument"},
     notes="pipeline.plugins.review.review_notes:notes_file",

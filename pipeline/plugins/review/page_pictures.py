@@ -12,7 +12,6 @@ import zlib
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -32,26 +31,18 @@ from render.post.image import read_exr, read_header, read_png, write_jpeg, write
 from render.post.view import ColourView
 from render.scene.scene_lights import PREFIX
 
-THUMB = 160
-"""Width of thumbnails, about, in pixels."""
+THUMB = 160  # width of thumbnails, about, in pixels
 
-MOST_THUMBS = 400
-"""Most thumbnails on a sheet; longer shots show every second frame, or every third."""
+MOST_THUMBS = 400  # most thumbnails on a sheet; longer shots show every second frame, or every third
 
 SHEET_COLUMNS = 20
 
-EMPTY_SIZE = (16, 9)
-"""Size of a sequence without pictures, pixels: its aspect on the page."""
+EMPTY_SIZE = (16, 9)  # size of a sequence without pictures, pixels: its aspect on the page
 
 
 @dataclass(frozen=True)
 class Proxies:
-    """The pictures of one sequence on a page.
-
-    files   by frame, file names in the page's folder of pictures
-    faults  by frame, the fault of pictures that cannot be read
-    size    width and height, pixels
-    """
+    """The files of one sequence by frame, the faults of unreadable ones, and the size in pixels."""
 
     files: dict[int, str]
     faults: dict[int, str]
@@ -72,7 +63,8 @@ class ProxyWriter:
         files: dict[int, str] = {}
         faults: dict[int, str] = {}
         with ThreadPoolExecutor(self.threads) as pool:
-            for number, name in pool.map(lambda n: (n, self._proxy(sequence, n)), sequence.pictures):
+            names = pool.map(lambda number: self._proxy(sequence, number), sequence.pictures)
+            for number, name in zip(sequence.pictures, names, strict=True):
                 if name is None:
                     faults[number] = "it is damaged; flowsculpt verify repairs it"
                 else:
@@ -143,17 +135,14 @@ class ProxyWriter:
 
 FORMAT = 2
 
-VIEW = "view"
-"""The table of the view of a sequence, as a layer: display values by light."""
+VIEW = "view"  # the table of the view of a sequence, as a layer: display values by light
 
-DISPLAY = "picture"
-"""The layer of display values, 8 bits: the picture as the page's JPEG or PNG shows it."""
+DISPLAY = "picture"  # the layer of display values, 8 bits: the picture as the page's JPEG or PNG shows it
 
 LIGHT = ("beauty", "denoised", "noise")
 """Layers shown by the shot's exposure through the display's curve, as are those of light groups."""
 
-REFLECTANCE = ("albedo", "denoise_albedo")
-"""Layers shown through the display's curve; others are data."""
+REFLECTANCE = ("albedo", "denoise_albedo")  # layers shown through the display's curve; others are data
 
 LARGEST_HALF = 65504.0
 
@@ -200,10 +189,8 @@ class LayerWriter:
         for name, values in {DISPLAY: shown, **arrays}.items():
             file = f"{key_of('layer', FORMAT, sequence.still_key('png', number), name)}.js"
             if not self.store.is_whole(self.folder / file):
-                write = partial(
-                    _write_script, file=file, name=name, values=values, exposure=display.exposure, view=view
-                )
-                self.store.write(self.folder / file, write)
+                about = {"view": view} if name == "beauty" or name.startswith(PREFIX) else {}
+                self._write_text(file, as_script(file, name, values, display.exposure, about))
             files[name] = file
         return {**files, VIEW: view}
 
@@ -215,9 +202,11 @@ class LayerWriter:
             side = table.values.shape[0]
             steps = np.rint(255.0 * np.clip(table.values, 0.0, 1.0)).astype(np.uint8)
             about = {"toe": table.toe, "white": table.white, "side": side}
-            script = as_script(file, DISPLAY, steps.reshape(side * side, side, 3), about=about)
-            self.store.write(self.folder / file, lambda draft: draft.write_text(script, encoding="utf-8"))
+            self._write_text(file, as_script(file, DISPLAY, steps.reshape(side * side, side, 3), about=about))
         return file
+
+    def _write_text(self, file: str, script: str) -> None:
+        self.store.write(self.folder / file, lambda draft: draft.write_text(script, encoding="utf-8"))
 
 
 def _raw_layers(
@@ -237,15 +226,6 @@ def _raw_layers(
     except RenderError:
         return {}
     return {name: arrays[name] for name in sorted(arrays) if name not in finished}
-
-
-def _write_script(
-    draft: Path, file: str, name: str, values: NDArray[Any], exposure: float, view: str
-) -> None:
-    is_shown = name == "beauty" or name.startswith(PREFIX)
-    draft.write_text(
-        as_script(file, name, values, exposure, {"view": view} if is_shown else {}), encoding="utf-8"
-    )
 
 
 def as_script(

@@ -68,9 +68,7 @@ def review(
     require_one_of(form, FORMS, f"--as {form}: pictures of a page are {' or '.join(FORMS)}.")
     for each in shots:
         if each.endswith(".json"):
-            raise UsageError(
-                f"{each}: --notes takes one file; write --notes before each file, and shots without"
-            )
+            raise UsageError(f"{each}: --notes takes one file; write it before each file, shots without")
     project = options.project(common)
     search = Search(project, tuple(qualities or ()), History.of(common.root))
     material = [search.shot(shot) for shot in dict.fromkeys(shots)]
@@ -96,13 +94,8 @@ def review(
         )
     words = f"{page.index}:{verb} {shown}."
     missing = {f"{s.shot} {s.label}": sorted(s.states()) for s in page.sequences if s.states()}
-    facts = {
-        "page": str(page.index),
-        **counts,
-        "notes": live,
-        "notes_added": added,
-        "not_as_asked_for": missing,
-    }
+    about_notes = {"notes": live, "notes_added": added}
+    facts = {"page": str(page.index), **counts, **about_notes, "not_as_asked_for": missing}
     print_result(words, facts, common.json)
 
 
@@ -112,9 +105,7 @@ def _title(name: str | None, shots: list[str]) -> str:
         whole = "+".join(shots)
         return whole if len(whole) <= 60 else f"{shots[0]}+{len(shots) - 1}"
     if not re.fullmatch(NAME, name):
-        raise UsageError(
-            f"--name {name}: the name of a page consists of letters, digits, _, - and ., as in monday"
-        )
+        raise UsageError(f"--name {name}: a page has letters, digits, _, - and . in its name, as monday")
     return name
 
 

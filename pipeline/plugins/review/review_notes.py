@@ -28,8 +28,7 @@ VERSION = 1
 
 STATUSES = ("open", "change", "approved")
 
-UNITS = 10_000
-"""Units of a drawing to the width of its picture; heights are measured in the same unit."""
+UNITS = 10_000  # units of a drawing to the width of its picture; heights are measured in the same unit
 
 _PRINTED = r"^[^\x00-\x08\x0b-\x1f\x7f-\x9f]*$"
 """Text without control characters, which could command a terminal; tabs and line ends are allowed."""
@@ -98,9 +97,7 @@ class NoteRevision(_Document):
     author: Annotated[Line, Field(description="The writer of this revision.")]
     created: Annotated[Time, Field(description="UTC, the same in all revisions of a note.")]
     modified: Annotated[Time, Field(description="UTC, when this revision was written.")]
-    deleted: Annotated[
-        bool, Field(description="The note is deleted; it is kept so that merging recognises it.")
-    ]
+    deleted: Annotated[bool, Field(description="The note is deleted; merging still recognises it.")]
 
     @model_validator(mode="after")
     def _check_frames(self) -> NoteRevision:
@@ -124,9 +121,7 @@ class ReviewNote(NoteRevision):
 
     id: Annotated[
         str,
-        Field(
-            pattern="^[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}$", description="A UUID."
-        ),
+        Field(pattern="^[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}$", description="UUID."),
     ]
     history: Annotated[tuple[NoteRevision, ...], Field(max_length=10_000)]
 
@@ -179,9 +174,7 @@ def as_text(notes: Iterable[ReviewNote]) -> str:
 def read_notes(path: Path) -> list[ReviewNote]:
     """Return the notes of a file. Raises MissingInputError, UsageError, or MachineError if it is refused."""
     if not is_there(path):
-        raise MissingInputError(
-            f"{path}: file of notes not found; the page of flowsculpt review downloads one"
-        )
+        raise MissingInputError(f"{path}: no such file of notes; the page of flowsculpt review downloads one")
     try:
         content = path.read_bytes()
     except OSError as error:

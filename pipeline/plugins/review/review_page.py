@@ -59,12 +59,10 @@ class Search:
         """Return the material of a shot. Raises MissingInputError if nothing is rendered, or ShotError."""
         path = find_shot(name)
         query = SequenceQuery(self.project, path, self.qualities, self.history)
-        found: list[PictureSequence | SequenceGrid] = [
-            query.rendered(request, "render", request.quality_name) for request in query.requests()
-        ]
-        found += [each for function in plugins().sequences for each in function(query)]
+        found = [each for function in plugins().sequences for each in function(query)]
         grids = tuple(each for each in found if isinstance(each, SequenceGrid))
-        single = [each for each in found if isinstance(each, PictureSequence)]
+        single = [query.rendered(request, "render", request.quality_name) for request in query.requests()]
+        single += [each for each in found if isinstance(each, PictureSequence)]
         cells = [sequence for grid in grids for sequence in grid.sequences]
         sequences = tuple(sorted((each for each in (*single, *cells) if each.files), key=_order))
         if not sequences:
@@ -156,10 +154,9 @@ class ReviewPage:
         pictures = {name for sequence in sequences for name in sequence["files"] if name}
         models = {file for shot in shots.values() for _, file in shot["models"]}
         sheets = {sequence["sheet"]["file"] for sequence in sequences if sequence["sheet"]}
-        _keep(self.folder / "pictures", pictures | sheets)
-        _keep(self.folder / "models", models)
         layers = {file for each in sequences for files in each["layers"].values() for file in files.values()}
-        _keep(self.folder / "layers", layers)
+        for folder, names in (("pictures", pictures | sheets), ("models", models), ("layers", layers)):
+            _keep(self.folder / folder, names)
         return {
             "sequences": len(sequences),
             "pictures": len(pictures),
@@ -191,24 +188,20 @@ class ReviewPage:
 
     def _sequence(self, sequence: PictureSequence, tell: Tell) -> dict[str, Any]:
         writer = ProxyWriter(self.store, self.folder / "pictures", self.form, self.threads)
+        layers = LayerWriter(self.store, self.folder / "layers", self.layers, self.threads)
         proxies = writer.proxies(sequence, tell)
         states = {**sequence.states(), **{n: ("failed", why) for n, why in proxies.faults.items()}}
         readable = [number for number in sequence.numbers if number in sequence.pictures]
+        names = ("shot", "kind", "label", "quality", "note")
         return {
-            "shot": sequence.shot,
-            "kind": sequence.kind,
-            "label": sequence.label,
-            "quality": sequence.quality,
-            "note": sequence.note,
+            **{name: getattr(sequence, name) for name in names},
             "source": None if sequence.shot_text is None else self._sources.index(sequence.shot_text),
             "size": list(proxies.size),
             "numbers": list(sequence.numbers),
             "files": [proxies.files.get(number) for number in sequence.numbers],
             "states": {number: list(state) for number, state in states.items()},
             "sheet": writer.sheet(proxies),
-            "layers": LayerWriter(self.store, self.folder / "layers", self.layers, self.threads).write(
-                sequence, tell
-            ),
+            "layers": layers.write(sequence, tell),
             "facts": {"numbers": readable, **tabled([sequence.pictures[n].header for n in readable])},
             "seconds": self._seconds(sequence, proxies),
         }
@@ -264,8 +257,7 @@ def _keep(folder: Path, names: set[str]) -> None:
             path.unlink(missing_ok=True)
 
 
-_OMITTED = frozenset({"frame"})
-"""Entries that differ between frames by definition."""
+_OMITTED = frozenset({"frame"})  # entries that differ between frames by definition
 
 
 def tabled(headers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -275,10 +267,8 @@ def tabled(headers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     table: dict[str, Any] = {"same": {}, "differ": {}}
     for name in names:
         values = [row.get(name) for row in rows]
-        if all(value == values[0] for value in values):
-            table["same"][name] = values[0]
-        else:
-            table["differ"][name] = values
+        is_same = all(value == values[0] for value in values)
+        table["same" if is_same else "differ"][name] = values[0] if is_same else values
     return table
 
 

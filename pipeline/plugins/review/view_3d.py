@@ -36,8 +36,7 @@ from render.base.atomic_write import atomic_write
 
 REQUIREMENTS = Path(__file__).with_name("requirements.txt")
 
-PACKED = Path("nicegui", "elements", "scene", "dist", "index.js")
-"""The path of three.js in the package."""
+PACKED = Path("nicegui", "elements", "scene", "dist", "index.js")  # the path of three.js in the package
 
 HINT = (
     "three.js is not installed, so the page has no 3-D view; "
@@ -48,8 +47,7 @@ FORMAT = 2
 
 _OF_VERTICES = ("vertices", "normals")
 
-BUDGET = 64_000_000
-"""Bytes, about, of the meshes of a shot on a page; large meshes come in fewer frames."""
+BUDGET = 64_000_000  # bytes, about, of the meshes of a shot on a page; large meshes come in fewer frames
 
 
 @dataclass(frozen=True)
@@ -187,9 +185,7 @@ def fetch() -> None:
         pip = python_process.command("pip", *words, "-r", str(REQUIREMENTS))
         done = subprocess.run(pip, env=python_process.environment())
         if done.returncode or not (Path(work) / PACKED).exists():
-            raise MachineError(
-                "three.js cannot be fetched (see pip's message); review pages have no 3-D view"
-            )
+            raise MachineError("three.js cannot be fetched (see pip's message); pages have no 3-D view")
         with atomic_write(_installed()) as draft:
             shutil.copyfile(Path(work) / PACKED, draft)
 

@@ -75,7 +75,7 @@ def figures(
     drawn = [_drawn(common, project, request, output, crossings) for request in whole.parts]
     if not any(measured for _, _, measured in drawn):
         raise MissingInputError(
-            f"{whole.name} has no meshes to draw figures from; flowsculpt simulate {shot} makes them"
+            f"{whole.name} has no meshes to measure; flowsculpt simulate {shot} makes them"
         )
     told = [(page, names, frames) for page, names, frames in drawn if frames]
     done = ", would be written" if common.dry_run else ""
@@ -153,9 +153,7 @@ def sheet(
         raise UsageError(f"{output} is not a PNG; a sheet's name ends in .png")
     if looks is not None:
         if output is not None or frames is not None:
-            raise UsageError(
-                "--looks draws the sheet of a wedge; leave out -o and -f, and choose the frame by --at"
-            )
+            raise UsageError("--looks draws a wedge; leave out -o and -f, and choose the frame by --at")
 
         if "," not in looks:
             raise UsageError(f"--looks {looks}: one look needs no sheet; name several, as in clay,glaze")
@@ -202,9 +200,7 @@ def wedge(
     quality: Quality = DEFAULT_QUALITY,
     columns: Annotated[
         int | None,
-        typer.Option(
-            min=1, metavar="N", help="Columns of the sheet. Default: the values of the last --vary."
-        ),
+        typer.Option(min=1, metavar="N", help="Columns of the sheet. Default: values of the last --vary."),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help=f"Allow more than {MOST_CELLS} cells.")] = False,
 ) -> None:

@@ -20,8 +20,7 @@ from render.graphics.contact_sheet import columns_for, fitted_sheet
 from render.graphics.plot import Curves, HeatMap, Panel, StackedBars
 from render.post.image import write_png
 
-DEFAULT_FRAMES = 12
-"""Most frames of a sheet where none are requested."""
+DEFAULT_FRAMES = 12  # most frames of a sheet where none are requested
 
 LONGEST_BAR = 1.6
 """The axis of seconds ends at this multiple of the 90th percentile, for first frames compile kernels."""
@@ -53,10 +52,8 @@ class ShotSheet:
         size = request.quality.rendered_size
         columns = min(len(numbers), self.columns or columns_for(len(numbers), size))
         rate = request.shot.rate
-        captions = [
-            (("frame", f"{number}   {rate.seconds(number - request.shot.frames.first):.2f} s"),)
-            for number in numbers
-        ]
+        seconds = [rate.seconds(number - request.shot.frames.first) for number in numbers]
+        captions = [(("frame", f"{n}   {s:.2f} s"),) for n, s in zip(numbers, seconds, strict=True)]
         sheet, factor = fitted_sheet(request.shot.heading, captions, size, columns)
         keys = picture_keys(request, self.store)
         pictures = [shown_picture(request, keys, self.store, n, factor, 8, "srgb") for n in numbers]
@@ -65,8 +62,7 @@ class ShotSheet:
         self.store.write(path, lambda draft: write_png(draft, page, header))
 
 
-Row = Mapping[str, Any]
-"""The measures of one frame, by name."""
+Row = Mapping[str, Any]  # the measures of one frame, by name
 
 
 def panels(
@@ -75,11 +71,9 @@ def panels(
     limits: tuple[float | None, float | None],
     seconds: Mapping[str, Mapping[int, float]],
 ) -> list[Panel]:
-    """Return the panels of a shot.
+    """Return the panels of a shot from measures by frame, and seconds by stage and frame.
 
-    measures  by frame, from `measures.measured`
-    limits    minimum and maximum edge length, if they are numbers
-    seconds   by stage and frame
+    limits  minimum and maximum edge length, if they are numbers
     """
     frames = np.array(numbers, np.float64)
     rows = [measures.get(number, {}) for number in numbers]
@@ -90,7 +84,8 @@ def _mesh_panels(
     frames: Floats, rows: Sequence[Row], limits: tuple[float | None, float | None]
 ) -> Iterator[Panel]:
     def values(*names: str) -> Floats:
-        return np.array([[_number(row.get(name)) for name in names] for row in rows])
+        found = [[row.get(name) for name in names] for row in rows]
+        return np.array([[v if isinstance(v, (int, float)) else np.nan for v in row] for row in found], float)
 
     none = np.zeros((0, 2))
     if _has(vertices := values("vertices")):
@@ -120,9 +115,8 @@ def _mesh_panels(
 def _seconds_panel(
     frames: Floats, numbers: Sequence[int], seconds: Mapping[str, Mapping[int, float]]
 ) -> Iterator[Panel]:
-    bars = {
-        stage: np.array([seconds[stage].get(n, 0.0) for n in numbers]) for stage in STAGES if stage in seconds
-    }
+    timed = [stage for stage in STAGES if stage in seconds]
+    bars = {stage: np.array([seconds[stage].get(n, 0.0) for n in numbers]) for stage in timed}
     if not bars:
         return
     total = np.sum(list(bars.values()), axis=0)
@@ -131,10 +125,6 @@ def _seconds_panel(
     unit = "s (the longest cut short)" if longest and (total > longest).any() else "s"
     scaled = {STAGES[stage].doing: values * scale for stage, values in bars.items()}
     yield StackedBars("seconds a frame", unit, frames, scaled)
-
-
-def _number(value: object) -> float:
-    return float(value) if isinstance(value, (int, float)) else np.nan
 
 
 def _has(values: Floats) -> bool:

@@ -33,24 +33,18 @@ from render.movie.encode import write_movie
 from render.post.image import read_header, write_png
 
 OPTION = "--vary"
-MOST_CELLS = 100
-"""Cells of a wedge at most, without --yes."""
+MOST_CELLS = 100  # cells of a wedge at most, without --yes
 
 MOST_AT_ALL = 10_000
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _STEPS = re.compile(rf"\s*({_NUMBER}):({_NUMBER}):(\d+)\s*")
-_LONGEST_NAME = 100
-"""Letters of a cell's folder; the end of a longer name is replaced by a digest."""
+_LONGEST_NAME = 100  # letters of a cell's folder; the end of a longer name is replaced by a digest
 
 
 @dataclass(frozen=True)
 class Variation:
-    """The name of a value in a shot, and the values that it takes.
-
-    values  YAML, as in a shot file
-    said    what the user wrote, for messages
-    """
+    """The name of a value in a shot, and the values that it takes, in YAML; `said` is what the user wrote."""
 
     name: str
     values: tuple[str, ...]
@@ -81,16 +75,12 @@ class Variation:
             raise UsageError(f"{place}: {shown(twice)} is listed twice. Remove one.")
         return cls(name, values, text)
 
-    def setting(self, value: str) -> str:
-        return f"{self.name}={value}"
-
 
 @dataclass(frozen=True)
 class Cell:
-    """One combination of values, in the order of the variations.
+    """One combination of values, in the order of the variations, and the caption below its picture.
 
-    folder   the name of its folder, from its values: the same cell of another wedge has the same
-    caption  short names and values, below its picture
+    folder  the name of its folder, from its values: the same cell of another wedge has the same
     """
 
     settings: tuple[str, ...]
@@ -108,23 +98,21 @@ class Grid:
     def parse(cls, texts: Sequence[str], many: bool = False) -> Grid:
         """`many` allows more than MOST_CELLS. Raises UsageError, with the option that is wrong."""
         if not texts:
-            raise UsageError(
-                f"a wedge needs {OPTION}: name what varies, such as {OPTION} flows.0.vortex.strength=1:3:5"
-            )
+            raise UsageError(f"a wedge needs {OPTION} and what varies, such as flows.0.vortex.strength=1:3:5")
         variations = tuple(map(Variation.parse, texts))
         names = [variation.name for variation in variations]
         for i, name in enumerate(names):
             if name in names[:i]:
                 raise UsageError(
-                    f"{OPTION} {shown(texts[i])}: {shown(name)} is varied twice; list all its values in one"
+                    f"{OPTION} {shown(texts[i])}: {shown(name)} is varied twice. List its values in one."
                 )
-        grid = cls(variations)
-        if len(grid) > (MOST_AT_ALL if many else MOST_CELLS):
+        grid, most = cls(variations), MOST_AT_ALL if many else MOST_CELLS
+        if len(grid) > most:
             counts = " × ".join(str(len(variation.values)) for variation in variations)
             remedy = "take fewer values" if many else "take fewer values, or add --yes if you mean it"
             raise UsageError(
                 f"{OPTION} {shown(texts[-1])}: that makes {counts} = {len(grid)} cells, and a wedge has at "
-                f"most {MOST_AT_ALL if many else MOST_CELLS}; {remedy}"
+                f"most {most}; {remedy}"
             )
         return grid
 
@@ -135,10 +123,10 @@ class Grid:
         short = _short_names([variation.name for variation in self.variations])
         taken: set[str] = set()
         for values in product(*(variation.values for variation in self.variations)):
-            pairs = list(zip(self.variations, values, strict=True))
-            folder = _folder([variation.setting(value) for variation, value in pairs], taken)
+            pairs = zip(self.variations, values, strict=True)
+            settings = tuple(f"{variation.name}={value}" for variation, value in pairs)
+            folder = _folder(settings, taken)
             taken.add(folder.lower())
-            settings = tuple(variation.setting(value) for variation, value in pairs)
             yield Cell(settings, folder, tuple(zip(short, values, strict=True)))
 
     @property
@@ -260,8 +248,6 @@ class Wedge:
                 planner.movie(request)
         return planner.plan()
 
-    # Sheets
-
     @property
     def still_path(self) -> Path:
         return self._home / f"{self.grid.name}.{self.quality}.{self.number:04d}.png"
@@ -324,10 +310,8 @@ def _at_the_variation(message: str, variations: tuple[Variation, ...], cell: Cel
     """Return the error of a cell, placed at the variation whose value is wrong."""
     for variation, setting in zip(variations, cell.settings, strict=True):
         if message.startswith(f"--set {setting}: "):
-            value = shown(setting.partition("=")[2])
-            return (
-                f"{OPTION} {shown(variation.said)}: at {value}, {message.removeprefix(f'--set {setting}: ')}"
-            )
+            value, fault = shown(setting.partition("=")[2]), message.removeprefix(f"--set {setting}: ")
+            return f"{OPTION} {shown(variation.said)}: at {value}, {fault}"
     return f"{OPTION} with {', '.join(cell.settings)}: {message}"
 
 

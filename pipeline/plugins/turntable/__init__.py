@@ -10,6 +10,6 @@ PLUGIN = Plugin(
             "pipeline.plugins.turntable.turntable_movie:turntable",
             "Render an object turning, then the lights turning around it.",
             "Render",
-        ),
+        )
     },
 )

@@ -44,8 +44,7 @@ from render.scene.render_quality import DEFAULT_QUALITY
 
 BOTH = "both"
 
-UPS = ("y", "z")
-"""The axes of a mesh file that can point up."""
+UPS = ("y", "z")  # the axes of a mesh file that can point up
 
 STAGE = "turntable"
 """The stage of a turntable, a name in `render.scene.scene_stage.STAGES`: with balls and a chart."""
@@ -85,16 +84,13 @@ class TurntableRequest:
                 "and 72 is usual"
             )
         if self.turn not in (*TURNS, BOTH):
-            raise UsageError(
-                f"--turn {self.turn}: nothing by that name turns. {suggestion(self.turn, (*TURNS, BOTH))}"
-            )
+            raise UsageError(f"--turn {self.turn}: it does not turn. {suggestion(self.turn, (*TURNS, BOTH))}")
         if self.up not in (None, *UPS):
             raise UsageError(f"--up {self.up}: only the axes y and z can point up. Write --up y or --up z.")
         if self.up is not None and not self._is_of_file:
             raise UsageError(
-                f"--up {self.up} stands a mesh file up, and {self.subject} is a shot. Leave out --up; in "
-                "the shot "
-                "file of a model, write up under subject."
+                f"--up {self.up} stands a mesh file up, and {self.subject} is a shot. Leave out --up; in the "
+                "shot file of a model, write up under subject."
             )
         for look in self.looks:
             if look not in LOOKS:
@@ -133,10 +129,7 @@ class TurntableRequest:
         return replace(request, requested=numbers, turntable=table)
 
     def _settings(self, look: str | None, subjects: Sequence[str]) -> Iterator[str]:
-        """Yield settings of the shot; the user's come last and win.
-
-        subjects  the names of several subjects, each with an optional look of its own
-        """
+        """Yield settings of the shot and of its subjects by name; the user's come last and win."""
         if not self.bare:
             yield f"stage={STAGE}"
         if look is not None:
@@ -160,13 +153,12 @@ EIGHTHS, QUARTERS = 8, 4
 
 def key_numbers(table: Turntable, turns: Sequence[str], parts_of_object: int = EIGHTHS) -> list[int]:
     """Return the pictures nearest to equal parts of each turn; fewer if there are fewer pictures."""
-    parts = {"object": parts_of_object, "lights": QUARTERS}
-    return [number for turn in turns for number in _spread(table.numbers(turn), parts[turn])]
-
-
-def _spread(numbers: range, parts: int) -> list[int]:
-    steps = dict.fromkeys(round(len(numbers) * i / parts) % len(numbers) for i in range(parts))
-    return [numbers[step] for step in sorted(steps)]
+    found = []
+    for turn in turns:
+        numbers, parts = table.numbers(turn), parts_of_object if turn == "object" else QUARTERS
+        steps = {round(len(numbers) * i / parts) % len(numbers) for i in range(parts)}
+        found += [numbers[step] for step in sorted(steps)]
+    return found
 
 
 def turn_and_angle(table: Turntable, number: int) -> tuple[str, str]:
@@ -175,8 +167,7 @@ def turn_and_angle(table: Turntable, number: int) -> tuple[str, str]:
     return turn, f"{round(360.0 * (number - numbers[0]) / table.frames, 1):g}°"
 
 
-ROW = 4
-"""Most looks in one row; with as many looks or more, each has its own row of key angles."""
+ROW = 4  # most looks in one row; with as many looks or more, each has its own row of key angles
 
 Bar = Callable[[str, int], Callable[[], None]]
 """Adds a progress bar by name and total, and returns what advances it by one."""
@@ -238,9 +229,8 @@ class TurntableSheets:
         captions: list[Caption] = []
         for look, number in cells:
             turn, angle = turn_and_angle(self._table, number)
-            captions.append(
-                ((turn, angle),) if is_single else ((self.turntable.looks[look], f"{turn} {angle}"),)
-            )
+            line = (turn, angle) if is_single else (self.turntable.looks[look], f"{turn} {angle}")
+            captions.append((line,))
         sheet, factor = self._sheet(captions, columns)
         name = self.turntable.looks[looks[0]] if is_single and self.turntable.looks else ""
         frame = "" if self._table.of_file else f"frame {self._table.at}"
@@ -317,7 +307,7 @@ def turntable(
     subject: Annotated[
         str,
         typer.Argument(
-            metavar="SHOT|MESHFILE", help="A shot, or an OBJ, PLY, STL, OFF, GLB, FBX, DAE, 3MF or USD."
+            metavar="SHOT|MESHFILE", help="A shot, OBJ, PLY, STL, OFF, GLB, FBX, DAE, 3MF or USD."
         ),
     ],
     options: ShotOptions,
@@ -335,9 +325,7 @@ def turntable(
     ] = None,
     bare: Annotated[
         bool,
-        typer.Option(
-            "--bare", help="Keep the shot's own stage, without the grey ball, chrome ball and colour chart."
-        ),
+        typer.Option("--bare", help="Keep the shot's own stage, without balls and colour chart."),
     ] = False,
     up: Annotated[
         str | None,

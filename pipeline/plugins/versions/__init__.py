@@ -2,22 +2,16 @@
 
 from pipeline.plugin import Command, Plugin
 
+_COMMANDS = "pipeline.plugins.versions.version_commands"
+
 PLUGIN = Plugin(
     name="versions",
     version="1",
     commands={
-        "publish": Command(
-            "pipeline.plugins.versions.version_commands:publish",
-            "Freeze a rendered shot as its next version.",
-            "Deliver",
-        ),
-        "versions": Command(
-            "pipeline.plugins.versions.version_commands:versions", "List published versions.", "Deliver"
-        ),
+        "publish": Command(f"{_COMMANDS}:publish", "Freeze a rendered shot as its next version.", "Deliver"),
+        "versions": Command(f"{_COMMANDS}:versions", "List published versions.", "Deliver"),
         "reproduce": Command(
-            "pipeline.plugins.versions.version_commands:reproduce",
-            "Render a published version again, and compare.",
-            "Deliver",
+            f"{_COMMANDS}:reproduce", "Render a published version again, and compare.", "Deliver"
         ),
     },
     sequences=("pipeline.plugins.versions.publishing:published_sequences",),

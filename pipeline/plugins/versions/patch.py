@@ -28,11 +28,7 @@ from render.post.image import read_exr
 
 @dataclass(frozen=True)
 class Patch(Release):
-    """An earlier version with the frames of a range replaced, and a movie of all.
-
-    base    the earlier version
-    frames  the range that is of today
-    """
+    """A base version with the frames of a range replaced by today's, and a movie of all."""
 
     base: str = ""
     frames: str = ""
@@ -63,8 +59,7 @@ class Patch(Release):
             if then != now:
                 raise UsageError(
                     f"--patch {self.base}: {name} {self.base} has {fact} {then}, and today's frames {now}; "
-                    "all frames "
-                    "of a version must match. Publish all of today's frames instead"
+                    "all frames of a version must match. Publish all of today's frames instead"
                 )
         return record
 
@@ -101,9 +96,7 @@ class Patch(Release):
             return super()._frame(number, keys)
         frame, file = self._before.frames[number], self._files()[number]
         if not file.is_file() or digest_of_file(file) != frame.sha256:
-            raise FrameError(
-                f"--patch {self.base}: {file} is damaged or missing; flowsculpt verify shows how to repair it"
-            )
+            raise FrameError(f"--patch {self.base}: {file} is damaged or missing; see flowsculpt verify")
         return frame
 
     def _whole_movie(self, key: Key) -> str:

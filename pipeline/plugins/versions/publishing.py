@@ -59,8 +59,7 @@ from render.movie.probe import probe_movie
 
 _DRAFT = ".draft."
 
-NOTES = "notes.json"
-"""The file of notes in the folder of a version."""
+NOTES = "notes.json"  # the file of notes in the folder of a version
 
 
 def freeze(
@@ -73,12 +72,9 @@ def freeze(
 ) -> None:
     """Lay the frames and the movie of a version at `final`, with its provenance and notes.
 
-    Frames are links to the files of the store, which take no space. They are copies where links fail, and
-    with `copy`. The movie is a copy: the store's stays writable, for Snakemake makes no protected file again.
-
-    files  of frames that are not in the store, by their numbers
-
-    Raises MachineError where the disk refuses; then nothing is left of it.
+    Frames are links to the files of the store, which take no space, or to `files` by number. They are copies
+    where links fail, and with `copy`. The movie is a copy: the store's stays writable, for Snakemake makes no
+    protected file again. Raises MachineError where the disk refuses; then nothing is left of it.
     """
     draft = final.with_name(f"{_DRAFT}{final.name}.{uuid.uuid4().hex[:8]}")
     freeze_frame = _copy if copy else _link
@@ -89,12 +85,11 @@ def freeze(
                 freeze_frame(source, draft / frame.file)
                 store.digests.add_copy(final / frame.file, source)
             _copy(store.path("movie", record.movie["key"]), draft / record.movie["file"])
-            if notes:
-                (draft / NOTES).write_bytes(notes)
-                _settle(draft / NOTES)
-            text = json.dumps(record.as_data(), indent=1, ensure_ascii=False)
-            (draft / FILE).write_text(text + "\n", encoding="utf-8")
-            _settle(draft / FILE)
+            text = json.dumps(record.as_data(), indent=1, ensure_ascii=False) + "\n"
+            for name, content in ((NOTES, notes), (FILE, text.encode())):
+                if content:
+                    (draft / name).write_bytes(content)
+                    _settle(draft / name)
             store.digests.add(final / FILE, draft / FILE)
             draft.rename(final)
         finally:
@@ -155,13 +150,10 @@ class Release:
     copy: bool = False
 
     def publish(self, dry: bool = False) -> Published:
-        """Freeze the frames and the movie, or name the version that has the same content.
-
-        dry  change nothing
+        """Freeze the frames and the movie, or name the version with the same content; `dry` changes nothing.
 
         Raises MissingInputError where frames are missing, UsageError where they are stale or the version is
-        taken, FrameError where one is damaged, MachineError where another run is at work or
-        the disk refuses.
+        taken, FrameError where one is damaged, MachineError where another run is at work or the disk refuses.
         """
         if dry:
             return self._published(dry=True)
@@ -188,7 +180,8 @@ class Release:
         version = self._version([place.name for place, _ in known])
         final = self._home / version
         if not dry:
-            notes = self._notes()
+            files = (notes_file(self.store.root, self.request.name) for notes_file in plugins().notes)
+            notes = next(filter(None, files), b"")
             record = self._record(version, keys, notes)
             freeze(self.store, record, final, self.copy, notes, self._files())
         return Published(version, final, before=False)
@@ -199,14 +192,11 @@ class Release:
         if self.version is None:
             return after
         if not re.fullmatch(VERSION, self.version):
-            raise UsageError(
-                f"--version {self.version} is not a version; write it as {after}, or leave it out"
-            )
+            raise UsageError(f"--version {self.version} is not a version; write {after}, or leave it out")
         if int(self.version[1:]) in (int(name[1:]) for name in taken):
             raise UsageError(
                 f"--version {self.version}: {self.request.name} {self.version} is already published with "
-                "other "
-                f"frames, and published files are never overwritten; the next is {after}"
+                f"other frames, and published files are never overwritten; the next is {after}"
             )
         return self.version
 
@@ -248,14 +238,8 @@ class Release:
             kind = MissingInputError if missing else UsageError
             raise kind(
                 f"{self.request.name} at {self.request.quality_name}: {'; '.join(facts)}. Publishing needs "
-                "frames of "
-                f"the current shot file; {self.command} makes it."
+                f"frames of the current shot file; {self.command} makes it."
             )
-
-    def _notes(self) -> bytes:
-        """Return the file of the shot's notes; empty if it has none. Raises UsageError if it is damaged."""
-        files = (notes_file(self.store.root, self.request.name) for notes_file in plugins().notes)
-        return next(filter(None, files), b"")
 
     def _record(self, version: str, keys: Mapping[int, FrameKeys], notes: bytes) -> Provenance:
         request, root, movie = self.request, self.store.root, self._movie_key(keys)
@@ -341,6 +325,7 @@ def published_sequences(query: SequenceQuery) -> Iterator[PictureSequence]:
     for place, record in records(query.project.root / published(name)):
         if isinstance(record, Provenance) and query.includes(record.quality):
             files = {number: place / frame.file for number, frame in record.frames.items()}
+            patch = "patch of {version}: frames {frames} are new" if record.patch else ""
             yield PictureSequence(
                 shot=name,
                 kind="version",
@@ -352,7 +337,7 @@ def published_sequences(query: SequenceQuery) -> Iterator[PictureSequence]:
                 display=_display_of(record, query.project.allow_code),
                 faults={},
                 seconds={number: frame.seconds for number, frame in record.frames.items()},
-                note=_note_of(record),
+                note="; ".join(filter(None, (record.note, patch.format(**record.patch)))),
                 source=record.source,
             )
 
@@ -362,14 +347,6 @@ def _display_of(record: Provenance, allow_code: bool) -> PictureDisplay:
         return display_of(RenderRequest(restored(record, allow_code), record.quality, record.variant, ()))
     except FlowsculptError:
         return PLAIN
-
-
-def _note_of(record: Provenance) -> str:
-    """Return the note of a version, and of a patch which frames it replaced."""
-    notes = [record.note] if record.note else []
-    if record.patch:
-        notes.append("patch of {version}: frames {frames} are new".format(**record.patch))
-    return "; ".join(notes)
 
 
 def _seconds_of_render(request: RenderRequest, root: Path, number: int, raw: Key) -> dict[str, float]:

@@ -30,11 +30,7 @@ from render.post.image import read_exr
 
 @dataclass(frozen=True)
 class Comparison:
-    """The comparison of a frame or the movie with what was published.
-
-    same   None if it was not made, or cannot be read
-    words  the difference
-    """
+    """A frame or the movie, whether it is as published (None if not made), and the difference in words."""
 
     what: str
     same: bool | None
@@ -77,8 +73,7 @@ class Reproduction:
         if outside and patch:
             raise UsageError(
                 f"{self.source}: {self.record.version} has frames {outside} from {patch['version']}; "
-                "reproduce them "
-                "from the provenance of that version"
+                "reproduce them from the provenance of that version"
             )
         if outside:
             raise UsageError(
@@ -111,9 +106,8 @@ class Reproduction:
         beyond = FrameRange.of(self.record.frames).outside(source.shot.frames)
         if beyond:
             raise UsageError(
-                f"{self.source}: frames {beyond} are not in its own shot, so one of the two was changed; "
-                "use the "
-                "provenance that flowsculpt publish wrote"
+                f"{self.source}: frames {beyond} are not in its own shot, so one of the two was changed; use "
+                "the provenance that flowsculpt publish wrote"
             )
         return source
 

@@ -40,16 +40,19 @@ from render.base.plural import plural
 from render.base.python_process import environment_of_others
 from render.scene.render_quality import DEFAULT_QUALITY
 
-STANDARD_ERROR = 2
-"""The file descriptor of standard error."""
+STANDARD_ERROR = 2  # the file descriptor of standard error
 
 
 @dataclass(frozen=True)
 class Hook:
-    """A command to run for each published version.
+    """A command, its program and arguments, that runs for each published version.
 
-    text   as the user wrote it
-    words  the program and its arguments
+    It reads one JSON object from its standard input:
+
+        {"event": "published", "folder": "/show/renders/published/A010_cube/v001", "published_before": false,
+         "provenance": {"shot": "A010_cube", "version": "v001", …}}
+
+    Its own output goes to standard error, so that what `flowsculpt --json` prints stays JSON.
     """
 
     text: str
@@ -74,17 +77,12 @@ class Hook:
         """Run the command and wait for its end. Raises MachineError where it does not end with 0."""
         folder = done.folder.absolute()
         provenance = json.loads((folder / FILE).read_text(encoding="utf-8"))
-        told = {
-            "event": "published",
-            "folder": str(folder),
-            "published_before": done.before,
-            "provenance": provenance,
-        }
+        told = {"event": "published", "folder": str(folder), "published_before": done.before}
         try:
             ended = subprocess.run(
                 self.words,
                 env=environment_of_others(),
-                input=json.dumps(told),
+                input=json.dumps({**told, "provenance": provenance}),
                 stdout=STANDARD_ERROR,
                 text=True,
             )
@@ -118,9 +116,7 @@ def publish(
     frames: Frames = None,
     hook: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="CMD", help="Run this command with the version as JSON on its standard input. Repeatable."
-        ),
+        typer.Option(metavar="CMD", help="Run this with the version as JSON on standard input. Repeatable."),
     ] = None,
 ) -> None:
     """Freeze a shot's rendered frames and movie as its next version: v001, v002, …
@@ -169,9 +165,7 @@ def publish(
     files = f"{plural(len(request.angles), 'frame')} and the movie, in {done.folder}"
     message = f"{request.name} {done.version}: {common.done('published')}, {files}"
     if done.before:
-        message = (
-            f"{request.name} is already published as {done.version}, with the same frames: {done.folder}"
-        )
+        message = f"{request.name} is already published as {done.version}, same frames: {done.folder}"
     print_result(message, facts, common.json)
 
 
@@ -190,9 +184,7 @@ def versions(
     name = None if shot is None else Path(shot).stem if shot.endswith((".yaml", ".yml")) else shot
     if name is not None and name not in known:
         there = f"published: {', '.join(known)}" if known else "nothing is, yet"
-        raise MissingInputError(
-            f"{name} is not published in {home}; {there}. flowsculpt publish {name} does it"
-        )
+        raise MissingInputError(f"{name} is not published in {home}; {there}. flowsculpt publish does it")
     provenances, errors = [], []
     for each in known if name is None else [name]:
         for folder, record in records(common.root / published(each)):
@@ -209,10 +201,8 @@ def _report(provenances: Sequence[tuple[Path, Provenance]], as_json: bool) -> No
     listing = table("shot", "version", "quality", "frames", "published (UTC)", "by", "note")
     for _, record in provenances:
         when = record.published.replace("T", " ").removesuffix("Z")
-        frames = str(FrameRange.of(record.frames))
-        who, note = record.user or "–", record.note or "–"
-        row = (record.shot, record.version, record.quality, frames, when, who, note)
-        listing.add_row(*row)
+        what = record.shot, record.version, record.quality, str(FrameRange.of(record.frames))
+        listing.add_row(*what, when, record.user or "–", record.note or "–")
     words = listing if provenances else "Nothing is published here; flowsculpt publish does it."
     print_result(words, [_facts(folder, record) for folder, record in provenances], as_json)
 

@@ -133,14 +133,17 @@ DOUBLED = "".join(f'<node id="n{k}">{2 * f"""<instance_node url="#n{k + 1}"/>"""
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (document(faces("polygons", "0 1 3 20")), "line 8: its polygons name vertex 20; the mesh has 8"),
+        (document(faces("polygons", "0 1 3 20")), "line 8: face 0 names vertex 20; there are 8"),
         (document(faces("polygons", "0 1 x 2")), "line 8: .* is not an integer"),
         (document(points=CORNERS.replace("1 1 1", "1 1 one")), "line 4: one is not a number"),
         (document(points="0 0 0").replace('count="1"', 'count="8"'), "line 5: its accessor asks for 8"),
-        (document(faces("triangles", "0 1 3", count=7)), "line 8: its triangles promise 7, and 1 are there"),
-        (document(BOX.replace("4 4 4</v", "4 4 5</v")), "line 8: its vcount asks for 25 corners"),
+        (document(faces("triangles", "0 1 3", count=7)), "line 8: its triangles promise 7; there are 1"),
+        (document(BOX.replace("4 4 4</v", "4 4 5</v")), "line 8: vcount asks for 25 corners"),
         (document("<polygons><ph><p>0 1 3 2</p><h>0 1 3</h></ph></polygons>"), "a polygon has holes"),
-        (document(nodes='<node><instance_geometry url="#cup"/></node>'), "refers to a geometry '#cup'"),
+        (
+            document(nodes='<node><instance_geometry url="#cup"/></node>'),
+            "a missing geometry, '#cup'",
+        ),
         (document(nodes='<node><instance_geometry url="b.dae#x"/></node>'), "'b.dae#x', in another file"),
         (document(nodes='<node id="n"><instance_node url="#n"/></node>'), "nodes that refer to each other"),
         (document(nodes="<node><skew>0 0 0 0 0 0 0</skew></node>"), "skew transform, which is not supported"),

@@ -107,10 +107,10 @@ def test_sparse_accessors_have_their_exceptions(tmp_path: Path, from_zero: bool)
         ({"count": 9}, "accessor 0 ends at byte 108 of bufferView 0, which has 96"),
         ({"count": -1}, "count of accessor 0 is -1; it must be a whole number"),
         ({"byteOffset": 50}, "accessor 0 ends at byte 146 of bufferView 0, which has 96"),
-        ({"bufferView": 7}, "accessor 0 names bufferView 7; the file has 2, from 0"),
+        ({"bufferView": 7}, "accessor 0 names bufferView 7; there are 2, from 0"),
         ({"componentType": 5124}, "componentType of accessor 0 is 5124"),
         ({"componentType": 5125}, "positions of componentType 5125"),
-        ({"type": "VEC2"}, "accessor 0 of primitive 0 of mesh 0 is of type VEC2; it must be VEC3"),
+        ({"type": "VEC2"}, "accessor 0 of primitive 0 of mesh 0 is of type VEC2, not VEC3"),
         ({"sparse": {"count": 1}}, "indices of sparse of accessor 0"),
     ],
 )
@@ -125,9 +125,7 @@ def test_an_index_beyond_the_vertices_of_its_own_mesh_is_named(tmp_path: Path) -
     indices = scene.accessor(np.array([0, 1, 8], np.uint8))
     primitive = {"attributes": {"POSITION": scene.accessor(box().vertices)}, "indices": indices}
     scene.node(mesh=scene.mesh(primitive, {"attributes": primitive["attributes"]}))
-    assert "face 0 of primitive 0 of mesh 0 names vertex 8; it has 8" in refusal(
-        scene.glb(tmp_path / "a.glb")
-    )
+    assert "face 0 of primitive 0 of mesh 0 names vertex 8 of 8" in refusal(scene.glb(tmp_path / "a.glb"))
 
 
 # ---- triangles
@@ -332,7 +330,7 @@ def test_meshes_that_nodes_multiply_beyond_reason_are_refused(
 def test_nodes_below_themselves_or_two_nodes_are_refused(tmp_path: Path, children: list[int]) -> None:
     scene = box_scene(box(), children=children)
     scene.node(mesh=0)
-    assert "a node has one parent" in refusal(scene.glb(tmp_path / "a.glb"))
+    assert "a node has one" in refusal(scene.glb(tmp_path / "a.glb"))
 
 
 # ---- compression and extensions
@@ -361,7 +359,7 @@ def test_draco_data_without_its_package_is_the_environments_fault(
     path = scene.glb(tmp_path / "a.glb")
     assert read_surface(path).faces == 12, "where the file has the same data uncompressed, that is read"
     del scene.json["accessors"][0]["bufferView"]
-    assert "the Draco data of primitive 0 of mesh 0 cannot be decoded" in refusal(scene.glb(path))
+    assert "the Draco data of primitive 0 of mesh 0 is damaged" in refusal(scene.glb(path))
     monkeypatch.setattr(scene_readers, "find_spec", lambda _: None)
     with pytest.raises(MachineError, match=r"need the package DracoPy.*\[models\]"):
         read_surface(path)
@@ -416,7 +414,7 @@ def test_extensions_that_are_required_and_unknown_are_refused_by_name(tmp_path: 
     scene.require("KHR_texture_transform", "KHR_materials_unlit", "EXT_texture_webp")
     assert read_surface(scene.glb(tmp_path / "a.glb")).faces == 12
     scene.require("KHR_texture_transform", "ACME_subdivision")
-    message = "it requires the extension ACME_subdivision, which is not read. Export it without."
+    message = "it requires the extension ACME_subdivision, which is not read. Export without."
     assert refusal(scene.glb(tmp_path / "b.glb")) == message
 
 

@@ -112,7 +112,7 @@ LOOP = '<object id="1"><components><component objectid="1"/></components></objec
     [
         (
             {"a": model_part(corner(1, [*FACES[:3], (1, 2, 9)]))},
-            "3D/a.model, line 2: triangle 3 names vertex 9",
+            "3D/a.model, line 2: face 3 names vertex 9",
         ),
         ({"a": model_part(corner(1).replace('y="1"', 'y="one"'))}, "3D/a.model, line 2: could not convert"),
         ({"a": model_part(corner(1).replace('y="1"', ""))}, "3D/a.model, line 2: vertex has no y"),
@@ -128,7 +128,7 @@ LOOP = '<object id="1"><components><component objectid="1"/></components></objec
             {"a": model_part(corner(1), '<item objectid="1" p:path="/3D/c.model"/>')},
             "it has no part '3D/c.model'",
         ),
-        ({"a": model_part(LOOP)}, "32 within each other"),
+        ({"a": model_part(LOOP)}, "over 32 deep"),
         ({"a": model_part(f'{DOUBLED}<object id="30"/>')}, "over 50000 objects with components"),
         ({"a": model_part(corner(1), '<item objectid="1" p:path="\ufeff"/>')}, r"no part '\\ufeff'"),
         ({"a": model_part(corner(1), "")}, "its build has no triangles"),

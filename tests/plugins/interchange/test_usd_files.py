@@ -18,7 +18,7 @@ from pipeline.mesh.read import model_files, read_surface, repair_surface, usual_
 from pipeline.plugins.authoring.shot_templates import model_template
 from pipeline.plugins.interchange import scene_readers
 from pipeline.plugins.interchange.scene_readers import joined
-from pipeline.plugins.interchange.usd_meshes import StageMeshes
+from pipeline.plugins.interchange.usd_reader import StageMeshes
 from pipeline.shot import Model, read_shot
 
 CORNERS = [(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]

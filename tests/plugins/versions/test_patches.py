@@ -99,7 +99,7 @@ def longer(desk: Desk) -> None:
             damaged,
             {},
             FrameError,
-            r"0001.exr is damaged or missing; flowsculpt verify shows how to repair it",
+            r"0001.exr is damaged or missing; see flowsculpt verify",
         ),
         (longer, {}, UsageError, "v001 has frames 1-4, and today's frames 1-5; all frames of a version"),
         (rendered, {"base": "v007"}, MissingInputError, "has no such version; published: v001"),

@@ -66,7 +66,7 @@ def test_what_was_edited_since_is_stale_until_it_is_rendered_and_then_the_next_v
     desk.render()
     with pytest.raises(UsageError, match=r"v001 is already published with other frames.*the next is v002"):
         desk.release(version="v001").publish()
-    with pytest.raises(UsageError, match="--version 2 is not a version; write it as v002"):
+    with pytest.raises(UsageError, match="--version 2 is not a version; write v002"):
         desk.release(version="2").publish()
     assert not desk.release().publish(dry=True).before and not (desk.home / "v002").exists()
     assert desk.release().publish().version == "v002"

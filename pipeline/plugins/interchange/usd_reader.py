@@ -1,27 +1,38 @@
-"""Meshes of a USD stage at one time, in its coordinates: with transforms, instances and creases."""
+"""Stages of USD in the process that reads them: their layers, and their meshes at one time.
+
+Meshes are read in the coordinates of the stage, with transforms, instances and creases.
+"""
 
 from __future__ import annotations
 
-from collections import Counter
+import json
+import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from pxr import Ar, Sdf, Usd, UsdGeom
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.errors import MeshError, brief
-from pipeline.plugins.interchange.scene_readers import PlacedMeshes, Polygons, reversed_faces
+from pipeline.errors import FlowsculptError, MeshError, MissingInputError, brief, suggestion
+from pipeline.plugins.interchange.scene_readers import (
+    PlacedMeshes,
+    Polygons,
+    joined,
+    packed_surface,
+    require_vertices,
+    reversed_faces,
+)
+from render.base.input_files import require_input
+from render.base.limited_process import MEMORY, allow_memory
 from render.base.plural import plural
 
-if TYPE_CHECKING:  # USD is an optional package, and takes a moment to import
-    from pxr import Usd, UsdGeom
-
-MOST_PRIMS = 50_000
-"""Prims that are visited; those of instances count each time."""
-
-_DEEPEST = 8
-"""Point instancers within prototypes of point instancers."""
+MOST_BYTES = 1 << 30  # size of the largest layer
+_MOST_LAYERS = 10_000
+MOST_PRIMS = 50_000  # prims that are visited; those of instances count each time
+_DEEPEST = 8  # point instancers within prototypes of point instancers
 
 
 @dataclass
@@ -31,13 +42,11 @@ class StageMeshes:
     time     of the stage
     placed   the meshes
     cages    number of meshes that ask to be subdivided
-    omitted  number of prims of each other kind that has a shape
     """
 
     time: Usd.TimeCode
     placed: PlacedMeshes = field(default_factory=lambda: PlacedMeshes("select fewer with prim"))
     cages: int = 0
-    omitted: Counter[str] = field(default_factory=Counter)
     _read: dict[str, Polygons] = field(default_factory=dict)
     _prims: int = 0
 
@@ -46,8 +55,6 @@ class StageMeshes:
 
         Raises MeshError for a mesh whose numbers contradict each other, and for more than the limits.
         """
-        from pxr import UsdGeom
-
         cache = UsdGeom.XformCache(self.time)
         shape = UsdGeom.Imageable(start)
         if shape and shape.ComputeVisibility(self.time) == UsdGeom.Tokens.invisible:
@@ -57,12 +64,9 @@ class StageMeshes:
 
     def _visible(self, start: Usd.Prim) -> Iterator[Usd.Prim]:
         """Yield the shapes below a prim that are seen, those of instances too; not prototypes of others."""
-        from pxr import Usd, UsdGeom
-
         shown = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
-        waiting = [
-            (start, UsdGeom.Imageable(start).ComputePurposeInfo() if start.IsA(UsdGeom.Imageable) else None)
-        ]
+        shape = UsdGeom.Imageable(start)
+        waiting = [(start, shape.ComputePurposeInfo() if start.IsA(UsdGeom.Imageable) else None)]
         while waiting:
             prim, purpose = waiting.pop()
             self._count(1)
@@ -87,19 +91,15 @@ class StageMeshes:
 
     def _add_prim(self, prim: Usd.Prim, to_stage: Floats, depth: int) -> None:
         """Add a prim, which lies on the stage by a matrix (4, 4)."""
-        from pxr import UsdGeom
-
         if prim.IsA(UsdGeom.Mesh):
             self.placed.add(self._polygons(prim), to_stage)
         elif prim.IsA(UsdGeom.PointInstancer):
             self._add_instances(UsdGeom.PointInstancer(prim), to_stage, depth)
         elif prim.IsA(UsdGeom.Gprim):
-            self.omitted[str(prim.GetTypeName())] += 1
+            self.placed.left_out[str(prim.GetTypeName())] += 1
 
     def _polygons(self, prim: Usd.Prim) -> Polygons:
         """Return the faces of a mesh in its own coordinates; those of instances are read once."""
-        from pxr import UsdGeom
-
         source = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
         path = str(source.GetPath())
         if path not in self._read:
@@ -111,8 +111,6 @@ class StageMeshes:
 
     def _add_instances(self, instancer: UsdGeom.PointInstancer, to_stage: Floats, depth: int) -> None:
         """Add the prototypes of a point instancer at each of its points that is not masked."""
-        from pxr import UsdGeom
-
         path = str(instancer.GetPath())
         if depth >= _DEEPEST:
             raise MeshError(f"{brief(path)} is a point instancer within {_DEEPEST} others; flatten the stage")
@@ -139,18 +137,11 @@ class StageMeshes:
 
     def _add_prototype(self, root: Usd.Prim, to_stage: list[Floats], depth: int) -> None:
         """Add what is below a prototype at each of some places."""
-        from pxr import UsdGeom
-
         cache = UsdGeom.XformCache(self.time)
         for prim in self._visible(root):
             within = np.array(cache.ComputeRelativeTransform(prim, root)[0])
             for matrix in to_stage:
                 self._add_prim(prim, within @ matrix, depth + 1)
-
-    @property
-    def omitted_words(self) -> str:
-        """Number and type of prims that were left out: `2 Cube, 1 BasisCurves`."""
-        return ", ".join(f"{count} {brief(name)}" for name, count in sorted(self.omitted.items())[:5])
 
     def notes(self) -> list[str]:
         """Return lines about what was not read as other programs show it."""
@@ -161,20 +152,13 @@ class StageMeshes:
                 f"{meshes} {asks} to be subdivided by subdivisionScheme, which is not done here; "
                 "to make it smooth, subdivide it in the program that made the stage"
             )
-        if self.omitted:
-            lines.append(f"left out, as they are not meshes: {self.omitted_words}")
+        if words := self.placed.left_out_words:
+            lines.append(f"left out, as they are not meshes: {words}")
         return lines
 
 
 def _polygons(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str) -> Polygons:
-    """Return the faces of a mesh in its own coordinates, without holes.
-
-    path  of the mesh, for messages
-
-    Raises MeshError.
-    """
-    from pxr import UsdGeom
-
+    """Return the faces of a mesh in its own coordinates, without holes. Raises MeshError, with its path."""
     points = _numbers(mesh.GetPointsAttr(), time, path, "f", 3).astype(np.float64)
     sides = _numbers(mesh.GetFaceVertexCountsAttr(), time, path, "iu").astype(np.int64)
     corners = _numbers(mesh.GetFaceVertexIndicesAttr(), time, path, "iu").astype(np.int64)
@@ -183,20 +167,12 @@ def _polygons(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str) -> Polygons:
             f"{path}: its faceVertexCounts ask for {sides.sum()} corners, and faceVertexIndices has "
             f"{len(corners)}"
         )
-    wrong = np.flatnonzero((corners < 0) | (corners >= len(points)))
-    if len(wrong):
-        face = int(np.searchsorted(np.cumsum(sides), wrong[0], side="right"))
-        raise MeshError(
-            f"{path}: face {face} names vertex {corners[wrong[0]]}; the mesh has {len(points)} points, "
-            "numbered from 0"
-        )
-    holes = _numbers(mesh.GetHoleIndicesAttr(), time, path, "iu").astype(np.int64)
-    kept = np.ones(len(sides), bool)
-    kept[holes[(holes >= 0) & (holes < len(sides))]] = False
-    corners, sides = corners[np.repeat(kept, sides)], sides[kept]
+    require_vertices(corners, sides, len(points), path)
     if mesh.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
         corners = reversed_faces(corners, sides)
-    return Polygons(points, sides, corners, _creases(mesh, time, path, len(points)))
+    polygons = Polygons(points, sides, corners, _creases(mesh, time, path, len(points)))
+    holes = _numbers(mesh.GetHoleIndicesAttr(), time, path, "iu").astype(np.int64)
+    return polygons.without(np.isin(np.arange(len(sides)), holes)) if len(holes) else polygons
 
 
 def _creases(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, points: int) -> AnyArray:
@@ -220,9 +196,7 @@ def _creases(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, points: int) -> 
 def _numbers(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, columns: int = 1) -> AnyArray:
     """Return the values (N,) or (N, columns) of an attribute; none where it has no value.
 
-    kinds  letters of numpy for the kind of number it must have
-
-    Raises MeshError for values of another type.
+    Raises MeshError for values of another type; `kinds` are the letters of numpy for the right ones.
     """
     value, row = attribute.Get(time), (columns,) if columns > 1 else ()
     values = np.empty((0, *row), kinds[0]) if value is None else np.asarray(value)
@@ -231,3 +205,141 @@ def _numbers(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, columns:
     if values.dtype.kind not in kinds or values.ndim != 1 + len(row) or values.shape[1:] != row:
         raise MeshError(f"{path}: {attribute.GetName()} is not of type {attribute.GetTypeName()}")
     return values
+
+
+def answer_about(path: str, question: str, prim: str | None, time_code: float | None) -> bytes:
+    """Return the answer to `facts` or `surface` about a stage. Raises MissingInputError or MeshError."""
+    allow_memory(MEMORY // 4 + 40 * require_input(Path(path), MOST_BYTES))
+    layers = StageLayers(path)
+    layers.open_all()
+    allow_memory(MEMORY + 40 * layers.size)
+    stage = _opened(path)
+    if question == "facts":
+        up = "z" if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else "y"
+        return json.dumps({"up": up, "files": list(layers.files)}).encode()
+    return _surface(stage, prim, time_code)
+
+
+@dataclass
+class StageLayers:
+    """The files of a stage, found without composing it; `size` is of all and the stage, bytes."""
+
+    root: str
+    files: dict[str, None] = field(default_factory=dict)
+    size: int = 0
+
+    def open_all(self) -> None:
+        """Find all layers. Raises MissingInputError, or MeshError for too many of them."""
+        self.size = require_input(Path(self.root), MOST_BYTES)
+        seen, waiting = {self.root}, [self.root]
+        while waiting:
+            name = waiting.pop()
+            for layer in _layers_named_in(name):
+                if layer in seen:
+                    continue
+                self._require_file(layer, name)
+                seen.add(layer)
+                waiting.append(layer)
+                if len(seen) > _MOST_LAYERS:
+                    raise MeshError(f"it refers to over {_MOST_LAYERS} layers. Flatten the stage.")
+
+    def _require_file(self, layer: str, named_in: str) -> None:
+        """Note the file that holds a layer. Raises MissingInputError where it is no regular file."""
+        package, inner = Ar.SplitPackageRelativePathOuter(layer)
+        file = package if inner else layer
+        if file == self.root or file in self.files:
+            return
+        try:
+            self.size += require_input(Path(file), MOST_BYTES)
+        except FlowsculptError as error:
+            raise MissingInputError(f"its layer {Path(named_in).name} refers to {error}") from None
+        self.files[file] = None
+
+
+def _layers_named_in(name: str) -> Iterator[str]:
+    """Yield the absolute paths of the layers that a layer refers to."""
+    layer = Sdf.Layer.FindOrOpen(name)
+    if layer is None:
+        raise ValueError(f"{Path(name).name} is not a USD layer")
+    for asset in (*layer.GetCompositionAssetDependencies(), *_clips_of(layer)):
+        if asset:
+            yield layer.ComputeAbsolutePath(asset)
+
+
+def _clips_of(layer: Sdf.Layer) -> Iterator[str]:
+    """Yield the files that the value clips of a layer's prims name."""
+    paths: list[Sdf.Path] = []
+    layer.Traverse(Sdf.Path.absoluteRootPath, paths.append)
+    for path in paths:
+        spec = layer.GetPrimAtPath(path) if path.IsPrimPath() else None
+        sets = spec.GetInfo("clips") if spec is not None and spec.HasInfo("clips") else {}
+        for clips in sets.values():
+            if not isinstance(clips, dict):
+                raise MeshError(f"{path}: its value clips are not a dictionary")
+            if clips.get("templateAssetPath"):
+                raise MeshError(
+                    f"{path} uses a template for its value clips, which is not supported. "
+                    "Flatten the stage at one frame."
+                )
+            yield from (asset.path for asset in clips.get("assetPaths") or ())
+            manifest = clips.get("manifestAssetPath")
+            if manifest is not None:
+                yield manifest.path
+
+
+def _opened(path: str) -> Usd.Stage:
+    """Open a stage. Raises MeshError where its layers do not compose."""
+    stage = Usd.Stage.Open(path)
+    errors = stage.GetCompositionErrors()
+    if errors:
+        more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
+        raise MeshError(f"its layers do not compose{more}: {one_line(str(errors[0]), path)}")
+    return stage
+
+
+def _surface(stage: Usd.Stage, prim: str | None, time_code: float | None) -> bytes:
+    """Return the meshes of a prim as one surface, packed."""
+    start = _start(stage, prim)
+    if time_code is not None:
+        time = Usd.TimeCode(time_code)
+    elif stage.HasAuthoredTimeCodeRange():
+        time = Usd.TimeCode(stage.GetStartTimeCode())
+    else:
+        time = Usd.TimeCode.EarliestTime()
+    meshes = StageMeshes(time)
+    meshes.add(start)
+    if not meshes.placed.parts:
+        where = "it" if start.IsPseudoRoot() else f"its prim {start.GetPath()}"
+        words = meshes.placed.left_out_words
+        others = f" Left out: {words}." if words else ""
+        raise MeshError(
+            f"{where} holds no mesh that is active, visible and of purpose default or render.{others} "
+            f"{_remedy(stage)}"
+        )
+    return packed_surface(joined(meshes.placed.parts, meshes.notes()))
+
+
+def _start(stage: Usd.Stage, prim: str | None) -> Usd.Prim:
+    """Return the prim whose meshes are read. Raises MeshError where there is none of that path."""
+    if prim is None:
+        default = stage.GetDefaultPrim()
+        return default if default else stage.GetPseudoRoot()
+    named = stage.GetPrimAtPath(prim) if Sdf.Path.IsValidPathString(prim) and prim[:1] == "/" else None
+    if not named:
+        known = [str(other.GetPath()) for other in stage.Traverse()]
+        raise MeshError(f"it has no prim {brief(prim)}. {suggestion(prim, known) if known else ''}".rstrip())
+    return named
+
+
+def _remedy(stage: Usd.Stage) -> str:
+    """Return a sentence that names prims with meshes, where the stage has some."""
+    meshes = [str(prim.GetPath()) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
+    if not meshes:
+        return "Convert it to meshes in the program that made it."
+    return f"Write prim: {brief(meshes[0])}, which is a mesh."
+
+
+def one_line(text: str, path: str) -> str:
+    """Return what USD says on one line, with files by their names and without names of its C++ code."""
+    plain = text.replace(f"{Path(path).parent}/", "").partition(" matching pxrInternal")[0]
+    return textwrap.shorten(plain, 200, placeholder="…")
