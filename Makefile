@@ -77,7 +77,11 @@ wheel: .venv/ready
 
 setup: .venv/ready
 
-# The pip of old Pythons takes 6 CPU seconds more to find packages. Tests of packages are not compiled: nobody runs them.
+# The pip of old Pythons takes 6 CPU seconds more to find packages; the one that $(PYTHON) has, if any, installs ours,
+# because a venv's own takes 2 seconds to make. Tests of packages, and packages of set-up alone, are not compiled.
+UNCOMPILED := /tests?/|/site-packages/(docutils|fontTools|hatchling|mpl_toolkits|pip|pkg_resources|setuptools)/
+PIP := --quiet --no-compile --require-hashes -r requirements-pip.lock
+
 .venv/ready: requirements-pip.lock requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' || \
 		{ echo "flowsculpt's lock supports Python 3.11, 3.12 and 3.13, and $(PYTHON) is none of them;" \
@@ -85,11 +89,12 @@ setup: .venv/ready
 	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || \
 		{ echo "flowsculpt needs Python's venv module: apt-get install python3-venv" >&2; exit 4; }
 	@echo "Setting up .venv, once. 1 of 3: packages (1.1 GB; about a minute if pip has them already)"
-	@$(PYTHON) -m venv .venv
-	@$(BIN)/python -m pip install --quiet --no-compile --require-hashes -r requirements-pip.lock
+	@$(PYTHON) -m venv --without-pip .venv
+	@$(PYTHON) -m pip --python $(BIN)/python install $(PIP) 2>/dev/null || \
+		{ $(BIN)/python -m ensurepip >/dev/null && $(BIN)/python -m pip install $(PIP); }
 	@$(BIN)/python -m pip install --quiet --no-compile --no-deps --require-hashes -r requirements.lock
 	@$(BIN)/python -m pip install --quiet --no-compile --no-deps --no-build-isolation -e .
-	@$(BIN)/python -m compileall -q -j $(CORES) -x '/tests?/' .venv/lib pipeline render
+	@$(BIN)/python -m compileall -q -j $(CORES) -x '$(UNCOMPILED)' .venv/lib pipeline render
 	@echo "2 of 3: the renderer"
 	@$(BIN)/python -m render.mitsuba.engine
 	-@$(BIN)/python -m pipeline.plugins.review.view_3d
