@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.cli.kernel_build import build_kernels, kernel_calls
 from pipeline.cli.options import Common
 from pipeline.cli.output import exit_with, print_result, progress_bars
+from pipeline.plugins.maintenance.kernel_build import build_kernels, kernel_calls
 from pipeline.production.store.remote_store import note_all_compiled, remote_stores
 from pipeline.production.store.store import Store
 from render.base.kernel_cache import cache_folder

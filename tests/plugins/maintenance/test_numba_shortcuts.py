@@ -7,17 +7,17 @@ from pathlib import Path
 
 import numba
 
-from pipeline.cli.kernel_build import kernels_called_by_kernels
-from pipeline.cli.numba_shortcuts import VERSIONS
+from pipeline.plugins.maintenance.kernel_build import kernels_called_by_kernels
+from pipeline.plugins.maintenance.numba_shortcuts import VERSIONS
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 COMPARED = """
 import numba
 import numpy as np
 from numba.core import ir
 from numba.core.compiler import Flags, run_frontend
-from pipeline.cli.numba_shortcuts import take_shortcuts
+from pipeline.plugins.maintenance.numba_shortcuts import take_shortcuts
 
 def total(values):
     copy = np.zeros(len(values))
@@ -80,7 +80,7 @@ def call():
 """
 
 COMPILE_ONLY = """
-from pipeline.cli.numba_shortcuts import take_shortcuts
+from pipeline.plugins.maintenance.numba_shortcuts import take_shortcuts
 take_shortcuts({("sums", "half")})
 import sums
 print(sums.call())

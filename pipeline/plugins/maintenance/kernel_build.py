@@ -40,7 +40,7 @@ def build_kernels(calls: Mapping[str, set[str]], processes: int, advance: Callab
     Raises MachineError where a process is killed, as it is when memory runs out.
     """
     context = get_context("forkserver")
-    context.set_forkserver_preload(["pipeline.cli.kernel_compiler"])
+    context.set_forkserver_preload(["pipeline.plugins.maintenance.kernel_compiler"])
     try:
         with ProcessPoolExecutor(processes, context) as pool:
             _build_all(calls, processes, pool, advance)
