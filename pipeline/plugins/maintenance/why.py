@@ -8,15 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import json
-import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from pipeline.errors import FlowsculptError
 from pipeline.frames import FrameRange
@@ -26,9 +23,11 @@ from pipeline.production.request.keys import PictureKeys, picture_header, raw_he
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.stages import STAGES
+from pipeline.production.store import readers
+from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.history import History
 from pipeline.production.store.paths import PLANS
-from pipeline.production.store.store import Key, Store
+from pipeline.production.store.store import Store
 from pipeline.shot.yaml.inheritance import OPTION, inherited
 from pipeline.shot.yaml.yaml_source import Where, YamlSource, in_yaml
 from render.base.render_errors import RenderError
@@ -230,14 +229,14 @@ class _Frame:
             return Explanation("corrupt", file, (str(error),))
         parts = self._parts(header)
         reasons = list(dict.fromkeys(self._reasons(header, parts)))
-        made_from = self._source_of_run()
-        edits = (
-            () if made_from is None else tuple(file_edits(made_from, self.request.source, self.store.root))
-        )
+        edits: tuple[FileEdit, ...] = ()
+        options: tuple[str, ...] = ()
+        if (made_from := self._source_of_run()) is not None:
+            edits = tuple(file_edits(made_from, self.request.source, self.store.root))
+            options = tuple(option_differences(made_from, self.request.source))
         is_camera_edited = any(edit.difference.path[0] == "camera" for edit in edits)
         if is_camera_edited and not any(reason.startswith("its camera") for reason in reasons):
             reasons.append("its camera differs")  # hidden by a mesh that differs
-        options = () if made_from is None else tuple(option_differences(made_from, self.request.source))
         return Explanation(state, file, tuple(reasons), parts, edits, options)
 
     def _neighbours_to_come(self) -> Iterator[str]:
@@ -325,9 +324,9 @@ class _Frame:
         """Return the first frame whose mesh is there and is not today's."""
         for number in sorted(self.request.source.surface_keys.meshes):
             for part in self.request.parts:
-                key = _key_in(self.store.root / part.place("mesh", number))
-                if key is not None and key != part.mesh_key(number):
-                    return number
+                with contextlib.suppress(CorruptFileError, OSError):
+                    if readers.key_in(self.store.root / part.place("mesh", number)) != part.mesh_key(number):
+                        return number
         return None
 
     def _first_unmade(self) -> str:
@@ -373,15 +372,4 @@ def _source_in(plan: Path, request: RenderRequest) -> ShotSource | None:
             planned = from_plain(RenderRequest, data)
             if (planned.label, planned.home) == (request.label, request.home):
                 return planned.source
-    return None
-
-
-def _key_in(mesh: Path) -> Key | None:
-    """Return the key in a mesh file, without reading the rest of it; None where it cannot be read."""
-    with (
-        contextlib.suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile),
-        mesh.open("rb") as file,
-        np.load(file, allow_pickle=False) as arrays,
-    ):
-        return str(arrays["key"])
     return None
