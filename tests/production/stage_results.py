@@ -19,9 +19,9 @@ import av
 import llvmlite.binding as llvm
 import numpy as np
 
+from pipeline.plugins.review.measures import measures_of
 from pipeline.plugins.turntable.turntable_movie import TurntableRequest, TurntableSheets
 from pipeline.production.execution.project import Project
-from pipeline.production.measures import measures_of
 from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.stages import DELIVER, MEASURE, STAGES, STILLS, TURNTABLE_SHEET, PipelineStage

@@ -12,9 +12,9 @@ import pytest
 from pipeline.errors import UsageError
 from pipeline.plugins.maintenance.clean import collect_garbage
 from pipeline.plugins.maintenance.store_repair import Evicted, repairs
+from pipeline.plugins.review.measures import measured
 from pipeline.plugins.turntable.turntable_movie import TurntableRequest
 from pipeline.production.execution.project import Project
-from pipeline.production.measures import measured
 from pipeline.production.planning.frame_states import mesh_states
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import RenderRequest

@@ -1,4 +1,4 @@
-"""The review page: the pictures of shots side by side, frame by frame, and notes on them."""
+"""The review page: pictures of shots side by side, measures of their meshes, and notes on them."""
 
 from pipeline.plugin import Command, Plugin
 
@@ -11,6 +11,11 @@ PLUGIN = Plugin(
         "review": Command(
             f"{_COMMANDS}:review",
             "Write a page for reviewing shots frame by frame and writing notes.",
+            "Look",
+        ),
+        "figures": Command(
+            "pipeline.plugins.review.figures:figures",
+            "Plot the measures of a shot's meshes over its frames.",
             "Look",
         ),
         "notes": Command(f"{_COMMANDS}:notes", "List the notes that reviewers wrote about a shot.", "Look"),

@@ -21,10 +21,10 @@ from typing import Any
 from pipeline.errors import MissingInputError
 from pipeline.plugin import plugins
 from pipeline.plugins.review import view_3d
+from pipeline.plugins.review.measures import TIMED_STAGES, limits_of, measured
 from pipeline.plugins.review.page_pictures import LayerWriter, Proxies, ProxyWriter
 from pipeline.plugins.review.review_notes import ReviewNote, as_data
 from pipeline.production.execution.project import Project
-from pipeline.production.measures import TIMED_STAGES, limits_of, measured
 from pipeline.production.picture_sequences import PictureSequence, SequenceGrid, SequenceQuery
 from pipeline.production.planning.timings import LatestTimings
 from pipeline.production.request.lookup import find_shot

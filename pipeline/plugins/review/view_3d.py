@@ -26,7 +26,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import MachineError
-from pipeline.production.measures import simulated
+from pipeline.plugins.review.measures import simulated
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
 from pipeline.production.store.digests import CorruptFileError

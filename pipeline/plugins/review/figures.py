@@ -1,0 +1,164 @@
+"""The command `figures`: the measures and times of a shot's meshes, plotted over its frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.cli.options import (
+    Common,
+    Crossings,
+    Plot,
+    Quality,
+    Shot,
+    ShotOptions,
+    Subject,
+)
+from pipeline.cli.output import print_result
+from pipeline.errors import MissingInputError, UsageError
+from pipeline.plugins.review.measures import TIMED_STAGES, limits_of, measured
+from pipeline.production.execution.project import Project
+from pipeline.production.planning.timings import LatestTimings, render_seconds
+from pipeline.production.request.lookup import find_shot
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.stages import STAGES
+from render.graphics.plot import Curves, HeatMap, Panel, StackedBars, plot_panels
+from render.scene.render_quality import DEFAULT_QUALITY
+
+LONGEST_BAR = 1.6
+"""The axis of seconds ends at this multiple of the 90th percentile, for first frames compile kernels."""
+
+
+def figures(
+    common: Common,
+    shot: Shot,
+    options: ShotOptions,
+    quality: Quality = DEFAULT_QUALITY,
+    output: Plot = None,
+    crossings: Crossings = False,
+    subject: Subject = None,
+) -> None:
+    """Plot the measures and times of a shot's meshes over its frames.
+
+    `flowsculpt figures A010_cube` writes renders/A010_cube/A010_cube.figures.svg: vertices, splits and
+    collapses, edge lengths, roundness of triangles, area and volume of all mesh frames simulated so far, and
+    crossings where there are any. The seconds of rendering are those of `--quality`. Several subjects have a
+    page each.
+    """
+    project = options.project(common)
+    whole = project.request(find_shot(shot), quality, variant="none").of_subject(subject)
+    if output is not None and len(whole.parts) > 1:
+        raise UsageError(f"-o {output} is one file, but {whole.name} has several subjects; choose --subject")
+    drawn = [_drawn(common, project, request, output, crossings) for request in whole.parts]
+    if not any(measured for _, _, measured in drawn):
+        raise MissingInputError(
+            f"{whole.name} has no meshes to measure; flowsculpt simulate {shot} makes them"
+        )
+    told = [(page, names, frames) for page, names, frames in drawn if frames]
+    done = ", would be written" if common.dry_run else ""
+    words = "\n".join(f"{page}: {len(names)} figures{done}." for page, names, _ in told)
+    facts = [{"path": str(page), "figures": names, "frames": frames} for page, names, frames in told]
+    print_result(words, facts[0] if len(whole.parts) == 1 else facts, common.json)
+
+
+def _drawn(
+    common: Common, project: Project, request: RenderRequest, output: Path | None, crossings: bool
+) -> tuple[Path, list[str], list[int]]:
+    """Draw the figures of a shot with one subject, or of one of several.
+
+    Return the path, the names of the figures and the frames that were measured; no page without frames.
+    """
+    numbers, name = sorted(request.angles), request.motion_folders.part_name
+    page = output or common.root / request.folders.home / f"{name}.figures.svg"
+    measures = measured(request, project.store, numbers, common.cores, count_crossings=crossings)
+    if not measures:
+        return page, [], []
+    latest = LatestTimings(common.root)
+    seconds = latest.by_stage(request.subject, request.name, request.quality_name, TIMED_STAGES)
+    if rendered := render_seconds(request, common.root):
+        seconds["render"] = {number: sum(parts.values()) for number, parts in rendered.items()}
+    drawn = panels(numbers, measures, limits_of(request), seconds)
+    if not common.dry_run:
+        heading, rate = request.shot.heading, float(request.shot.rate.fps)
+        title = f"{heading}: {request.source.subject}" if request.source.subject else heading
+        project.store.write(page, lambda path: plot_panels(title, drawn, rate, path))
+    return page, [panel.name for panel in drawn], sorted(measures)
+
+
+Row = Mapping[str, Any]  # the measures of one frame, by name
+
+
+def panels(
+    numbers: Sequence[int],
+    measures: Mapping[int, Row],
+    limits: tuple[float | None, float | None],
+    seconds: Mapping[str, Mapping[int, float]],
+) -> list[Panel]:
+    """Return the panels of a shot from measures by frame, and seconds by stage and frame.
+
+    limits  minimum and maximum edge length, if they are numbers
+    """
+    frames = np.array(numbers, np.float64)
+    rows = [measures.get(number, {}) for number in numbers]
+    return [*_mesh_panels(frames, rows, limits), *_seconds_panel(frames, numbers, seconds)]
+
+
+def _mesh_panels(
+    frames: Floats, rows: Sequence[Row], limits: tuple[float | None, float | None]
+) -> Iterator[Panel]:
+    def values(*names: str) -> Floats:
+        found = [[row.get(name) for name in names] for row in rows]
+        return np.array([[v if isinstance(v, (int, float)) else np.nan for v in row] for row in found], float)
+
+    none = np.zeros((0, 2))
+    if _has(vertices := values("vertices")):
+        yield Curves("vertices", "", frames, vertices, none)
+    if _has(changes := values("splits", "collapses")):
+        bars = {"splits": changes[:, 0], "collapses": -changes[:, 1]}
+        yield StackedBars("splits and collapses", "a frame", frames, bars)
+    if (top := next((row["edge_top"] for row in rows if row.get("edge_top")), None)) is not None:
+        levels = tuple((value, word) for value, word in zip(limits, ("min", "max"), strict=True) if value)
+        yield HeatMap("edge lengths", "scene units", frames, _shares(rows, "edges"), float(top), levels)
+    if any(row.get("quality") for row in rows):
+        title, worst = "roundness of triangles; the line: a hundredth is below", values("worst")[:, 0]
+        yield HeatMap(title, "1: equilateral", frames, _shares(rows, "quality"), 1.0, line=worst)
+    if _has(area := values("area")):
+        yield Curves("area", "scene units²", frames, area, none)
+    if _has(volume := values("volume")):
+        yield Curves("volume", "scene units³", frames, volume, none)
+    crossings = values("crossings")
+    if np.nansum(crossings) > 0:
+        counted = np.isfinite(crossings[:, 0])
+        unit = "pairs of faces" if counted.all() else "pairs of faces, counted in the frames with a dot"
+        dots = np.column_stack([frames, crossings])[counted]
+        keys = none if counted.all() else dots
+        yield Curves("crossings", unit, dots[:, 0], dots[:, 1:], keys)
+
+
+def _seconds_panel(
+    frames: Floats, numbers: Sequence[int], seconds: Mapping[str, Mapping[int, float]]
+) -> Iterator[Panel]:
+    timed = [stage for stage in STAGES if stage in seconds]
+    bars = {stage: np.array([seconds[stage].get(n, 0.0) for n in numbers]) for stage in timed}
+    if not bars:
+        return
+    total = np.sum(list(bars.values()), axis=0)
+    longest = LONGEST_BAR * float(np.quantile(total, 0.9))
+    scale = np.minimum(1.0, longest / np.maximum(total, 1e-9)) if longest else 1.0
+    unit = "s (the longest cut short)" if longest and (total > longest).any() else "s"
+    scaled = {STAGES[stage].doing: values * scale for stage, values in bars.items()}
+    yield StackedBars("seconds a frame", unit, frames, scaled)
+
+
+def _has(values: Floats) -> bool:
+    return bool(np.isfinite(values).any())
+
+
+def _shares(rows: Sequence[Row], name: str) -> Floats:
+    """Return histograms (T, B); zeros for frames without one."""
+    bins = next(len(row[name]) for row in rows if row.get(name))
+    return np.array([row.get(name) or [0.0] * bins for row in rows], np.float64)
