@@ -82,10 +82,12 @@ class FireflyFilter:
         for part in (self.on_subject, ~self.on_subject):
             radii = np.where(part, self.radius, 0)
             share = np.where(part, self.brightness, 0.0)
-            for radius in np.unique(radii[radii > 0]):
-                weight = np.where(radii == radius, self.spread / self.reached, 0.0)
+            for radius in map(int, np.unique(radii[radii > 0])):
+                box = _within_reach(radii == radius, radius)
+                weight = np.where(radii[box] == radius, self.spread[box] / self.reached[box], 0.0)
                 for channel in range(light.shape[2]):
-                    filtered[..., channel] += share * _blurred(light[..., channel] * weight, int(radius))
+                    near = *box, channel
+                    filtered[near] += share[box] * _blurred(light[near] * weight, radius)
         return filtered
 
     def facts(self, luminance: Picture) -> dict[str, float]:
@@ -219,6 +221,15 @@ def _blurred(picture: Picture, radius: int) -> Picture:
         _blur_columns(source, radius, blurred)
         _blur_rows(blurred, radius)
     return blurred
+
+
+def _within_reach(pixels: NDArray[np.bool_], radius: int) -> tuple[slice, slice]:
+    """Return the rows and columns that `_blurred` reaches from pixels, True in (H, W)."""
+    reached = []
+    for axis in (1, 0):
+        places = np.flatnonzero(pixels.any(axis=axis))
+        reached.append(slice(max(int(places[0]) - 2 * radius, 0), int(places[-1]) + 2 * radius + 1))
+    return reached[0], reached[1]
 
 
 @compiled()

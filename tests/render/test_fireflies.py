@@ -13,6 +13,7 @@ from render.base.render_errors import BadInputError
 from render.frame.accumulator import Accumulator
 from render.frame.fireflies import (
     BRIGHT_FACTOR,
+    EVERYWHERE,
     REACH,
     RELIABLE_COUNT,
     FireflyFilter,
@@ -177,6 +178,28 @@ def test_a_blur_is_two_box_means_along_both_axes_with_black_beyond(
 
     expected = np.apply_along_axis(twin, 1, np.apply_along_axis(twin, 0, picture))
     assert np.allclose(_blurred(picture, radius), expected, rtol=1e-12)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32), st.sampled_from([(9, 14), (64, 80)]))
+def test_light_is_spread_to_the_bit_as_if_all_of_the_picture_were_blurred(
+    seed: int, shape: tuple[int, int]
+) -> None:
+    rng = np.random.default_rng(seed)
+    light = rng.random((*shape, 3))
+    spread, reached, brightness = rng.random(shape), 1.0 + rng.random(shape), rng.random(shape)
+    is_far = rng.random(shape) < 0.02
+    radius = np.where(is_far, rng.choice([2, 6, 20, EVERYWHERE], shape), 0).astype(np.int32)
+    subject = rng.random(shape) < 0.5
+    expected = light * (1.0 - spread)[..., None]
+    for part in (subject, ~subject):
+        for reach in sorted({*radius[part].tolist()} - {0}):
+            weight = np.where(part & (radius == reach), spread / reached, 0.0)
+            for channel in range(3):
+                blurred = _blurred(light[..., channel] * weight, reach)
+                expected[..., channel] += np.where(part, brightness, 0.0) * blurred
+    firefly_filter = FireflyFilter(1.0 - spread, brightness, subject, spread, reached, radius)
+    assert np.array_equal(firefly_filter.apply(light), expected)
 
 
 def test_a_sample_that_is_not_finite_spoils_nothing() -> None:
