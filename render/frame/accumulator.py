@@ -306,7 +306,7 @@ _NO_CELLS = np.empty(0, np.int64)
 
 @dataclass
 class CopyCounts:
-    """Samples of each pixel that see each copy.
+    """Samples of each pixel that see each copy of subjects, held only where a sample sees one.
 
     cells   ascending, (C,): pixel and copy
     counts  (C,) of samples

@@ -269,25 +269,22 @@ def _spread(kind: str, part: Round, samples: int, first: int = 0) -> list[Sample
     ]
 
 
-def chosen_pixels(
-    quality: Quality, batch: SampleBatch, seed: int, pixels: PixelNumbers | None = None
-) -> PixelNumbers | None:
-    """Return those of `pixels` that choose the batch's motion sample; None is all pixels.
+def chosen_pixels(quality: Quality, batch: SampleBatch, seed: int, pixels: PixelNumbers) -> PixelNumbers:
+    """Return those of `pixels` that choose the batch's motion sample.
 
     A pixel's choice depends on its place in the whole picture, on the stratum and on the seed.
     """
     member, members = batch.choice
     if members == 1:
         return pixels
-    (left, top), (width, height) = (quality.crop or (0, 0))[:2], quality.rendered_size
-    numbers = np.arange(width * height) if pixels is None else pixels
-    rows, columns = np.divmod(numbers, width)
+    left, top = (quality.crop or (0, 0))[:2]
+    rows, columns = np.divmod(pixels, quality.rendered_size[0])
     places = ((rows + top) * quality.width + columns + left).astype(np.uint64)
     mixed = places + np.uint64(seed_of(seed, "choice", batch.first) << 32)
     for shift, factor in _MIXING:
         mixed = (mixed ^ (mixed >> np.uint64(shift))) * np.uint64(factor)
     choice = ((mixed >> np.uint64(40)) * np.uint64(members)) >> np.uint64(24)
-    return np.asarray(numbers[choice == member])
+    return np.asarray(pixels[choice == member])
 
 
 def _even_divisor(samples: int) -> int:

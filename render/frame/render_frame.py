@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass, field
 from itertools import groupby, pairwise
 from operator import attrgetter
 from typing import Any
@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from render.base.work_clock import Timing, WorkClock
 from render.frame.accumulator import Accumulator
 from render.frame.batch_schedule import (
-    Round,
     SampleBatch,
     affordable_motion_samples,
     batch_schedule,
@@ -31,10 +30,10 @@ from render.frame.batch_schedule import (
 from render.frame.checkpoint import Checkpoint
 from render.frame.tiles import Picture, PixelNumbers
 from render.mitsuba.engine import Engine
-from render.mitsuba.mitsuba_scene import FrameScenes, build_scene
-from render.mitsuba.tracers import has_path_tracer
+from render.mitsuba.mitsuba_scene import FrameScenes, build_scene, has_path_tracer
 from render.scene.aovs import Pixels, RenderedFrame, stage_motion, vertex_attributes
 from render.scene.render_quality import Quality
+from render.scene.rgb_spaces import LUMA
 from render.scene.scene import MotionSample, Scene
 from render.scene.surface import Surface
 
@@ -66,23 +65,20 @@ def render_frame(
     """
     engine.start()
     stopwatch = Stopwatch()
-    size = quality.width, quality.height
-    own = scene.motion_sample
-    ends: Sequence[MotionSample | None] = (
-        [None] * len(own.subjects) if following is None else following.each()
-    )
+    own, is_traced = scene.motion_sample, has_path_tracer(scene, quality)
+    ends: Sequence[MotionSample | None] = following.each() if following else [None] * len(own.subjects)
     attributes = [
-        vertex_attributes(now, then, aovs, size) for now, then in zip(own.each(), ends, strict=True)
+        vertex_attributes(now, then, aovs, quality.size) for now, then in zip(own.each(), ends, strict=True)
     ]
-    motion = 0.0 if shutter is None else shutter.longest_motion(size)
-    if has_path_tracer(scene, quality):
+    motion = 0.0 if shutter is None else shutter.longest_motion(quality.size)
+    if is_traced:
         affordable = affordable_motion_samples(quality, own.vertex_count)
         rounds = traced_rounds(quality, motion, affordable, seed)
     else:
         rounds = multijitter_rounds(quality, motion)
+    motion_samples = len({time for each in rounds for time in each.times})
     groups = [group.name for group in scene.lights.groups]
     schedule = batch_schedule(quality, rounds)
-    motion_samples = _motion_sample_count(rounds)
     batches = SampleBatches(quality, schedule, aovs, seed, on_batch, checkpoint, groups)
     stopwatch.lap("preparing")
     moved: MotionSample | None = None
@@ -107,18 +103,18 @@ def render_frame(
     if "alpha" not in arrays:
         arrays["alpha"] = _alpha(arrays, scene)
     if "motion" in arrays and following is not None and scene.stage.kind != "none":
-        arrays["motion"] = _add_stage_motion(arrays, own, following, size)
+        arrays["motion"] = _add_stage_motion(arrays, own, following, quality.size)
     facts = {
         "seed": seed,
         **batches.accumulator.facts(),
         "auxiliary_samples": quality.auxiliary_samples,
         "depth": quality.depth,
         "lens_radius": scene.camera.lens_radius,
-        **({} if has_path_tracer(scene, quality) else {"features_apart": True}),
+        **({} if is_traced else {"features_apart": True}),
         "working_space": scene.working_space.name,
         "surface_vertices": sum(len(surface.vertices) for surface in surfaces),
         "surface_faces": sum(len(surface.faces) for surface in surfaces),
-        **({} if shutter is None else _shutter_facts(shutter, motion, rounds)),
+        **({} if shutter is None else _shutter_facts(shutter, motion, motion_samples)),
         **engine.facts(),
     }
     return RenderedFrame(arrays, facts, stopwatch.timings)
@@ -137,16 +133,11 @@ class Stopwatch:
         self.timings[name] = Timing(known.seconds + taken.seconds, known.cpu + taken.cpu)
 
 
-def _motion_sample_count(rounds: Sequence[Round]) -> int:
-    return len({time for each in rounds for time in each.times})
-
-
-def _shutter_facts(shutter: ShutterInterval, motion: float, rounds: Sequence[Round]) -> dict[str, Any]:
-    count = _motion_sample_count(rounds)
+def _shutter_facts(shutter: ShutterInterval, motion: float, motion_samples: int) -> dict[str, Any]:
     return {
         "shutter": [shutter.opens, shutter.closes],
-        "motion_samples": count,
-        "pixels_between_motion_samples": round(motion / count, 3),
+        "motion_samples": motion_samples,
+        "pixels_between_motion_samples": round(motion / motion_samples, 3),
     }
 
 
@@ -203,50 +194,50 @@ class ShutterInterval:
         return 2.0 * float(np.max(np.where(in_picture & in_front, np.maximum(*steps), 0.0), initial=0.0))
 
 
+@dataclass
 class SampleBatches:
     """The sample batches of one frame, and the sums of those rendered so far.
 
     batches     in order
+    seed        of the frame
     on_batch    is called after each batch with how many are done, and how many there are at most
     checkpoint  where the sums are stored for another process; if it has any, rendering resumes from them
     groups      names of light groups
     """
 
-    def __init__(
-        self,
-        quality: Quality,
-        batches: Sequence[SampleBatch],
-        aovs: Collection[str],
-        seed: int,
-        on_batch: Callable[[int, int], None] | None = None,
-        checkpoint: Checkpoint | None = None,
-        groups: Sequence[str] = (),
-    ) -> None:
-        self._seed, self._on_batch, self._checkpoint = seed, on_batch, checkpoint
-        self._quality, self._batches = quality, batches
-        self._done = 0
-        self.accumulator = Accumulator(quality, aovs, groups)
-        if checkpoint is not None and (state := checkpoint.load()) is not None:
+    quality: Quality
+    batches: Sequence[SampleBatch]
+    aovs: InitVar[Collection[str]]
+    seed: int
+    on_batch: Callable[[int, int], None] | None = None
+    checkpoint: Checkpoint | None = None
+    groups: InitVar[Sequence[str]] = ()
+    accumulator: Accumulator = field(init=False)
+    _done: int = field(default=0, init=False)
+
+    def __post_init__(self, aovs: Collection[str], groups: Sequence[str]) -> None:
+        self.accumulator = Accumulator(self.quality, aovs, groups)
+        if self.checkpoint is not None and (state := self.checkpoint.load()) is not None:
             self._done = int(state["done"])
             self.accumulator.restore(state)
 
     def remaining(self) -> Iterator[SampleBatch]:
         """Yield the batches to render, until all are done or the frame has converged."""
-        while self._done < len(self._batches) and not self.accumulator.has_converged:
-            yield self._batches[self._done]
+        while self._done < len(self.batches) and not self.accumulator.has_converged:
+            yield self.batches[self._done]
 
     def render(self, batch: SampleBatch, scenes: FrameScenes) -> None:
         """Render the next of `remaining`."""
-        seed = seed_of(self._seed, self._done, _SEED_WORDS[batch.kind])
+        seed = seed_of(self.seed, self._done, _SEED_WORDS[batch.kind])
         if batch.kind == "beauty":
             self._render_beauty(batch, scenes, seed)
         else:
             self._render_features(batch, scenes.features, seed)
         self._done += 1
-        if self._checkpoint is not None:
-            self._checkpoint.save_if_due(self._state)
-        if self._on_batch is not None:
-            self._on_batch(self._done, len(self._batches))
+        if self.checkpoint is not None:
+            self.checkpoint.save_if_due(self._state)
+        if self.on_batch is not None:
+            self.on_batch(self._done, len(self.batches))
 
     def _state(self) -> Mapping[str, NDArray[Any]]:
         return {"done": np.array(self._done), **self.accumulator.state()}
@@ -269,10 +260,10 @@ class SampleBatches:
 
         copies  a `CopyTracer`, or None where copies are not told apart
         """
-        pixels = chosen_pixels(self._quality, batch, self._seed, self.accumulator.active_pixels)
-        if pixels is not None and not len(pixels):
+        pixels = chosen_pixels(self.quality, batch, self.seed, self.accumulator.active_pixels)
+        if not len(pixels):
             return
-        seed = seed_of(self._seed, _SEED_WORDS[batch.kind])
+        seed = seed_of(self.seed, _SEED_WORDS[batch.kind])
         picture = np.asarray(tracer.render(batch.samples, batch.first, seed, pixels))
         light = picture.shape[-1] - tracer.coverage_channels
         self.accumulator.add("beauty", picture[..., :light], batch.samples, pixels)
@@ -284,15 +275,12 @@ class SampleBatches:
         """Render with the rays of the path tracer, or with Mitsuba's integrator."""
         pixels: PixelNumbers | None = None
         if tracer.continues_sequence:
-            seed = seed_of(self._seed, _SEED_WORDS["beauty"])
+            seed = seed_of(self.seed, _SEED_WORDS["beauty"])
             of_batch = self.accumulator.edge_pixels if batch.at_edges else self.accumulator.all_pixels
-            pixels = chosen_pixels(self._quality, batch, self._seed, of_batch)
-            if pixels is not None and not len(pixels):
+            pixels = chosen_pixels(self.quality, batch, self.seed, of_batch)
+            if not len(pixels):
                 return
-            features = tracer.render(batch.samples, batch.first, seed, pixels)
-        else:
-            features = tracer.render(batch.samples, batch.first, seed)
-        for name, means in features.items():
+        for name, means in tracer.render(batch.samples, batch.first, seed, pixels).items():
             self.accumulator.add(name, means, batch.samples, pixels)
 
 
@@ -303,7 +291,7 @@ def _with_moments(picture: Picture) -> Picture:
     """
     if picture.shape[2] > 3:
         return picture[..., _MOMENT_CHANNELS]
-    luminance = picture @ np.array([[0.2126], [0.7152], [0.0722]])
+    luminance = picture @ LUMA[:, None]
     return np.concatenate([picture, luminance, luminance * luminance], axis=2)
 
 

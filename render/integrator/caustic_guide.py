@@ -6,8 +6,6 @@ mirrors and glass to the first matt surface. They fill a histogram of directions
 which a part of the directions at matt surfaces is sampled (Jensen, *Importance driven path tracing using the
 photon map*, 1995). The rest is sampled by the BSDF and both are weighted as one density, so that the guide
 changes the noise alone, never the mean.
-
-Importing this imports Mitsuba, so an engine of a compiled variant must have been started.
 """
 
 from __future__ import annotations

@@ -5,8 +5,6 @@ so such light is found from that end: photons go from the emitter to the first m
 the lens (light tracing by Arvo, *Backward ray tracing*, 1986; with importance, Veach 1997). Their picture is
 added to that of the paths, which leave out the same light (`render.integrator.path`). Caustics seen in
 mirrors or through glass are left to the paths.
-
-Importing this imports Mitsuba, so an engine of a compiled variant must have been started.
 """
 
 from __future__ import annotations
@@ -20,9 +18,10 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.integrator.light_sampler import LightSource
+from render.integrator.light_sampler import Cone, LightSource
 from render.integrator.photons import (
     CausticSun,
+    Landed,
     Photons,
     area_rays,
     caster_sphere,
@@ -32,7 +31,6 @@ from render.integrator.photons import (
     photon_count,
 )
 from render.integrator.scene_emitters import EmitterGroups
-from render.integrator.sky_sampler import Cone
 
 SAMPLES_PER_PHOTON = 4
 """Camera paths for each photon, which costs half as much as one."""
@@ -223,7 +221,7 @@ class _PhotonTracer:
     integrator: Any
     sums: NDArray[np.float64]
     kept: int
-    _landed: list[tuple[NDArray[Any], ...]] = field(default_factory=list)
+    _landed: list[Landed] = field(default_factory=list)
     _light: float = 0.0
 
     def trace_all(self, emission: _Emission, total: int, random: np.random.Generator) -> None:
@@ -280,13 +278,7 @@ class _PhotonTracer:
 
     def photons(self) -> Photons:
         """Return the photons that were kept."""
-        middle, radius = caster_sphere(self.scene)
-        around = np.array(middle, dtype=np.float64).ravel(), float(radius[0])
-        empty = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32), np.zeros(0)
-        places, directions, weights = (
-            np.concatenate(part) for part in zip(empty, *self._landed, strict=True)
-        )
-        return Photons(places, directions, weights, *around, self._light / (np.pi * around[1] ** 2))
+        return Photons.of(caster_sphere(self.scene), self._landed, self._light)
 
     def _keep(self, count: np.intp, place: Any, direction: Any, light: Any) -> None:
         """Keep the first photons of those that land."""

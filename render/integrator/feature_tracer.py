@@ -4,15 +4,13 @@ Albedo, normal, position, depth and matte are those of the first surface that th
 mirror or clear glass, the denoiser needs the albedo and normal of what that shows: `denoise_albedo` and
 `denoise_normal` follow the path through smooth surfaces to the first rough one, as the documentation of Open
 Image Denoise advises. The albedo of a metal is its reflectance along the normal.
-
-Importing this imports Mitsuba, so an engine of a compiled variant must have been started.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -21,6 +19,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from render.base.serialise import Triple
 from render.integrator.path import camera_vertex
 from render.integrator.path_tracer import film_pixels
 from render.integrator.sampler import DIRECTION, LOBE, OwenSampler
@@ -42,11 +41,11 @@ class FeatureTracer:
 
     integrator    Mitsuba's, which is used only to look past hidden emitters
     hide_emitters True if the lens sees neither emitters nor the sky
-    clear_colours albedo of each subject that is clear, by the name of its shape
+    subjects      pointers to the shapes of subjects, whose coverage is the matte
+    wireframes    pointers to the shapes of their lines, which count for the matte too
+    clear_colours albedo of each of `subjects` that is clear, or None
     attributes    names of the vertex attributes (V, 3) of subjects that become features
     follows       True if paths are followed through smooth surfaces
-    subjects      names of the shapes of subjects, whose coverage is the matte
-    wireframes    names of the shapes of their lines, which count for the matte too
     """
 
     continues_sequence: ClassVar[bool] = True
@@ -55,32 +54,17 @@ class FeatureTracer:
     scene: Any
     integrator: Any
     hide_emitters: bool
-    clear_colours: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
-    attributes: tuple[str, ...] = ()
-    follows: bool = True
-    subjects: tuple[str, ...] = ("subject",)
-    wireframes: tuple[str, ...] = ()
-    _shapes: dict[str, Any] = field(default_factory=dict, init=False)
-
-    def __post_init__(self) -> None:
-        pointers = self.scene.shapes_dr()
-        for number, shape in enumerate(self.scene.shapes()):
-            if shape.id() in (*self.subjects, *self.wireframes):
-                pointer = dr.gather(mi.ShapePtr, pointers, dr.opaque(mi.UInt32, number))
-                self._shapes[shape.id()] = pointer
+    subjects: Sequence[Any]
+    wireframes: Sequence[Any]
+    clear_colours: Sequence[Triple | None]
+    attributes: Sequence[str]
+    follows: bool
 
     @cached_property
     def has_specular(self) -> bool:
         """True if a surface of the scene, not counting emitters, reflects nothing diffusely."""
         bsdfs = [shape.bsdf() for shape in self.scene.shapes() if not shape.is_emitter()]
         return any(not mi.has_flag(bsdf.flags(), mi.BSDFFlags.Diffuse) for bsdf in bsdfs)
-
-    def is_shape(self, si: Any, *names: str) -> Any:
-        """Tell where a surface interaction is on one of the shapes of these names."""
-        found = mi.Bool(False)
-        for name in names:
-            found |= si.shape == self._shapes[name]
-        return found
 
     def render(
         self, samples: int, first: int, seed: int, pixels: NDArray[np.integer[Any]] | None = None
@@ -95,13 +79,10 @@ class FeatureTracer:
         denoise_albedo, denoise_normal   of the first rough surface, in scenes with smooth ones
         names of `attributes`            those of the subjects, 0 elsewhere
         """
-        film = self.scene.sensors()[0].film()
-        number, corner, size = film_pixels(film, pixels)
+        number, corner, size, shape = film_pixels(self.scene, pixels)
         sampler = OwenSampler(number, first, samples, seed)
         sums = _sum_features(self, sampler, corner, size, self.follows and self.has_specular)
         dr.eval(sums)
-        width, height = (int(side) for side in film.crop_size())
-        shape = (height, width) if pixels is None else (len(pixels),)
         count = np.float32(samples)
         features = {name: _picture(values, shape) / count for name, values in sums.items()}
         dr.flush_malloc_cache()
@@ -146,7 +127,7 @@ def _features(
     hit = si.is_valid()
     albedo, is_smooth = _albedo(tracer, si, hit)
     normal = dr.select(hit, si.sh_frame.n, 0.0)
-    is_body, is_wire = (hit & tracer.is_shape(si, *names) for names in (tracer.subjects, tracer.wireframes))
+    is_body, is_wire = (hit & _is_on(si, shapes) for shapes in (tracer.subjects, tracer.wireframes))
     features = {
         "albedo": dr.select(hit, albedo, 0.0),
         "normal": normal,
@@ -210,9 +191,18 @@ def _albedo(tracer: FeatureTracer, si: Any, active: Any) -> tuple[Any, Any]:
         is_delta = mi.has_flag(sampled.sampled_type, mi.BSDFFlags.Delta)
         is_mirror = ~mi.has_flag(flags, mi.BSDFFlags.Transmission) & (sampled.pdf > _MIN_PDF)
         is_smooth = ~is_diffuse & (is_delta | is_mirror)
-    for name, colour in tracer.clear_colours.items():
-        albedo = dr.select(tracer.is_shape(si, name), mi.Color3f(colour), albedo)
+    for shape, colour in zip(tracer.subjects, tracer.clear_colours, strict=True):
+        if colour is not None:
+            albedo = dr.select(si.shape == shape, mi.Color3f(colour), albedo)
     return dr.clip(albedo, 0.0, 1.0), is_smooth
+
+
+def _is_on(si: Any, shapes: Sequence[Any]) -> Any:
+    """Tell where a surface interaction is on one of the shapes."""
+    found = mi.Bool(False)
+    for shape in shapes:
+        found |= si.shape == shape
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,8 +226,7 @@ class CopyTracer:
 
         The arguments are those of `PathTracer.render`, and so are the rays.
         """
-        film = self.scene.sensors()[0].film()
-        number, corner, size = film_pixels(film, pixels)
+        number, corner, size, _ = film_pixels(self.scene, pixels)
         sampler = OwenSampler(number, first, samples, seed)
         seen = []
         for sample in range(samples):
@@ -248,9 +237,6 @@ class CopyTracer:
 
     def _copy(self, sampler: OwenSampler, corner: Any, size: Any) -> Any:
         si, _ = camera_vertex(self, sampler, corner, size)
-        is_on = mi.Bool(False)
-        for shape in self.shapes:
-            is_on |= si.shape == shape
-        is_on &= si.is_valid()
+        is_on = si.is_valid() & _is_on(si, self.shapes)
         value = si.shape.eval_attribute_1(f"vertex_{COPY}", si, is_on)
         return dr.select(is_on, mi.UInt32(dr.round(value)), 0)

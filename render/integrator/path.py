@@ -4,8 +4,6 @@ Path tracing with next event estimation and multiple importance sampling (Veach 
 two matt surfaces all emitters are sampled, later one at each vertex. Some paths that leave a matt surface are
 guided to caustics (`render.integrator.caustic_guide`), or leave these to photons
 (`render.integrator.caustic_picture`). Faint paths end by Russian roulette.
-
-Importing this imports Mitsuba, so an engine of a compiled variant must have been started.
 """
 
 from __future__ import annotations

@@ -5,8 +5,6 @@ batch to batch (`render.integrator.sampler`), emitters are chosen by their irrad
 (`render.integrator.light_sampler`), and at the first vertices all of them are sampled
 (`render.integrator.path`). The samples of a pixel are taken one after the other, so that sums have a fixed
 order.
-
-Importing this imports Mitsuba, so an engine of a compiled variant must have been started.
 """
 
 from __future__ import annotations
@@ -89,8 +87,7 @@ class PathTracer:
         for each stand before alpha: its radiance. The samples of a pixel do not depend on which others are
         rendered.
         """
-        film = self.scene.sensors()[0].film()
-        number, corner, size = film_pixels(film, pixels)
+        number, corner, size, shape = film_pixels(self.scene, pixels)
         sums = _sum_samples(self, OwenSampler(number, first, samples, seed), corner, size)
         dr.eval(sums)
         picture = np.empty((dr.width(number), len(sums)))
@@ -101,8 +98,7 @@ class PathTracer:
             self._add_caustics(picture, pixels)
         del sums
         dr.flush_malloc_cache()
-        width, height = (int(side) for side in film.crop_size())
-        return picture if pixels is not None else picture.reshape(height, width, -1)
+        return picture.reshape(*shape, -1)
 
     def _add_caustics(self, picture: NDArray[np.float64], pixels: NDArray[np.integer[Any]] | None) -> None:
         """Add the light of photons to means (pixels, channels) over paths, as if each path had found it."""
@@ -118,19 +114,22 @@ class PathTracer:
             picture[:, 5 : 5 + groups.shape[1]] += groups
 
 
-def film_pixels(film: Any, pixels: NDArray[np.integer[Any]] | None) -> tuple[Any, Any, Any]:
-    """Return numbers of pixels in the whole picture, their upper left corners in the rendered part, and its
-    size.
+def film_pixels(scene: Any, pixels: NDArray[np.integer[Any]] | None) -> tuple[Any, Any, Any, tuple[int, ...]]:
+    """Return numbers of pixels in the whole picture, their upper left corners in the rendered part, its size,
+    and the shape of results: (H, W) or, with `pixels`, (pixels,).
 
+    scene   Mitsuba's
     pixels  as of `PathTracer.render`
     """
+    film = scene.sensors()[0].film()
     (width, height), (left, top) = film.crop_size(), film.crop_offset()
+    shape = (int(height), int(width)) if pixels is None else pixels.shape
     numbers = np.arange(int(width) * int(height)) if pixels is None else pixels
     index = mi.UInt32(numbers.astype(np.uint32))
     row = index // dr.opaque(mi.UInt32, int(width))
     column = index - row * int(width)
     number = (row + int(top)) * int(film.size()[0]) + column + int(left)
-    return number, mi.Point2f(column, row), mi.Point2f(mi.ScalarPoint2f(film.crop_size()))
+    return number, mi.Point2f(column, row), mi.Point2f(mi.ScalarPoint2f(film.crop_size())), shape
 
 
 @dr.syntax

@@ -5,13 +5,12 @@ surface in just the right direction: once in a hundred thousand, and then it is 
 path the sun is a wider disc of the same light (`CausticSun`), which blurs the caustic by as much. Kaplanyan
 and Dachsbacher (*Path Space Regularization for Holistic and Robust Light Transport*, 2013) widen the
 reflection instead; for a distant light this is the same.
-
-Importing this imports Mitsuba, so an engine of a compiled variant must have been started.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -29,6 +28,12 @@ SEED = 1990
 SAMPLES_PER_PHOTON, LEAST_PHOTONS, MOST_PHOTONS = 8, 1 << 12, 1 << 19
 """Camera paths for each photon, which costs half as much as one; and least and most photons of a scene. A
 power of two keeps the compiled code the same."""
+
+
+Landed = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]]
+"""Places, directions and weights of photons, as of `Photons`."""
+
+_NONE: Landed = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32), np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +55,13 @@ class Photons:
     radius: float
     irradiance: float
 
+    @classmethod
+    def of(cls, sphere: tuple[Any, Any], landed: Sequence[Landed], light: float) -> Photons:
+        """Return photons that landed, in parts. sphere: of `caster_sphere`; light: that enters it"""
+        middle, radius = np.array(sphere[0], dtype=np.float64).ravel(), float(sphere[1][0])
+        places, directions, weights = (np.concatenate(part) for part in zip(_NONE, *landed, strict=True))
+        return cls(places, directions, weights, middle, radius, light / (np.pi * radius**2))
+
     def within(self, distance: float) -> Photons:
         """Return the photons within a distance of the middle, in scene units."""
         kept = np.linalg.norm(self.places - self.middle, axis=1) < distance
@@ -66,16 +78,14 @@ def photon_count(samples: int) -> int:
     return 0 if wanted < LEAST_PHOTONS else min(1 << (wanted.bit_length() - 1), MOST_PHOTONS)
 
 
-def casts_caustics(bsdf: Any) -> bool:
-    """Tell whether a material throws caustics: it reflects or refracts, and nothing diffusely."""
-    flags = bsdf.flags()
-    is_smooth = mi.has_flag(flags, mi.BSDFFlags.Delta) | mi.has_flag(flags, mi.BSDFFlags.Glossy)
-    return bool(is_smooth) and not mi.has_flag(flags, mi.BSDFFlags.Diffuse)
-
-
 def casters(scene: Any) -> list[Any]:
-    """Return the shapes of a scene that throw caustics."""
-    return [shape for shape in scene.shapes() if not shape.is_emitter() and casts_caustics(shape.bsdf())]
+    """Return the shapes of a scene that throw caustics: they reflect or refract, and nothing diffusely."""
+    return [shape for shape in scene.shapes() if not shape.is_emitter() and _is_smooth(shape.bsdf().flags())]
+
+
+def _is_smooth(flags: Any) -> bool:
+    has_smooth = mi.has_flag(flags, mi.BSDFFlags.Delta) | mi.has_flag(flags, mi.BSDFFlags.Glossy)
+    return bool(has_smooth) and not mi.has_flag(flags, mi.BSDFFlags.Diffuse)
 
 
 def caster_sphere(scene: Any) -> tuple[Any, Any]:
@@ -100,9 +110,8 @@ def trace_photons(
     if not casters(scene) or not sources or not count:
         return None
     sphere = caster_sphere(scene)
-    middle, radius = np.array(sphere[0], dtype=np.float64).ravel(), float(sphere[1][0])
     each = count // len(sources)
-    parts: list[Any] = []
+    parts: list[Landed] = []
     light = 0.0
     for number, source in enumerate(sources):
         random = mi.PCG32(each, SEED + number)  # type: ignore[operator]  # Mitsuba's stubs say object
@@ -112,8 +121,7 @@ def trace_photons(
         limits = dr.opaque(mi.UInt32, depth), dr.opaque(mi.UInt32, int(mi.BSDFFlags.All))
         _, ray, colour = followed(scene, ray, mi.Color3f(weight / each), random, *limits)
         parts.append(_landed(scene, ray, colour))
-    places, directions, weights = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return Photons(places, directions, weights, middle, radius, light / (np.pi * radius**2))
+    return Photons.of(sphere, parts, light)
 
 
 def _emitted(
@@ -215,12 +223,10 @@ def followed(scene: Any, ray: Any, weight: Any, random: Any, depth: Any, first: 
     return index, dr.gather(mi.Ray3f, ray, index), dr.gather(mi.Color3f, weight, index)
 
 
-def _landed(
-    scene: Any, ray: Any, colour: Any
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]]:
-    """Return places, directions and weights of photons by their last rays and light."""
+def _landed(scene: Any, ray: Any, colour: Any) -> Landed:
+    """Return where photons land, by their last rays and light."""
     if not dr.width(colour):
-        return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32), np.zeros(0)
+        return _NONE
     place = scene.ray_intersect(ray).p
     places, directions, weights = (np.array(each) for each in (place, ray.d, mi.luminance(colour)))
     return places.T, -directions.T, weights.astype(np.float64)

@@ -88,24 +88,10 @@ class OwenSampler:
         return mi.Point2f(*(self._number(column, column, self._digits) for column in columns))
 
     def vertex_1d(self, vertex: Any, coordinate: int, repetition: Any = 0) -> Any:
-        """Return a number for LOBE or EMITTER_CHOICE at a vertex of the path, counted from 0."""
-        return self._vertex_number(vertex, coordinate, repetition)
+        """Return a number for LOBE or EMITTER_CHOICE at a vertex of the path, counted from 0.
 
-    def vertex_2d(self, vertex: Any, coordinate: int, repetition: Any = 0) -> Any:
-        """Return two numbers for EMITTER_POSITION or DIRECTION, independent for each `repetition`."""
-        import mitsuba as mi
-
-        return mi.Point2f(*(self._vertex_number(vertex, coordinate + i, repetition) for i in (0, 1)))
-
-    @property
-    def _digits(self) -> Any:
-        """Digits of the point's number, reversed: bit 0 is a half of LENGTH."""
-        import drjit as dr
-
-        return dr.brev(self._first + self.sample) >> (32 - _DIGITS)
-
-    def _vertex_number(self, vertex: Any, coordinate: int, repetition: Any) -> Any:
-        """Return a number of a vertex. From vertex _VERTICES on, the order of the points is shuffled."""
+        From vertex _VERTICES on, the order of the points is shuffled.
+        """
         import drjit as dr
 
         reuse = vertex // _VERTICES
@@ -114,6 +100,19 @@ class OwenSampler:
         row = _VERTEX + vertex % _VERTICES * _PER_VERTEX + coordinate
         scramble = _VERTEX + vertex * _PER_VERTEX + coordinate + repetition * _REPETITION
         return self._number(row, scramble, digits)
+
+    def vertex_2d(self, vertex: Any, coordinate: int, repetition: Any = 0) -> Any:
+        """Return two numbers for EMITTER_POSITION or DIRECTION, independent for each `repetition`."""
+        import mitsuba as mi
+
+        return mi.Point2f(*(self.vertex_1d(vertex, coordinate + i, repetition) for i in (0, 1)))
+
+    @property
+    def _digits(self) -> Any:
+        """Digits of the point's number, reversed: bit 0 is a half of LENGTH."""
+        import drjit as dr
+
+        return dr.brev(self._first + self.sample) >> (32 - _DIGITS)
 
     def _number(self, row: Any, scramble: Any, digits: Any) -> Any:
         """Return a scrambled number from 0 to 1, excluding 1: a coordinate of the point with these digits."""
@@ -155,13 +154,8 @@ def points(first: int, count: int) -> NDArray[np.uint32]:
 @cache
 def _all_points() -> NDArray[np.uint32]:
     """Return all points, (COORDINATES * LENGTH,), in the order of their numbers with digits reversed."""
-    return points(0, LENGTH)[:, _reversed_numbers()].ravel()
-
-
-def _reversed_numbers() -> NDArray[np.int64]:
-    """Return the numbers below LENGTH, each with its digits reversed."""
     bits = np.arange(LENGTH)[:, None] >> np.arange(_DIGITS) & 1
-    return np.asarray(bits @ (1 << np.arange(_DIGITS)[::-1]))
+    return points(0, LENGTH)[:, bits @ (1 << np.arange(_DIGITS)[::-1])].ravel()
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The emitters of a scene: those that next event estimation samples, and sums of radiance by emitter group.
+"""The emitters of a Mitsuba scene: pointers to them, and sums of radiance by emitter group.
 
 A path adds light of many emitters to one pixel. Which of them is known only while it is traced, so each light
 is compared with all of them. Mitsuba's daylight is one emitter: its light from within the sun's disc is that
@@ -8,67 +8,16 @@ of the sun, less the share of the sky there.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
+import drjit as dr
+import mitsuba as mi
 
-from render.base.serialise import Triple
-from render.scene.render_camera import unit
-from render.scene.scene_lights import LightRig
-from render.scene.sky import Daylight
-
-_LUMA = np.array([0.2126, 0.7152, 0.0722])
-
-
-@dataclass(frozen=True)
-class SampledEmitter:
-    """An emitter for next event estimation.
-
-    name      of its shape or emitter in the scene
-    strength  luminance times area, or irradiance of a distant light; None where it is unknown
-    position  of its middle, scene units; None for a distant light
-    facing    direction it shines to; None where `strength` is
-    daylight  that it is, or None
-    """
-
-    name: str
-    strength: float | None = None
-    position: Triple | None = None
-    facing: Triple | None = None
-    daylight: Daylight | None = None
-
-
-def sampled_emitters(lights: LightRig, to_scene: NDArray[np.float64]) -> list[SampledEmitter]:
-    """Return the emitters of a rig to sample. to_scene: similarity transform (4, 4) from stage units"""
-    turn, scale = to_scene[:3, :3], float(np.cbrt(np.linalg.det(to_scene[:3, :3])))
-    sampled = []
-    for index, box in enumerate(lights.softboxes):
-        strength = float(_LUMA @ box.radiance) * box.width * box.height * scale**2
-        position = turn @ box.position + to_scene[:3, 3]
-        facing = unit(turn @ np.subtract(box.target, box.position))
-        sampled.append(SampledEmitter(f"softbox{index}", strength, _triple(position), _triple(facing)))
-    for index, sun in enumerate(lights.suns):
-        facing = unit(turn @ sun.direction)
-        sampled.append(SampledEmitter(f"sun{index}", float(_LUMA @ sun.irradiance), None, _triple(facing)))
-    if lights.daylight:
-        sampled.append(SampledEmitter("sky", daylight=lights.daylight))
-    elif lights.environment:
-        sampled.append(SampledEmitter("sky"))
-    return sampled
-
-
-def _triple(vector: NDArray[np.float64]) -> Triple:
-    x, y, z = (float(part) for part in vector)
-    return x, y, z
+from render.scene.scene_lights import SunDisc
 
 
 def emitter_pointers(scene: Any, names: Iterable[str]) -> list[Any]:
     """Return pointers to emitters of a scene by their names."""
-    import drjit as dr
-    import mitsuba as mi
-
     present = [_name(emitter) for emitter in scene.emitters()]
     pointers = scene.emitters_dr()
     return [dr.gather(mi.EmitterPtr, pointers, dr.opaque(mi.UInt32, present.index(name))) for name in names]
@@ -77,22 +26,6 @@ def emitter_pointers(scene: Any, names: Iterable[str]) -> list[Any]:
 def _name(emitter: Any) -> str:
     shape = emitter.get_shape()
     return str(shape.id() if shape is not None else emitter.id())
-
-
-@dataclass(frozen=True)
-class SunDisc:
-    """The sun within the emitter `sky`, where the two are in different groups.
-
-    direction  unit vector to its middle
-    cosine     of the angle between its middle and its edge
-    fraction   of the light there that is the sun's, by channel
-    group      index of its group
-    """
-
-    direction: Triple
-    cosine: float
-    fraction: Triple
-    group: int
 
 
 class EmitterGroups:
@@ -114,9 +47,6 @@ class EmitterGroups:
         names       those of the emitters of each group
         background  index of the group of what the lens sees of the sky itself; None for the sky's group
         """
-        import drjit as dr
-        import mitsuba as mi
-
         self.count, self.are_wanted = max(1, len(names)), len(names) > 0
         self._emitters = [emitter_pointers(scene, group) for group in names]
         self._sun, self._background = sun, background
@@ -128,8 +58,6 @@ class EmitterGroups:
 
     def zeros(self) -> list[Any]:
         """Return the sums of a path without light."""
-        import mitsuba as mi
-
         return [mi.Color3f(0.0) for _ in range(self.count)]
 
     def add(self, sums: list[Any], light: Any, emitter: Any, direction: Any) -> list[Any]:
@@ -148,8 +76,6 @@ class EmitterGroups:
     def add_seen(self, sums: list[Any], light: Any, emitter: Any, direction: Any, is_sky: Any) -> list[Any]:
         """Return the sums with the light that the lens itself sees of an emitter; `is_sky` where it is the
         sky."""
-        import drjit as dr
-
         if self._background is None:
             return self.add(sums, light, emitter, direction)
         sums = self.add(sums, dr.select(is_sky, 0.0, light), emitter, direction)
@@ -158,9 +84,6 @@ class EmitterGroups:
 
     def _parts(self, light: Any, emitter: Any) -> list[Any]:
         """Return the light by the group of its emitter."""
-        import drjit as dr
-        import mitsuba as mi
-
         parts, is_other = [], mi.Bool(True)
         for group in self._emitters[:-1]:
             is_member = mi.Bool(False)
@@ -172,8 +95,6 @@ class EmitterGroups:
 
     def _move_sun(self, parts: list[Any], direction: Any) -> None:
         """Move the light of the sun's disc from the sky's group to the sun's."""
-        import drjit as dr
-
         assert self._sun is not None
         sky, is_sun = parts[self._sky], dr.dot(direction, self._direction) > self._cosine
         parts[self._sun.group] += dr.select(is_sun, sky * self._fraction, 0.0)

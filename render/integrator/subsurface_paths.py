@@ -5,8 +5,6 @@ all directions (Chiang, Kutz and Burley, *Practical and controllable subsurface 
 tracing*, 2016). The albedo of the medium is chosen such that a thick flat body reflects the colour of the
 material, by a fit of theirs. In glass the same medium scatters light, without losses, between two passages
 through the surface.
-
-Importing this imports Mitsuba, so an engine of a compiled variant must have been started.
 """
 
 from __future__ import annotations

@@ -14,12 +14,15 @@ import sys
 from importlib.metadata import version
 from typing import Any
 
+import numpy as np
+
 from render.base import python_process
 from render.base.render_errors import BadInputError
 from render.base.user_cache import cache_path, load_answer, store_answer
 from render.mitsuba.engine import Engine
 from render.mitsuba.texture_coordinates import TextureCoordinates, bitmap, to_uv
 from render.scene.materials.mitsuba_bsdf import Bsdf, Plain
+from render.scene.picture_file import Pixels
 from render.scene.texture_projection import TextureProjection
 from render.scene.textures import Texture
 
@@ -117,26 +120,21 @@ def _ask_process(bsdf: Bsdf) -> Any:
         return None
 
 
+class _GreyTexture(Texture):
+    """A texture whose file is not read."""
+
+    def pixels(self) -> Pixels:
+        return np.full((2, 2, 3), 0.5, np.float32)
+
+
 def load_error(bsdf: Bsdf) -> list[Any]:
     """Return where and why this process's Mitsuba refuses a material, or []. Textures are taken as grey."""
     import mitsuba as mi
-    import numpy as np
 
-    def without_files(part: Any) -> Any:
-        if isinstance(part, list):
-            return {"type": "rgb", "value": part}
-        if not isinstance(part, dict) or part["type"] == "rgb":
-            return part
-        made = {name: without_files(value) for name, value in part.items() if name != "space"}
-        if part["type"] == "measured":
-            made["filename"] = bsdf.files[part["filename"]].path
-        if part["type"] == "bitmap":
-            del made["filename"]
-            made["bitmap"] = mi.Bitmap(np.full((2, 2, 3), 0.5, np.float32))
-        return made
-
+    files = tuple(_GreyTexture(file.digest, file.space, file.path) for file in bsdf.files)
+    nowhere = TextureCoordinates(np.zeros((0, 2)))
     try:
-        mi.load_dict(without_files(bsdf.description))
+        mi.load_dict(_for_mitsuba(bsdf.description, files, nowhere, TextureProjection()))
     except Exception as error:  # files may raise anything
         names, text = parse_reason(str(error))
         return [list(names), text]

@@ -71,11 +71,6 @@ def absorbing_medium(glass: Glass, size: float) -> dict[str, Any] | None:
     return {"type": "homogeneous", "albedo": 0.0, "sigma_t": relative, "scale": strongest / size}
 
 
-def glass_integrator(glass: Glass) -> str:
-    """Return the integrator that can trace paths through the glass."""
-    return "volpathmis" if glass.absorption is not None and not is_compiled() else "path"
-
-
 @lru_cache(maxsize=16)
 def kept_light(roughness: float, refraction: float) -> NDArray[np.float32]:
     """Return the fraction of light (2, COSINES) that the interface keeps, from outside and from inside.

@@ -11,14 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.serialise import Triple
-from render.integrator.scene_emitters import SunDisc
 from render.mitsuba.engine import is_compiled
+from render.mitsuba.loading import load_part
 from render.scene.render_camera import Camera
-from render.scene.rgb_spaces import REC709, converted_pixels
-from render.scene.scene_lights import BACKGROUND, LightRig, Sky, Softbox, Sun
+from render.scene.rgb_spaces import LUMA, REC709, converted_pixels
+from render.scene.scene_lights import BACKGROUND, LightRig, Sky, Softbox, Sun, SunDisc
 from render.scene.sky import Daylight, Environment
-
-_LUMA = np.array([0.2126, 0.7152, 0.0722])
 
 _SUN_AT_60 = 1.45
 """Luminous irradiance of a surface that faces a sun at 60° elevation, in Mitsuba's units."""
@@ -187,7 +185,7 @@ def daylight_exposure(daylight: Daylight) -> float:
     Light falls by a factor of a hundred from noon to dusk. Exposure keeps of this what the eye notices.
     """
     sun, sky = daylight_irradiances(daylight)
-    facing = float((sun + sky / 2.0) @ _LUMA)
+    facing = float((sun + sky / 2.0) @ LUMA)
     return _WANTED_AT_60 / _SUN_AT_60 * math.pow(facing / _SUN_AT_60, -_DUSK_EXPONENT)
 
 
@@ -273,7 +271,7 @@ def _radiance(description: dict[str, Any], directions: NDArray[np.float64]) -> N
     import drjit as dr
     import mitsuba as mi
 
-    emitter = mi.load_dict(description, parallel=False, optimize=False)
+    emitter = load_part(description)
     if not is_compiled():
         return np.array([_radiance_from(emitter, direction) for direction in directions])
     si = dr.zeros(mi.SurfaceInteraction3f, len(directions))

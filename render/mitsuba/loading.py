@@ -33,6 +33,7 @@ def load_scene(scene: dict[str, Any]) -> Any:
 
 
 def load_part(description: dict[str, Any]) -> Any:
+    """Load a part of a scene, or an integrator."""
     import mitsuba as mi
 
     return mi.load_dict(description, parallel=False, optimize=False)

@@ -13,7 +13,6 @@ from render.mitsuba.custom_plugins import (
     absorbing_medium,
     absorbing_textures,
     brushed_bsdf,
-    glass_integrator,
     subsurface_bsdf,
 )
 from render.mitsuba.texture_coordinates import TextureCoordinates, bitmap
@@ -94,7 +93,7 @@ def _integrator(material: Material) -> str:
     """Return the simplest integrator that can trace paths through a material."""
     if isinstance(material, Smoke):
         return "volpath"
-    return glass_integrator(material) if isinstance(material, Glass) else "path"
+    return "path" if interior_medium(material, 1.0) is None else "volpathmis"
 
 
 def two_sided(opaque: Description) -> Description:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,12 +16,9 @@ from render.mitsuba.loading import load_part, load_scene
 from render.mitsuba.sensor import sensor
 from render.mitsuba.shapes import auxiliary_stage_shapes, gouraud_shapes, mesh, stage_shapes
 from render.mitsuba.texture_coordinates import SUBJECT, texture_coordinates
-from render.mitsuba.tracers import path_tracer, scene_integrator
-from render.scene.aovs import COPY, VERTEX_AOVS
-from render.scene.materials import PatternedMaterial
+from render.scene.aovs import VERTEX_AOVS
 from render.scene.render_quality import Quality
-from render.scene.rgb_spaces import WorkingSpace, converted_pixels
-from render.scene.scene import Scene, SceneSubject
+from render.scene.scene import Scene
 from render.scene.scene_lights import LightRig
 from render.scene.surface import Surface, require_camera_outside, ribbons
 
@@ -86,72 +83,54 @@ def build_scene(
     """
     scene = scene.at(scene.motion_sample.with_surfaces(quality.width))
     for subject in scene.subjects:
-        surface_of(subject).check()
-        require_camera_outside(surface_of(subject), scene.camera)
-    size = quality.width, quality.height
+        subject.surface.check()
+        require_camera_outside(subject.surface, scene.camera)
     if not scene.is_lit:
-        return _drawn(scene, size, quality, aovs)
-    return _lit(_with_converted_colours(scene).converted(), size, quality, aovs, motion_samples, seed)
+        return _drawn(scene, quality, aovs)
+    return _lit(scene.converted(), quality, aovs, motion_samples, seed)
 
 
-def surface_of(subject: SceneSubject) -> Surface:
-    """Return the triangles of a subject that is cut into triangles."""
-    assert isinstance(subject.geometry, Surface), "spheres are cut into triangles first"
-    return subject.geometry
+def has_path_tracer(scene: Scene, quality: Quality) -> bool:
+    """Tell whether our path tracer renders a scene: light, compiled, that no medium scatters."""
+    return scene.is_lit and is_compiled() and _path_integrator(scene, quality)["type"] == "path"
 
 
-def _with_converted_colours(scene: Scene) -> Scene:
-    """Return the scene with the vertex colours that its materials show in the working space."""
-    first, *others = (_converted(subject, scene.working_space) for subject in scene.subjects)
-    return replace(
-        scene,
-        subject=first,
-        others=tuple(
-            replace(other, geometry=surface) for other, surface in zip(scene.others, others, strict=True)
-        ),
-    )
-
-
-def _converted(subject: SceneSubject, space: WorkingSpace) -> Surface:
-    surface, material = surface_of(subject), subject.material
-    name = material.colour_from if isinstance(material, PatternedMaterial) else None
-    if name is None or name not in surface.attributes:
-        return surface
-    colours = converted_pixels(surface.attributes[name], space.name)
-    return replace(surface, attributes={**surface.attributes, name: colours})
+def _path_integrator(scene: Scene, quality: Quality) -> dict[str, Any]:
+    """Return Mitsuba's path integrator with paths long enough to pass through the materials of a scene."""
+    path = materials.path_integrator([subject.material for subject in scene.subjects], quality.depth)
+    return {**path, "hide_emitters": not scene.lights.shows_sky, "block_size": BLOCK_SIZE}
 
 
 def _lit(
-    scene: Scene,
-    size: tuple[int, int],
-    quality: Quality,
-    aovs: Collection[str],
-    motion_samples: int,
-    seed: int,
+    scene: Scene, quality: Quality, aovs: Collection[str], motion_samples: int, seed: int
 ) -> FrameScenes:
-
-    placement, camera, lights = scene.placement, scene.camera, scene.lights
-    to_scene = placement.matrix()
+    size, lights, to_scene = quality.size, scene.lights, scene.placement.matrix()
     shapes, opaque = _subject_shapes(scene)
-    shapes |= stage_shapes(scene, size)
-    shapes |= _wireframes(scene, size)
-    unlit = {"type": "scene", "sensor": sensor(camera, size, quality.crop), **shapes}
+    shapes |= stage_shapes(scene, size) | _wireframes(scene, size)
+    unlit = {"type": "scene", "sensor": sensor(scene.camera, size, quality.crop), **shapes}
     lit = load_scene({**unlit, **emitters.emitters(lights, to_scene)})
-    path = scene_integrator(scene, quality.depth)
-    path |= {"hide_emitters": not lights.shows_sky, "block_size": BLOCK_SIZE}
-    integrator = load_part(path)
-    samples = quality.width * quality.height * quality.samples // motion_samples
-    tracer = path_tracer(lit, integrator, path, scene, size, samples, seed)
-    groups: list[tuple[Any, Any] | None] = []
-    if tracer is None:
-        integrator = _moment_integrator(path)
-        groups = _group_renderers(unlit, path, lights, to_scene)
-    beauty = SceneRenderer(lit, integrator, tracer, tuple(groups))
+    path = _path_integrator(scene, quality)
+    if has_path_tracer(scene, quality):
+        from render.mitsuba.tracers import copy_tracer, path_tracer  # needs Mitsuba's variant
+
+        integrator, copies = load_part(path), copy_tracer(scene, lit, path)
+        samples = quality.width * quality.height * quality.samples // motion_samples
+        tracer = path_tracer(lit, integrator, path, scene, size, samples, seed)
+        beauty = SceneRenderer(lit, integrator, tracer)
+    elif scene.stage.shadow_catcher:
+        raise BadInputError(
+            "a shadow catcher needs a compiled variant of Mitsuba and a look other than smoke. Remove "
+            "shadow_catcher from the stage, or see what flowsculpt doctor says about libLLVM"
+        )
+    else:
+        groups, copies = _group_renderers(unlit, path, lights, to_scene), None
+        beauty = SceneRenderer(lit, _moment_integrator(path), groups=tuple(groups))
     if is_compiled():
-        features = _feature_tracer(scene, lit, path, _vertex_aovs(scene, aovs))
-        return FrameScenes(beauty, features, tracer and _copy_tracer(scene, lit, path))
-    replaced = {**auxiliary_stage_shapes(scene.stage, placement, camera, size), **opaque}
-    in_view = emitters.any_in_view(lights, to_scene, camera, size)
+        from render.mitsuba.tracers import feature_tracer
+
+        return FrameScenes(beauty, feature_tracer(scene, lit, path, _vertex_aovs(scene, aovs)), copies)
+    replaced = auxiliary_stage_shapes(scene, size) | opaque
+    in_view = emitters.any_in_view(lights, to_scene, scene.camera, size)
     # Softboxes are hidden from the lens in the beauty, but Mitsuba's AOVs would show them.
     auxiliary = load_scene({**unlit, **replaced}) if replaced or in_view else lit
     return FrameScenes(beauty, _mitsuba_features(auxiliary, unlit, scene, aovs))
@@ -162,8 +141,8 @@ def _subject_shapes(scene: Scene) -> tuple[dict[str, Any], dict[str, Any]]:
     shapes, opaque, size = {}, {}, scene.placement.size
     for subject in scene.subjects:
         name, material = subject.shape_name, subject.material
-        split, coordinates = texture_coordinates(surface_of(subject), material)
-        bsdf = materials.surface_bsdf(material, surface_of(subject).attributes, coordinates, size)
+        split, coordinates = texture_coordinates(subject.surface, material)
+        bsdf = materials.surface_bsdf(material, subject.surface.attributes, coordinates, size)
         medium = materials.interior_medium(material, size)
         shapes[name] = mesh(name, split, bsdf, coordinates.values, medium)
         if material.is_clear and not is_compiled():
@@ -174,7 +153,7 @@ def _subject_shapes(scene: Scene) -> tuple[dict[str, Any], dict[str, Any]]:
 
 def _vertex_aovs(scene: Scene, aovs: Collection[str]) -> tuple[str, ...]:
     """Return the AOVs that show attributes of the vertices of all subjects."""
-    given = [surface_of(subject).attributes for subject in scene.subjects]
+    given = [subject.surface.attributes for subject in scene.subjects]
     return tuple(name for name in aovs if name in VERTEX_AOVS and all(name in each for each in given))
 
 
@@ -196,33 +175,7 @@ def _group_renderers(
     return renderers
 
 
-def _feature_tracer(scene: Scene, lit: Any, path: dict[str, Any], attributes: tuple[str, ...]) -> Any:
-    """Return our feature tracer, which follows no path where a medium scatters light."""
-    from render.integrator.feature_tracer import FeatureTracer  # needs Mitsuba's variant
-
-    names = tuple(subject.shape_name for subject in scene.subjects)
-    wires = tuple(s.wireframe_name for s in scene.subjects if s.material.wireframe)
-    clear = {s.shape_name: s.material.auxiliary_colour for s in scene.subjects if s.material.is_clear}
-    hides, follows = path["hide_emitters"], path["type"] == "path"
-    return FeatureTracer(lit, load_part(path), hides, clear, attributes, follows, names, wires)
-
-
-def _copy_tracer(scene: Scene, lit: Any, path: dict[str, Any]) -> Any:
-    """Return the tracer of copies, or None where no subject has vertices that tell them apart."""
-    names = {subject.shape_name for subject in scene.subjects if COPY in surface_of(subject).attributes}
-    if not names:
-        return None
-    import drjit as dr
-    import mitsuba as mi
-
-    from render.integrator.feature_tracer import CopyTracer  # needs Mitsuba's variant
-
-    shapes = [mi.ShapePtr(shape) for shape in lit.shapes() if shape.id() in names]
-    dr.make_opaque(shapes)
-    return CopyTracer(lit, load_part(path), path["hide_emitters"], shapes)
-
-
-def _drawn(scene: Scene, size: tuple[int, int], quality: Quality, aovs: Collection[str]) -> FrameScenes:
+def _drawn(scene: Scene, quality: Quality, aovs: Collection[str]) -> FrameScenes:
     """Build the scenes of a material that brings its own light and background."""
     if scene.others:
         raise BadInputError(
@@ -234,19 +187,11 @@ def _drawn(scene: Scene, size: tuple[int, int], quality: Quality, aovs: Collecti
             "the look is drawn without lights, so it has no light groups. Remove light_groups, or use "
             "another look"
         )
-    surface = surface_of(scene.subjects[0])
-    shapes = gouraud_shapes(surface, scene.material, scene.placement, scene.camera, size, scene.working_space)
-    unlit = {
-        "type": "scene",
-        "sensor": sensor(scene.camera, size, quality.crop),
-        **shapes,
-        **_wireframes(scene, size),
-    }
+    shapes = gouraud_shapes(scene, quality.size) | _wireframes(scene, quality.size)
+    unlit = {"type": "scene", "sensor": sensor(scene.camera, quality.size, quality.crop), **shapes}
     loaded = load_scene(unlit)
-    return FrameScenes(
-        SceneRenderer(loaded, load_integrator("albedo:albedo")),
-        _mitsuba_features(loaded, unlit, scene, aovs),
-    )
+    renderer = SceneRenderer(loaded, load_integrator("albedo:albedo"))
+    return FrameScenes(renderer, _mitsuba_features(loaded, unlit, scene, aovs))
 
 
 def _mitsuba_features(
@@ -254,7 +199,7 @@ def _mitsuba_features(
 ) -> MitsubaFeatures:
     """Return Mitsuba's features, with a scene of the vertex attributes that `aovs` show."""
     names = [name for name in aovs if name in VERTEX_AOVS]
-    surfaces = {subject.shape_name: surface_of(subject) for subject in scene.subjects}
+    surfaces = {subject.shape_name: subject.surface for subject in scene.subjects}
     shown = {name: {shape: surface.attributes[name] for shape, surface in surfaces.items()} for name in names}
     if not shown:
         return MitsubaFeatures(auxiliary, None, shown)
@@ -274,10 +219,8 @@ def _wireframes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
     lines = {}
     for subject in scene.subjects:
         if wireframe := subject.material.wireframe:
-            name, edges = (
-                subject.wireframe_name,
-                ribbons(surface_of(subject), wireframe, scene.camera, size[0]),
-            )
+            name = subject.wireframe_name
+            edges = ribbons(subject.surface, wireframe, scene.camera, size[0])
             lines[name] = mesh(name, edges, materials.diffuse(wireframe.colour), np.array([0.0, SUBJECT]))
     return lines
 
@@ -304,7 +247,9 @@ _CHANNELS = {
 
 @dataclass(frozen=True, eq=False)
 class MitsubaFeatures:
-    """Mitsuba's features of one scene.
+    """Auxiliary features of one scene by Mitsuba's `aov` integrator, where our feature tracer cannot trace.
+
+    The scalar variant compiles no code, and drawn materials bring a picture instead of light.
 
     attribute_scene  the scene with the attribute VERTEX_AOV as the albedo of subjects, or None
     attributes       by the name of an AOV, values (V, 3) of each subject's points by its shape's name
@@ -316,7 +261,7 @@ class MitsubaFeatures:
 
     continues_sequence: ClassVar[bool] = False
 
-    def render(self, samples: int, first: int, seed: int) -> dict[str, Picture]:
+    def render(self, samples: int, first: int, seed: int, pixels: None = None) -> dict[str, Picture]:
         """Return albedo, normal, position, depth, matte and attributes (H, W, channels) as means.
 
         samples  multijitter rounds them up
@@ -354,10 +299,7 @@ class MitsubaFeatures:
 
 def load_integrator(aovs: str) -> Any:
     """Return Mitsuba's integrator of AOVs."""
-    import mitsuba as mi
-
-    description = {"type": "aov", "aovs": aovs, "block_size": BLOCK_SIZE}
-    return mi.load_dict(description, parallel=False, optimize=False)
+    return load_part({"type": "aov", "aovs": aovs, "block_size": BLOCK_SIZE})
 
 
 def render(scene: Any, integrator: Any, samples: int, seed: int) -> Picture:

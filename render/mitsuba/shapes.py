@@ -13,12 +13,9 @@ from render.mitsuba.loading import load_bsdf
 from render.mitsuba.materials import diffuse, rough_conductor, rough_plastic, two_sided, vertex_attribute
 from render.mitsuba.texture_coordinates import SUBJECT, SURROUNDINGS
 from render.scene import reference_objects
-from render.scene.materials import Material
 from render.scene.reference_objects import CHROME, GREY
-from render.scene.render_camera import Camera
-from render.scene.rgb_spaces import WorkingSpace, converted_pixels
+from render.scene.rgb_spaces import converted_pixels
 from render.scene.scene import Scene
-from render.scene.scene_stage import Stage, StagePlacement
 from render.scene.surface import Surface
 from render.scene.vertex_colours import shaded_colours
 
@@ -80,7 +77,7 @@ def stage_shapes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
     stage, placement, camera, space = scene.stage, scene.placement, scene.camera, scene.working_space
     if stage.kind == "none":
         return {}
-    made = {"stage": _backdrop(stage, placement, scene.stage_fades)}
+    made = {"stage": _backdrop(scene)}
     if stage.kind == "plinth":
         matt = diffuse(stage.plinth_colour)
         made["plinth"] = mesh("plinth", Surface(*placement.placed(stage.plinth())), matt, _UV)
@@ -97,11 +94,12 @@ def stage_shapes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
     return made
 
 
-def _backdrop(stage: Stage, placement: StagePlacement, fades: bool) -> Any:
+def _backdrop(scene: Scene) -> Any:
     """Return floor and wall."""
-    surface = Surface(*placement.placed(stage.backdrop()))
+    stage = scene.stage
+    surface = Surface(*scene.placement.placed(stage.backdrop()))
     colour: dict[str, Any] = {"type": "rgb", "value": list(stage.colour)}
-    if fades:
+    if scene.stage_fades:
         colours = stage.fading()[:, None] * np.array(stage.colour, dtype=np.float32)
         surface = replace(surface, attributes={"colour": colours})
         colour = {"type": "mesh_attribute", "name": "vertex_colour"}
@@ -111,43 +109,34 @@ def _backdrop(stage: Stage, placement: StagePlacement, fades: bool) -> Any:
     return mesh("stage", surface, two_sided(floor), _UV)
 
 
-def auxiliary_stage_shapes(
-    stage: Stage, placement: StagePlacement, camera: Camera, size: tuple[int, int]
-) -> dict[str, Any]:
+def auxiliary_stage_shapes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
     """Return the shapes that differ in auxiliary AOVs: Mitsuba knows no albedo of a mirror."""
-    if stage.kind != "turntable":
+    if scene.stage.kind != "turntable":
         return {}
-    _, chrome, _ = reference_objects.positions(camera, placement, size[0] / size[1])
+    _, chrome, _ = reference_objects.positions(scene.camera, scene.placement, size[0] / size[1])
     return {"chrome": mesh("chrome", reference_objects.ball(chrome), diffuse((CHROME,) * 3), _UV)}
 
 
-def gouraud_shapes(
-    surface: Surface,
-    material: Material,
-    placement: StagePlacement,
-    camera: Camera,
-    size: tuple[int, int],
-    space: WorkingSpace,
-) -> dict[str, Any]:
+def gouraud_shapes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
     """Return the subject and a background, whose albedo is the picture: vertex colours (Gouraud 1971).
 
-    space  to which the shaded colours are converted: shading as in 1990 clips them, in Rec.709
+    Shading as in 1990 clips colours in Rec.709; they are then converted to the working space.
     """
-    colours = shaded_colours(surface, material, placement, camera)
-    shaded = replace(surface, attributes={"shaded": converted_pixels(colours, space.name)})
-    background, colour = _gouraud_backdrop(placement, camera, size, space), vertex_attribute("shaded")
+    surface = scene.subjects[0].surface
+    colours = shaded_colours(surface, scene.material, scene.placement, scene.camera)
+    shaded = replace(surface, attributes={"shaded": converted_pixels(colours, scene.working_space.name)})
+    background, colour = _gouraud_backdrop(scene, size), vertex_attribute("shaded")
     return {
         "subject": mesh("subject", shaded, colour, np.array([0.0, SUBJECT])),
         "stage": mesh("stage", background, colour, _UV),
     }
 
 
-def _gouraud_backdrop(
-    placement: StagePlacement, camera: Camera, size: tuple[int, int], space: WorkingSpace
-) -> Surface:
+def _gouraud_backdrop(scene: Scene, size: tuple[int, int]) -> Surface:
     """Return a wall across the view, behind everything and larger than the picture."""
+    camera = scene.camera
     right, up, forward = camera.axes()
-    distance = 4.0 * (math.dist(camera.origin, camera.target) + placement.size)
+    distance = 4.0 * (math.dist(camera.origin, camera.target) + scene.placement.size)
     wide = 1.02 * distance * math.tan(camera.field_of_view / 2.0)
     rows = np.linspace(1.0, -1.0, len(BACKGROUND)) * wide * size[1] / size[0]
     middle = camera.origin + distance * forward
@@ -155,6 +144,6 @@ def _gouraud_backdrop(
     vertices = (middle + rows[:, None, None] * up + left_right).reshape(-1, 3).astype(np.float32)
     first = 2 * np.arange(len(BACKGROUND) - 1, dtype=np.int32)[:, None]
     faces = np.concatenate([first + np.array([0, 2, 1]), first + np.array([1, 2, 3])]).astype(np.int32)
-    colours = np.repeat(converted_pixels(np.array(BACKGROUND, dtype=np.float32), space.name), 2, axis=0)
+    colours = converted_pixels(np.array(BACKGROUND, dtype=np.float32), scene.working_space.name)
     normals = np.broadcast_to(-forward, vertices.shape).astype(np.float32)
-    return Surface(vertices, normals, faces, {"shaded": colours})
+    return Surface(vertices, normals, faces, {"shaded": np.repeat(colours, 2, axis=0)})

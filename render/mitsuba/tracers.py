@@ -1,6 +1,6 @@
-"""Path tracers for Mitsuba scenes: their lights, shadow catcher, subsurface walks, guides and occluders.
+"""Our tracers for Mitsuba scenes: of paths, with their lights, guides and occluders, of features and copies.
 
-Needs a started engine.
+Importing this imports Mitsuba, so an engine of a compiled variant must have been started.
 """
 
 from __future__ import annotations
@@ -10,37 +10,32 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.render_errors import BadInputError
+from render.integrator.caustic_guide import guide_of
+from render.integrator.caustic_picture import can_draw, caustic_picture
+from render.integrator.feature_tracer import CopyTracer, FeatureTracer
 from render.integrator.light_sampler import LightSampler
-from render.integrator.scene_emitters import EmitterGroups, sampled_emitters
-from render.mitsuba import emitters, materials
-from render.mitsuba.engine import is_compiled
-from render.mitsuba.loading import load_scene
+from render.integrator.path_tracer import PathTracer, ShadowCatcher
+from render.integrator.photons import CausticSun, photon_count, trace_photons
+from render.integrator.scene_emitters import EmitterGroups
+from render.integrator.subsurface_paths import SubsurfaceWalk, SubsurfaceWalks
+from render.mitsuba import emitters
+from render.mitsuba.loading import load_part, load_scene
 from render.mitsuba.sensor import sensor
 from render.mitsuba.shapes import stage_shapes
+from render.scene.aovs import COPY
 from render.scene.materials import MitsubaMaterial
 from render.scene.render_camera import WideCamera
-from render.scene.render_quality import Quality
-from render.scene.scene import Scene, SceneSubject
-from render.scene.scene_lights import LightRig
+from render.scene.scene import Scene
+from render.scene.scene_lights import sampled_emitters
 
-
-def has_path_tracer(scene: Scene, quality: Quality) -> bool:
-    """Tell whether our path tracer renders a scene. Needs a started engine."""
-    return scene.is_lit and is_traceable(scene_integrator(scene, quality.depth))
-
-
-def scene_integrator(scene: Scene, depth: int) -> dict[str, Any]:
-    """Return Mitsuba's path integrator with paths long enough to pass through the materials of a scene."""
-    return materials.path_integrator([subject.material for subject in scene.subjects], depth)
-
-
-def is_traceable(path: dict[str, Any]) -> bool:
-    """Tell whether our path tracer can replace an integrator: compiled, without scattering media."""
-    return is_compiled() and path["type"] == "path"
+SAMPLES_PER_FACE = 30
+"""Samples of a scene for each of its triangles from which on occluders pay: sorting a triangle takes as long
+as leaving the cyclorama out saves in about 17 samples."""
 
 
 def path_tracer(
@@ -50,27 +45,17 @@ def path_tracer(
     scene: Scene,
     size: tuple[int, int],
     samples: int,
-    seed: int = 0,
-) -> Any:
-    """Return our path tracer for a scene, or None where it cannot trace it.
+    seed: int,
+) -> PathTracer:
+    """Return the path tracer of a scene.
 
     lit         Mitsuba's scene
     integrator  Mitsuba's, and `path` its description
     size        width and height of the picture in pixels
     samples     of all pixels together, by which photons are counted
     seed        of the photons that the lens sees
-
-    Raises BadInputError for a shadow catcher without a path tracer.
     """
-    if not is_traceable(path):
-        if scene.stage.shadow_catcher:
-            raise BadInputError(
-                "a shadow catcher needs a compiled variant of Mitsuba and a look other than smoke. Remove "
-                "shadow_catcher from the stage, or see what flowsculpt doctor says about libLLVM"
-            )
-        return None
-    shapes = list(scene.objects.values())
-    tracer = _path_tracer(lit, integrator, path, scene.lights, scene.placement.matrix(), shapes)
+    tracer = _path_tracer(lit, integrator, path, scene, list(scene.objects.values()))
     walk = _subsurface_walk(lit, scene)
     if scene.stage.shadow_catcher:
         tracer = _with_catcher(tracer, scene, size, path)
@@ -81,42 +66,27 @@ def path_tracer(
 
 
 def _path_tracer(
-    scene: Any,
-    integrator: Any,
-    path: dict[str, Any],
-    lights: LightRig,
-    to_scene: NDArray[np.float64],
-    objects: Sequence[str],
-) -> Any:
-    import drjit as dr
-    import mitsuba as mi
-
-    from render.integrator.path_tracer import PathTracer  # needs Mitsuba's variant
-    from render.integrator.photons import CausticSun  # needs Mitsuba's variant
-
-    sampler = LightSampler(scene, sampled_emitters(lights, to_scene))
+    lit: Any, integrator: Any, path: dict[str, Any], scene: Scene, objects: Sequence[str]
+) -> PathTracer:
+    lights = scene.lights
+    sampler = LightSampler(lit, sampled_emitters(lights, scene.placement.matrix()))
     names = list(emitters.emitters_by_group(lights).values())
-    groups = EmitterGroups(scene, names, emitters.sun_disc(lights), emitters.background_group(lights))
-    by_name = {shape.id(): mi.ShapePtr(shape) for shape in scene.shapes()}
-    shapes = [by_name[name] for name in objects]
-    dr.make_opaque(shapes)  # numbers of shapes differ from frame to frame; the compiled code shall not
+    groups = EmitterGroups(lit, names, emitters.sun_disc(lights), emitters.background_group(lights))
     daylight = lights.daylight
     sun = CausticSun.of(daylight.direction, daylight.width) if daylight else None
     depth, hide = path["max_depth"], path["hide_emitters"]
-    return PathTracer(scene, integrator, sampler, depth, hide, groups, shapes, caustic_sun=sun)
+    return PathTracer(lit, integrator, sampler, depth, hide, groups, _pointers(lit, objects), caustic_sun=sun)
 
 
-def _with_caustics(tracer: Any, scene: Scene, size: tuple[int, int], samples: int, seed: int) -> Any:
+def _with_caustics(
+    tracer: PathTracer, scene: Scene, size: tuple[int, int], samples: int, seed: int
+) -> PathTracer:
     """Return a path tracer that finds caustics: with a picture of those that the lens sees, and a guide to
     others where softboxes shine.
 
     The guide finds all where suns and environment maps shine, through rough glass and materials written out
     for Mitsuba, and for lenses that Mitsuba lacks.
     """
-    from render.integrator.caustic_guide import guide_of  # needs Mitsuba's variant
-    from render.integrator.caustic_picture import can_draw, caustic_picture
-    from render.integrator.photons import photon_count, trace_photons
-
     lit, light_sampler, sun, depth = tracer.scene, tracer.light_sampler, tracer.caustic_sun, tracer.max_depth
     is_described = any(isinstance(subject.material, MitsubaMaterial) for subject in scene.subjects)
     if is_described or isinstance(scene.camera, WideCamera) or not can_draw(lit, light_sampler.sources):
@@ -130,60 +100,45 @@ def _with_caustics(tracer: Any, scene: Scene, size: tuple[int, int], samples: in
     return replace(tracer, caustics=picture, guide=guide_of(photons))
 
 
-def _with_catcher(tracer: Any, scene: Scene, size: tuple[int, int], path: dict[str, Any]) -> Any:
+def _with_catcher(
+    tracer: PathTracer, scene: Scene, size: tuple[int, int], path: dict[str, Any]
+) -> PathTracer:
     """Return the path tracer with the stage as its shadow catcher."""
-    from render.integrator.path_tracer import ShadowCatcher
-
-    placement, lights = scene.placement, emitters.emitters(scene.lights, scene.placement.matrix())
+    lights = emitters.emitters(scene.lights, scene.placement.matrix())
     floor = stage_shapes(scene, size)["stage"]
     alone = load_scene({"type": "scene", "sensor": sensor(scene.camera, size), "stage": floor, **lights})
     hidden = {**path, "hide_emitters": True}
-    empty = _path_tracer(alone, tracer.integrator, hidden, scene.lights, placement.matrix(), ())
+    empty = _path_tracer(alone, tracer.integrator, hidden, scene, ())
     return replace(tracer, catcher=ShadowCatcher(tracer.objects[list(scene.objects).index("stage")], empty))
 
 
-def _subsurface_walk(lit: Any, scene: Scene) -> Any:
-    """Return the random walks below the surfaces of the subjects, or None.
-
-    lit  Mitsuba's scene
-    """
-
-    if not is_compiled():
-        return None
-    walks = [_walk_below(lit, subject, scene.placement.size) for subject in scene.subjects]
-    walks = [walk for walk in walks if walk is not None]
-    if len(walks) < 2:
-        return walks[0] if walks else None
-    from render.integrator.subsurface_paths import SubsurfaceWalks  # needs Mitsuba's variant
-
-    return SubsurfaceWalks(walks)
+def _subsurface_walk(lit: Any, scene: Scene) -> SubsurfaceWalk | SubsurfaceWalks | None:
+    """Return the random walks below the surfaces of the subjects. lit: Mitsuba's scene"""
+    walks = []
+    for subject in scene.subjects:
+        if subsurface := getattr(subject.material, "subsurface", None):
+            (shape,) = _pointers(lit, [subject.shape_name])
+            rate = [1.0 / (part * scene.placement.size) for part in subsurface.radius]
+            walks.append(SubsurfaceWalk(shape, rate, subject.material.is_clear))
+    return SubsurfaceWalks(walks) if len(walks) > 1 else next(iter(walks), None)
 
 
-def _walk_below(lit: Any, subject: SceneSubject, size: float) -> Any:
-    """Return the random walks below the surface of a subject, or None. size: half of its size, scene units"""
-    import drjit as dr
-    import mitsuba as mi
-
-    subsurface = getattr(subject.material, "subsurface", None)
-    if subsurface is None:
-        return None
-    from render.integrator.subsurface_paths import SubsurfaceWalk  # needs Mitsuba's variant
-
-    shape = next(mi.ShapePtr(shape) for shape in lit.shapes() if shape.id() == subject.shape_name)
-    dr.make_opaque(shape)
-    return SubsurfaceWalk(
-        shape, [1.0 / (part * size) for part in subsurface.radius], subject.material.is_clear
-    )
-
-
-SAMPLES_PER_FACE = 30
-"""Samples of a scene for each of its triangles from which on occluders pay: sorting a triangle takes as long
-as leaving the cyclorama out saves in about 17 samples."""
+def _pointers(scene: Any, names: Sequence[str]) -> list[Any]:
+    """Return pointers to shapes of a Mitsuba scene, as data of the compiled code: their numbers differ from
+    frame to frame."""
+    by_name = {shape.id(): mi.ShapePtr(shape) for shape in scene.shapes()}
+    pointers = [by_name[name] for name in names]
+    dr.make_opaque(pointers)
+    return pointers
 
 
 def occluders(lit: Any, light_sampler: Any, scene: Scene, samples: int) -> Any:
     """Return a scene of the shapes that may come between emitters and the points that paths reach, or None
     where that is all of them, or too few samples are taken to build it.
+
+    Left out is a cyclorama around everything. It is convex: where the lens and all emitters are within it, it
+    never comes between an emitter and what paths reach. Its large triangles lengthen the search for others:
+    rays to emitters that leave it out save 0 to 15% of the time of the light, by the shot, and find the same.
 
     lit            Mitsuba's scene of `scene`
     light_sampler  of its emitters
@@ -220,3 +175,29 @@ def _is_within_backdrop(points: NDArray[np.float64], scene: Scene) -> bool:
     inwards = np.cross(second - first, third - first)
     inwards *= np.sign(np.sum(inwards * normals[faces[:, 0]], axis=1))[:, None]
     return bool((inwards @ points.T >= np.sum(inwards * first, axis=1)[:, None]).all())
+
+
+def feature_tracer(
+    scene: Scene, lit: Any, path: dict[str, Any], attributes: tuple[str, ...]
+) -> FeatureTracer:
+    """Return the feature tracer of a scene. It follows no path where a medium scatters light.
+
+    lit         Mitsuba's scene
+    path        description of Mitsuba's integrator
+    attributes  names of the vertex attributes that it shows
+    """
+    bodies = _pointers(lit, [subject.shape_name for subject in scene.subjects])
+    wires = _pointers(lit, [s.wireframe_name for s in scene.subjects if s.material.wireframe])
+    materials = [subject.material for subject in scene.subjects]
+    clear = [material.auxiliary_colour if material.is_clear else None for material in materials]
+    hides, follows = path["hide_emitters"], path["type"] == "path"
+    return FeatureTracer(lit, load_part(path), hides, bodies, wires, clear, attributes, follows)
+
+
+def copy_tracer(scene: Scene, lit: Any, path: dict[str, Any]) -> CopyTracer | None:
+    """Return the tracer of copies, or None where no subject has vertices that tell them apart. Arguments as
+    of `feature_tracer`."""
+    copied = [subject.shape_name for subject in scene.subjects if COPY in subject.surface.attributes]
+    if not copied:
+        return None
+    return CopyTracer(lit, load_part(path), path["hide_emitters"], _pointers(lit, copied))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cache
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,13 +83,12 @@ class Pigment:
         """Return the phases (V,) of rest positions (V, 3). The ramp spans phases 0 to 1."""
         local = (np.asarray(points, dtype=np.float64) - self.centre) / self.scale
         axis = np.array(self.axis) / math.hypot(*self.axis)
-        if self.turbulence:
-            from render.scene.noise import fractal_noise  # numba is slow to import, and few looks need it
+        if self.turbulence or self.pattern == "speckles":
+            from render.scene.noise import fractal_noise, nearest_spot  # numba is slow to import
 
+        if self.turbulence:
             local = local + self.turbulence * fractal_noise(local, self.octaves, self.seed)
         if self.pattern == "speckles":
-            from render.scene.noise import nearest_spot
-
             return nearest_spot(local, self.seed)
         along = local @ axis
         if self.pattern == "rings":
@@ -189,6 +188,9 @@ class Measure:
     working_space  the space that the colour map is converted to
     """
 
+    repeats: ClassVar[bool] = False
+    """Beyond the colour map its end colours continue."""
+
     of: str
     colours: str | None = None
     low: float | None = None
@@ -215,11 +217,6 @@ class Measure:
         """Numbers at the ends of the colour map."""
         low = self.kind.low if self.low is None else self.low
         return low, self.kind.high if self.high is None else self.high
-
-    @property
-    def repeats(self) -> bool:
-        """False: beyond the colour map its end colours continue."""
-        return False
 
     def ramp(self) -> NDArray[np.float32]:
         """Return the colours (N, 3) of phases from 0 to 1. Beyond, the end colours continue."""

@@ -237,21 +237,25 @@ class OpenedPicture:
 
     def _stated(self) -> StatedSpace | None:
         """Return the space that the file states. Raises ValueError where it cannot be converted."""
-        code_points = self.spec.getattribute("CICP")  # they stand over a profile (PNG, 4.3)
-        if code_points is not None and not _is_unspecified(*code_points[:2]):
-            return _named(_name_of_code_points(*code_points[:2]))
+        code_points = (self.spec.getattribute("CICP") or ())[:2]  # they stand over a profile (PNG, 4.3)
+        if code_points and not _is_unspecified(*code_points):
+            return _named(_name_of_code_points(*code_points))
         profile = self.spec.getattribute("ICCProfile")
         if profile is not None:
             return self._profile_space(bytes(profile))
-        by_kind = {
-            "openexr": self._openexr_space,
-            "hdr": self._hdr_space,
-            "png": self._png_space,
-            "dpx": self._dpx_space,
-            "cineon": self._cineon_space,
-        }
         name = self.spec.get_string_attribute("oiio:ColorSpace")
-        return by_kind.get(self.kind, self._exif_space)(name)
+        match self.kind:
+            case "openexr":
+                return self._openexr_space(name)
+            case "hdr":
+                return self._hdr_space()
+            case "png":
+                return self._png_space()
+            case "dpx":
+                return self._dpx_space(name)
+            case "cineon":
+                raise ValueError("its transfer is printing density")
+        return self._exif_space()
 
     def _profile_space(self, content: bytes) -> StatedSpace:
         title = self.spec.get_string_attribute("ICCProfile:profile_description") or "without a name"
@@ -262,7 +266,7 @@ class OpenedPicture:
                 return StatedSpace(title, "srgb")
             raise ValueError(f"{error} ({reason_of(ValueError(title))})") from None
 
-    def _exif_space(self, _: str) -> StatedSpace | None:
+    def _exif_space(self) -> StatedSpace | None:
         exif = self.spec.get_int_attribute("Exif:ColorSpace", 1)
         if exif == 2 or (exif == 65535 and any(entry in self._header for entry in _EXIF_ADOBE_RGB)):
             return StatedSpace(_ADOBE_RGB, _ADOBE_RGB)
@@ -277,14 +281,14 @@ class OpenedPicture:
             return None
         return StatedSpace(f"chromaticities {tuple(chromaticities)}", encoding=encoding)
 
-    def _hdr_space(self, _: str) -> StatedSpace | None:
+    def _hdr_space(self) -> StatedSpace | None:
         for name, value in self._radiance_lines():
             if name == b"PRIMARIES":
                 encoding = encoding_of([float(number) for number in value.split()])
                 return None if encoding is None else StatedSpace(f"primaries {value!r}", encoding=encoding)
         return None
 
-    def _png_space(self, _: str) -> StatedSpace | None:
+    def _png_space(self) -> StatedSpace | None:
         chunks = dict(_png_chunks(self._header))
         gamma, primaries = chunks.get(b"gAMA"), chunks.get(b"cHRM")
         if b"sRGB" in chunks or (gamma is None and primaries is None):
@@ -304,9 +308,6 @@ class OpenedPicture:
         if transfer not in ("Linear", "ITU-R 709-4"):
             raise ValueError(f"its transfer is {reason_of(ValueError(transfer or 'not stated'))}")
         return _named(name)
-
-    def _cineon_space(self, _: str) -> StatedSpace | None:
-        raise ValueError("its transfer is printing density")
 
 
 def _header_of(path: str) -> bytes:

@@ -68,7 +68,8 @@ class Quality:
                     f"{count} {name} do not divide into batches of {BATCH_SAMPLES}; use {BATCH_SAMPLES}, "
                     f"{2 * BATCH_SAMPLES}, {4 * BATCH_SAMPLES}, …"
                 )
-        self._check_threshold()
+        if (limit := self.noise_threshold) is not None and not (math.isfinite(limit) and limit > 0.0):
+            raise BadInputError(f"quality has noise_threshold {limit}; it must be above 0, such as 0.02")
         if self.depth < 2:
             raise BadInputError(f"quality has depth {self.depth}; light needs at least 2 to reach the lens")
         if self.denoise not in ("off", "fast", "balanced", "high"):
@@ -87,13 +88,6 @@ class Quality:
                     f"crop {x0},{y0},{x1},{y1} is not within {self.width} × {self.height} pixels"
                 )
 
-    def _check_threshold(self) -> None:
-        threshold = self.noise_threshold
-        if threshold is None:
-            return
-        if not (math.isfinite(threshold) and threshold > 0.0):
-            raise BadInputError(f"quality has noise_threshold {threshold}; it must be above 0, such as 0.02")
-
     @property
     def is_adaptive(self) -> bool:
         """True if parts of the picture take fewer than `samples`."""
@@ -103,6 +97,11 @@ class Quality:
     def typical_samples(self) -> float:
         """The samples per pixel that a typical frame takes."""
         return max(TYPICAL_FRACTION * self.samples, 8.0) if self.is_adaptive else self.samples
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the whole picture."""
+        return self.width, self.height
 
     @property
     def rendered_size(self) -> tuple[int, int]:

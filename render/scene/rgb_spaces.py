@@ -3,7 +3,8 @@
 Descriptions (materials, lights, stages) hold linear Rec.709 colours. `in_working_space` converts them before
 a scene is built, so whatever follows from a colour follows from the converted one. Neutral colours keep
 their value in every working space, and so do the other numbers of a description. An `RgbEncoding` turns
-values of a file, by their curves and primaries, into linear Rec.709.
+values of a file into linear Rec.709. The file names it by chromaticities (EXR, PNG, Radiance), by an exponent
+(PNG) or by an ICC profile.
 """
 
 from __future__ import annotations
@@ -21,6 +22,9 @@ from numpy.typing import NDArray
 from render.base.serialise import Colour
 
 T = TypeVar("T")
+
+LUMA = np.array([0.2126, 0.7152, 0.0722])
+"""Weights of red, green and blue in the luminance of linear Rec.709 (ITU-R BT.709-6, 3.2)."""
 
 BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 """From CIE XYZ to cone responses (Lam 1985; ICC.1:2010, annex E)."""
@@ -76,10 +80,14 @@ WORKING_SPACES = {space.name: space for space in (REC709, ACESCG)}
 @cache
 def _matrix(source: WorkingSpace, target: WorkingSpace) -> NDArray[np.float64]:
     """Return the matrix (3, 3) between spaces. Bradford's adaptation keeps neutral colours neutral."""
-    white = [BRADFORD @ space.white for space in (source, target)]
-    adaptation = np.linalg.inv(BRADFORD) @ np.diag(white[1] / white[0]) @ BRADFORD
-    matrix = np.linalg.inv(target.to_xyz) @ adaptation @ source.to_xyz
+    matrix = np.linalg.inv(target.to_xyz) @ _adaptation(source.white, target.white) @ source.to_xyz
     return np.asarray(matrix / matrix.sum(axis=1, keepdims=True))  # exact for neutral colours
+
+
+def _adaptation(source: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the matrix (3, 3) that adapts CIE XYZ from one white (3,) to another, by Bradford's method."""
+    gain = np.diag((BRADFORD @ target) / (BRADFORD @ source))
+    return np.asarray(np.linalg.inv(BRADFORD) @ gain @ BRADFORD)
 
 
 def _xyz(space: WorkingSpace) -> NDArray[np.float64]:
@@ -277,9 +285,7 @@ def _parametric(numbers: list[float]) -> Curve:
 
 def _from_d50(columns: Matrix) -> Matrix:
     """Return the matrix to linear Rec.709 of primaries in CIE XYZ under D50, which has neutral greys."""
-    whites = [BRADFORD @ np.array(_D50), BRADFORD @ REC709.white]
-    adaptation = np.linalg.inv(BRADFORD) @ np.diag(whites[1] / whites[0]) @ BRADFORD
-    matrix = np.linalg.inv(REC709.to_xyz) @ adaptation @ columns
+    matrix = np.linalg.inv(REC709.to_xyz) @ _adaptation(np.array(_D50), REC709.white) @ columns
     if not np.isfinite(matrix).all() or (np.abs(matrix.sum(axis=1)) < 0.1).any():
         raise ValueError(_DAMAGED)
     return np.asarray(matrix / matrix.sum(axis=1, keepdims=True))

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from render.scene.materials import Material
+from render.scene.materials import Material, PatternedMaterial
 from render.scene.render_camera import Camera
-from render.scene.rgb_spaces import REC709, WorkingSpace, in_working_space
+from render.scene.rgb_spaces import REC709, WorkingSpace, converted_pixels, in_working_space
 from render.scene.scene_lights import LightRig
 from render.scene.scene_stage import Stage, StagePlacement
 from render.scene.surface import Spheres, Surface
@@ -68,15 +68,14 @@ class MotionSample:
         """
         more = [{}] * len(self.subjects) if attributes is None else attributes
         first, *others = (
-            replace(subject, attributes={**subject.attributes, **added}) if added else subject
-            for subject, added in zip(self.subjects, more, strict=True)
+            _triangles(replace(s, attributes={**s.attributes, **added}), self.camera, width)
+            for s, added in zip(self.subjects, more, strict=True)
         )
-        return replace(
-            self, subject=self._surface(first, width), others=tuple(self._surface(s, width) for s in others)
-        )
+        return replace(self, subject=first, others=tuple(others))
 
-    def _surface(self, subject: Geometry, width: int) -> Surface:
-        return subject.surface(self.camera, width) if isinstance(subject, Spheres) else subject
+
+def _triangles(subject: Geometry, camera: Camera, width: int) -> Surface:
+    return subject.surface(camera, width) if isinstance(subject, Spheres) else subject
 
 
 def _joined(arrays: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
@@ -100,6 +99,12 @@ class SceneSubject:
     def shape_name(self) -> str:
         """The name of its shape in a Mitsuba scene, which no other shape and no emitter has."""
         return self.name if self.name == SUBJECT else f"{SUBJECT}:{self.name}"
+
+    @property
+    def surface(self) -> Surface:
+        """Its triangles, once it is cut into triangles."""
+        assert isinstance(self.geometry, Surface), "spheres are cut into triangles first"
+        return self.geometry
 
     @property
     def wireframe_name(self) -> str:
@@ -164,21 +169,26 @@ class Scene:
 
     def at(self, sample: MotionSample) -> Scene:
         """Return the scene with the moving parts of a motion sample."""
-        moved = zip(self.others, sample.others, strict=True)
-        others = tuple(replace(other, geometry=geometry) for other, geometry in moved)
-        return replace(
-            self, subject=sample.subject, placement=sample.placement, camera=sample.camera, others=others
-        )
+        moved = [replace(s, geometry=g) for s, g in zip(self.subjects, sample.subjects, strict=True)]
+        return replace(self._with(moved), placement=sample.placement, camera=sample.camera)
 
     def converted(self) -> Scene:
-        """Return the scene with its colours in the working space, except vertex colours."""
+        """Return the scene with its colours in the working space. Its subjects are triangles."""
         space = self.working_space
-        return replace(
-            self,
-            material=in_working_space(self.material, space),
-            others=tuple(
-                replace(other, material=in_working_space(other.material, space)) for other in self.others
-            ),
-            lights=in_working_space(self.lights, space),
-            stage=in_working_space(self.stage, space),
-        )
+        converted = self._with([_converted(subject, space) for subject in self.subjects])
+        lights, stage = in_working_space(self.lights, space), in_working_space(self.stage, space)
+        return replace(converted, lights=lights, stage=stage)
+
+    def _with(self, subjects: Sequence[SceneSubject]) -> Scene:
+        first, *others = subjects
+        return replace(self, subject=first.geometry, material=first.material, others=tuple(others))
+
+
+def _converted(subject: SceneSubject, space: WorkingSpace) -> SceneSubject:
+    """Return a subject with its material and the vertex colours that this shows in the working space."""
+    surface, material = subject.surface, in_working_space(subject.material, space)
+    name = material.colour_from if isinstance(material, PatternedMaterial) else None
+    if name is not None and name in surface.attributes:
+        colours = converted_pixels(surface.attributes[name], space.name)
+        surface = replace(surface, attributes={**surface.attributes, name: colours})
+    return replace(subject, geometry=surface, material=material)

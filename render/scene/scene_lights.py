@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from render.base.render_errors import BadInputError
 from render.base.serialise import Colour, Triple
-from render.scene.rgb_spaces import WorkingSpace
+from render.scene.render_camera import unit
+from render.scene.rgb_spaces import LUMA, WorkingSpace
 from render.scene.sky import Daylight, Environment
 
 
@@ -309,3 +310,61 @@ def mixed(groups: Mapping[str, Pixels], factors: Mapping[str, Triple], space: Wo
         factor = space.from_rec709(np.array(factors.get(name, (1.0, 1.0, 1.0))))
         total += groups[name] * factor.astype(np.float32)
     return total
+
+
+@dataclass(frozen=True)
+class SampledEmitter:
+    """An emitter for next event estimation.
+
+    name      of its shape or emitter in the scene
+    strength  luminance times area, or irradiance of a distant light; None where it is unknown
+    position  of its middle, scene units; None for a distant light
+    facing    direction it shines to; None where `strength` is
+    daylight  that it is, or None
+    """
+
+    name: str
+    strength: float | None = None
+    position: Triple | None = None
+    facing: Triple | None = None
+    daylight: Daylight | None = None
+
+
+def sampled_emitters(lights: LightRig, to_scene: NDArray[np.float64]) -> list[SampledEmitter]:
+    """Return the emitters of a rig to sample. to_scene: similarity transform (4, 4) from stage units"""
+    turn, scale = to_scene[:3, :3], float(np.cbrt(np.linalg.det(to_scene[:3, :3])))
+    sampled = []
+    for index, box in enumerate(lights.softboxes):
+        strength = float(LUMA @ box.radiance) * box.width * box.height * scale**2
+        position = turn @ box.position + to_scene[:3, 3]
+        facing = unit(turn @ np.subtract(box.target, box.position))
+        sampled.append(SampledEmitter(f"softbox{index}", strength, _triple(position), _triple(facing)))
+    for index, sun in enumerate(lights.suns):
+        facing = unit(turn @ sun.direction)
+        sampled.append(SampledEmitter(f"sun{index}", float(LUMA @ sun.irradiance), None, _triple(facing)))
+    if lights.daylight:
+        sampled.append(SampledEmitter("sky", daylight=lights.daylight))
+    elif lights.environment:
+        sampled.append(SampledEmitter("sky"))
+    return sampled
+
+
+def _triple(vector: NDArray[np.float64]) -> Triple:
+    x, y, z = (float(part) for part in vector)
+    return x, y, z
+
+
+@dataclass(frozen=True)
+class SunDisc:
+    """The sun within the emitter `sky`, where the two are in different groups.
+
+    direction  unit vector to its middle
+    cosine     of the angle between its middle and its edge
+    fraction   of the light there that is the sun's, by channel
+    group      index of its group
+    """
+
+    direction: Triple
+    cosine: float
+    fraction: Triple
+    group: int

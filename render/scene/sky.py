@@ -20,7 +20,6 @@ OBLIQUITY = math.radians(23.44)
 SUN_WIDTH = math.radians(0.5358)
 """The sun's angular diameter, Mitsuba's default."""
 
-
 WIDEST = 4096
 """Columns that are kept of a map; finer ones are averaged. A lens of 26° sees 300 of them."""
 

@@ -17,6 +17,7 @@ from render.scene.aovs import RenderedFrame
 from render.scene.materials import LOOKS, MitsubaMaterial
 from render.scene.materials.mitsuba_bsdf import BSDFS, PLUGINS, TEXTURES, Bsdf
 from render.scene.surface import Surface
+from render.scene.textures import Texture
 
 Rendered = Callable[..., RenderedFrame]
 
@@ -45,7 +46,7 @@ def whole(kind: str) -> dict[str, Any]:
 
 
 def bsdf(**said: Any) -> Bsdf:
-    return Bsdf(json.dumps(said))
+    return Bsdf(json.dumps(said), (Texture("", None, "never read.png"),))
 
 
 def look(**said: Any) -> MitsubaMaterial:
@@ -54,7 +55,7 @@ def look(**said: Any) -> MitsubaMaterial:
 
 @pytest.mark.parametrize("kind", [kind for kind in BSDFS if kind != "measured"])
 def test_mitsuba_takes_all_that_its_materials_may_say(kind: str, engine: Engine) -> None:
-    assert load_error(Bsdf(json.dumps(whole(kind)))) == []
+    assert load_error(bsdf(**whole(kind))) == []
 
 
 @pytest.mark.parametrize("kind", TEXTURES)

@@ -172,8 +172,7 @@ def test_every_pixel_may_get_all_samples_once(
     }
     for batch in batch_schedule(quality, rounds):
         assert 0.0 <= batch.time <= 1.0
-        pixels = chosen_pixels(quality, batch, 7)
-        for pixel in range(width * height) if pixels is None else pixels:
+        for pixel in chosen_pixels(quality, batch, 7, np.arange(width * height)):
             taken[batch.kind][pixel] += range(batch.first, batch.first + batch.samples)
     most = 2 * samples if quality.is_adaptive and way <= MAX_STEP else samples  # for edges
     assert all(numbers == list(range(most)) for numbers in taken["beauty"])
@@ -186,8 +185,10 @@ def test_every_pixel_may_get_all_samples_once(
 def test_a_crop_chooses_as_the_whole_picture() -> None:
     whole, crop = Quality(16, 9, samples=4, depth=2), Quality(16, 9, samples=4, depth=2, crop=(3, 2, 9, 8))
     batch = SampleBatch(0.5, "beauty", 1, 2, (1, 4))
-    chosen, of_crop = (chosen_pixels(quality, batch, 7) for quality in (whole, crop))
-    assert chosen is not None and of_crop is not None
+    chosen, of_crop = (
+        chosen_pixels(quality, batch, 7, np.arange(np.prod(quality.rendered_size)))
+        for quality in (whole, crop)
+    )
     rows, columns = np.divmod(chosen, 16)
     inside = (columns >= 3) & (columns < 9) & (rows >= 2) & (rows < 8)
     expected = (rows[inside] - 2) * 6 + columns[inside] - 3

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from render.mitsuba import tracers
 from render.mitsuba.engine import Engine
 from render.mitsuba.mitsuba_scene import build_scene
 from render.scene.aovs import RenderedFrame
@@ -25,8 +24,8 @@ CAMERA = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
 
 
 @pytest.fixture(autouse=True)
-def _always_pays(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tracers, "SAMPLES_PER_FACE", 0)
+def _always_pays(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("render.mitsuba.tracers.SAMPLES_PER_FACE", 0)
 
 
 @pytest.mark.parametrize(
@@ -37,7 +36,7 @@ def test_a_picture_is_the_same_without_the_cyclorama_in_the_way(
 ) -> None:
     arguments = {"stage": STAGES[stage], "look": LOOKS[look], "quality": QUALITY}
     without = rendered(**arguments)
-    monkeypatch.setattr(tracers, "SAMPLES_PER_FACE", 10**9)
+    monkeypatch.setattr("render.mitsuba.tracers.SAMPLES_PER_FACE", 10**9)
     assert np.array_equal(rendered(**arguments)["beauty"], without["beauty"])
 
 

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from render.integrator.scene_emitters import sampled_emitters
 from render.mitsuba.emitters import _distant
 from render.mitsuba.engine import Engine
 from render.mitsuba.mitsuba_scene import SceneRenderer, build_scene
@@ -19,7 +18,7 @@ from render.scene.materials import LOOKS
 from render.scene.render_camera import Camera
 from render.scene.render_quality import Quality
 from render.scene.scene import Scene
-from render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox, Sun
+from render.scene.scene_lights import LIGHTS, LightRig, Sky, Softbox, Sun, sampled_emitters
 from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.sky import Daylight, Environment
 from render.scene.surface import Surface
@@ -96,7 +95,7 @@ def test_the_disc_of_a_sun_gives_the_light_that_mitsuba_samples(daylight: Daylig
     import drjit as dr
     import mitsuba as mi
 
-    from render.integrator.sky_sampler import Cone
+    from render.integrator.light_sampler import Cone
 
     emitter: Any = mi.load_dict(_distant(LightRig(daylight=replace(daylight, sky=0.0))))
     cone = Cone(daylight.direction, daylight.width, emitter)

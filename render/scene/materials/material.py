@@ -42,6 +42,9 @@ class Material:
     is_lit: ClassVar[bool] = True
     """False if the material brings its own light and background."""
 
+    _min_path_depth: ClassVar[int] = 0
+    _stage_colour: ClassVar[Triple | None] = None
+
     colour: Colour
     roughness: float = 0.1
     wireframe: Wireframe | None = field(default=None, kw_only=True)
@@ -60,7 +63,7 @@ class Material:
     @property
     def min_path_depth(self) -> int:
         """Vertices of a path through the material (with fewer, a body is black); 0 if opaque."""
-        return 0
+        return self._min_path_depth
 
     @property
     def is_clear(self) -> bool:
@@ -70,7 +73,7 @@ class Material:
     @property
     def stage_colour(self) -> Triple | None:
         """Reflectance of floor and wall from which the material stands out, or None if any will do."""
-        return None
+        return self._stage_colour
 
     @property
     def pattern(self) -> Pigment | Measure | None:

@@ -18,7 +18,8 @@ from render.scene.texture_projection import TextureProjection
 from render.scene.textures import Texture
 
 _DIM, _DARK = (0.12, 0.12, 0.123), (0.035, 0.037, 0.042)
-"""Reflectances of stages: a mirror of a pale floor is as pale, and so is smoke before a pale wall."""
+"""Reflectances of stages: a mirror of a pale floor is as pale, and so is smoke before a pale wall. In a dim
+one, lights stand out as reflections."""
 
 _POLISHED = 1e-3
 """Roughness up to which glass refracts like a perfectly smooth surface."""
@@ -71,12 +72,9 @@ class Plastic(Glossy):
 class Metal(Glossy):
     """A metal that reflects `colour`."""
 
-    model: str = field(default="metal", init=False)
+    _stage_colour: ClassVar = _DIM
 
-    @property
-    def stage_colour(self) -> Triple:
-        """A dim stage, in which lights stand out as reflections."""
-        return _DIM
+    model: str = field(default="metal", init=False)
 
 
 @dataclass(frozen=True)
@@ -105,6 +103,8 @@ class BrushedMetal(Material):
     grain  the axis, in rest positions
     """
 
+    _stage_colour: ClassVar = _DIM
+
     grain: Triple = field(default=(0.0, 1.0, 0.0), kw_only=True)
     model: str = field(default="brushed", init=False)
 
@@ -112,11 +112,6 @@ class BrushedMetal(Material):
         super().__post_init__()
         if math.hypot(*self.grain) < 1e-12:
             raise BadInputError("look has grain (0, 0, 0); an axis must not be zero")
-
-    @property
-    def stage_colour(self) -> Triple:
-        """A dim stage, in which lights stand out as reflections."""
-        return _DIM
 
     @property
     def scratch_axes(self) -> NDArray[np.float64]:
@@ -135,6 +130,8 @@ class Glass(Material):
     absorption  absorption inside the body, or None
     subsurface  scattering inside the body, or None
     """
+
+    _min_path_depth: ClassVar = 10  # through several layers of glass
 
     roughness: float = 0.0
     refraction: float = field(default=1.5, kw_only=True)
@@ -159,11 +156,6 @@ class Glass(Material):
         red, green, blue = (part * share for part, share in zip(self.colour, left, strict=True))
         return red, green, blue
 
-    @property
-    def min_path_depth(self) -> int:
-        """Vertices of a path through several layers of glass."""
-        return 10
-
 
 @dataclass(frozen=True)
 class Smoke(Material):
@@ -172,6 +164,9 @@ class Smoke(Material):
     density  mean number of scattering events over half the subject's size
     """
 
+    _min_path_depth: ClassVar = 16  # scatters several times
+    _stage_colour: ClassVar = _DARK
+
     density: float = field(default=2.0, kw_only=True)
     model: str = field(default="smoke", init=False)
 
@@ -179,16 +174,6 @@ class Smoke(Material):
         super().__post_init__()
         if not 0.0 < self.density <= 1000.0:
             raise BadInputError(f"look has density {self.density}; it lies above 0 and up to 1000")
-
-    @property
-    def min_path_depth(self) -> int:
-        """Vertices of a path that scatters several times."""
-        return 16
-
-    @property
-    def stage_colour(self) -> Triple:
-        """A dark stage."""
-        return _DARK
 
 
 @dataclass(frozen=True)
@@ -219,17 +204,14 @@ class MitsubaMaterial(Material):
 
     @property
     def min_path_depth(self) -> int:
-        """Vertices of a path through glass, if it is clear."""
         return 10 if self.bsdf.is_clear else 0
 
     @property
     def stage_colour(self) -> Triple | None:
-        """A dim stage for metals."""
         return _DIM if self.bsdf.is_metal else None
 
     @property
     def texture_projection(self) -> TextureProjection:
-        """Projection of the textures that the description may have."""
         return self.projection
 
 
