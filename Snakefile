@@ -25,6 +25,7 @@ wildcard_constraints:
     shot=r"(?!film/).+",
     quality=r"[^/]+",
     form=r"png|png16|jpeg",
+    stage=r"\w+\.\w+",
     movie=r"[^/]+",
     name=r"[^/]+",
     frames=r"-?\d+--?\d+",
@@ -139,10 +140,32 @@ rule render:
         TASK
 
 
+rule plug_in:
+    """Do the stage of a plug-in on rendered pictures, before they are denoised."""
+    input:
+        lambda w: plan.plugin_inputs(w.stage, w),
+    output:
+        f"{DONE}/{{shot}}/{{quality}}/{{stage}}/{{frames}}.{{key}}",
+    log:
+        f"{LOGS}/{{shot}}/{{quality}}/{{stage}}/{{frames}}.{{key}}.log",
+    retries: 2
+    threads: lambda w: plan.threads(w.stage, w)
+    resources:
+        mem_mb=lambda w, attempt: plan.memory(w.stage, w) * attempt,
+        runtime=lambda w, attempt, threads: plan.minutes(w.stage, w, threads, attempt),
+    params:
+        job=lambda w, output: plan.words(w.stage, w),
+    message:
+        "\nrule plug_in: {wildcards.stage}, {wildcards.shot}, frames {wildcards.frames} at {wildcards.quality}"
+    shell:
+        TASK
+
+
 rule finish:
     """Denoise pictures, over time too."""
     input:
         lambda w: plan.inputs("finish", w, "render"),
+        lambda w: plan.plugin_inputs("finish", w),
     output:
         f"{DONE}/{{shot}}/{{quality}}/finish/{{frames}}.{{key}}",
     log:

@@ -46,6 +46,25 @@ class Command:
 
 
 @dataclass(frozen=True)
+class Stage:
+    """A stage between `render` and `finish`, for shots that have its entry, `{PLUGIN: {NAME: {…}}}`.
+
+    task     "module:function" that takes the layers of a rendered frame as a `RenderedFrame`, the entry, and
+             the frame's number, and returns the layers with its changes. Equal arguments give equal results
+    version  raised when equal arguments give other results
+    doing    what it does, in the words of progress bars
+    reads    the kind of file that it reads, raw: rendered frames, with all AOVs
+    makes    the kind of file that it makes, raw
+    """
+
+    task: str
+    version: int
+    doing: str
+    reads: str = "raw"
+    makes: str = "raw"
+
+
+@dataclass(frozen=True)
 class Plugin:
     """A plug-in and what it adds; functions and classes are named as "module:name".
 
@@ -55,6 +74,9 @@ class Plugin:
     api            the API version that it is built for
     flows          velocity fields and other flows, dataclasses with documented parameters, by their names
     looks          `Material`s by their names
+    encodes        `Encode`s of `deliver --as PLUGIN.NAME`, by their names
+    documents      pydantic models of entries of shot files by their names: `{PLUGIN: {NAME: {…}}}` there
+    stages         stages by the names of the entries with their settings
     commands       commands by name
     exporters      formats of the command `export` by name
     watchers       functions of the common options, a plan, and whether previews are wanted; each returns a
@@ -77,6 +99,9 @@ class Plugin:
     api: int = API
     flows: Mapping[str, str] = field(default_factory=dict)
     looks: Mapping[str, str] = field(default_factory=dict)
+    encodes: Mapping[str, str] = field(default_factory=dict)
+    documents: Mapping[str, str] = field(default_factory=dict)
+    stages: Mapping[str, Stage] = field(default_factory=dict)
     commands: Mapping[str, Command] = field(default_factory=dict)
     exporters: Mapping[str, Command] = field(default_factory=dict)
     watchers: tuple[str, ...] = ()
@@ -91,10 +116,9 @@ class Plugin:
     @property
     def sources(self) -> list[Path]:
         """The Python files of the packages and modules with what it adds to shots; none of flowsculpt's."""
-        tops = {
-            place.partition(":")[0].partition(".")[0]
-            for place in (*self.flows.values(), *self.looks.values())
-        }
+        tasks = (stage.task for stage in self.stages.values())
+        places = (*self.flows.values(), *self.looks.values(), *self.documents.values(), *tasks)
+        tops = {place.partition(":")[0].partition(".")[0] for place in places}
         specs = [find_spec(top) for top in sorted(tops - {"pipeline", "render"})]
         found: list[Path] = []
         for spec in filter(None, specs):
@@ -145,7 +169,8 @@ class Plugins:
             failed = any(fault.startswith(f"plug-in {plugin} ") for fault in self.faults)
             state = "did not load; see the warning" if failed else "is not installed (pip install …)"
             return f"It needs plug-in {plugin}, which {state}."
-        doors = self.loaded[plugin].flows, self.loaded[plugin].looks
+        of_plugin = self.loaded[plugin]
+        doors = of_plugin.flows, of_plugin.looks, of_plugin.documents
         return f"Plug-in {plugin} could not load it." if any(part in door for door in doors) else None
 
     @property
@@ -244,6 +269,12 @@ def _refusal(plugin: Plugin, loaded: Mapping[str, Plugin], taken: Mapping[str, s
         return f"its name {plugin.name!r} is not a letter followed by letters, digits and _"
     if plugin.name in loaded:
         return f"there is another plug-in {plugin.name}; uninstall one of the two"
+    for name, stage in plugin.stages.items():
+        if (stage.reads, stage.makes) != ("raw", "raw"):
+            made = f"makes {stage.makes} of {stage.reads}" if stage.makes else "makes nothing"
+            return f"its stage {name} {made}; a stage makes raw of raw"
+        if name not in plugin.documents:
+            return f"its stage {name} has no entry among documents, so no shot could ask for it"
     for added in _added(plugin):
         if added in taken:
             return f"plug-in {taken[added]} adds {added} too; uninstall one of the two"

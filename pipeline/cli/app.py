@@ -124,7 +124,12 @@ def command_named(words: str) -> Any:
         formats = {each: replace(command, panel="Formats") for each, command in plugins().exporters.items()}
         return typer.main.get_command(_group(_Formats, formats, name="export", help=EXPORT.summary))
     command = plugins().exporters[form] if form else all_commands()[name]
-    function = named(command.function)
+    try:
+        function = named(command.function)
+    except Exception as error:  # a stranger's module may raise anything
+        if command.function.startswith("pipeline."):
+            raise
+        raise MachineError(f"{words}: its plug-in does not load: {type(error).__name__}: {error}") from error
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     text = function.__doc__ or command.summary  # PYTHONOPTIMIZE=2 strips docstrings
     alone.command(form or name, cls=_Command, help=_unwrapped(text), epilog=REFERENCE)(with_options(function))

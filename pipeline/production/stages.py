@@ -8,10 +8,12 @@ you do.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
 from typing import Any
+
+from pipeline.plugin import plugins
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,8 @@ class PipelineStage:
     reads        the stages whose files it reads, as the Snakefile has them
     packages     distributions whose versions decide the results
     module       the module of `pipeline.production.tasks` with its function; empty where commands do it
+    function     the function; empty where it has the stage's name
+    plugin       name and version of the plug-in that adds it
     per_quality  True if its files differ between qualities
     on_farm      True if a farm's nodes do its jobs; the others are too short to wait in a queue
     """
@@ -36,6 +40,8 @@ class PipelineStage:
     reads: tuple[str, ...] = ()
     packages: tuple[str, ...] = ()
     module: str = ""
+    function: str = ""
+    plugin: tuple[str, str] | None = None
     per_quality: bool = True
     on_farm: bool = False
 
@@ -43,7 +49,14 @@ class PipelineStage:
     def recipe(self) -> dict[str, Any]:
         """Return the stage's name, its version, and those of its packages: its share of a key."""
         packages = {name: version(name) for name in self.packages}
+        if self.plugin is not None:
+            packages[f"plug-in {self.plugin[0]}"] = self.plugin[1]
         return {"stage": self.name, "version": self.version, **packages}
+
+    @property
+    def shown_as(self) -> str:
+        """The kind that says in which folder its files are shown: what it makes, or a plug-in's stage."""
+        return self.name if self.plugin else self.makes
 
 
 SIMULATE = PipelineStage(
@@ -85,13 +98,33 @@ RENDER = PipelineStage(
     module="render",
     on_farm=True,
 )
+PLUGIN_STAGES = tuple(
+    PipelineStage(
+        f"{plugin.name}.{name}",
+        version=stage.version,
+        packages=("OpenImageIO",),
+        doing=stage.doing,
+        makes=stage.makes,
+        module="finish",
+        function="plugin_stage",
+        plugin=(plugin.name, plugin.version),
+        on_farm=True,
+    )
+    for plugin in plugins()
+    for name, stage in plugin.stages.items()
+)
+"""The stages of plug-ins, in the order in which a shot that asks for several has them."""
+PLUGIN_STAGES = tuple(
+    replace(stage, reads=("render", *(before.name for before in PLUGIN_STAGES[:place])))
+    for place, stage in enumerate(PLUGIN_STAGES)
+)
 FINISH = PipelineStage(
     "finish",
     version=4,
     packages=("pyoidn", "OpenImageIO"),
     doing="denoising",
     makes="frame",
-    reads=("render",),
+    reads=("render", *(stage.name for stage in PLUGIN_STAGES)),
     module="finish",
     on_farm=True,
 )
@@ -128,7 +161,17 @@ STILLS = tuple(
 
 STAGES = {
     stage.name: stage
-    for stage in (SIMULATE, SMOOTH_NORMALS, FRAME_CAMERA, RENDER, FINISH, ASSEMBLE, FILM, *STILLS)
+    for stage in (
+        SIMULATE,
+        SMOOTH_NORMALS,
+        FRAME_CAMERA,
+        RENDER,
+        *PLUGIN_STAGES,
+        FINISH,
+        ASSEMBLE,
+        FILM,
+        *STILLS,
+    )
 }
 """The stages that jobs do, by name, each after those that it rests on."""
 

@@ -144,6 +144,7 @@ class Shot:
     files     the files that it was read from except shot files, and the SHA-256 of their contents
     sounds    what is heard while it plays
     notes     remarks on its sounds, for the user
+    entries   what it writes for plug-ins, as their pydantic models, by names such as `marbling.mist`
     subject   the name of its subject, if it is one of several of a shot file
     subjects  the shot with each of its subjects alone, if it has several. Its own motion then has the flows
               that move all of them, and its look is that of the first
@@ -158,6 +159,7 @@ class Shot:
     files: tuple[tuple[Path, str], ...] = field(default=(), metadata=NOT_PLAIN)
     sounds: tuple[SoundTrack, ...] = field(default=(), metadata=NOT_PLAIN)
     notes: tuple[str, ...] = field(default=(), metadata=NOT_PLAIN)
+    entries: Mapping[str, Any] = field(default_factory=dict, metadata=NOT_PLAIN)
     subject: str = ""
     subjects: tuple[Shot, ...] = field(default=(), metadata=NOT_PLAIN)
 

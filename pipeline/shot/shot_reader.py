@@ -24,7 +24,7 @@ from pipeline.shot.documents.light_documents import StageDocument
 from pipeline.shot.documents.look_documents import check_bsdf, look_of
 from pipeline.shot.documents.picture_documents import built_lights
 from pipeline.shot.documents.resampling import ResampleDocument
-from pipeline.shot.documents.shot_documents import ShotDocument, SoundDocument
+from pipeline.shot.documents.shot_documents import ShotDocument, SoundDocument, entries_of_plugins
 from pipeline.shot.documents.subject_documents import (
     CloudDocument,
     NetDocument,
@@ -134,6 +134,7 @@ def _read(source: YamlSource, allow_code: bool) -> Shot:
         path=source.path,
         sounds=_sounds(document, parse_context),
         notes=tuple(dict.fromkeys(parse_context.notes)),
+        entries=entries_of_plugins(document),
     )
     if document.subjects is not None:
         shot = _with_subjects(shot, document, clock, source.path.parent)

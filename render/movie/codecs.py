@@ -163,14 +163,14 @@ def movie_encode(bits: int) -> Encode:
     return H264_8_BITS if bits == 8 else H264
 
 
-def encode_named(name: str) -> Encode:
+def encode_named(name: str, encodes: Mapping[str, Encode] = ENCODES) -> Encode:
     """Return a deliverable by its name. Raises BadInputError, with the names there are."""
-    if name not in ENCODES:
+    if name not in encodes:
         meant = MEANT.get(name.lower().lstrip("."))
-        close = f"Did you mean {meant!r}?" if meant else suggestion(name, ENCODES)
-        known = "" if close.startswith("There are") else f" There are: {', '.join(ENCODES)}."
+        close = f"Did you mean {meant!r}?" if meant else suggestion(name, encodes)
+        known = "" if close.startswith("There are") else f" There are: {', '.join(encodes)}."
         raise BadInputError(f"{shortened(name)} is not a deliverable. {close}{known}")
-    return ENCODES[name]
+    return encodes[name]
 
 
 def require_size(encode: Encode, width: int, height: int) -> None:

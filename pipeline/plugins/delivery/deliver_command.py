@@ -31,6 +31,7 @@ from pipeline.cli.output import (
 )
 from pipeline.errors import FrameError, UsageError
 from pipeline.plugins.delivery.deliverables import (
+    DELIVERABLES,
     SLATES,
     DeliveredFile,
     Delivery,
@@ -47,7 +48,7 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.shot.yaml.named_files import is_edit
 from render.base.plural import plural
 from render.graphics.typesetting import FIELDS, BurnIn
-from render.movie.codecs import ENCODES, encode_named
+from render.movie.codecs import encode_named
 from render.scene.render_quality import DEFAULT_QUALITY
 
 
@@ -58,7 +59,7 @@ def deliver(
     ],
     options: PictureOptions,
     forms: Annotated[
-        str, typer.Option("--as", metavar="NAME,…", help=f"One or more of {', '.join(ENCODES)}.")
+        str, typer.Option("--as", metavar="NAME,…", help=f"One or more of {', '.join(DELIVERABLES)}.")
     ] = "review",
     quality: Quality = DEFAULT_QUALITY,
     frames: Frames = None,
@@ -102,9 +103,9 @@ def deliver(
     """
     if slate is not None:
         require_one_of(slate, SLATES, f"--slate {slate}: a slate goes at the head or apart.")
-    words = words_of(forms, f"--as {forms!r} is not a deliverable. There are: {', '.join(ENCODES)}.")
+    words = words_of(forms, f"--as {forms!r} is not a deliverable. There are: {', '.join(DELIVERABLES)}.")
     order = DeliveryOptions(
-        encodes=tuple(encode_named(word) for word in words),
+        encodes=tuple(encode_named(word, DELIVERABLES) for word in words),
         slate=slate,
         burn_in=None if burn_in is None else BurnIn.parse(burn_in),
         audio=None if sound is None else audio_track(sound),

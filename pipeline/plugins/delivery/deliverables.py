@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pipeline.errors import MachineError
+from pipeline.plugin import Plugin, plugins
 from pipeline.plugins.delivery.delivery_source import DeliverySource, FrameFormat, opaque
 from pipeline.production.request.audio import AudioClip, AudioTrack, samples_of
 from pipeline.production.stages import DELIVER
@@ -18,7 +20,7 @@ from pipeline.production.store.store import Key, Store, key_of
 from render.base.atomic_write import disk_errors
 from render.graphics.cards import Screen, Slate
 from render.graphics.typesetting import BurnIn
-from render.movie.codecs import Encode, timecode
+from render.movie.codecs import ENCODES, Encode, timecode
 from render.movie.encode import write_movie
 from render.movie.movie_frames import Frame, prefetch
 from render.post.colour import quantise
@@ -28,6 +30,19 @@ SLATES = ("head", "apart")  # the places of a slate: before the first frame, or 
 SLATE_SECONDS = 2
 
 _KINDS = {".mp4": "movie", ".mov": "mov", ".mkv": "mkv", ".webp": "webp"}
+
+
+def _encode_of_plugin(plugin: Plugin, name: str, encode: Any) -> Encode:
+    """Return the encode of a plug-in under its full name. Raises TypeError or ValueError for what is none."""
+    if not isinstance(encode, Encode):
+        raise TypeError("it is not an Encode")
+    if encode.suffix not in _KINDS:
+        raise ValueError(f"its files end in {encode.suffix}; they can end in {', '.join(_KINDS)}")
+    return replace(encode, name=name)
+
+
+DELIVERABLES: Mapping[str, Encode] = {**ENCODES, **plugins().parts("encodes", _encode_of_plugin)}
+"""The encodes of deliverables by name, those of plug-ins last."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +141,7 @@ class Delivery:
             DELIVER.recipe,
             [part, options.slate, list(options.burn_in.fields) if options.burn_in else None],
             asdict(encode),
+            *([plugins().loaded[encode.name.partition(".")[0]].version] if "." in encode.name else []),
             [clip.content for clip in self._sounds] or None if encode.container.audio_codec else None,
             [str(source.rate), list(source.size), source.start, source.count],
             [source.has_coverage, source.name],

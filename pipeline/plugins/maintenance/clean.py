@@ -79,7 +79,7 @@ def _needs(request: RenderRequest, store: Store) -> Iterator[tuple[str, Key]]:
         if keys is None:
             return
         for number in request.angles:
-            yield "raw", keys[number].raw
+            yield from (("raw", key) for key in (keys[number].raw, *keys[number].staged.values()))
             yield "frame", keys[number].frame
             yield from ((form, request.still_key(form, keys[number].frame)) for form in FORMS)
         for numbers in (request.requested, tuple(request.angles)):

@@ -208,6 +208,9 @@ class _Repairs:
             return
         if lost := self._claim(request, "raw", every, lambda n: keys[n].raw):
             planner.rendered(replace(request, requested=lost))
+        for stage in request.stages:
+            if lost := self._claim(request, "raw", every, partial(_staged_key, keys, stage), stage):
+                planner.rendered(replace(request, requested=lost))
         if lost := self._claim(request, "frame", every, lambda n: keys[n].frame):
             planner.pictures(replace(request, requested=lost))
         for form in FORMS:
@@ -242,10 +245,18 @@ class _Repairs:
         return tuple(n for n in numbers if n in lost)
 
     def _claim(
-        self, request: RenderRequest, kind: str, numbers: Sequence[int], key_of: Callable[[int], Key]
+        self,
+        request: RenderRequest,
+        kind: str,
+        numbers: Sequence[int],
+        key_of: Callable[[int], Key],
+        stage: str = "",
     ) -> tuple[int, ...]:
-        """Return the numbers whose lost files the request makes, and take these from those left."""
-        places = zip(numbers, map(Path, request.places(kind, numbers)), strict=True)
+        """Return the numbers whose lost files the request makes, and take these from those left.
+
+        stage  the stage of a plug-in that makes them
+        """
+        places = zip(numbers, map(Path, request.places(stage or kind, numbers)), strict=True)
         return tuple(
             n for n, place in places if place in self.left and self._claim_one(place, kind, key_of(n))
         )
@@ -255,6 +266,10 @@ class _Repairs:
             return False
         self.left.discard(place)
         return True
+
+
+def _staged_key(keys: PictureKeys, stage: str, number: int) -> Key:
+    return keys[number].staged[stage]
 
 
 def _still_key(request: RenderRequest, keys: PictureKeys, form: str, number: int) -> Key:
@@ -317,6 +332,9 @@ OUTPUTS = (
     OutputFolder("renders/{shot}/{quality}/frames", "finished frames", "render {shot} {quality}"),
     OutputFolder("renders/{shot}/{quality}/relight/**", "relit frames", "relight {shot} {quality} …"),
     OutputFolder("renders/{shot}/{quality}/deliver", "deliverables", "deliver {shot} {quality} …"),
+    OutputFolder(
+        "renders/{shot}/{quality}/{plugin}.{stage}", "what a plug-in makes of rendered frames", None
+    ),
     OutputFolder("renders/{shot}/{quality}/{form}", "stills", "stills {shot} {quality} --as {form}"),
 )
 """Every folder that holds output; the first row that matches a file counts."""

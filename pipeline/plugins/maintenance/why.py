@@ -308,8 +308,12 @@ class _Frame:
         assert self._keys is not None
         keys, before = self._keys[self.number], header.get("temporal_neighbours", [])
         others = [n for n in keys.window if n != self.number]
+        settings, entries = dict(self.request.stages), header.get("entries", {})
         if header.get("raw_key", keys.raw) != keys.raw:
             yield "its rendering differs: by the flow or the cameras during its exposure"
+        elif entries != settings:
+            changed = [name for name in {**settings, **entries} if entries.get(name) != settings.get(name)]
+            yield f"settings of {', '.join(changed)} differ"
         elif header.get(CONVENTION) != self.request.manifest.layers:
             now, then = self.request.manifest.layers or "none", header.get(CONVENTION) or "none"
             yield f"its layers for compositing differ: {then} before, {now} now"

@@ -30,7 +30,7 @@ from pipeline.production.planning import timings
 from pipeline.production.planning.plan import Job, Plan, check_done_files, movie_record
 from pipeline.production.planning.profile import Share
 from pipeline.production.request.lookup import FILM, find_edit, find_shot, today_name
-from pipeline.production.stages import STAGES, forced_with
+from pipeline.production.stages import PLUGIN_STAGES, STAGES, forced_with
 from pipeline.production.store.history import summarise
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.remote_store import upload_missed
@@ -97,6 +97,14 @@ class PlannedWorkflow:
     def inputs(self, rule: str, wildcards: Any, stage: str) -> list[str]:
         """Return the outputs of the jobs of a stage that a job of a rule reads."""
         return self.plan.inputs(self._job(rule, wildcards), stage)
+
+    def plugin_inputs(self, rule: str, wildcards: Any) -> list[str]:
+        """Return the outputs of plug-ins' stages that a job reads, and of `render` if it is one of these."""
+        job = self._job(rule, wildcards)
+        stages = [
+            stage for stage in STAGES[job.stage].reads if STAGES[job.stage].plugin or STAGES[stage].plugin
+        ]
+        return [output for stage in stages for output in self.plan.inputs(job, stage)]
 
     def frame_inputs(self, wildcards: Any) -> list[str]:
         """Return the done-file of the job that finishes a frame."""
@@ -181,6 +189,8 @@ class PlannedWorkflow:
         )
         share = Share.of(settings_of_farm) if is_farm else None
         forced = set(STAGES) if settings.forceall else set(STAGES) & set(settings.forcerun)
+        if "plug_in" in settings.forcerun:
+            forced |= {stage.name for stage in PLUGIN_STAGES}
         if settings.forcetargets:
             forced |= {"assemble", "film"}
 

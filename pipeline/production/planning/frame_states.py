@@ -16,10 +16,11 @@ from pipeline.frames import FrameRange
 from pipeline.production.request.cameras import ShownCameras
 from pipeline.production.request.keys import PictureKeys, picture_keys
 from pipeline.production.request.render_request import FORMS, RenderRequest
+from pipeline.production.stages import PLUGIN_STAGES
 from pipeline.production.store.history import SHARED, History
 from pipeline.production.store.store import Key, Store
 
-PICTURE_STAGES = ("render", "finish")
+PICTURE_STAGES = ("render", *(stage.name for stage in PLUGIN_STAGES), "finish")
 MESH_STAGES = ("simulate",)
 
 

@@ -24,7 +24,7 @@ from pipeline.production.planning.profile import Share
 from pipeline.production.planning.timings import measured
 from pipeline.production.request.cameras import CameraFile
 from pipeline.production.request.edit import Edit
-from pipeline.production.request.keys import FrameKeys, PictureKeys, picture_keys
+from pipeline.production.request.keys import FrameKeys, PictureKeys, picture_keys, staged_keys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import STAGES
 from pipeline.production.store.store import Key, Store, key_of
@@ -47,7 +47,8 @@ class _PlaceholderKeys(dict[int, FrameKeys]):
     def __missing__(self, number: int) -> FrameKeys:
         window = self._request.window(number, self._asked.__contains__)
         raw = f"{self._request.identity}.{number}"
-        self[number] = FrameKeys(raw, f"{raw}.{window[0]}.{window[-1]}", window)
+        staged = staged_keys(self._request.stages, raw)
+        self[number] = FrameKeys(raw, f"{raw}.{window[0]}.{window[-1]}", window, staged)
         return self[number]
 
 
@@ -112,6 +113,8 @@ class PlanEntry:
         keys = self.names[number]
         if stage == "render":
             return keys.raw
+        if stage in keys.staged:
+            return keys.staged[stage]
         return keys.frame if stage == "finish" else self.request.still_key(stage, keys.frame)
 
 
@@ -302,23 +305,29 @@ class Planner:
         self._targets += request.places("frame", frames)
         self._show_inputs(entry)
         unfinished = self._absent(entry, "finish", frames)
-        read = dict.fromkeys([*unfinished, *_union(names[n].window for n in unfinished)])
-        unrendered = self._absent(entry, "render", list(read))
+        read = list(dict.fromkeys([*unfinished, *_union(names[n].window for n in unfinished)]))
+        between: list[tuple[str, list[int]]] = []
+        for stage in reversed(list(request.stages)):
+            read = self._absent(entry, stage, read)
+            between.insert(0, (stage, read))
+        unrendered = self._absent(entry, "render", read)
         if unrendered:
             self._surfaces(entry, unrendered)
-        self._batches(entry, "render", unrendered)
-        self._batches(entry, "finish", unfinished)
+        for stage, todo in (("render", unrendered), *between, ("finish", unfinished)):
+            self._batches(entry, stage, todo)
         if isinstance(names, PictureKeys):
             names.remember()
 
     def rendered(self, request: RenderRequest) -> None:
-        """Ask for the rendered frames of a request, with all AOVs."""
-        entry, frames = self._enter(request, "render"), request.requested
-        self._targets += request.places("raw", frames)
-        unrendered = self._absent(entry, "render", frames)
-        if unrendered:
-            self._surfaces(entry, unrendered)
-        self._batches(entry, "render", unrendered)
+        """Ask for the rendered frames of a request with all AOVs, and for what plug-ins make of them."""
+        stages = ("render", *request.stages)
+        entry, frames = self._enter(request, *stages), request.requested
+        for stage in stages:
+            self._targets += request.places(STAGES[stage].shown_as, frames)
+            undone = self._absent(entry, stage, frames)
+            if undone and stage == "render":
+                self._surfaces(entry, undone)
+            self._batches(entry, stage, undone)
 
     def stills(self, request: RenderRequest, form: str) -> None:
         """Ask for the frames of a request as a display shows them."""
@@ -418,8 +427,8 @@ class Planner:
         """Return the frames that the store does not hold. `fetch` as `_has` takes it."""
         if entry.keys is None and STAGES[stage].per_quality:
             return list(numbers)
-        kind = STAGES[stage].makes
-        placed = zip(numbers, entry.request.places(kind, numbers), strict=True)
+        kind, places = STAGES[stage].makes, entry.request.places(STAGES[stage].shown_as, numbers)
+        placed = zip(numbers, places, strict=True)
         return [n for n, place in placed if not self._has(stage, kind, entry.key(stage, n), place, fetch)]
 
     def _show_inputs(self, entry: PlanEntry) -> None:
@@ -494,7 +503,8 @@ class Planner:
         goals = {stage for place, stage in self._goals if place == entry.place}
         if "finish" in goals:
             self._surfaces(entry, ())
-            self._rest(entry, "render", _union(entry.names[n].window for n in request.requested))
+            for stage in ("render", *request.stages):
+                self._rest(entry, stage, _union(entry.names[n].window for n in request.requested))
             self._rest(entry, "finish", request.requested)
         if goals & {"finish", "smooth_normals"}:
             shown = sorted({request.angles[n].mesh for n in request.requested})

@@ -7,12 +7,12 @@ normals, camera and appearance; their keys are found by need, since most runs ne
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.production.request.cameras import CameraFile, camera_file
-from pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS
+from pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS, STAGES
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.serialise import from_plain, to_plain
 
@@ -73,11 +73,21 @@ class FrameKeys:
     raw     the rendered picture
     frame   the denoised one
     window  the frames that the temporal denoiser reads
+    staged  what the stages of plug-ins make of the rendered picture, in order, by stage
     """
 
     raw: Key
     frame: Key
     window: tuple[int, ...]
+    staged: Mapping[str, Key] = field(default_factory=dict)
+
+
+def staged_keys(stages: Mapping[str, str], raw: Key) -> dict[str, Key]:
+    """Return keys by stage of what stages of plug-ins, each with its settings, make of a raw picture."""
+    keys: dict[str, Key] = {}
+    for name, settings in stages.items():
+        raw = keys[name] = key_of(STAGES[name].recipe, raw, settings)
+    return keys
 
 
 @dataclass(frozen=True)
@@ -133,13 +143,24 @@ class PictureKeys(Mapping[int, FrameKeys]):
 
     def _averaged(self, number: int, window: tuple[int, ...]) -> FrameKeys:
         """Return the keys of a frame that is averaged over a window."""
-        raw, name = self._raw(number), f"{number}.{window[0]}.{window[-1]}"
+        name = f"{number}.{window[0]}.{window[-1]}"
         if name not in self._frames:
-            averaged = [self._raw(n) for n in window] if len(window) > 1 else []
+            source, averaged = (
+                self._source(number),
+                [self._source(n) for n in window] if len(window) > 1 else [],
+            )
             request, layers = self._request, self._layers_data(number)
             rate = request.manifest.rate
-            self._frames[name] = key_of(FINISH.recipe, raw, request.quality.denoise, averaged, rate, layers)
-        return FrameKeys(raw, self._frames[name], window)
+            self._frames[name] = key_of(
+                FINISH.recipe, source, request.quality.denoise, averaged, rate, layers
+            )
+        raw = self._raw(number)
+        return FrameKeys(raw, self._frames[name], window, staged_keys(self._request.stages, raw))
+
+    def _source(self, number: int) -> Key:
+        """Return the key of the picture that is denoised: rendered, or made by the last plug-in's stage."""
+        raw = self._raw(number)
+        return next(reversed(staged_keys(self._request.stages, raw).values()), raw)
 
     def _layers_data(self, number: int) -> list[Any]:
         """Return what decides the layers for compositing: their names, and cameras for motion vectors."""
@@ -173,7 +194,9 @@ class PictureKeys(Mapping[int, FrameKeys]):
         """Tell whether a frame is rendered by this run, or was before."""
         if number in self._numbers:
             return True
-        return number in self._cameras and self._store.holds("raw", self._raw(number))
+        if number not in self._cameras:
+            return False
+        return any(self._store.holds("raw", key) for key in {self._raw(number), self._source(number)})
 
     def _raw(self, number: int) -> Key:
         if number not in self._raws:

@@ -5,6 +5,7 @@ The keys of its surfaces stand apart: they take the flows of all frames, and wha
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import astuple, dataclass
 from functools import cached_property
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import MissingInputError
 from pipeline.production.request.audio import AudioTrack
-from pipeline.production.stages import SIMULATE, SMOOTH_NORMALS
+from pipeline.production.stages import PLUGIN_STAGES, SIMULATE, SMOOTH_NORMALS
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Key, key_of
 from render.base.input_files import digest_of_file
@@ -50,6 +51,7 @@ class ShotManifest:
     is_diced         True if pictures are made of meshes themselves, not of what `smooth_normals` keeps
     overrides        frames of each override
     restyled         frames whose look or lights an override changes
+    stages           settings, as JSON, by the stages of plug-ins that it asks for
     """
 
     inputs: InputDigests
@@ -70,6 +72,7 @@ class ShotManifest:
     is_diced: bool
     overrides: tuple[tuple[int, ...], ...]
     restyled: tuple[int, ...]
+    stages: Mapping[str, str]
 
     @classmethod
     def of(cls, shot: Shot) -> ShotManifest:
@@ -96,6 +99,7 @@ class ShotManifest:
             is_diced=picture.dicing is not None,
             overrides=tuple(override.frames.numbers for override in picture.overrides),
             restyled=tuple(n for override in picture.overrides if override.is_seen for n in override.frames),
+            stages=_stages(shot.entries),
         )
 
     @property
@@ -202,6 +206,12 @@ def measures_speed(shot: Shot) -> bool:
 
     patterns = [part.picture.look.pattern for part in shot.parts]
     return any(isinstance(pattern, Measure) and pattern.of == SPEED for pattern in patterns)
+
+
+def _stages(entries: Mapping[str, Any]) -> dict[str, str]:
+    """Return the settings by stage of those entries of a shot that ask for a plug-in's stage."""
+    asked = [stage.name for stage in PLUGIN_STAGES if stage.name in entries]
+    return {name: json.dumps(entries[name].model_dump(mode="json"), sort_keys=True) for name in asked}
 
 
 def input_digests(files: Iterable[tuple[Path, str]]) -> InputDigests:

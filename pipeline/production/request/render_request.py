@@ -304,6 +304,11 @@ class RenderRequest:
         return self.turntable is None and self.manifest.is_wide
 
     @property
+    def stages(self) -> Mapping[str, str]:
+        """The settings by stage of plug-ins' stages between `render` and `finish`; turntables have none."""
+        return {} if self.turntable else self.manifest.stages
+
+    @property
     def shown_as(self) -> Mapping[str, Any]:
         """The display transform of its pictures, plain data."""
         return self.manifest.shown_as

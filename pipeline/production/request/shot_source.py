@@ -120,7 +120,7 @@ def _code() -> list[str]:
         for file in plugin.sources:
             digest.update(file.read_bytes())
     versions = [f"{name}={version(name)}" for name in PACKAGES]
-    versions += [f"{plugin.name}={plugin.version}" for plugin in plugins()]
+    versions += map(repr, plugins())
     return [digest.hexdigest(), sys.version, *versions]
 
 

@@ -89,7 +89,9 @@ class Folders:
 
         They are strings: a plan names so many that making Path objects would take most of its time.
         """
-        within, suffix = _NUMBERED[kind].format(quality), SUFFIXES[kind]
+        of_plugin = "." in kind  # the name of a plug-in's stage, whose files are raw
+        within = f"{quality}/{kind}" if of_plugin else _NUMBERED[kind].format(quality)
+        suffix = SUFFIXES["raw" if of_plugin else kind]
         if self.subject and kind in ("mesh", "normals"):
             within = f"{within}/{self.subject}"
         begin = f"{self.home}/{within}/{self.name}."

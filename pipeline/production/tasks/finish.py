@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,10 +12,11 @@ import numpy as np
 
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRate
+from pipeline.plugin import named, plugins
 from pipeline.production.request.cameras import camera_file
-from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.keys import FrameKeys, PictureKeys
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.stages import FINISH
+from pipeline.production.stages import FINISH, STAGES
 from pipeline.production.tasks.job import Context
 from render.movie.codecs import timecode
 from render.post.compositing import LayerInputs, Viewpoint, compositing_layers, mattes_header
@@ -48,13 +49,71 @@ def finish(context: Context) -> bool:
 
         return context.make("frame", keys[number].frame, request.place("frame", number), write)
 
-    lost = context.failed("render")
+    lost = {number for stage in FINISH.reads for number in context.failed(stage)}
     ready = [n for n in context.job.frames if not lost & {*keys[n].window}]
     well = context.for_each(ready, work)
     for number in {*context.job.frames} - {*ready} - lost:
         others = ", ".join(str(n) for n in sorted(lost & {*keys[number].window}))
         context.fail(FrameError(f"frame {number} averages frame {others}, which failed"), number)
     return well and len(ready) == len(context.job.frames)
+
+
+def plugin_stage(context: Context) -> bool:
+    """Do a plug-in's stage on the pictures of a batch. Pictures that failed before are left out."""
+    stage, request, keys = STAGES[context.job.stage], context.request, context.picture_keys(context.request)
+    assert stage.plugin is not None, "others have functions of their own"
+    plugin = plugins().loaded[stage.plugin[0]]
+    place = plugin.stages[stage.name.partition(".")[2]].task
+    settings, task = request.shot.entries[stage.name], named(place)
+    framings: Mapping[int, Framing] = camera_file(request, context.store) or {}
+
+    def work(number: int) -> bool:
+        def write(path: Path) -> None:
+            frame, header = read_source(context, keys[number], number, before=stage.name)
+            made = _made_by(task, place, frame, settings, number)
+            header |= {"key": keys[number].staged[stage.name]}
+            header |= {"stages": {**header.get("stages", {}), stage.name: stage.recipe}}
+            header |= {"entries": {**header.get("entries", {}), stage.name: request.stages[stage.name]}}
+            attributes = raw_attributes(request, framings[number])
+            write_exr(path, made, header, dict(request.aovs.precision), attributes=attributes)
+
+        return context.make("raw", keys[number].staged[stage.name], request.place(stage.name, number), write)
+
+    lost = {number for before in stage.reads for number in context.failed(before)}
+    ready = [number for number in context.job.frames if number not in lost]
+    return context.for_each(ready, work) and len(ready) == len(context.job.frames)
+
+
+def _made_by(
+    task: Callable[..., RenderedFrame], place: str, frame: RenderedFrame, settings: Any, number: int
+) -> RenderedFrame:
+    """Return what the task of a plug-in makes of a frame. Raises FrameError where that is not a frame."""
+    shapes = {name: layer.shape for name, layer in frame.arrays.items()}
+    try:
+        made = task(frame, settings, number)
+    except FrameError:
+        raise
+    except (Exception, SystemExit) as error:  # a stranger's function may raise anything
+        raise FrameError(f"{place} raised {type(error).__name__}: {error}", number) from error
+    if not isinstance(made, RenderedFrame):
+        raise FrameError(f"{place} returned {type(made).__name__}; a stage returns a RenderedFrame", number)
+    for name, shape in shapes.items():
+        if name not in made.arrays or made[name].shape != shape:
+            raise FrameError(f"{place}: layer {name} is missing or of another shape", number)
+    if not np.isfinite(made["beauty"]).all():
+        raise FrameError(f"{place}: the beauty is not finite", number)
+    return made
+
+
+def read_source(
+    context: Context, keys: FrameKeys, number: int, before: str = ""
+) -> tuple[RenderedFrame, dict[str, Any]]:
+    """Read the picture that is denoised or, before a plug-in's stage, what that one reads."""
+    names = list(keys.staged)
+    names = names[: names.index(before)] if before else names
+    if not names:
+        return context.read_picture(context.request, "raw", number, keys.raw)
+    return context.read_picture(context.request, "raw", number, keys.staged[names[-1]], names[-1])
 
 
 @dataclass(eq=False)
@@ -84,7 +143,7 @@ class _Denoiser:
         return RenderedFrame({**layers.arrays, **denoised}, layers.facts), header
 
     def _read(self, number: int) -> tuple[RenderedFrame, dict[str, Any]]:
-        layers, header = self.context.read_picture(self.context.request, "raw", number, self.keys[number].raw)
+        layers, header = read_source(self.context, self.keys[number], number)
         if "shadow" not in layers.arrays:
             return layers, header
         # Features of the shadow catcher, which is not seen, would blur the subject's outline.

@@ -146,6 +146,8 @@ class Context:
         keys = self.picture_keys(request)
         if stage == "render":
             return [keys[number].raw for number in frames]
+        if STAGES[stage].plugin:
+            return [keys[number].staged[stage] for number in frames]
         made = [keys[number].frame for number in frames]
         return made if stage == "finish" else [request.still_key(stage, key) for key in made]
 
@@ -183,13 +185,16 @@ class Context:
             raise
 
     def read_picture(
-        self, request: RenderRequest, kind: str, number: int, key: Key
+        self, request: RenderRequest, kind: str, number: int, key: Key, shown_as: str = ""
     ) -> tuple[RenderedFrame, dict[str, Any]]:
-        """Read the layers and the header of a raw picture or a finished frame."""
+        """Read the layers and the header of a raw picture or a finished frame.
+
+        shown_as  the stage of a plug-in that made a raw picture
+        """
         from pipeline.production.store import readers  # numpy, which who only watches never needs
 
         reader = readers.picture(key, request.quality.rendered_size)
-        return self.read(kind, key, request.place(kind, number), reader)
+        return self.read(kind, key, request.place(shown_as or kind, number), reader)
 
     def survey(self, numbers: Iterable[int], read: Callable[[int], object]) -> None:
         """Read the other files too once one was found corrupt: the next round makes all of these again."""

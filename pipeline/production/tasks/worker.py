@@ -178,8 +178,8 @@ def _as_failure(error: FlowsculptError | OSError, root: Path) -> FlowsculptError
 
 def task_of(stage: str) -> Callable[[Context], bool]:
     """Return the function that does the jobs of a stage; it returns True if all went well."""
-    module = import_module(f"pipeline.production.tasks.{STAGES[stage].module}")
-    return getattr(module, stage)
+    row = STAGES[stage]
+    return getattr(import_module(f"pipeline.production.tasks.{row.module}"), row.function or stage)
 
 
 def _limit_kernels(threads: int) -> None:

@@ -1,15 +1,25 @@
 """The layout of shot files and of edits."""
 
+import inspect
 import math
 import re
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, SkipValidation, ValidationInfo, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    Field,
+    SkipValidation,
+    ValidationInfo,
+    create_model,
+    model_validator,
+)
 
 from pipeline.errors import shortened
 from pipeline.frames import FASTEST, SLOWEST
 from pipeline.mesh.normals import MOST_PIECES
+from pipeline.plugin import Plugin, plugins
 from pipeline.shot.documents.camera_documents import CameraDocument, ShutterDocument
 from pipeline.shot.documents.curves import NumberField, Start
 from pipeline.shot.documents.field_types import (
@@ -24,6 +34,7 @@ from pipeline.shot.documents.field_types import (
     one_of,
     optional,
 )
+from pipeline.shot.documents.flow_documents import BARE
 from pipeline.shot.documents.flow_entries import DASHES, FlowDocument
 from pipeline.shot.documents.light_documents import LightGroupsField, StageDocument
 from pipeline.shot.documents.look_documents import LookField
@@ -340,3 +351,45 @@ class FilmDocument(Document):
     )
     title_seconds: CardSeconds = Field(3.0, description="duration of the title; 0 leaves it out (s)")
     credits_seconds: CardSeconds = Field(3.0, description="duration of the credits; 0 leaves them out (s)")
+
+
+def _entry_of_plugin(plugin: Plugin, name: str, model: Any) -> Any:
+    """Return the field of a shot file's entry. Raises TypeError or ValueError for what cannot be one."""
+    if not (isinstance(model, type) and issubclass(model, BaseModel)):
+        raise TypeError("it is not a pydantic model")
+    if plugin.name in _OWN_ENTRIES:
+        raise ValueError(f"shots have an entry {plugin.name} of their own")
+    return Annotated[model | None, BARE], optional(inspect.cleandoc(model.__doc__ or name).partition("\n")[0])
+
+
+def _of_plugins() -> dict[str, Any]:
+    """Return the entries of shot files that plug-ins add, a mapping for each plug-in, by its name."""
+    fields: dict[str, dict[str, Any]] = {}
+    for name, field in plugins().parts("documents", _entry_of_plugin).items():
+        plugin, _, part = name.partition(".")
+        fields.setdefault(plugin, {})[part] = field
+    return {
+        plugin: (
+            create_model(f"{plugin}Document", __base__=Document, **parts) | None,
+            optional("of this plug-in"),
+        )
+        for plugin, parts in fields.items()
+    }
+
+
+_OWN_ENTRIES = frozenset(ShotDocument.model_fields)
+
+if not TYPE_CHECKING:
+    ShotDocument = create_model("ShotDocument", __base__=ShotDocument, **_of_plugins())
+
+
+def entries_of_plugins(document: ShotDocument) -> dict[str, BaseModel]:
+    """Return what a shot writes for plug-ins, by names such as `marbling.mist`."""
+    named = type(document).model_fields.keys() - _OWN_ENTRIES
+    given = {name: getattr(document, name) for name in sorted(named) if getattr(document, name) is not None}
+    found = {
+        f"{name}.{part}": getattr(entry, part)
+        for name, entry in given.items()
+        for part in entry.model_fields_set
+    }
+    return {name: entry for name, entry in found.items() if entry is not None}

@@ -229,6 +229,8 @@ def _closest(mapping: _Mapping, name: Any, found: UnknownNames) -> str:
     listing = "`flowsculpt flows` lists all of them." if mapping.is_entry else ""
     hint = suggestion(name, names, listing=listing or "docs/shot-files.md explains all of them.")
     found.supplied.update((*mapping.where, each) for each in names if hint == f"Did you mean {each!r}?")
+    if not mapping.where and isinstance(mapping.values.get(name), dict) and not hint.startswith("Did"):
+        return plugins().lacking(f"{name}.entries") or hint
     return hint
 
 

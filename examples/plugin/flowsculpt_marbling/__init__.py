@@ -1,0 +1,17 @@
+"""Marbled paper: a comb that draws inks into feathers, the inks, and mist between camera and subject."""
+
+from pipeline.api import Command, Plugin, Stage
+
+PLUGIN = Plugin(
+    name="marbling",
+    version="1.0",
+    flows={"comb": "flowsculpt_marbling.comb:Comb"},
+    looks={"inks": "flowsculpt_marbling.inks:INKS"},
+    encodes={"wall": "flowsculpt_marbling.inks:WALL"},
+    documents={"mist": "flowsculpt_marbling.mist:Mist"},
+    stages={"mist": Stage("flowsculpt_marbling.mist:add_mist", version=1, doing="adding mist")},
+    commands={
+        "inks": Command("flowsculpt_marbling.commands:inks", "List the inks of marbling.inks.", "Look")
+    },
+    exporters={"csv": Command("flowsculpt_marbling.commands:csv", "Vertices, faces and area of each frame.")},
+)
