@@ -6,13 +6,13 @@ import re
 import shutil
 import subprocess
 import sys
-import tomllib
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
+from pipeline import api
 from pipeline.plugin import API
-from tests.conftest import TINY
 
 GREETER = """\
 from pipeline.plugin import Command, Plugin
@@ -62,22 +62,6 @@ def test_a_command_and_a_format_of_an_installed_plug_in_are_called_like_those_of
     assert environment.run("greet", "A010").stdout == "Hello A010\n"
     assert environment.run("export", "txt", "A010").returncode == 0
     assert (environment.folder / "A010.txt").read_text() == "A010"
-
-
-def test_the_plug_in_of_the_docs_works(environment):
-    page = (Path(__file__).parents[1] / "docs" / "plugins.md").read_text(encoding="utf-8")
-    (metadata,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
-    (text,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    ((name, place),) = tomllib.loads(metadata)["project"]["entry-points"]["flowsculpt.plugins"].items()
-    assert (name, place) == ("greeter", "greeter:PLUGIN")
-    environment.install(name, text)
-    (environment.folder / "shots").mkdir()
-    (environment.folder / "shots" / "A010_box.yaml").write_text(TINY)
-    done = environment.run("greet", "A010_box")
-    assert done.stdout == "A box, twisted\n", done.stderr
-    assert environment.run("export", "txt", "A010_box").returncode == 0
-    assert (environment.folder / "A010_box.txt").read_text().split() == list("123456")
-    assert "Greet a shot." in environment.run("--help").stdout
 
 
 MARBLING = """\
@@ -196,6 +180,18 @@ def plugin(name: str = "greeter", rest: str = "") -> str:
         ("broken", "import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
         ("later", plugin("later", f", api={API + 1}"), f"it is built for version {API + 1} of the API"),
         ("named", plugin("my-plug.in"), "its name 'my-plug.in' is not a letter followed by"),
+        (
+            "idle",
+            "from pipeline.plugin import Plugin, Stage\n"
+            "PLUGIN = Plugin('idle', '1', stages={'wait': Stage('idle:wait', 1, 'waiting', makes='')})",
+            "its stage wait makes nothing; a stage makes raw of raw",
+        ),
+        (
+            "mute",
+            "from pipeline.plugin import Plugin, Stage\n"
+            "PLUGIN = Plugin('mute', '1', stages={'hush': Stage('mute:hush', 1, 'hushing')})",
+            "its stage hush has no entry among documents, so no shot could ask for it",
+        ),
         ("none", "PLUGIN = 3", "none:PLUGIN is not a pipeline.plugin.Plugin"),
         ("twin", plugin("greeter"), "there is another plug-in greeter; uninstall one of the two"),
         (
@@ -237,3 +233,20 @@ def test_the_version_is_printed_without_importing_a_plug_in(environment):
     environment.install("broken", "raise SystemExit('imported')")
     done = environment.run("--version")
     assert done.returncode == 0 and done.stdout.startswith("flowsculpt ") and not done.stderr
+
+
+def test_the_public_names_are_the_same_for_readers_of_types_and_at_run_time():
+    (block,) = re.findall(r"if TYPE_CHECKING:\n(.*?)\n\n", Path(api.__file__).read_text(), re.DOTALL)
+    typed = dict(reversed(pair) for pair in re.findall(r"from (\S+) import (\w+) as \2", block))
+    assert sorted(typed) == api.__all__
+    for name, module in typed.items():
+        assert getattr(api, name) is getattr(import_module(module), name)
+    with pytest.raises(AttributeError, match="it is not part of the public API"):
+        _ = api.YamlSource
+
+
+def test_a_command_whose_module_does_not_load_ends_with_one_line(environment):
+    environment.install("broken", plugin("broken", ", commands={'mend': Command('broken_parts:mend', '')}"))
+    done = environment.run("mend")
+    assert done.returncode == 4 and done.stderr.count("\n") == 1
+    assert "mend: its plug-in does not load: ModuleNotFoundError" in done.stderr
