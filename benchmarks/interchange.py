@@ -21,8 +21,8 @@ from pipeline.flow.catalogue.attractors import Lorenz
 from pipeline.mesh import TriangleMesh, box, icosphere, split_at_creases, torus
 from pipeline.plugins.interchange.exported_frame import ExportedFrame
 from pipeline.plugins.interchange.model_export import write_ply
+from pipeline.plugins.interchange.usd_export import sampled_attributes, write_clip
 from pipeline.plugins.interchange.usd_files import require_usd
-from pipeline.plugins.interchange.usd_stage import sampled_attributes, write_clip
 
 REPEATS = 9
 

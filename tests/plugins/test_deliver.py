@@ -10,8 +10,13 @@ import numpy as np
 import pytest
 
 from pipeline.errors import FrameError
-from pipeline.plugins.delivery.deliverables import Delivery, DeliveryOptions
-from pipeline.plugins.delivery.delivery_source import FrameFormat, film_source, shot_source
+from pipeline.plugins.delivery.deliverables import (
+    Delivery,
+    DeliveryOptions,
+    FrameFormat,
+    film_source,
+    shot_source,
+)
 from pipeline.production.execution.project import Project
 from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.render_request import RenderRequest

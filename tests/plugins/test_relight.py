@@ -9,7 +9,7 @@ import av
 import numpy as np
 import pytest
 
-from pipeline.plugins.delivery.relight_command import permanent
+from pipeline.plugins.delivery.relighting import permanent
 from pipeline.plugins.maintenance.store_repair import output_folder
 from render.movie.probe import probe_movie
 from render.post.image import read_exr

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import ShotError
-from pipeline.plugins.delivery.deliverables import Delivery, DeliveryOptions
-from pipeline.plugins.delivery.delivery_source import shot_source
+from pipeline.plugins.delivery.deliverables import Delivery, DeliveryOptions, shot_source
 from pipeline.plugins.delivery.timeline import _delivered
 from pipeline.production.execution.project import Project
 from pipeline.production.request.keys import projection_of

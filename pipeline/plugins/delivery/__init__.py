@@ -12,7 +12,7 @@ PLUGIN = Plugin(
             "Deliver",
         ),
         "relight": Command(
-            "pipeline.plugins.delivery.relight_command:relight",
+            "pipeline.plugins.delivery.relighting:relight",
             "Change lights of finished frames by factors, without rendering.",
             "Render",
         ),
@@ -21,5 +21,5 @@ PLUGIN = Plugin(
         "otio": Command("pipeline.plugins.delivery.timeline:otio", "OpenTimelineIO, for editing programs.")
     },
     edits={".otio": "pipeline.plugins.delivery.timeline_import:edit_of"},
-    sequences=("pipeline.plugins.delivery.relit_frames:relit_sequences",),
+    sequences=("pipeline.plugins.delivery.relighting:relit_sequences",),
 )

@@ -37,10 +37,11 @@ from pipeline.plugins.delivery.deliverables import (
     Delivery,
     DeliveryOptions,
     audio_track,
+    film_source,
     lost_frames,
+    shot_source,
 )
-from pipeline.plugins.delivery.delivery_source import film_source, shot_source
-from pipeline.plugins.delivery.relit_frames import RelitFrames, relit_version
+from pipeline.plugins.delivery.relighting import RelitFrames, relit_version
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import edit_names, find_edit

@@ -1,29 +1,317 @@
-"""Encode deliverables, with slates, burn-ins and sound. Files that are up to date are not encoded again."""
+"""Deliverables: encoded frames of a shot or of a film, with slates, burn-ins and sound.
+
+Frames are read as display values; cards stand for those that failed. Files that are up to date are not
+encoded again.
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from fractions import Fraction
 from functools import partial
+from math import ceil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pipeline.errors import MachineError
+from pipeline.errors import FrameError, MachineError
+from pipeline.frames import FrameRange, FrameRate
 from pipeline.plugin import Plugin, plugins
-from pipeline.plugins.delivery.delivery_source import DeliverySource, FrameFormat, opaque
+from pipeline.plugins.delivery.relighting import relit_version
 from pipeline.production.request.audio import AudioClip, AudioTrack, samples_of
+from pipeline.production.request.edit import Edit
+from pipeline.production.request.keys import PictureKeys, picture_keys
+from pipeline.production.request.provenance import Provenance, records
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import DELIVER
+from pipeline.production.store import paths, readers
+from pipeline.production.store.history import History
 from pipeline.production.store.store import Key, Store, key_of
+from pipeline.production.tasks.encoding import cut_together
 from render.base.atomic_write import disk_errors
-from render.graphics.cards import Screen, Slate
+from render.base.plural import plural
+from render.base.serialise import to_plain
+from render.graphics.cards import Screen, Slate, failure_card
 from render.graphics.typesetting import BurnIn
-from render.movie.codecs import ENCODES, Encode, timecode
+from render.movie.codecs import ENCODES, FILM_START, NAME_ENDS, Encode, timecode
 from render.movie.encode import write_movie
-from render.movie.movie_frames import Frame, prefetch
-from render.post.colour import quantise
+from render.movie.movie_frames import Frame, dissolve, mix_frames, prefetch
+from render.post.colour import quantise, to_display
+from render.scene.render_camera import Projection
+
+LabelledFrame = tuple[Frame, Mapping[str, str | int]]
+"""A display frame, and the values that can be burnt in."""
+
+Failures = Mapping[tuple[str, int], str]  # messages of the last run by name of a shot and frame number
+
+STAGES = ("simulate", "smooth_normals", "frame_camera", "render", "finish")
+
+IN_WORK = "in work"  # the version of frames that are not published
+
+
+@dataclass(frozen=True)
+class FrameFormat:
+    """The display that frames are converted for, and whether they have coverage as fourth channel."""
+
+    display: str
+    has_coverage: bool
+
+
+class FrameReader:
+    """Reader of the finished frames of a request, or of a relit version of them by its name."""
+
+    def __init__(
+        self, request: RenderRequest, store: Store, failures: Failures, relit: str | None = None
+    ) -> None:
+        self.request, self._store = request, store
+        self._relit = None if relit is None else relit_version(request, store, relit)
+        self.keys: PictureKeys | None = picture_keys(request, store)
+        self.version = f"relit {relit}" if relit else _version(request, store, self.keys)
+        history = History.of(store.root).failed(request.folders.name, STAGES, request.quality_name)
+        latest = {n: message for (shot, n), message in failures.items() if shot == request.subject}
+        self._reasons = {**history, **latest}
+
+    def is_finished(self, number: int) -> bool:
+        """Tell whether the frame is in the store."""
+        if self._relit is not None:
+            return self._relit.is_mixed(number)
+        return self.keys is not None and self._store.holds("frame", self.keys[number].frame)
+
+    def has_coverage(self, number: int) -> bool:
+        """Tell whether the rendered frame, which has the subject's coverage, is in the store."""
+        return self.keys is not None and self._store.holds("raw", self.keys[number].raw)
+
+    def content(self, numbers: Sequence[int]) -> list[Any]:
+        """Return plain data of everything that frames and cards show."""
+        frames = [self._key(n) if self.is_finished(n) else [n, self.reason(n)] for n in numbers]
+        request = self.request
+        facts = [request.name, request.quality_name, self.version]
+        return [*facts, list(numbers), frames, dict(request.shown_as)]
+
+    def reason(self, number: int) -> str:
+        """Return why a frame is missing: its own failure, or that of a frame before it."""
+        if number in self._reasons:
+            return self._reasons[number].removeprefix(f"frame {number}: ")
+        if not self._reasons:
+            return "it was not made"
+        first = min(self._reasons)
+        return f"not made, as frame {first} failed: {self.reason(first)}"
+
+    def read(self, number: int, form: FrameFormat) -> LabelledFrame:
+        """Read a frame, or draw the card that stands for it.
+
+        A damaged frame raises FrameError and leaves the store, so that the next run makes it again.
+        """
+        if not self.is_finished(number):
+            heading = f"{self.request.name}  frame {number} failed"
+            screen = Screen(self.request.projection, self.request.quality.rendered_size)
+            card = screen.show(failure_card(screen.size, heading, self.reason(number)))
+            return opaque(quantise(card, bits=16), form), self._labels(number, "")
+        return self._picture(number, form), self._labels(number, self._key(number))
+
+    def _picture(self, number: int, form: FrameFormat) -> Frame:
+        picture = self.request.shot.picture
+        place = self._relit.place(number) if self._relit else self.request.place("frame", number)
+        light = self._layer("frame", place, self._key(number), "beauty")
+        values = to_display(light, picture.lights.exposure, form.display, picture.view)
+        frame: Frame = quantise(values, bits=16)
+        if not form.has_coverage:
+            return frame
+        assert self.keys is not None, "a finished frame has a key"
+        place = self.request.place("raw", number)
+        coverage = self._layer("raw", place, self.keys[number].raw, "matte").reshape(*frame.shape[:2], 1)
+        return np.concatenate([frame, np.rint(coverage.clip(0.0, 1.0) * 65535).astype(np.uint16)], axis=2)
+
+    def _layer(self, kind: str, place: Path, key: str, layer: str) -> NDArray[np.float32]:
+        read = readers.picture(key, self.request.quality.rendered_size)
+        return self._store.read(kind, key, place, read)[0][layer]
+
+    def _key(self, number: int) -> str:
+        if self._relit is not None:
+            return self._relit.key(number)
+        return self.keys[number].frame if self.keys is not None else ""
+
+    def _labels(self, number: int, key: str) -> Mapping[str, str | int]:
+        facts = {"shot": self.request.name, "version": self.version, "quality": self.request.quality_name}
+        return {**facts, "frame": number, "key": key[:10]}
+
+
+def opaque(frame: NDArray[Any], form: FrameFormat) -> Frame:
+    """Return a frame (H, W, 3) in a format: with full coverage if the format has coverage."""
+    if not form.has_coverage:
+        return frame
+    full = np.full((*frame.shape[:2], 1), np.iinfo(frame.dtype).max, dtype=frame.dtype)
+    return np.concatenate([frame, full], axis=2)
+
+
+def _version(request: RenderRequest, store: Store, keys: PictureKeys | None) -> str:
+    """Return the published version that has exactly these frames, or IN_WORK."""
+    if keys is None or request.turntable is not None:
+        return IN_WORK
+    ours = {n: keys[n].frame for n in request.requested}
+    for _, record in reversed(list(records(store.root / paths.published(request.name)))):
+        if (
+            isinstance(record, Provenance)
+            and ours.items() <= {n: frame.frame for n, frame in record.frames.items()}.items()
+        ):
+            return record.version
+    return IN_WORK
+
+
+@dataclass(frozen=True, eq=False)
+class DeliverySource:
+    """Frames in order, and facts about them.
+
+    folder        of the files, relative to the root
+    start         the frame number that gives the first timecode
+    facts         names and values for the slate
+    content       plain data of everything that decides the frames
+    lost          frames that cards stand for, shot by shot
+    has_coverage  True if the subject's coverage is known in all of them
+    frames        reads the frames in a format
+    poster        reads one of them, for the slate
+    """
+
+    name: str
+    title: str
+    subtitle: str
+    folder: Path
+    rate: FrameRate
+    size: tuple[int, int]
+    projection: Projection
+    start: int
+    count: int
+    facts: tuple[tuple[str, str], ...]
+    content: list[Any]
+    lost: tuple[str, ...]
+    has_coverage: bool
+    sounds: tuple[AudioClip, ...]
+    frames: Callable[[FrameFormat], Iterator[LabelledFrame]]
+    poster: Callable[[FrameFormat], LabelledFrame]
+
+
+def shot_source(
+    request: RenderRequest, store: Store, failures: Failures, relit: str | None = None
+) -> DeliverySource:
+    """Return the frames of a request, or of a relit version by its name, in ascending order.
+
+    Raises FrameError where all failed.
+    """
+    reader, numbers = FrameReader(request, store, failures, relit), sorted(request.requested)
+    lost = _lost([(reader, n) for n in numbers])
+    finished = [n for n in numbers if reader.is_finished(n)]
+    frames = FrameRange.of(numbers)
+    rate = FrameRate.of(request.manifest.rate)
+    key = str(reader.keys[numbers[0]].frame)[:10] if reader.keys else ""
+    return DeliverySource(
+        name=_name(request, request.folders.name, relit, str(frames)),
+        title=request.name,
+        subtitle=request.shot.title,
+        folder=request.folders.home / request.quality_name / "deliver",
+        rate=rate,
+        size=request.quality.rendered_size,
+        projection=request.projection,
+        start=numbers[0],
+        count=len(numbers),
+        facts=(("version", reader.version), *_facts(request, str(frames), len(numbers), rate), ("key", key)),
+        content=reader.content(numbers),
+        lost=lost,
+        has_coverage=all(reader.has_coverage(n) for n in finished),
+        sounds=request.sounds,
+        frames=lambda form: (reader.read(n, form) for n in numbers),
+        poster=lambda form: reader.read(finished[len(finished) // 2], form),
+    )
+
+
+def film_source(
+    edit: Edit, requests: Sequence[RenderRequest], store: Store, failures: Failures, relit: str | None = None
+) -> DeliverySource:
+    """Return the film of an edit; `relit` names a relit version of every shot.
+
+    Raises FrameError where all frames of its shots failed.
+    """
+    readers = [FrameReader(request, store, failures, relit) for request in requests]
+    numbered = [(reader, n) for reader in readers for n in reader.request.requested]
+    lost = _lost(numbered)
+    finished = [(reader, n) for reader, n in numbered if reader.is_finished(n)]
+    quality_name, rate = requests[0].quality_name, edit.frame_rate
+    screen = Screen(requests[0].projection, requests[0].quality.rendered_size)
+    opening = edit.items[0]
+
+    def frames(form: FrameFormat) -> Iterator[LabelledFrame]:
+        def clip(index: int) -> Iterator[LabelledFrame]:
+            return (readers[index].read(n, form) for n in readers[index].request.requested)
+
+        def card(frame: Frame) -> LabelledFrame:
+            return opaque(frame, form), {"quality": quality_name, "shot": edit.name}
+
+        return dissolve(list(cut_together(edit, screen, clip, card)), _mix)
+
+    poster, number = finished[len(finished) // 2]
+    shots = dict.fromkeys(f"{reader.request.name} {reader.version}" for reader in readers)
+    return DeliverySource(
+        name=_name(requests[0], edit.name, relit),
+        title=opening.title or edit.name,
+        subtitle=opening.subtitle,
+        folder=paths.film(quality_name, edit.name).parent / "deliver",
+        rate=rate,
+        size=screen.picture,
+        projection=screen.projection,
+        start=FILM_START * ceil(rate.fps),
+        count=edit.length,
+        facts=(("shots", ", ".join(shots)), *_facts(requests[0], f"{edit.length}", edit.length, rate)),
+        content=[to_plain(edit.items), *(reader.content(reader.request.requested) for reader in readers)],
+        lost=lost,
+        has_coverage=all(reader.has_coverage(n) for reader, n in finished),
+        sounds=edit.sounds,
+        frames=frames,
+        poster=lambda form: poster.read(number, form),
+    )
+
+
+def _name(request: RenderRequest, *parts: str | None) -> str:
+    """Return the name of a deliverable's files, with an end by which players know its projection."""
+    return ".".join(filter(None, parts)) + NAME_ENDS.get(request.projection.kind, "")
+
+
+def _mix(before: LabelledFrame, after: LabelledFrame, weight: float) -> LabelledFrame:
+    """Mix two frames; the labels are those of the one with more weight."""
+    return mix_frames(before[0], after[0], weight), after[1] if weight >= 0.5 else before[1]
+
+
+def _lost(numbered: Sequence[tuple[FrameReader, int]]) -> tuple[str, ...]:
+    """Name the missing frames of each shot. Raises FrameError where all are missing."""
+    lost = [(reader, n) for reader, n in numbered if not reader.is_finished(n)]
+    if len(lost) == len(numbered):
+        reader, number = lost[0]
+        raise FrameError(
+            f"{reader.request.name}: none of its frames could be made, so there is nothing to deliver; the "
+            f"first error: {reader.reason(number)}"
+        )
+    by_shot: dict[str, list[int]] = {}
+    for reader, number in lost:
+        by_shot.setdefault(reader.request.name, []).append(number)
+    return tuple(f"{name} frames {FrameRange.of(set(numbers))}" for name, numbers in by_shot.items())
+
+
+def _facts(request: RenderRequest, frames: str, count: int, rate: FrameRate) -> tuple[tuple[str, str], ...]:
+    quality = request.quality
+    per_second = f"{rate.fps}" if rate.fps.denominator == 1 else f"{float(rate.fps):.3f} ({rate.fps})"
+    length = float(Fraction(count) / rate.fps)
+    width, height = quality.rendered_size
+    most = "at most " if quality.is_adaptive else ""
+    noise = f", denoised ({quality.denoise})" if quality.denoise != "off" else ""
+    return (
+        ("frames", frames if frames == str(count) else f"{frames}, {count} of them"),
+        ("length", f"{length:.2f} s at {per_second} frames per second"),
+        ("quality", f"{request.quality_name}, {most}{plural(quality.samples, 'sample')}{noise}"),
+        ("size", f"{width} × {height}"),
+    )
+
 
 SLATES = ("head", "apart")  # the places of a slate: before the first frame, or in a file of its own
 

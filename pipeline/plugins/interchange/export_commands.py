@@ -14,8 +14,7 @@ from pipeline.cli.execution import execute, report_plan
 from pipeline.cli.options import Common, Frames, Quality, Shot, ShotOptions, Subject, output_option
 from pipeline.cli.output import exit_with, print_error, print_result, progress_bars
 from pipeline.errors import FrameError, UsageError
-from pipeline.plugins.interchange.model_export import ModelExport, require_still
-from pipeline.plugins.interchange.print_model import LONGEST_SIDE
+from pipeline.plugins.interchange.model_export import LONGEST_SIDE, ModelExport, require_still
 from pipeline.plugins.interchange.usd_files import require_usd
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import mesh_states

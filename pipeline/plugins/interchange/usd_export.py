@@ -8,28 +8,382 @@ renders/<shot>/usd/<shot>.colour.exr      the picture that colours the sculpture
 renders/<shot>/usd/<shot>.keys.json       what each file was made from
 
 Of several subjects, manifest, clips and colour are <shot>.<subject>.manifest.usda and so on, for each.
+
+A stage reads the clip of a frame only while it shows that frame, so a frame that changes rewrites one file.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
+
+from pipeline.arrays import AnyArray
 from pipeline.errors import FrameError
-from pipeline.plugins.interchange.exported_frame import KeyedFiles
-from pipeline.plugins.interchange.usd_prims import sky_map, write_picture
-from pipeline.plugins.interchange.usd_stage import SculptureFiles, write_root
+from pipeline.plugins.interchange.exported_frame import (
+    ExportedFrame,
+    KeyedFiles,
+    colour_texture,
+    frame_key,
+    has_colours,
+    stored_frame,
+)
+from pipeline.plugins.interchange.usd_prims import (
+    CameraSettings,
+    add_camera,
+    add_lights,
+    add_material,
+    bind,
+    sample,
+    sky_map,
+    write_picture,
+)
 from pipeline.production.request.cameras import camera_file
+from pipeline.production.request.framing import Framing
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import EXPORT
 from pipeline.production.store.store import Key, Store, key_of
+from pipeline.shot import Picture, Shot
+from render.base.atomic_write import cannot_write
 from render.base.serialise import to_plain
+from render.scene.materials import Diffuse, Material, Satin
+from render.scene.scene_stage import Stage
 
 if TYPE_CHECKING:
     from pipeline.production.request.framing import Framing
+
+
+SCULPTURE = "sculpture"  # name of the prim that clips move
+
+METRE = 1.0  # metres in a scene unit of a shot that does not say what a unit is, as most programs take it
+
+SHARPNESS = 10.0  # sharpness of a crease that stays sharp however finely a surface is subdivided
+
+
+class SampledAttribute(NamedTuple):
+    """An attribute of the sculpture that has a value in every clip.
+
+    name           of the attribute
+    kind           its value type, as `Sdf.ValueTypeNames` calls it
+    values         returns the array of a frame; None where frames of its kind lack it
+    interpolation  of a primvar: vertex or faceVarying
+    """
+
+    name: str
+    kind: str
+    values: Callable[[ExportedFrame], AnyArray | None]
+    interpolation: str = ""
+
+
+_SHARED = (
+    SampledAttribute("points", "Point3fArray", lambda f: f.points),
+    SampledAttribute("velocities", "Vector3fArray", lambda f: f.velocities),
+    SampledAttribute("extent", "Float3Array", lambda f: np.stack(f.bounds)),
+    SampledAttribute("primvars:rest", "Point3fArray", lambda f: f.rest, "vertex"),
+    SampledAttribute("primvars:displayColor", "Color3fArray", lambda f: f.colours, "vertex"),
+    SampledAttribute("primvars:copy", "IntArray", lambda f: f.copies, "vertex"),
+)
+
+_OF_MESHES = (
+    SampledAttribute("faceVertexCounts", "IntArray", lambda f: np.full(len(f.faces), 3, np.int32)),
+    SampledAttribute("faceVertexIndices", "IntArray", lambda f: f.faces.reshape(-1)),
+    SampledAttribute("primvars:normals", "Normal3fArray", lambda f: f.normals, "faceVarying"),
+    SampledAttribute("primvars:normals:indices", "IntArray", lambda f: f.corner_normals.reshape(-1)),
+    SampledAttribute(
+        "primvars:st",
+        "TexCoord2fArray",
+        lambda f: None if f.texture is None else f.texture.reshape(-1, 2),
+        "faceVarying",
+    ),
+    SampledAttribute("creaseIndices", "IntArray", lambda f: f.creases.reshape(-1)),
+    SampledAttribute("creaseLengths", "IntArray", lambda f: np.full(len(f.creases), 2, np.int32)),
+    SampledAttribute("creaseSharpnesses", "FloatArray", lambda f: np.full(len(f.creases), SHARPNESS)),
+)
+
+_OF_CLOUDS = (
+    SampledAttribute("widths", "FloatArray", lambda f: None if f.radii is None else 2.0 * f.radii),
+    SampledAttribute("ids", "Int64Array", lambda f: f.numbers),
+)
+
+
+def sampled_attributes(
+    is_cloud: bool, has_colours: bool, has_texture: bool, has_copies: bool = False
+) -> tuple[SampledAttribute, ...]:
+    """Return the attributes that every clip of a shot has; texture coordinates are of corners of faces."""
+    left_out = {
+        *(() if has_colours else ("primvars:displayColor",)),
+        *(() if has_texture else ("primvars:st",)),
+        *(() if has_copies else ("primvars:copy",)),
+    }
+    attributes = (*_SHARED, *(_OF_CLOUDS if is_cloud else _OF_MESHES))
+    return tuple(attribute for attribute in attributes if attribute.name not in left_out)
+
+
+def write_clip(
+    path: Path, prim: str, number: int, frame: ExportedFrame, attributes: tuple[SampledAttribute, ...]
+) -> None:
+    """Write the clip of one frame: a time sample of each attribute of the sculpture's prim, and nothing else.
+
+    Raises MachineError where the disk refuses.
+    """
+    layer = Sdf.Layer.CreateAnonymous(".usdc")
+    with Sdf.ChangeBlock():
+        spec = Sdf.CreatePrimInLayer(layer, prim)
+        for attribute in attributes:
+            values = attribute.values(frame)
+            assert values is not None, f"all frames of a shot have {attribute.name}"
+            sampled = Sdf.AttributeSpec(spec, attribute.name, getattr(Sdf.ValueTypeNames, attribute.kind))
+            layer.SetTimeSample(sampled.path, float(number), _array(attribute.kind, values))
+    write_layer(path, layer)
+
+
+def write_manifest(path: Path, prim: str, attributes: tuple[SampledAttribute, ...]) -> None:
+    """Write the layer that declares the attributes of the clips. Raises MachineError."""
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    declare(Sdf.CreatePrimInLayer(layer, prim), attributes)
+    write_layer(path, layer)
+
+
+def declare(spec: Sdf.PrimSpec, attributes: tuple[SampledAttribute, ...]) -> None:
+    """Declare attributes at a prim, without values: a value would hide those of the clips."""
+    for attribute in attributes:
+        declared = Sdf.AttributeSpec(spec, attribute.name, getattr(Sdf.ValueTypeNames, attribute.kind))
+        if attribute.interpolation:
+            declared.SetInfo("interpolation", attribute.interpolation)
+
+
+def clip_times(numbers: tuple[int, ...]) -> Iterator[tuple[float, float]]:
+    """Yield pairs of stage time and clip time: each frame is held until the next one begins.
+
+    Without the jumps between them, readers would blend two neighbouring frames of as many vertices, though
+    these are not the same vertices.
+    """
+    for number, following in zip(numbers, (*numbers[1:], numbers[-1] + 1), strict=True):
+        yield float(number), float(number)
+        yield float(following), float(number)
+
+
+def write_layer(path: Path, layer: Sdf.Layer) -> None:
+    """Write a layer, as text or binary by the suffix. Raises MachineError where the disk refuses."""
+    try:
+        is_written = layer.Export(str(path))
+    except Tf.ErrorException as error:
+        raise cannot_write(path, path, "USD reports an error") from error
+    if not is_written:
+        raise cannot_write(path, path, "USD reports an error")
+
+
+def _array(kind: str, values: AnyArray) -> Any:
+    """Return values as an array of USD's of a value type."""
+    components = {"Point3f": "Vec3f", "Vector3f": "Vec3f", "Normal3f": "Vec3f", "Color3f": "Vec3f"}
+    components |= {"Float3": "Vec3f", "TexCoord2f": "Vec2f"}
+    name = kind.removesuffix("Array")
+    types = {"Int": np.int32, "Int64": np.int64}
+    held = np.ascontiguousarray(values, dtype=types.get(name, np.float32))
+    return getattr(Vt, f"{components.get(name, name)}Array").FromNumpy(held)
+
+
+@dataclass(frozen=True, eq=False)
+class SculptureFiles:
+    """One sculpture of a stage: clips of frames, a manifest, and the picture that colours it.
+
+    A shot of several subjects has one for each, with a request of its own; its files have its name.
+    """
+
+    request: RenderRequest
+    store: Store
+    files: KeyedFiles
+
+    @property
+    def look(self) -> Material:
+        return self.request.shot.picture.look
+
+    @cached_property
+    def prim(self) -> str:
+        """The path of its prim; those of several subjects stand below one prim, by name."""
+        home, subject = f"{root_prim(self.request.shot)}/{SCULPTURE}", self.request.shot.subject
+        return f"{home}/{subject}" if subject else home
+
+    @property
+    def material(self) -> str:
+        """The name of its material in the stage: `sculpture`, or `sculpture_<name>` of one of several."""
+        return "_".join(self.prim.split("/")[2:])
+
+    @cached_property
+    def is_cloud(self) -> bool:
+        from pipeline.shot.point_subjects import Cloud
+
+        return isinstance(self.request.shot.motion.subject, Cloud)
+
+    @cached_property
+    def attributes(self) -> tuple[SampledAttribute, ...]:
+        """The attributes of its clips."""
+        has_texture, copies = self.look.texture_projection is not None, self.request.shot.motion.copies
+        return sampled_attributes(self.is_cloud, has_colours(self.look), has_texture, copies is not None)
+
+    def clip(self, number: int) -> str:
+        """Return the name of the clip of a frame."""
+        return f"{self._name}.{number:04d}.usdc"
+
+    @property
+    def manifest(self) -> str:
+        """The name of the layer that declares the attributes of the clips."""
+        return f"{self._name}.manifest.usda"
+
+    @property
+    def texture(self) -> str:
+        """The name of the picture that colours it."""
+        return f"{self._name}.colour.exr"
+
+    def stale(self, numbers: Iterable[int]) -> list[int]:
+        """Return the frames whose clips are missing, damaged, or of an earlier shot."""
+        return [n for n in numbers if not self.files.is_current(self.clip(n), self._key(n))]
+
+    def shown(self) -> set[int]:
+        """Return the frames whose clips are current."""
+        whole = {n for n in self.request.angles if self.files.is_whole(self.clip(n))}
+        return whole.difference(self.stale(whole))
+
+    def write_clip(self, number: int) -> None:
+        """Write the clip of a frame. Raises FrameError where its mesh is missing or the flow fails."""
+        frame = stored_frame(self.request, self.store, number)
+        self.files.write(
+            self.clip(number),
+            self._key(number),
+            lambda draft: write_clip(draft, self.prim, number, frame, self.attributes),
+        )
+
+    def write_others(self) -> None:
+        """Write the manifest and the picture that colours the sculpture, each if it has changed."""
+        key = key_of(EXPORT.recipe, self.prim, [attribute.name for attribute in self.attributes])
+        self.files.update(self.manifest, key, lambda draft: write_manifest(draft, self.prim, self.attributes))
+        texture = colour_texture(self.look)
+        if texture is not None:
+            key = key_of(EXPORT.recipe, to_plain(texture))
+            self.files.update(self.texture, key, lambda draft: write_picture(draft, texture.pixels()))
+
+    def _key(self, number: int) -> Key:
+        if number not in self._keys:
+            self._keys[number] = frame_key(self.request, number)
+        return self._keys[number]
+
+    @cached_property
+    def _keys(self) -> dict[int, Key]:
+        return {}
+
+    @property
+    def _name(self) -> str:
+        return self.request.motion_folders.part_name
+
+
+def root_prim(shot: Shot) -> str:
+    """Return the path of the prim that holds all others of a shot."""
+    return f"/{Tf.MakeValidIdentifier(shot.name)}"
+
+
+def write_root(
+    path: Path,
+    request: RenderRequest,
+    sculptures: Sequence[SculptureFiles],
+    framings: Mapping[int, Framing],
+    sky: str,
+) -> None:
+    """Write the root stage, as text. Raises MachineError where the disk refuses.
+
+    sculptures  one, or one for each of several subjects
+    framings    camera and place of the set, by the number of each exported frame, in ascending order
+    sky         name of the map of what surrounds the scene
+    """
+    shot, camera = request.shot, request.shot.picture.camera
+    home, numbers, rate = root_prim(shot), tuple(framings), float(shot.rate.fps)
+    unit = METRE if camera.unit is None else camera.unit / 1000.0
+    stage = Usd.Stage.CreateInMemory(".usda")
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, unit)
+    stage.SetTimeCodesPerSecond(rate)
+    stage.SetFramesPerSecond(rate)
+    stage.SetStartTimeCode(float(numbers[0]))
+    stage.SetEndTimeCode(float(numbers[-1]))
+    stage.GetRootLayer().documentation = shot.heading
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, home).GetPrim())
+    UsdGeom.Scope.Define(stage, f"{home}/materials")
+    if sculptures[0].request.shot.subject:
+        UsdGeom.Xform.Define(stage, f"{home}/{SCULPTURE}")
+    for sculpture in sculptures:
+        place = f"{home}/materials/{sculpture.material}"
+        _add_sculpture(stage, sculpture, add_material(stage, place, sculpture.look, sculpture.texture))
+    if shot.picture.look.is_lit:
+        _add_set(stage, home, shot.picture, framings, sky)
+    if not camera.projection.is_wide:  # UsdGeomCamera has no such projection
+        cameras = {number: framing.camera for number, framing in framings.items()}
+        shutters = {number: request.open_at(number) for number in numbers}
+        lens = CameraSettings(request.aspect, camera.sensor_width, unit, shot.picture.lights.exposure)
+        add_camera(stage, f"{home}/camera", cameras, shutters, lens)
+    layer = Sdf.Layer.CreateAnonymous(".usda")  # without a stage, which would look for the clips
+    layer.TransferContent(stage.GetRootLayer())
+    for sculpture in sculptures:
+        layer.GetPrimAtPath(sculpture.prim).SetInfo("clips", {"default": _clips(sculpture, numbers)})
+    write_layer(path, layer)
+
+
+def _add_sculpture(stage: Usd.Stage, content: SculptureFiles, material: UsdShade.Material) -> None:
+    schema: Any = UsdGeom.Points if content.is_cloud else UsdGeom.Mesh
+    sculpture = schema.Define(stage, content.prim)
+    declare(stage.GetRootLayer().GetPrimAtPath(content.prim), content.attributes)
+    if not content.is_cloud:
+        sculpture.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+        sculpture.CreateDoubleSidedAttr(True)
+    if not any(attribute.name == "primvars:displayColor" for attribute in content.attributes):
+        sculpture.CreateDisplayColorAttr(Vt.Vec3fArray([content.look.colour]))
+    bind(sculpture.GetPrim(), material)
+
+
+def _clips(content: SculptureFiles, numbers: tuple[int, ...]) -> dict[str, Any]:
+    """Return the metadata that names the clips and says which is shown when."""
+    return {
+        "assetPaths": Sdf.AssetPathArray([Sdf.AssetPath(f"./{name}") for name in map(content.clip, numbers)]),
+        "primPath": content.prim,
+        "manifestAssetPath": Sdf.AssetPath(f"./{content.manifest}"),
+        "active": Vt.Vec2dArray([Gf.Vec2d(number, index) for index, number in enumerate(numbers)]),
+        "times": Vt.Vec2dArray([Gf.Vec2d(*pair) for pair in clip_times(numbers)]),
+    }
+
+
+def _add_set(
+    stage: Usd.Stage, home: str, picture: Picture, framings: Mapping[int, Framing], sky: str
+) -> None:
+    """Add floor and lights. The set has a size of its own and follows the sculpture, as in our pictures."""
+    placed = UsdGeom.Xform.Define(stage, f"{home}/set").AddTransformOp()
+    matrices = {n: Gf.Matrix4d(f.placement.matrix().T.tolist()) for n, f in framings.items()}
+    sample(placed.GetAttr(), matrices)
+    UsdGeom.Scope.Define(stage, f"{home}/set/lights")
+    sizes = {number: framing.placement.size for number, framing in framings.items()}
+    add_lights(stage, home, f"{home}/set/lights", picture.lights, sizes, sky)
+    if picture.stage.kind != "none" and not picture.stage.shadow_catcher:
+        _add_floor(stage, home, picture.stage)
+
+
+def _add_floor(stage: Usd.Stage, home: str, floor: Stage) -> None:
+    """Add floor, wall and plinth, without reference objects."""
+    vertices, normals, faces = floor.mesh()
+    mesh = UsdGeom.Mesh.Define(stage, f"{home}/set/floor")
+    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(vertices))
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(faces), 3, np.int32)))
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.ascontiguousarray(faces.reshape(-1))))
+    mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals))
+    mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
+    mesh.CreateDisplayColorAttr(Vt.Vec3fArray([floor.colour]))
+    material: Material = Diffuse(floor.colour)
+    if floor.roughness is not None:
+        material = Satin(floor.colour, roughness=floor.roughness, coat=1.0)
+    bind(mesh.GetPrim(), add_material(stage, f"{home}/materials/floor", material))
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,19 +30,63 @@ from pipeline.cli.options import (
 )
 from pipeline.cli.output import exit_with, make_folder_of, print_result, print_warning
 from pipeline.errors import UsageError
+from pipeline.frames import FrameRange
 from pipeline.plugins.sheets.keyed_curves import curves_of
 from pipeline.plugins.sheets.wedge import MOST_CELLS, OPTION, Grid, Variation, Wedge
+from pipeline.production.picture_sequences import shown_picture
 from pipeline.production.planning.estimate import Forecast, estimate
 from pipeline.production.planning.plan import Plan
+from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.lookup import find_shot
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import STAGES
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store
 from pipeline.shot import read_shot
 from pipeline.shot.yaml.inheritance import inherited
 from render.base.plural import plural
+from render.graphics.contact_sheet import columns_for, fitted_sheet
 from render.graphics.plot import Curves, plot_panels
+from render.post.image import write_png
 from render.scene.render_quality import DEFAULT_QUALITY
+
+DEFAULT_FRAMES = 12  # most frames of a sheet where none are requested
+
+
+def spread(request: RenderRequest) -> RenderRequest:
+    """Return a request for at most DEFAULT_FRAMES frames at equal distances."""
+    numbers = sorted(request.angles)
+    return replace(request, requested=tuple(numbers[:: -(-len(numbers) // DEFAULT_FRAMES)]))
+
+
+@dataclass(frozen=True)
+class ShotSheet:
+    """A sheet of the requested frames; by default `columns` give it about the aspect of a screen."""
+
+    request: RenderRequest
+    store: Store
+    columns: int | None = None
+
+    @property
+    def place(self) -> Path:
+        """The path of the sheet, relative to the root."""
+        request, frames = self.request, FrameRange.of(self.request.requested)
+        return request.folders.home / request.quality_name / f"{request.name}.sheet.{frames}.png"
+
+    def write(self, path: Path) -> None:
+        """Write the sheet as PNG; missing frames are shown as missing. Raises MachineError."""
+        request, numbers = self.request, self.request.requested
+        size = request.quality.rendered_size
+        columns = min(len(numbers), self.columns or columns_for(len(numbers), size))
+        rate = request.shot.rate
+        seconds = [rate.seconds(number - request.shot.frames.first) for number in numbers]
+        captions = [(("frame", f"{n}   {s:.2f} s"),) for n, s in zip(numbers, seconds, strict=True)]
+        sheet, factor = fitted_sheet(request.shot.heading, captions, size, columns)
+        keys = picture_keys(request, self.store)
+        pictures = [shown_picture(request, keys, self.store, n, factor, 8, "srgb") for n in numbers]
+        header = {"shot": request.name, "frames": str(FrameRange.of(numbers))}
+        page = sheet.picture(pictures, request.quality_name)
+        self.store.write(path, lambda draft: write_png(draft, page, header))
 
 
 def curves(common: Common, shot: Shot, output: Plot = None, settings: Settings = None) -> None:
@@ -97,7 +142,6 @@ def sheet(
         return
     if at is not None:
         raise UsageError("--at is the frame of --looks; name the frames of a sheet with -f")
-    from pipeline.plugins.sheets.shot_sheet import ShotSheet, spread
 
     project = options.project(common)
     request = project.request(find_shot(shot), options.quality(quality, project, [shot]), frames)

@@ -29,8 +29,7 @@ from pipeline.cli.options import (
 from pipeline.cli.output import exit_with, print_error, print_result, print_warning, table
 from pipeline.errors import MachineError, MissingInputError, UsageError
 from pipeline.frames import FrameRange
-from pipeline.plugins.versions.patch import Patch
-from pipeline.plugins.versions.publishing import Published, Release
+from pipeline.plugins.versions.publishing import Patch, Published, Release
 from pipeline.plugins.versions.reproduction import Comparison, Reproduction
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.provenance import FILE, Provenance, records

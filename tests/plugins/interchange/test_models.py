@@ -24,13 +24,15 @@ from pipeline.mesh.read import read_mesh, read_surface
 from pipeline.plugins.interchange.exported_frame import ExportedFrame
 from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.plugins.interchange.model_export import (
+    PrintReport,
     point_normals,
+    print_model,
+    wall_thickness,
     write_glb,
     write_obj,
     write_ply,
 )
-from pipeline.plugins.interchange.print_model import PrintReport, print_model, wall_thickness
-from pipeline.plugins.interchange.usd_stage import sampled_attributes, write_clip
+from pipeline.plugins.interchange.usd_export import sampled_attributes, write_clip
 from render.scene.materials import LOOKS
 from render.scene.rgb_spaces import linear_of_srgb, srgb_of_linear
 from tests.conftest import commanded

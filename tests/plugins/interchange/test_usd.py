@@ -17,8 +17,7 @@ from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade, UsdValidation
 from pipeline.animation import MeshFrame, animate, mesh_at_subframe
 from pipeline.errors import FrameError
 from pipeline.mesh.normals import split_at_creases
-from pipeline.plugins.interchange.usd_export import UsdExport
-from pipeline.plugins.interchange.usd_stage import clip_times
+from pipeline.plugins.interchange.usd_export import UsdExport, clip_times
 from pipeline.production.execution.project import Project
 from pipeline.production.request.cameras import camera_file
 from pipeline.production.request.manifest import thresholds_at

@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.errors import FrameError, MissingInputError, UsageError
 from pipeline.plugins.review.review_page import Search
-from pipeline.plugins.versions.patch import Patch
+from pipeline.plugins.versions.publishing import Patch
 from pipeline.plugins.versions.reproduction import Reproduction
 from pipeline.production.execution.project import Project
 from pipeline.production.request.provenance import FILE, Provenance
