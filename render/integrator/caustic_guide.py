@@ -125,9 +125,7 @@ class CausticGuide:
         first = cell * _BINS
         cumulative = self.cumulative
         number: Any = dr.binary_search(  # type: ignore[no-untyped-call]  # Dr.Jit has no type for it
-            0,
-            _BINS - 1,
-            lambda index: dr.gather(mi.Float, cumulative, first + index, active) <= numbers.x,
+            0, _BINS - 1, lambda index: dr.gather(mi.Float, cumulative, first + index, active) <= numbers.x
         )
         below, above = self._bounds(cell, number, active)
         across = dr.clip((numbers.x - below) / (above - below), 0.0, 1.0)

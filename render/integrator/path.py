@@ -8,7 +8,7 @@ guided to caustics (`render.integrator.caustic_guide`), or leave these to photon
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -38,6 +38,24 @@ SURVIVAL_FACTOR = 4.0
 
 SURE_VERTICES = 2
 """First vertices from which every path goes on."""
+
+
+class PathVertex(NamedTuple):
+    """A vertex of each path.
+
+    vertex      its number, from 0
+    matt        matt surfaces that the path has left before
+    si          surface interaction
+    throughput  of the path, before the vertex
+    by_photons  True for paths whose caustics photons bring
+    """
+
+    vertex: Any
+    matt: Any
+    si: Any
+    bsdf: Any
+    throughput: Any
+    by_photons: Any
 
 
 def camera_vertex(tracer: Any, sampler: OwenSampler, corner: Any, size: Any) -> tuple[Any, Any]:
@@ -76,9 +94,8 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
         bsdf = _bsdf(tracer, si, is_exit, active & _is_guided(tracer, vertex, matt))
         is_matt = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Diffuse)
         by_photons &= ~is_matt
-        radiance, counts = _sampled_light(
-            tracer, sampler, vertex, matt, si, bsdf, throughput, by_photons, radiance, active
-        )
+        place = PathVertex(vertex, matt, si, bsdf, throughput, by_photons)
+        radiance, counts = _sampled_light(tracer, sampler, place, radiance, active)
         bsdf_sample, weight, kept_weight, next_si, is_exit = _next_vertex(
             tracer, sampler, vertex, si, bsdf, active
         )
@@ -187,58 +204,34 @@ def _survival(vertex: Any, kept: Any) -> Any:
 
 
 def _sampled_light(
-    tracer: PathTracer,
-    sampler: OwenSampler,
-    vertex: Any,
-    matt: Any,
-    si: Any,
-    bsdf: Any,
-    throughput: Any,
-    by_photons: Any,
-    radiance: Any,
-    active: Any,
+    tracer: PathTracer, sampler: OwenSampler, at: PathVertex, radiance: Any, active: Any
 ) -> tuple[Any, list[Any]]:
     """Add the reflected light of sampled emitters to the radiance by light group: of all at the first
-    vertices, of one at later ones. Return it, and the expected samples of each light source.
-
-    matt        matt surfaces that paths have left before
-    by_photons  True for paths whose caustics photons bring
-    """
+    vertices, of one at later ones. Return it, and the expected samples of each light source."""
     light_sampler = tracer.light_sampler
-    probabilities = light_sampler.probabilities(si)
+    probabilities = light_sampler.probabilities(at.si)
     if len(light_sampler) == 0:
         return radiance, probabilities
     is_all_possible = len(light_sampler) <= MAX_SAMPLED_TOGETHER
-    are_all_sampled = is_all_possible & (matt < ALL_SAMPLED_VERTICES)
+    are_all_sampled = is_all_possible & (at.matt < ALL_SAMPLED_VERTICES)
     counts = probabilities
-    wanted = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+    wanted = active & mi.has_flag(at.bsdf.flags(), mi.BSDFFlags.Smooth)
     if tracer.caustics is not None and tracer.caustics.sun is None:
-        wanted &= ~by_photons
+        wanted &= ~at.by_photons
     if is_all_possible:
-        counts = light_sampler.expected_samples(matt, are_all_sampled, probabilities)
-        first = wanted & are_all_sampled
-        radiance = _all_direct_light(
-            tracer, sampler, vertex, matt, si, bsdf, throughput, by_photons, radiance, first
-        )
+        counts = light_sampler.expected_samples(at.matt, are_all_sampled, probabilities)
+        radiance = _all_direct_light(tracer, sampler, at, radiance, wanted & are_all_sampled)
     later = wanted & ~are_all_sampled
-    choice, position = sampler.vertex_1d(vertex, EMITTER_CHOICE), sampler.vertex_2d(vertex, EMITTER_POSITION)
-    sample = light_sampler.sample_one(si, probabilities, choice, position, later)
-    light = throughput * _direct_light(tracer, si, bsdf, by_photons, sample, later)
+    choice = sampler.vertex_1d(at.vertex, EMITTER_CHOICE)
+    position = sampler.vertex_2d(at.vertex, EMITTER_POSITION)
+    sample = light_sampler.sample_one(at.si, probabilities, choice, position, later)
+    light = at.throughput * _direct_light(tracer, at, sample, later)
     return tracer.groups.add(radiance, light, sample.emitter, sample.direction), counts
 
 
 @dr.syntax
 def _all_direct_light(
-    tracer: PathTracer,
-    sampler: OwenSampler,
-    vertex: Any,
-    matt: Any,
-    si: Any,
-    bsdf: Any,
-    throughput: Any,
-    by_photons: Any,
-    radiance: Any,
-    active: Any,
+    tracer: PathTracer, sampler: OwenSampler, at: PathVertex, radiance: Any, active: Any
 ) -> Any:
     """Add the reflected light of a sampled position on every emitter."""
     light_sampler = tracer.light_sampler
@@ -247,30 +240,29 @@ def _all_direct_light(
         while dr.hint(
             active & (number < count),
             label="emitters",
-            exclude=[tracer, sampler, light_sampler, vertex, si, bsdf, throughput, by_photons, active, count],
+            exclude=[tracer, sampler, light_sampler, at, active, count],
         ):
-            position = sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + number)
-            sample = light_sampler.sample_each(number, si, position, active)
-            light = throughput * _direct_light(tracer, si, bsdf, by_photons, sample, active)
+            position = sampler.vertex_2d(at.vertex, EMITTER_POSITION, 1 + number)
+            sample = light_sampler.sample_each(number, at.si, position, active)
+            light = at.throughput * _direct_light(tracer, at, sample, active)
             radiance = tracer.groups.add(radiance, light, sample.emitter, sample.direction)
             number += 1
     for index in range(count, len(light_sampler)):
-        position = sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + index)
-        wanted = active & (light_sampler.expected_samples(matt, active)[index] > 0.0)
-        sample = light_sampler.sample_distant(index, matt, si, position, wanted)
-        light = throughput * _direct_light(tracer, si, bsdf, by_photons, sample, wanted)
+        position = sampler.vertex_2d(at.vertex, EMITTER_POSITION, 1 + index)
+        wanted = active & (light_sampler.expected_samples(at.matt, active)[index] > 0.0)
+        sample = light_sampler.sample_distant(index, at.matt, at.si, position, wanted)
+        light = at.throughput * _direct_light(tracer, at, sample, wanted)
         radiance = tracer.groups.add(radiance, light, sample.emitter, sample.direction)
     return radiance
 
 
-def _direct_light(
-    tracer: PathTracer, si: Any, bsdf: Any, by_photons: Any, sample: LightSample, active: Any
-) -> Any:
+def _direct_light(tracer: PathTracer, at: PathVertex, sample: LightSample, active: Any) -> Any:
     """Return the light of a sampled position on an emitter that a BSDF reflects, 0 where it is occluded."""
+    si = at.si
     active = mi.Bool(active)  # a copy: &= changes it in place
     if tracer.caustics is not None:
-        active &= ~(by_photons & tracer.caustics.has(sample.emitter, sample.direction))
-    reflected, bsdf_pdf = bsdf.eval_pdf(mi.BSDFContext(), si, si.to_local(sample.direction), active)
+        active &= ~(at.by_photons & tracer.caustics.has(sample.emitter, sample.direction))
+    reflected, bsdf_pdf = at.bsdf.eval_pdf(mi.BSDFContext(), si, si.to_local(sample.direction), active)
     others = sample.square - dr.square(sample.density) + dr.square(bsdf_pdf)
     weight = dr.select(sample.is_delta, 1.0, power_heuristic(sample.density, others))
     light = sample.light * reflected * weight

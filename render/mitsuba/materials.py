@@ -9,12 +9,7 @@ import numpy as np
 
 from render.base.render_errors import BadInputError
 from render.mitsuba import bsdf_plugins as bsdf
-from render.mitsuba.custom_plugins import (
-    absorbing_medium,
-    absorbing_textures,
-    brushed_bsdf,
-    subsurface_bsdf,
-)
+from render.mitsuba.custom_plugins import absorbing_medium, absorbing_textures, brushed_bsdf, subsurface_bsdf
 from render.mitsuba.texture_coordinates import TextureCoordinates, bitmap
 from render.scene.materials import (
     BrushedMetal,

@@ -26,11 +26,7 @@ _UV = np.array([0.0, SURROUNDINGS])
 
 
 def mesh(
-    name: str,
-    surface: Surface,
-    material: Any,
-    uv: NDArray[np.floating],
-    medium: dict[str, Any] | None = None,
+    name: str, surface: Surface, material: Any, uv: NDArray[np.floating], medium: dict[str, Any] | None = None
 ) -> Any:
     """Return a mesh for a scene.
 

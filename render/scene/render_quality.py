@@ -119,13 +119,7 @@ QUALITIES = {
     "draft": Quality(480, 270, samples=4, depth=4, denoise="balanced"),
     "daily": Quality(960, 540, samples=16, depth=6, auxiliary_samples=16, temporal_denoise=2),
     "final": Quality(
-        1920,
-        1080,
-        samples=64,
-        depth=10,
-        auxiliary_samples=64,
-        temporal_denoise=2,
-        noise_threshold=0.05,
+        1920, 1080, samples=64, depth=10, auxiliary_samples=64, temporal_denoise=2, noise_threshold=0.05
     ),
 }
 
