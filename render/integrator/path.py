@@ -94,8 +94,8 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
         bsdf = _bsdf(tracer, si, is_exit, active & _is_guided(tracer, vertex, matt))
         is_matt = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Diffuse)
         by_photons &= ~is_matt
-        place = PathVertex(vertex, matt, si, bsdf, throughput, by_photons)
-        radiance, counts = _sampled_light(tracer, sampler, place, radiance, active)
+        at = PathVertex(vertex, matt, si, bsdf, throughput, by_photons)
+        radiance, counts = _sampled_light(tracer, sampler, at, radiance, active)
         bsdf_sample, weight, kept_weight, next_si, is_exit = _next_vertex(
             tracer, sampler, vertex, si, bsdf, active
         )
