@@ -1,7 +1,7 @@
 """Plug-ins of ours for Mitsuba: absorption inside clear bodies, brushed metal, subsurface scattering.
 
-They exist in compiled variants; the scalar variant would call Python for every ray. Functions need a started
-engine.
+Importing this imports Mitsuba, so an engine of a compiled variant must have been started; the scalar variant
+would call Python for every ray.
 
 Absorption (Beer 1852, Lambert 1760) is a texture: where light reaches the surface from inside, it is
 multiplied by exp(−rate · distance), exactly and without noise. The scalar variant uses Mitsuba's medium,
@@ -22,20 +22,20 @@ tracer takes a sample of DiffuseTransmission as the start of a random walk
 
 from __future__ import annotations
 
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import Any
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.mitsuba.engine import is_compiled
+from render.mitsuba.loading import RATE
 from render.mitsuba.texture_coordinates import SCRATCH_TANGENT
-from render.scene.materials import BrushedMetal, Glass
+from render.scene.materials import Glass
 
-_ABSORBING = "flowsculpt_absorbing"
-
-RATE = "absorption_rate"
-"""Name of the texture's rate among the parameters of a scene."""
+BRUSHED, SUBSURFACE = "flowsculpt_brushed", "flowsculpt_subsurface"
+"""Names of BSDFs: brushed metal around a nested `metal`, subsurface scattering in a nested `body`."""
 
 COSINES = 32
 """Rows of the table of kept light: cosines of the angle to the normal, evenly from 0 to 1."""
@@ -43,16 +43,22 @@ COSINES = 32
 _ROW_SAMPLES = 64
 """Samples of a row are the square of this."""
 
+_COAT = 0.04
+"""Reflectance of the coat along the normal (Schlick 1994), for the choice between coat and body."""
+
+_GLOSSY, _DIFFUSE = (
+    mi.BSDFContext(mi.TransportMode.Radiance, int(flags))
+    for flags in (mi.BSDFFlags.Glossy, mi.BSDFFlags.Diffuse)
+)
+
 
 def absorbing_textures(glass: Glass, size: float) -> dict[str, Any]:
     """Return what a dielectric transmits and reflects. size: half the subject's, scene units"""
-    if not (glass.absorption or glass.is_rough) or not is_compiled():
-        return {}
-    import mitsuba as mi
-
-    _register_absorbing()
     rate = glass.absorption.rate if glass.absorption else (0.0, 0.0, 0.0)
-    absorbing: dict[str, Any] = {"type": _ABSORBING, "rate": mi.ScalarColor3f([part / size for part in rate])}
+    absorbing: dict[str, Any] = {
+        "type": "flowsculpt_absorbing",
+        "rate": mi.ScalarColor3f([part / size for part in rate]),
+    }
     if glass.is_rough:
         gain = 1.0 / kept_light(glass.roughness, glass.refraction)
         absorbing["gain"] = mi.TensorXf(gain)
@@ -62,24 +68,9 @@ def absorbing_textures(glass: Glass, size: float) -> dict[str, Any]:
     }
 
 
-def absorbing_medium(glass: Glass, size: float) -> dict[str, Any] | None:
-    """Return the medium inside the surface for the scalar variant, or None."""
-    if glass.absorption is None or is_compiled():
-        return None
-    strongest = max(*glass.absorption.rate, 1e-9)
-    relative = {"type": "rgb", "value": [part / strongest for part in glass.absorption.rate]}
-    return {"type": "homogeneous", "albedo": 0.0, "sigma_t": relative, "scale": strongest / size}
-
-
 @lru_cache(maxsize=16)
 def kept_light(roughness: float, refraction: float) -> NDArray[np.float32]:
-    """Return the fraction of light (2, COSINES) that the interface keeps, from outside and from inside.
-
-    Needs a started engine of a compiled variant.
-    """
-    import drjit as dr
-    import mitsuba as mi
-
+    """Return the fraction of light (2, COSINES) that the interface keeps, from outside and from inside."""
     bsdf = mi.load_dict(
         {"type": "roughdielectric", "alpha": roughness, "int_ior": refraction, "distribution": "ggx"}
     )
@@ -98,225 +89,137 @@ def kept_light(roughness: float, refraction: float) -> NDArray[np.float32]:
     return np.array(weight.x).reshape(2, COSINES, -1).mean(axis=2)
 
 
-@cache
-def _register_absorbing() -> None:
-    """Register the texture with Mitsuba, whose classes exist once a variant is chosen."""
-    import drjit as dr
-    import mitsuba as mi
+class Absorbing(mi.Texture):
+    """Return the tint for light from outside, and times the absorption for light from inside.
 
-    class Absorbing(mi.Texture):
-        """Return the tint for light from outside, and times the absorption for light from inside.
+    Both are multiplied by the gain (2, COSINES) of a rough surface, if there is one.
+    """
 
-        Both are multiplied by the gain (2, COSINES) of a rough surface, if there is one.
-        """
+    def __init__(self, properties: Any) -> None:
+        super().__init__(properties)
+        self.rate = mi.Color3f(properties["rate"])
+        self.tint = mi.Color3f(properties["tint"])
+        self.gain = mi.Float(properties["gain"].array) if "gain" in properties else None
 
-        def __init__(self, properties: Any) -> None:
-            super().__init__(properties)
-            self.rate = mi.Color3f(properties["rate"])
-            self.tint = mi.Color3f(properties["tint"])
-            self.gain = mi.Float(properties["gain"].array) if "gain" in properties else None
+    def traverse(self, callback: Any) -> None:
+        callback.put(RATE, self.rate, mi.ParamFlags.Differentiable)
 
-        def traverse(self, callback: Any) -> None:
-            callback.put(RATE, self.rate, mi.ParamFlags.Differentiable)
+    def eval(self, si: Any, active: Any = True) -> Any:
+        inside = mi.Frame3f.cos_theta(si.wi) < 0.0
+        left = self.tint * dr.select(inside, dr.exp(-self.rate * si.t), 1.0)
+        return left if self.gain is None else left * self._gain(mi.Frame3f.cos_theta(si.wi), active)
 
-        def eval(self, si: Any, active: Any = True) -> Any:
-            inside = mi.Frame3f.cos_theta(si.wi) < 0.0
-            left = self.tint * dr.select(inside, dr.exp(-self.rate * si.t), 1.0)
-            return left if self.gain is None else left * self._gain(mi.Frame3f.cos_theta(si.wi), active)
+    def _gain(self, cosine: Any, active: Any) -> Any:
+        place = dr.minimum(dr.abs(cosine), 1.0) * (COSINES - 1)
+        row = dr.minimum(mi.UInt32(place), COSINES - 2)
+        first = row + dr.select(cosine < 0.0, COSINES, 0)
+        low, high = (dr.gather(mi.Float, self.gain, first + step, active) for step in (0, 1))
+        return dr.lerp(low, high, place - row)
 
-        def _gain(self, cosine: Any, active: Any) -> Any:
-            place = dr.minimum(dr.abs(cosine), 1.0) * (COSINES - 1)
-            row = dr.minimum(mi.UInt32(place), COSINES - 2)
-            first = row + dr.select(cosine < 0.0, COSINES, 0)
-            low, high = (dr.gather(mi.Float, self.gain, first + step, active) for step in (0, 1))
-            return dr.lerp(low, high, place - row)
+    def is_spatially_varying(self) -> bool:
+        return True
 
-        def is_spatially_varying(self) -> bool:
-            return True
-
-        def to_string(self) -> str:
-            return f"Absorbing[rate={self.rate}, tint={self.tint}]"
-
-    mi.register_texture(_ABSORBING, Absorbing)
+    def to_string(self) -> str:
+        return f"Absorbing[rate={self.rate}, tint={self.tint}]"
 
 
-_BRUSHED = "flowsculpt_brushed"
+class Brushed(mi.BSDF):
+    """Evaluate the nested metal with its second tangent along the scratches."""
 
-_ALONG_SCRATCHES = 0.3
-"""Roughness along the scratches, over the roughness across."""
+    def __init__(self, properties: Any) -> None:
+        super().__init__(properties)
+        self.metal = properties["metal"]
+        self.m_components = [self.metal.flags(index) for index in range(self.metal.component_count())]
+        self.m_flags = self.metal.flags()
 
-_SCRATCH_CONTRAST = 0.3
-"""Fraction of the colour that the deepest scratch does not reflect."""
+    def traverse(self, callback: Any) -> None:
+        callback.put("metal", self.metal, mi.ParamFlags.Differentiable)
 
+    def sample(self, context: Any, si: Any, lobe: Any, direction: Any, active: Any = True) -> tuple[Any, Any]:
+        turned, turn = self._turned(si, active)
+        sampled, weight = self.metal.sample(context, turned, lobe, direction, active)
+        sampled.wo = turn.to_world(sampled.wo)
+        return sampled, weight
 
-def brushed_bsdf(material: BrushedMetal, roughness: float) -> dict[str, Any]:
-    """Return the BSDF of one side. roughness: across the scratches"""
-    import mitsuba as mi
+    def eval(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        turned, turn = self._turned(si, active)
+        return self.metal.eval(context, turned, turn.to_local(wo), active)
 
-    scratches = {
-        "type": "bitmap",
-        "bitmap": mi.Bitmap(np.ascontiguousarray(_scratches(material)[None])),
-        "raw": True,
-        "filter_type": "bilinear",
-    }
-    metal = {
-        "type": "roughconductor",
-        "material": "none",
-        "specular_reflectance": scratches,
-        "alpha_u": roughness,
-        "alpha_v": roughness * _ALONG_SCRATCHES,
-        "distribution": "ggx",
-    }
-    if not is_compiled():
-        return metal
-    _register_brushed()
-    return {"type": _BRUSHED, "metal": metal}
+    def pdf(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        turned, turn = self._turned(si, active)
+        return self.metal.pdf(context, turned, turn.to_local(wo), active)
 
+    def eval_pdf(self, context: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
+        turned, turn = self._turned(si, active)
+        return self.metal.eval_pdf(context, turned, turn.to_local(wo), active)
 
-def _scratches(material: BrushedMetal) -> NDArray[np.float32]:
-    """Return reflectances (N, 3) along one scene unit across the scratches, fine and coarse ones."""
-    random, count = np.random.default_rng(11), 1024
-    depth = np.zeros(count)
-    for width, strength in ((1, 0.5), (4, 0.3), (16, 0.2)):
-        depth += strength * np.repeat(random.random(count // width), width)
-    return np.asarray(
-        (1.0 - _SCRATCH_CONTRAST * depth)[:, None] * np.array(material.colour), dtype=np.float32
-    )
+    def eval_diffuse_reflectance(self, si: Any, active: Any = True) -> Any:
+        return self.metal.eval_diffuse_reflectance(si, active)
 
+    def to_string(self) -> str:
+        return f"Brushed[{self.metal}]"
 
-@cache
-def _register_brushed() -> None:
-    """Register the BSDF with Mitsuba, whose classes exist once a variant is chosen."""
-    import drjit as dr
-    import mitsuba as mi
-
-    class Brushed(mi.BSDF):
-        """Evaluate the nested metal with its second tangent along the scratches."""
-
-        def __init__(self, properties: Any) -> None:
-            super().__init__(properties)
-            self.metal = properties["metal"]
-            self.m_components = [self.metal.flags(index) for index in range(self.metal.component_count())]
-            self.m_flags = self.metal.flags()
-
-        def traverse(self, callback: Any) -> None:
-            callback.put("metal", self.metal, mi.ParamFlags.Differentiable)
-
-        def sample(
-            self, context: Any, si: Any, lobe: Any, direction: Any, active: Any = True
-        ) -> tuple[Any, Any]:
-            turned, turn = self._turned(si, active)
-            sampled, weight = self.metal.sample(context, turned, lobe, direction, active)
-            sampled.wo = turn.to_world(sampled.wo)
-            return sampled, weight
-
-        def eval(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            turned, turn = self._turned(si, active)
-            return self.metal.eval(context, turned, turn.to_local(wo), active)
-
-        def pdf(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            turned, turn = self._turned(si, active)
-            return self.metal.pdf(context, turned, turn.to_local(wo), active)
-
-        def eval_pdf(self, context: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
-            turned, turn = self._turned(si, active)
-            return self.metal.eval_pdf(context, turned, turn.to_local(wo), active)
-
-        def eval_diffuse_reflectance(self, si: Any, active: Any = True) -> Any:
-            return self.metal.eval_diffuse_reflectance(si, active)
-
-        def to_string(self) -> str:
-            return f"Brushed[{self.metal}]"
-
-        def _turned(self, si: Any, active: Any) -> tuple[Any, Any]:
-            """Return the interaction with `wi` in the frame of the scratches, and that frame in `si`'s."""
-            along = si.to_local(
-                mi.Vector3f(si.shape.eval_attribute_3(f"vertex_{SCRATCH_TANGENT}", si, active))
-            )
-            length = dr.norm(mi.Vector2f(along.x, along.y))
-            is_clear = length > 1e-6
-            x, y = dr.select(is_clear, along.x / length, 0.0), dr.select(is_clear, along.y / length, 1.0)
-            turn = mi.Frame3f(mi.Vector3f(y, -x, 0.0), mi.Vector3f(x, y, 0.0), mi.Vector3f(0.0, 0.0, 1.0))
-            turned = mi.SurfaceInteraction3f(si)
-            turned.wi = turn.to_local(si.wi)
-            return turned, turn
-
-    mi.register_bsdf(_BRUSHED, Brushed)
+    def _turned(self, si: Any, active: Any) -> tuple[Any, Any]:
+        """Return the interaction with `wi` in the frame of the scratches, and that frame in `si`'s."""
+        along = si.to_local(mi.Vector3f(si.shape.eval_attribute_3(f"vertex_{SCRATCH_TANGENT}", si, active)))
+        length = dr.norm(mi.Vector2f(along.x, along.y))
+        is_clear = length > 1e-6
+        x, y = dr.select(is_clear, along.x / length, 0.0), dr.select(is_clear, along.y / length, 1.0)
+        turn = mi.Frame3f(mi.Vector3f(y, -x, 0.0), mi.Vector3f(x, y, 0.0), mi.Vector3f(0.0, 0.0, 1.0))
+        turned = mi.SurfaceInteraction3f(si)
+        turned.wi = turn.to_local(si.wi)
+        return turned, turn
 
 
-_SUBSURFACE = "flowsculpt_subsurface"
+class SubsurfaceBSDF(mi.BSDF):
+    """Reflect by the coat of the nested body. Samples of its diffuse part go inwards."""
 
-_COAT = 0.04
-"""Reflectance of the coat along the normal (Schlick 1994), for the choice between coat and body."""
+    def __init__(self, properties: Any) -> None:
+        super().__init__(properties)
+        self.body, self.has_coat = properties["body"], properties["has_coat"]
+        self.m_components = [self.body.flags(index) for index in range(self.body.component_count())]
+        self.m_flags = self.body.flags()
+
+    def traverse(self, callback: Any) -> None:
+        callback.put("body", self.body, mi.ParamFlags.Differentiable)
+
+    def sample(self, context: Any, si: Any, lobe: Any, direction: Any, active: Any = True) -> tuple[Any, Any]:
+        inside, weight = self.body.sample(_DIFFUSE, si, lobe, direction, active)
+        inside.wo = -inside.wo
+        inside.sampled_type = mi.UInt32(int(mi.BSDFFlags.DiffuseTransmission))
+        if not self.has_coat:
+            return inside, weight
+        chance = self._coat_chance(si)
+        is_coat = active & (lobe < chance)
+        coat, coat_weight = self.body.sample(_GLOSSY, si, lobe, direction, is_coat)
+        coat.pdf *= chance
+        sampled = dr.select(is_coat, coat, inside)
+        return sampled, dr.select(is_coat, coat_weight / chance, weight / (1.0 - chance))
+
+    def eval(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        return self.body.eval(_GLOSSY, si, wo, active) if self.has_coat else mi.Color3f(0.0)
+
+    def pdf(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        if not self.has_coat:
+            return mi.Float(0.0)
+        return self._coat_chance(si) * self.body.pdf(_GLOSSY, si, wo, active)
+
+    def eval_pdf(self, context: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
+        return self.eval(context, si, wo, active), self.pdf(context, si, wo, active)
+
+    def eval_diffuse_reflectance(self, si: Any, active: Any = True) -> Any:
+        return self.body.eval_diffuse_reflectance(si, active)
+
+    def to_string(self) -> str:
+        return f"SubsurfaceBSDF[{self.body}]"
+
+    def _coat_chance(self, si: Any) -> Any:
+        """Return the probability with which the coat is sampled."""
+        cosine = dr.clip(mi.Frame3f.cos_theta(si.wi), 0.0, 1.0)
+        fresnel = _COAT + (1.0 - _COAT) * (1.0 - cosine) ** 5
+        return dr.clip(fresnel / (fresnel + 0.5 * (1.0 - fresnel)), 0.1, 0.9)
 
 
-def subsurface_bsdf(body: dict[str, Any], has_coat: bool) -> dict[str, Any]:
-    """Return the BSDF of one side. body: the same surface without subsurface scattering"""
-    if not is_compiled():
-        return body
-    _register_subsurface()
-    return {"type": _SUBSURFACE, "body": body, "has_coat": has_coat}
-
-
-@cache
-def _register_subsurface() -> None:
-    """Register the BSDF with Mitsuba, whose classes exist once a variant is chosen."""
-    import drjit as dr
-    import mitsuba as mi
-
-    glossy, diffuse = (
-        mi.BSDFContext(mi.TransportMode.Radiance, int(flags))
-        for flags in (mi.BSDFFlags.Glossy, mi.BSDFFlags.Diffuse)
-    )
-
-    class SubsurfaceBSDF(mi.BSDF):
-        """Reflect by the coat of the nested body. Samples of its diffuse part go inwards."""
-
-        def __init__(self, properties: Any) -> None:
-            super().__init__(properties)
-            self.body, self.has_coat = properties["body"], properties["has_coat"]
-            self.m_components = [self.body.flags(index) for index in range(self.body.component_count())]
-            self.m_flags = self.body.flags()
-
-        def traverse(self, callback: Any) -> None:
-            callback.put("body", self.body, mi.ParamFlags.Differentiable)
-
-        def sample(
-            self, context: Any, si: Any, lobe: Any, direction: Any, active: Any = True
-        ) -> tuple[Any, Any]:
-            inside, weight = self.body.sample(diffuse, si, lobe, direction, active)
-            inside.wo = -inside.wo
-            inside.sampled_type = mi.UInt32(int(mi.BSDFFlags.DiffuseTransmission))
-            if not self.has_coat:
-                return inside, weight
-            chance = self._coat_chance(si)
-            is_coat = active & (lobe < chance)
-            coat, coat_weight = self.body.sample(glossy, si, lobe, direction, is_coat)
-            coat.pdf *= chance
-            sampled = dr.select(is_coat, coat, inside)
-            return sampled, dr.select(is_coat, coat_weight / chance, weight / (1.0 - chance))
-
-        def eval(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            return self.body.eval(glossy, si, wo, active) if self.has_coat else mi.Color3f(0.0)
-
-        def pdf(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            if not self.has_coat:
-                return mi.Float(0.0)
-            return self._coat_chance(si) * self.body.pdf(glossy, si, wo, active)
-
-        def eval_pdf(self, context: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
-            return self.eval(context, si, wo, active), self.pdf(context, si, wo, active)
-
-        def eval_diffuse_reflectance(self, si: Any, active: Any = True) -> Any:
-            return self.body.eval_diffuse_reflectance(si, active)
-
-        def to_string(self) -> str:
-            return f"SubsurfaceBSDF[{self.body}]"
-
-        def _coat_chance(self, si: Any) -> Any:
-            """Return the probability with which the coat is sampled."""
-            cosine = dr.clip(mi.Frame3f.cos_theta(si.wi), 0.0, 1.0)
-            fresnel = _COAT + (1.0 - _COAT) * (1.0 - cosine) ** 5
-            return dr.clip(fresnel / (fresnel + 0.5 * (1.0 - fresnel)), 0.1, 0.9)
-
-    mi.register_bsdf(_SUBSURFACE, SubsurfaceBSDF)
+mi.register_texture("flowsculpt_absorbing", Absorbing)
+mi.register_bsdf(BRUSHED, Brushed)
+mi.register_bsdf(SUBSURFACE, SubsurfaceBSDF)

@@ -9,8 +9,10 @@ import json
 from functools import lru_cache
 from typing import Any
 
-from render.mitsuba.custom_plugins import RATE
 from render.mitsuba.engine import is_compiled
+
+RATE = "absorption_rate"
+"""Name of the parameter of our absorption (`render.mitsuba.custom_plugins`)."""
 
 _CHANGING = (
     *("to_world", "medium.scale", RATE, "aperture_radius", "focus_distance"),

@@ -6,10 +6,11 @@ from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from render.base.render_errors import BadInputError
 from render.mitsuba import bsdf_plugins as bsdf
-from render.mitsuba.custom_plugins import absorbing_medium, absorbing_textures, brushed_bsdf, subsurface_bsdf
+from render.mitsuba.engine import is_compiled
 from render.mitsuba.texture_coordinates import TextureCoordinates, bitmap
 from render.scene.materials import (
     BrushedMetal,
@@ -30,6 +31,12 @@ Description = dict[str, Any]
 
 _MIN_ROUGHNESS = 1e-3
 
+_ALONG_SCRATCHES = 0.3
+"""Roughness along the scratches, over the roughness across."""
+
+_SCRATCH_CONTRAST = 0.3
+"""Fraction of the colour that the deepest scratch does not reflect."""
+
 
 def surface_bsdf(
     material: Material, attributes: Collection[str], coordinates: TextureCoordinates, size: float
@@ -46,20 +53,16 @@ def surface_bsdf(
         case MitsubaMaterial():
             return bsdf.build(material.bsdf, coordinates, material.projection)
         case Glass():
-            rough = {"type": "roughdielectric", "alpha": material.roughness, "distribution": "ggx"}
-            return {
-                **(rough if material.is_rough else {"type": "dielectric"}),
-                "int_ior": material.refraction,
-                "specular_transmittance": _rgb(material.colour),
-                **absorbing_textures(material, size),
-            }
+            return _glass(material, size)
         case BrushedMetal():
-            return two_sided(brushed_bsdf(material, max(material.roughness, _MIN_ROUGHNESS)))
+            return two_sided(_brushed(material, max(material.roughness, _MIN_ROUGHNESS)))
         case PatternedMaterial():
             colour = _colour(material, attributes, coordinates)
             opaque = _opaque(material, colour, coordinates)
-            if isinstance(material, Diffuse | Plastic) and material.subsurface is not None:
-                opaque = subsurface_bsdf(opaque, has_coat=isinstance(material, Plastic))
+            if isinstance(material, Diffuse | Plastic) and material.subsurface is not None and is_compiled():
+                from render.mitsuba.custom_plugins import SUBSURFACE  # needs a compiled variant
+
+                opaque = {"type": SUBSURFACE, "body": opaque, "has_coat": isinstance(material, Plastic)}
             if isinstance(material, Diffuse | Glossy) and material.relief is not None:
                 relief = material.relief
                 height = bitmap(relief.texture.numbers(), coordinates, material.projection)
@@ -68,12 +71,64 @@ def surface_bsdf(
     raise TypeError(f"{material.model} has no BSDF")
 
 
+def _glass(glass: Glass, size: float) -> Description:
+    """Return a dielectric, in compiled variants with absorption and the light that a rough one would lose."""
+    rough = {"type": "roughdielectric", "alpha": glass.roughness, "distribution": "ggx"}
+    surface: Description = rough if glass.is_rough else {"type": "dielectric"}
+    clear = {**surface, "int_ior": glass.refraction, "specular_transmittance": _rgb(glass.colour)}
+    if not (glass.absorption or glass.is_rough) or not is_compiled():
+        return clear
+    from render.mitsuba.custom_plugins import absorbing_textures  # needs a compiled variant
+
+    return {**clear, **absorbing_textures(glass, size)}
+
+
+def _brushed(material: BrushedMetal, roughness: float) -> dict[str, Any]:
+    """Return the BSDF of one side. roughness: across the scratches"""
+    import mitsuba as mi
+
+    scratches = {
+        "type": "bitmap",
+        "bitmap": mi.Bitmap(np.ascontiguousarray(_scratches(material)[None])),
+        "raw": True,
+        "filter_type": "bilinear",
+    }
+    metal = {
+        "type": "roughconductor",
+        "material": "none",
+        "specular_reflectance": scratches,
+        "alpha_u": roughness,
+        "alpha_v": roughness * _ALONG_SCRATCHES,
+        "distribution": "ggx",
+    }
+    if not is_compiled():
+        return metal
+    from render.mitsuba.custom_plugins import BRUSHED  # needs a compiled variant
+
+    return {"type": BRUSHED, "metal": metal}
+
+
+def _scratches(material: BrushedMetal) -> NDArray[np.float32]:
+    """Return reflectances (N, 3) along one scene unit across the scratches, fine and coarse ones."""
+    random, count = np.random.default_rng(11), 1024
+    depth = np.zeros(count)
+    for width, strength in ((1, 0.5), (4, 0.3), (16, 0.2)):
+        depth += strength * np.repeat(random.random(count // width), width)
+    return np.asarray(
+        (1.0 - _SCRATCH_CONTRAST * depth)[:, None] * np.array(material.colour), dtype=np.float32
+    )
+
+
 def interior_medium(material: Material, size: float) -> Description | None:
     """Return the medium inside the surface, or None. size: half the subject's, scene units"""
     if isinstance(material, Smoke):
         albedo = _rgb(material.colour)
         return {"type": "homogeneous", "albedo": albedo, "scale": material.density / size}
-    return absorbing_medium(material, size) if isinstance(material, Glass) else None
+    if not isinstance(material, Glass) or material.absorption is None or is_compiled():
+        return None
+    strongest = max(*material.absorption.rate, 1e-9)
+    relative = _rgb([part / strongest for part in material.absorption.rate])
+    return {"type": "homogeneous", "albedo": 0.0, "sigma_t": relative, "scale": strongest / size}
 
 
 def path_integrator(shown: Sequence[Material], depth: int) -> Description:
@@ -128,7 +183,7 @@ def rough_plastic(reflectance: Any, roughness: float) -> Description:
     }
 
 
-def _rgb(colour: tuple[float, ...]) -> Description:
+def _rgb(colour: Sequence[float]) -> Description:
     return {"type": "rgb", "value": list(colour)}
 
 

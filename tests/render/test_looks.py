@@ -80,7 +80,7 @@ def test_light_through_a_slab_is_what_beer_lambert_and_fresnel_say(
     if not medium and engine.variant == "scalar_rgb":
         pytest.skip("the plain variant draws free paths")
     if medium:
-        monkeypatch.setattr("render.mitsuba.custom_plugins.is_compiled", lambda: False)
+        monkeypatch.setattr("render.mitsuba.materials.is_compiled", lambda: False)
     look = Glass(WHITE, refraction=1.5, absorption=SLAB)
     camera = Camera((0.0, 0.0, 30.0), (0.0, 0.0, 0.0), field_of_view=np.radians(2.0))
     quality = Quality(16, 16, 64 if medium else 16, depth=10)
