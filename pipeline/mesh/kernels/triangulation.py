@@ -96,17 +96,22 @@ def triangulate_polygon(points: Points, taken: AnyArray, triangles: Faces) -> fl
 
 @kernel((MATRIX, INTS, INTS, numba.int32[:, ::1]))
 def triangulate_all(points: Points, offsets: AnyArray, corners: AnyArray, triangles: Faces) -> None:
-    """Compute the best triangles of every polygon, one polygon after the other, as vertex numbers."""
+    """Compute the best triangles of every polygon, one polygon after the other, as vertex numbers.
+
+    Assigning slices would compile in twice the time: numba brings its messages about shapes along.
+    """
     done = 0
     for f in range(len(offsets) - 1):
         start, n = offsets[f], offsets[f + 1] - offsets[f]
         if n == 3:
-            triangles[done] = corners[start : start + 3]
+            for i in range(3):
+                triangles[done, i] = corners[start + i]
             done += 1
             continue
         part = np.empty((n, 3))
         for i in range(n):
-            part[i] = points[corners[start + i]]
+            for k in range(3):
+                part[i, k] = points[corners[start + i], k]
         triangulate_polygon(part, np.zeros((n, n), np.uint8), triangles[done : done + n - 2])
         for t in range(done, done + n - 2):
             for i in range(3):
