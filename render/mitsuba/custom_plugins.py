@@ -1,4 +1,4 @@
-"""Plug-ins of ours for Mitsuba: absorption inside clear bodies, brushed metal, subsurface scattering.
+"""Our plug-ins for Mitsuba: absorption in clear bodies, brushed metal, subsurface scattering, wide cameras.
 
 Importing this imports Mitsuba, so an engine of a compiled variant must have been started; the scalar variant
 would call Python for every ray.
@@ -18,10 +18,13 @@ interpolate, so that highlights show no triangles.
 The surface over subsurface scattering is a BSDF that lets light in where the body would reflect it. The path
 tracer takes a sample of DiffuseTransmission as the start of a random walk
 (`render.integrator.subsurface_paths`). In the scalar variant, without our path tracer, the body reflects.
+
+The sensor of wide cameras is there since Mitsuba has no fisheye and no stereo camera.
 """
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import Any
 
@@ -33,9 +36,13 @@ from numpy.typing import NDArray
 from render.mitsuba.loading import RATE
 from render.mitsuba.texture_coordinates import SCRATCH_TANGENT
 from render.scene.materials import Glass
+from render.scene.render_camera import Projection
 
 BRUSHED, SUBSURFACE = "flowsculpt_brushed", "flowsculpt_subsurface"
 """Names of BSDFs: brushed metal around a nested `metal`, subsurface scattering in a nested `body`."""
+
+WIDE = "flowsculpt_wide"
+"""Name of the sensor of wide cameras."""
 
 COSINES = 32
 """Rows of the table of kept light: cosines of the angle to the normal, evenly from 0 to 1."""
@@ -220,6 +227,57 @@ class SubsurfaceBSDF(mi.BSDF):
         return dr.clip(fresnel / (fresnel + 0.5 * (1.0 - fresnel)), 0.1, 0.9)
 
 
+class WideSensor(mi.Sensor):
+    """Sample rays by the formulas of `Projection.directions`."""
+
+    def __init__(self, properties: Any) -> None:
+        super().__init__(properties)
+        self.projection = Projection(properties["kind"], properties["angle"])
+        self.half_eye_distance = properties["half_eye_distance"]
+
+    def sample_ray(
+        self, time: Any, wavelength: Any, position: Any, aperture: Any, active: Any = True
+    ) -> tuple[Any, Any]:
+        """Return a ray through a place (0 … 1) of the rendered part, and its weight."""
+        film = self.film()
+        size = mi.ScalarVector2f(film.size())
+        crop, corner = mi.ScalarVector2f(film.crop_size()), mi.ScalarVector2f(film.crop_offset())
+        x = (position.x * crop.x + corner.x) / size.x * 2.0 - 1.0
+        y = 1.0 - (position.y * crop.y + corner.y) / size.y * 2.0
+        direction, eye, shown = self._direction(x, y)
+        to_world = self.world_transform()
+        origin = to_world @ mi.Point3f(-self.half_eye_distance * eye, 0.0, 0.0)
+        ray = mi.Ray3f(origin, to_world @ direction, time)
+        ray.maxt[~shown] = 0.0
+        return ray, dr.select(shown, mi.Color3f(1.0), 0.0)
+
+    def _direction(self, x: Any, y: Any) -> tuple[Any, Any, Any]:
+        """Return the direction left, up and forward, the eye, and whether the picture shows something."""
+        if self.projection.kind == "dome":
+            radius = dr.sqrt(x * x + y * y)
+            sine, away = dr.sincos(0.5 * self.projection.angle * radius)
+            scale = sine / dr.maximum(radius, 1e-12)
+            return mi.Vector3f(-scale * x, scale * y, away), mi.Float(0.0), radius <= 1.0
+        eye = dr.select(x < 0.0, mi.Float(-1.0), 1.0) if self.projection.is_stereo else mi.Float(0.0)
+        sine, cosine = dr.sincos(math.pi * x - 0.5 * math.pi * eye)
+        up, level = dr.sincos(0.5 * math.pi * y)
+        return mi.Vector3f(-level * sine, up, level * cosine), eye, mi.Bool(True)
+
+    def sample_ray_differential(
+        self, time: Any, wavelength: Any, position: Any, aperture: Any, active: Any = True
+    ) -> tuple[Any, Any]:
+        """Return the ray without differentials: no texture of ours is filtered by them."""
+        ray, weight = self.sample_ray(time, wavelength, position, aperture, active)
+        return mi.RayDifferential3f(ray), weight
+
+    def bbox(self) -> Any:
+        return mi.ScalarBoundingBox3f(self.world_transform() @ mi.ScalarPoint3f(0.0))
+
+    def to_string(self) -> str:
+        return f"{WIDE}[{self.projection.kind}]"
+
+
 mi.register_texture("flowsculpt_absorbing", Absorbing)
 mi.register_bsdf(BRUSHED, Brushed)
 mi.register_bsdf(SUBSURFACE, SubsurfaceBSDF)
+mi.register_sensor(WIDE, WideSensor)
