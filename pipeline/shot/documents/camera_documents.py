@@ -3,15 +3,15 @@
 import math
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from pipeline.errors import UsageError
-from pipeline.flow.parameters import Number, VectorParameter, number_at, vector_at
+from pipeline.flow.parameters import Number, VectorParameter, vector_at
 from pipeline.shot.camera_path import EYE_DISTANCE, FULL_FRAME, CameraPath, Shutter
 from pipeline.shot.documents.curves import (
     ABOVE_0,
     ANYWHERE,
     CURVE,
+    CURVE_FORM,
     Bounds,
     FromSound,
     FromSoundTriple,
@@ -41,7 +41,7 @@ from pipeline.shot.documents.field_types import (
     optional,
 )
 from pipeline.shot.motion import Clock
-from pipeline.shot.yaml.document_validation import bad_value, finding
+from pipeline.shot.yaml.document_validation import finding
 from render.scene.render_camera import KINDS, Projection
 
 SAFE_AREAS = {"action": 0.035, "title": 0.05}
@@ -224,24 +224,20 @@ def _has_times(clock: Clock, *values: Any) -> bool:
     return all(None not in map(clock.seconds, value.keys) for value in values if isinstance(value, Keyed))
 
 
-def _degrees(low: float, high: float, usual: str) -> AfterValidator:
-    """Return a validator: degrees that stay within bounds at every half frame of the shot."""
-    rule = f"it must stay from {low:g} to {high:g} degrees; {usual} is usual"
-
-    def check(value: Any, info: ValidationInfo) -> Any:
-        clock: Clock | None = (info.context or {}).get("clock")
-        if clock is None:
-            return value
-        try:
-            curve = number(value, clock)
-            for frame in sampled_frames(clock):
-                if not low <= (degrees := number_at(curve, clock.time(frame))) <= high:
-                    raise bad_value(f"{degrees:.4g} at frame {frame:g} is out of range; {rule}")
-        except (UsageError, AssertionError):  # other checks report these
-            return value
-        return value
-
-    return AfterValidator(check)
+Opening = Annotated[float, Field(ge=0, le=360)]
+OpeningField = Annotated[
+    Opening | Keyed[Opening] | OverTime | FromSound,
+    CURVE,
+    within(Bounds(-1e-9, 360.0 + 1e-9, "from 0 to 360")),
+    CURVE_FORM,
+]
+Phase = Annotated[float, Field(ge=-360, le=0)]
+PhaseField = Annotated[
+    Phase | Keyed[Phase] | OverTime | FromSound,
+    CURVE,
+    within(Bounds(-360.0 - 1e-9, 1e-9, "from -360 to 0")),
+    CURVE_FORM,
+]
 
 
 class ShutterDocument(Document):
@@ -258,10 +254,10 @@ class ShutterDocument(Document):
             )
         return value
 
-    angle: Annotated[NumberField, _degrees(0.0, 360.0, "180")] = Field(
+    angle: OpeningField = Field(
         default=180.0, description="opening of the shutter; 360 is a whole frame, 0 no blur (degrees)"
     )
-    phase: Annotated[NumberField, _degrees(-360.0, 0.0, "-90")] | None = optional(
+    phase: PhaseField | None = optional(
         "when it opens, before the frame; by default half the angle (degrees)"
     )
 

@@ -401,13 +401,13 @@ def _keyframes(keyed: Keyed[Any], clock: Clock, unit: float) -> Keyframes:
         return tuple(unit * float(part) for part in (item if isinstance(item, list) else [item]))
 
     def handle(offset: list[Any] | None) -> Handle | None:
-        return None if offset is None else Handle(_known(clock.length(offset[0])), values(offset[1]))
+        return None if offset is None else Handle(known_seconds(clock.length(offset[0])), values(offset[1]))
 
     items = keyed.keys.values()
     keys = [item if isinstance(item, KeyDocument) else KeyDocument(value=item) for item in items]
     with_handles = any(key.left or key.right for key in keys)
     return Keyframes(
-        tuple(_known(clock.seconds(time)) for time in keyed.keys),
+        tuple(known_seconds(clock.seconds(time)) for time in keyed.keys),
         tuple(values(key.value) for key in keys),
         tuple(key.ease or (BEZIER if key.right else keyed.ease) for key in keys),
         tuple(handle(key.left) for key in keys) if with_handles else (),
@@ -417,6 +417,7 @@ def _keyframes(keyed: Keyed[Any], clock: Clock, unit: float) -> Keyframes:
     )
 
 
-def _known(seconds: float | None) -> float:
+def known_seconds(seconds: float | None) -> float:
+    """Return a time that checks have accepted."""
     assert seconds is not None, "checks have refused everything that is not a time"
     return seconds

@@ -51,6 +51,7 @@ from pipeline.shot.documents.curves import (
     PlaceField,
     PositiveField,
     WeightField,
+    known_seconds,
     number,
     place,
 )
@@ -216,9 +217,7 @@ Duration = Annotated[
 
 def seconds(duration: Any, clock: Clock) -> float:
     """Return a parsed duration in seconds."""
-    length = clock.length(duration)
-    assert length is not None, "_positive_duration has refused everything else"
-    return length
+    return known_seconds(clock.length(duration))
 
 
 def _require_dashes(value: Any) -> Any:

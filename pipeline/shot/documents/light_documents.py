@@ -259,14 +259,11 @@ class SunDocument(Document):
         return f"Write a time from {day[0]:g} to {day[-1]:g}."
 
     def build(self) -> Daylight:
-        default = Daylight()
+        angles = {name: getattr(self, name) for name in ("elevation", "azimuth", "width")}
+        given = {name: angle * DEGREE for name, angle in angles.items() if angle is not None}
         if self.time is not None:
-            elevation, azimuth = self._position()
-        else:
-            elevation = default.elevation if self.elevation is None else self.elevation * DEGREE
-            azimuth = default.azimuth if self.azimuth is None else self.azimuth * DEGREE
-        width = default.width if self.width is None else self.width * DEGREE
-        return Daylight(elevation, azimuth, float(self.turbidity), width, visible=self.visible)
+            given["elevation"], given["azimuth"] = self._position()
+        return Daylight(turbidity=float(self.turbidity), visible=self.visible, **given)
 
 
 class LightsDocument(Document):

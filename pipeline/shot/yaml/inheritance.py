@@ -11,6 +11,7 @@ from __future__ import annotations
 import copy
 import re
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -257,16 +258,13 @@ def inherited_files(path: Path, text: str) -> dict[str, str]:
     texts: dict[str, str] = {}
 
     def read_text(name: str) -> str | None:
-        content = _text(path.with_name(name))
-        if content is not None:
+        if (content := _text(path.with_name(name))) is not None:
             texts[name] = content
         return content
 
-    try:
+    with suppress(ShotError, MissingInputError):
         read_text(DEFAULTS)
         _extended(YamlSource.read(path, text), read_text, (path.name,))
-    except (ShotError, MissingInputError):
-        return texts
     return texts
 
 

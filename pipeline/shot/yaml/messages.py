@@ -208,7 +208,8 @@ def _hint(mapping: _Mapping, name: Any, found: UnknownNames) -> str:
     if (meant := synonym(spelt, field_names(mapping.every))) is not None and mapping.where:
         found.covered.add(mapping.where)
         if meant == name:
-            own, other = needed_names(mapping.models), needed_names([_with_name(mapping.every, name)])
+            meant_model = next(model for model in mapping.every if name in field_names([model]))
+            own, other = needed_names(mapping.models), needed_names([meant_model])
             if name in other:
                 return f"Write {' or '.join([*own, *other])}, not both."
             return f"It is for {' and '.join(other)}, not for {' and '.join(own)}."
@@ -232,10 +233,6 @@ def _closest(mapping: _Mapping, name: Any, found: UnknownNames) -> str:
     if not mapping.where and isinstance(mapping.values.get(name), dict) and not hint.startswith("Did"):
         return plugins().lacking(f"{name}.entries") or hint
     return hint
-
-
-def _with_name(models: Models, name: Any) -> type[BaseModel]:
-    return next(model for model in models if name in field_names([model]))
 
 
 def _as_value(mapping: _Mapping, name: Any) -> str | None:
@@ -339,7 +336,13 @@ def problems_of(
             continue
         if details["type"] == "missing" and (*where, details["loc"][-1]) in unknown.supplied:
             continue
-        problems.append(_problem(details, where, source, document))
+        if details["type"] == "formula":
+            column, message = details["ctx"]["column"], details["msg"]
+            if (spot := source.spot(where, column)) is None:
+                message = f"column {column} of the formula: {message}"
+            problems.append((spot or where, message))
+        else:
+            problems.append((where, _message(details, where, document)))
     return list(dict.fromkeys(problems)), unknown.supplied
 
 
@@ -352,14 +355,6 @@ def number_in(text: str) -> float | int | None:
     if not math.isfinite(value):
         return None
     return int(value) if value == int(value) and "." not in match[1] else round(value, 12)
-
-
-def _problem(details: ErrorDetails, where: Where, source: YamlSource, document: type[BaseModel]) -> Problem:
-    if details["type"] != "formula":
-        return where, _message(details, where, document)
-    column, message = details["ctx"]["column"], details["msg"]
-    spot = source.spot(where, column)
-    return spot or where, message if spot else f"column {column} of the formula: {message}"
 
 
 def _in_file(source: YamlSource, loc: Where) -> Where:
@@ -436,13 +431,12 @@ def example_of(models: list[type[BaseModel]]) -> str:
 
 def _other_forms(loc: Where, document: type[BaseModel]) -> list[type[BaseModel]]:
     """Return the mappings that can stand in place of a bare value."""
-    return models_in(types_at(document, loc[:-1])) if str(loc[-1:]).startswith("('form ") else []
+    return models_at(document, loc[:-1]) if loc and _is_tag(loc[-1]) else []
 
 
 def _is_required(loc: Where, document: type[BaseModel]) -> bool:
-    steps = [step for step in loc if not str(step).startswith("form ")]
-    for model in models_at(document, tuple(loc[: loc.index(steps[-1])])) if steps else []:
-        for name, info in model.model_fields.items():
-            if steps[-1] in (name, info.alias):
-                return info.is_required()
+    steps = without_tags(loc)
+    for model in models_at(document, loc[: loc.index(steps[-1])]) if steps else []:
+        if steps[-1] in field_names([model]):
+            return steps[-1] in needed_names([model])
     return True
