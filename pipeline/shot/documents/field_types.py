@@ -146,14 +146,6 @@ class OneOfSeveral(Document):
         return self
 
 
-def _check_largest(value: float) -> float:
-    if abs(value) > LARGEST:
-        raise bad_value(
-            f"{value:g} is too large to compute with; numbers go up to 1e12. Write a smaller one."
-        )
-    return value
-
-
 def _check_smallest(value: float) -> float:
     if value < SMALLEST:
         raise bad_value(
@@ -197,13 +189,9 @@ def is_written_number(value: Any) -> bool:
     return isinstance(value, str) and number_in(value) is not None
 
 
-Real = Annotated[float, AfterValidator(_check_largest), SchemaKeywords(minimum=-LARGEST, maximum=LARGEST)]
+Real = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Positive = Annotated[
-    float,
-    Field(gt=0),
-    AfterValidator(_check_smallest),
-    AfterValidator(_check_largest),
-    SchemaKeywords(minimum=SMALLEST, maximum=LARGEST),
+    float, Field(gt=0, le=LARGEST), AfterValidator(_check_smallest), SchemaKeywords(minimum=SMALLEST)
 ]
 ZeroToOne = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=1, le=MAX_SUBSTEPS)]
