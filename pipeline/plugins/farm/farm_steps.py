@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from pipeline.plugins.farm.task_runner import BY_FRAMES
-from pipeline.production.planning import timings
 from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.stages import STAGES
 
@@ -48,18 +47,18 @@ class FarmStep:
     @property
     def memory_mib(self) -> int:
         """The memory of a task, MiB."""
-        return max(timings.memory_mib(self.plan, job) for job in self.jobs)
+        return max(self.plan.memory_mib(job) for job in self.jobs)
 
     @property
     def gpus(self) -> int:
         """The GPUs of a task."""
-        return max(timings.gpus(self.plan, job) or 0 for job in self.jobs)
+        return max(self.plan.gpus(job) or 0 for job in self.jobs)
 
     def minutes(self, threads: int, chunk: int) -> int:
         """Return the time limit of a task on so many threads; `chunk` are the frames of one."""
         if self.frames:
-            return max(timings.minutes(self.plan, job, threads, chunk) or 0 for job in self.jobs)
-        return sum(timings.minutes(self.plan, job, threads) or 0 for job in self.jobs)
+            return max(self.plan.minutes(job, threads, chunk) or 0 for job in self.jobs)
+        return sum(self.plan.minutes(job, threads) or 0 for job in self.jobs)
 
 
 def steps_of(plan: Plan) -> list[FarmStep]:

@@ -26,7 +26,6 @@ from snakemake_interface_executor_plugins.executors.remote import RemoteExecutor
 
 from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.execution.run import with_inputs_here
-from pipeline.production.planning import timings
 from pipeline.production.planning.plan import Job, Plan, check_done_files, movie_record
 from pipeline.production.planning.profile import Share
 from pipeline.production.request.lookup import FILM, find_edit, find_shot, today_name
@@ -141,16 +140,16 @@ class PlannedWorkflow:
 
     def memory(self, rule: str, wildcards: Any) -> int:
         """Return the MiB that a job needs, by what earlier pictures took."""
-        return timings.memory_mib(self.plan, self._job(rule, wildcards))
+        return self.plan.memory_mib(self._job(rule, wildcards))
 
     def minutes(self, rule: str, wildcards: Any, threads: int, attempt: int) -> int | None:
         """Return the minutes that a job may take, as long as jobs of a farm may; None on this machine."""
-        limit = timings.minutes(self.plan, self._job(rule, wildcards), threads)
+        limit = self.plan.minutes(self._job(rule, wildcards), threads)
         return None if limit is None else limit * attempt
 
     def gpus(self, rule: str, wildcards: Any) -> int | None:
         """Return 1 for a job of a farm that renders with CUDA, else None."""
-        return timings.gpus(self.plan, self._job(rule, wildcards))
+        return self.plan.gpus(self._job(rule, wildcards))
 
     def _job(self, rule: str, wildcards: Any) -> Job:
         if rule in ("assemble", "film"):

@@ -18,11 +18,16 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pipeline.frames import FrameRange
 from pipeline.plugin import plugins
-from pipeline.production.planning.timings import MeasuredResources
+from pipeline.production.planning.profile import ON_GPU, Share
+from pipeline.production.planning.timings import (
+    LEAST_MIB,
+    UNMEASURED_MIB,
+    UNMEASURED_MINUTES,
+    MeasuredResources,
+)
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import STAGES
@@ -33,9 +38,6 @@ from pipeline.production.store.remote_store import remote_stores, store_url
 from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write
 from render.base.serialise import NOT_PLAIN, from_plain, to_plain
-
-if TYPE_CHECKING:
-    from pipeline.production.planning.profile import Share
 
 
 def done_file(stage: str, shot: str, quality: str, frames: Sequence[int], key: str) -> str:
@@ -300,6 +302,30 @@ class Plan:
         whole = next(job for job in self.jobs if known in (job.name, job.stage))
         numbers = tuple(FrameRange.parse(frames))
         return replace(whole, name=name, frames=numbers, output="", threads=available_cores())
+
+    def memory_mib(self, job: Job) -> int:
+        """Return the memory of a job, MiB, by what earlier pictures took."""
+        if (measured := self._measured_of(job)) is not None:
+            return measured.memory_mib
+        return UNMEASURED_MIB if self.farm else LEAST_MIB
+
+    def minutes(self, job: Job, threads: int, frames: int | None = None) -> int | None:
+        """Return the time limit of a job on so many threads; None on this machine, where it has none.
+
+        frames  how many it renders, by default all of its own
+        """
+        if (measured := self._measured_of(job)) is not None:
+            return measured.minutes(len(job.frames) if frames is None else frames, threads)
+        return UNMEASURED_MINUTES if self.farm else None
+
+    def gpus(self, job: Job) -> int | None:
+        """Return 1 for a job of a farm that renders with CUDA, else None."""
+        on_gpu = job.stage == "render" and self.requests[job.requests[0]].variant == ON_GPU
+        return 1 if self.farm and on_gpu else None
+
+    def _measured_of(self, job: Job) -> MeasuredResources | None:
+        """Return what earlier renders took, for a job that renders."""
+        return self.measured.get(job.requests[0]) if job.stage == "render" else None
 
     def frame_counts(self) -> Counter[str]:
         """Return how many frames the jobs of each stage make."""

@@ -17,12 +17,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.production.planning.profile import ON_GPU
 from pipeline.production.stages import STAGES
 from pipeline.production.store.history import History
 
 if TYPE_CHECKING:
-    from pipeline.production.planning.plan import Job, Plan
     from pipeline.production.request.render_request import RenderRequest
     from pipeline.production.store.store import Key
 
@@ -182,28 +180,3 @@ def measured(
         if (resources := MeasuredResources.of(folder, width * height)) is not None:
             known[place] = resources
     return known
-
-
-def memory_mib(plan: Plan, job: Job) -> int:
-    """Return the memory of a job, MiB."""
-    measured = plan.measured.get(job.requests[0])
-    if job.stage == "render" and measured:
-        return measured.memory_mib
-    return UNMEASURED_MIB if plan.farm else LEAST_MIB
-
-
-def minutes(plan: Plan, job: Job, threads: int, frames: int | None = None) -> int | None:
-    """Return the time limit of a job on so many threads; None on this machine, where it has none.
-
-    frames  how many it renders, by default all of its own
-    """
-    measured = plan.measured.get(job.requests[0])
-    if job.stage == "render" and measured:
-        return measured.minutes(len(job.frames) if frames is None else frames, threads)
-    return UNMEASURED_MINUTES if plan.farm else None
-
-
-def gpus(plan: Plan, job: Job) -> int | None:
-    """Return 1 for a job of a farm that renders with CUDA, else None."""
-    on_gpu = job.stage == "render" and plan.requests[job.requests[0]].variant == ON_GPU
-    return 1 if plan.farm and on_gpu else None

@@ -19,8 +19,6 @@ from pipeline.production.planning.timings import (
     START_MINUTES,
     UNMEASURED_MIB,
     MeasuredResources,
-    gpus,
-    memory_mib,
 )
 from pipeline.production.store.event_log import EventLog, EventReader
 from pipeline.production.store.paths import EVENTS
@@ -207,7 +205,7 @@ def test_a_profile_without_an_executor_says_what_an_exported_job_asks_for(folder
     plan = Project(folder, 1, profile=ours).whole([NAME], "draft")
     assert plan.requests[0].variant == "cuda_ad_rgb"
     render = next(job for job in plan.jobs if job.stage == "render")
-    assert (memory_mib(plan, render), gpus(plan, render), render.threads) == (UNMEASURED_MIB, 1, 16)
+    assert (plan.memory_mib(render), plan.gpus(render), render.threads) == (UNMEASURED_MIB, 1, 16)
 
 
 def test_who_fetches_the_frames_of_a_farm_needs_no_gpu(folder):
