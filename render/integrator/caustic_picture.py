@@ -18,7 +18,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.integrator.light_sampler import Cone, LightSource
+from render.integrator.light_sampler import Cone, LightSource, emitter_of
 from render.integrator.photons import (
     CausticSun,
     Landed,
@@ -198,9 +198,7 @@ class _Softboxes(_Emission):
     def photons(self, place: Any, numbers: Any) -> tuple[Any, Any, Any, Any]:
         across = place.x * self.count
         number = dr.minimum(mi.UInt32(across), self.count - 1)
-        emitter = mi.EmitterPtr(self._sources[0].emitter)
-        for index, source in enumerate(self._sources):
-            emitter = dr.select(number == index, source.emitter, emitter)
+        emitter = emitter_of(self._sources, number)
         aim = mi.Point2f(across - number, place.y)
         on_box = mi.Point2f(numbers.next_float32(), numbers.next_float32())
         ray, light = area_rays(emitter, *self._sphere, on_box, aim)

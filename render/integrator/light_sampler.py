@@ -139,10 +139,7 @@ class LightSampler:
 
     def sample_each(self, number: Any, si: Any, position: Any, active: Any) -> LightSample:
         """Sample the light source of a number below `near_count`, as one of those that are all sampled."""
-        emitter = mi.EmitterPtr(self._near[0].emitter)
-        for index, source in enumerate(self._near):
-            emitter = dr.select(number == index, source.emitter, emitter)
-        return _near_sample(emitter, si, position, 1.0, active)
+        return _near_sample(emitter_of(self._near, number), si, position, 1.0, active)
 
     def sample_distant(self, index: int, matt: Any, si: Any, position: Any, active: Any) -> LightSample:
         """Sample the light source of an index from `near_count` on, as one of those that are all sampled."""
@@ -178,12 +175,11 @@ class LightSampler:
                 cumulative += probability
         result: LightSample | None = None
         if self._near:
-            emitter, probability = mi.EmitterPtr(self._near[0].emitter), probabilities[0]
-            for index, source in enumerate(self._near):
-                emitter = dr.select(chosen == index, source.emitter, emitter)
+            probability = probabilities[0]
+            for index in range(len(self._near)):
                 probability = dr.select(chosen == index, probabilities[index], probability)
             is_near = active & (chosen < len(self._near))
-            result = _near_sample(emitter, si, position, probability, is_near)
+            result = _near_sample(emitter_of(self._near, chosen), si, position, probability, is_near)
         for index in range(len(self._near), len(self)):
             if not self.sources[index].is_rest:
                 is_chosen = active & (chosen == index)
@@ -241,6 +237,14 @@ class LightSampler:
             ):
                 square += dr.square(probability * source.distribution.pdf(direction))
         return square
+
+
+def emitter_of(sources: Sequence[LightSource], number: Any) -> Any:
+    """Return the emitters of sources, by an array of their numbers."""
+    emitter = mi.EmitterPtr(sources[0].emitter)
+    for index, source in enumerate(sources):
+        emitter = dr.select(number == index, source.emitter, emitter)
+    return emitter
 
 
 def _near_sample(emitter: Any, si: Any, position: Any, probability: Any, active: Any) -> LightSample:
