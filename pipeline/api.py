@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from pipeline.mesh import box as box
     from pipeline.mesh import icosphere as icosphere
     from pipeline.plugin import Command as Command
+    from pipeline.plugin import PictureStage as PictureStage
     from pipeline.plugin import Plugin as Plugin
-    from pipeline.plugin import Stage as Stage
     from pipeline.resample import Chord as Chord
     from pipeline.resample import Curved as Curved
     from pipeline.resample import Exact as Exact
@@ -67,7 +67,7 @@ _MODULES = {
     "pipeline.flow.velocity": ("ExternalField",),
     "pipeline.kernels": ("block_kernel",),
     "pipeline.mesh": ("TriangleMesh", "box", "icosphere"),
-    "pipeline.plugin": ("Command", "Plugin", "Stage"),
+    "pipeline.plugin": ("Command", "PictureStage", "Plugin"),
     "pipeline.resample": ("Chord", "Curved", "Exact", "Resampler", "Thresholds", "resample"),
     "pipeline.shot": ("read_shot",),
     "pipeline.shot.documents.field_types": ("Document",),

@@ -46,7 +46,7 @@ class Command:
 
 
 @dataclass(frozen=True)
-class Stage:
+class PictureStage:
     """A stage between `render` and `finish`, for shots that have its entry, `{PLUGIN: {NAME: {…}}}`.
 
     task     "module:function" that takes the layers of a rendered frame as a `RenderedFrame`, the entry, and
@@ -101,7 +101,7 @@ class Plugin:
     looks: Mapping[str, str] = field(default_factory=dict)
     encodes: Mapping[str, str] = field(default_factory=dict)
     documents: Mapping[str, str] = field(default_factory=dict)
-    stages: Mapping[str, Stage] = field(default_factory=dict)
+    stages: Mapping[str, PictureStage] = field(default_factory=dict)
     commands: Mapping[str, Command] = field(default_factory=dict)
     exporters: Mapping[str, Command] = field(default_factory=dict)
     watchers: tuple[str, ...] = ()

@@ -182,14 +182,15 @@ def plugin(name: str = "greeter", rest: str = "") -> str:
         ("named", plugin("my-plug.in"), "its name 'my-plug.in' is not a letter followed by"),
         (
             "idle",
-            "from pipeline.plugin import Plugin, Stage\n"
-            "PLUGIN = Plugin('idle', '1', stages={'wait': Stage('idle:wait', 1, 'waiting', makes='')})",
+            "from pipeline.plugin import PictureStage, Plugin\n"
+            "WAIT = PictureStage('idle:wait', 1, 'waiting', makes='')\n"
+            "PLUGIN = Plugin('idle', '1', stages={'wait': WAIT})",
             "its stage wait makes nothing; a stage makes raw of raw",
         ),
         (
             "mute",
-            "from pipeline.plugin import Plugin, Stage\n"
-            "PLUGIN = Plugin('mute', '1', stages={'hush': Stage('mute:hush', 1, 'hushing')})",
+            "from pipeline.plugin import PictureStage, Plugin\n"
+            "PLUGIN = Plugin('mute', '1', stages={'hush': PictureStage('mute:hush', 1, 'hushing')})",
             "its stage hush has no entry among documents, so no shot could ask for it",
         ),
         ("none", "PLUGIN = 3", "none:PLUGIN is not a pipeline.plugin.Plugin"),

@@ -1,6 +1,6 @@
 """Marbled paper: a comb that draws inks into feathers, the inks, and mist between camera and subject."""
 
-from pipeline.api import Command, Plugin, Stage
+from pipeline.api import Command, PictureStage, Plugin
 
 PLUGIN = Plugin(
     name="marbling",
@@ -9,7 +9,7 @@ PLUGIN = Plugin(
     looks={"inks": "flowsculpt_marbling.inks:INKS"},
     encodes={"wall": "flowsculpt_marbling.inks:WALL"},
     documents={"mist": "flowsculpt_marbling.mist:Mist"},
-    stages={"mist": Stage("flowsculpt_marbling.mist:add_mist", version=1, doing="adding mist")},
+    stages={"mist": PictureStage("flowsculpt_marbling.mist:add_mist", version=1, doing="adding mist")},
     commands={
         "inks": Command("flowsculpt_marbling.commands:inks", "List the inks of marbling.inks.", "Look")
     },

@@ -123,7 +123,7 @@ class PictureKeys(Mapping[int, FrameKeys]):
     ) -> None:
         """Find keys while a run renders the frames `rendered`, by default those of the request."""
         self._request, self._store, self._cameras = request, store, cameras
-        self._cache = request.source.cache
+        self._cache, self._stages = request.source.cache, request.stages
         self._numbers = set(request.requested if rendered is None else rendered)
         known = self._cache.get(_KnownKeys, *self._found_from) or _KnownKeys({}, {})
         self._raws, self._frames = known.raw, known.frame
@@ -145,22 +145,17 @@ class PictureKeys(Mapping[int, FrameKeys]):
         """Return the keys of a frame that is averaged over a window."""
         name = f"{number}.{window[0]}.{window[-1]}"
         if name not in self._frames:
-            source, averaged = (
-                self._source(number),
-                [self._source(n) for n in window] if len(window) > 1 else [],
-            )
+            averaged = [self._source(n) for n in window] if len(window) > 1 else []
             request, layers = self._request, self._layers_data(number)
-            rate = request.manifest.rate
-            self._frames[name] = key_of(
-                FINISH.recipe, source, request.quality.denoise, averaged, rate, layers
-            )
+            data = self._source(number), request.quality.denoise, averaged, request.manifest.rate, layers
+            self._frames[name] = key_of(FINISH.recipe, *data)
         raw = self._raw(number)
-        return FrameKeys(raw, self._frames[name], window, staged_keys(self._request.stages, raw))
+        return FrameKeys(raw, self._frames[name], window, staged_keys(self._stages, raw))
 
     def _source(self, number: int) -> Key:
         """Return the key of the picture that is denoised: rendered, or made by the last plug-in's stage."""
         raw = self._raw(number)
-        return next(reversed(staged_keys(self._request.stages, raw).values()), raw)
+        return next(reversed(staged_keys(self._stages, raw).values())) if self._stages else raw
 
     def _layers_data(self, number: int) -> list[Any]:
         """Return what decides the layers for compositing: their names, and cameras for motion vectors."""
