@@ -15,14 +15,12 @@ import numpy as np
 from pipeline.arrays import AnyArray, Points
 from pipeline.errors import MeshError
 from pipeline.mesh.mesh_formats import LARGEST_COORDINATE, FileSurface
-from pipeline.mesh.meshes import PolygonMesh
+from pipeline.mesh.meshes import FaceLists, PolygonMesh
 
 
 @dataclass(frozen=True)
-class FaceSoup:
+class FaceSoup(FaceLists):
     """Polygons over shared vertices; any number of them may meet at an edge or vertex.
-
-    Side c of a face runs from ``corners[c]`` to the next corner of the face.
 
     points    float64 (V, 3)
     offsets   int64 (F + 1,): face f has the corners ``corners[offsets[f]:offsets[f + 1]]``
@@ -37,39 +35,6 @@ class FaceSoup:
     faces: AnyArray
     vertices: AnyArray
 
-    def __len__(self) -> int:
-        """Return the number of faces."""
-        return len(self.offsets) - 1
-
-    @cached_property
-    def sides(self) -> AnyArray:
-        """(F,) the number of sides of each face."""
-        return np.diff(self.offsets)
-
-    @cached_property
-    def owners(self) -> AnyArray:
-        """(C,) the face of each side."""
-        return np.repeat(np.arange(len(self)), self.sides)
-
-    @cached_property
-    def next_side(self) -> AnyArray:
-        """(C,) the side that follows each in its face."""
-        following = np.arange(1, len(self.corners) + 1)
-        following[self.offsets[1:] - 1] = self.offsets[:-1]
-        return following
-
-    @cached_property
-    def previous_side(self) -> AnyArray:
-        """(C,) the side before each in its face."""
-        before = np.arange(-1, len(self.corners) - 1)
-        before[self.offsets[:-1]] = self.offsets[1:] - 1
-        return before
-
-    @cached_property
-    def heads(self) -> AnyArray:
-        """(C,) the vertex where each side ends."""
-        return self.corners[self.next_side]
-
     @cached_property
     def centred_points(self) -> Points:
         """(V, 3) positions from the middle of the bounding box, so that products keep their digits."""
@@ -77,20 +42,11 @@ class FaceSoup:
 
     @cached_property
     def area_vectors(self) -> Points:
-        """(F, 3) Newell normals, with the area of a flat face as length."""
         if (self.sides == 3).all():
             a, b, c = (self.points[corners] for corners in self.corners.reshape(-1, 3).T)
             triangles: Points = 0.5 * np.cross(b - a, c - a)
             return triangles
-        first = self.points[self.corners[self.offsets[:-1]]][self.owners]
-        tails, heads = self.points[self.corners] - first, self.points[self.heads] - first
-        vectors: Points = 0.5 * np.add.reduceat(np.cross(tails, heads), self.offsets[:-1], axis=0)
-        return vectors
-
-    @cached_property
-    def areas(self) -> AnyArray:
-        """(F,) area of each face, seen along its Newell normal."""
-        return np.linalg.norm(self.area_vectors, axis=1)
+        return self._newell_normals(self.points)
 
     @cached_property
     def volumes(self) -> AnyArray:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -149,8 +151,69 @@ def _owner(values: AnyArray) -> AnyArray:
     return values.base if isinstance(values.base, np.ndarray) else values
 
 
+class FaceLists(ABC):
+    """Faces of any number of sides: side c of a face runs from ``corners[c]`` to ``heads[c]``.
+
+    offsets  (F + 1,): face f has the corners ``corners[offsets[f]:offsets[f + 1]]``
+    corners  (C,)
+    """
+
+    offsets: AnyArray
+    corners: AnyArray
+
+    def __len__(self) -> int:
+        """Return the number of faces."""
+        return len(self.offsets) - 1
+
+    @cached_property
+    def sides(self) -> AnyArray:
+        """(F,) the number of sides of each face."""
+        return np.diff(self.offsets)
+
+    @cached_property
+    def owners(self) -> AnyArray:
+        """(C,) the face of each side."""
+        return np.repeat(np.arange(len(self), dtype=self.offsets.dtype), self.sides)
+
+    @cached_property
+    def next_side(self) -> AnyArray:
+        """(C,) the side that follows each in its face."""
+        following = np.arange(1, len(self.corners) + 1)
+        following[self.offsets[1:] - 1] = self.offsets[:-1]
+        return following
+
+    @cached_property
+    def previous_side(self) -> AnyArray:
+        """(C,) the side before each in its face."""
+        before = np.arange(-1, len(self.corners) - 1)
+        before[self.offsets[:-1]] = self.offsets[1:] - 1
+        return before
+
+    @cached_property
+    def heads(self) -> AnyArray:
+        """(C,) the vertex where each side ends."""
+        return self.corners[self.next_side]
+
+    @property
+    @abstractmethod
+    def area_vectors(self) -> Vectors:
+        """(F, 3) Newell normals, with the area of a flat face as length."""
+
+    @cached_property
+    def areas(self) -> Floats:
+        """(F,) area of each face, seen along its Newell normal."""
+        return np.linalg.norm(self.area_vectors, axis=1)
+
+    def _newell_normals(self, points: Points) -> Vectors:
+        """Return `area_vectors` for corners at points (V, 3), where there are faces."""
+        first = points[self.corners[self.offsets[:-1]]][self.owners]
+        tails, heads = points[self.corners] - first, points[self.heads] - first
+        vectors: Vectors = 0.5 * np.add.reduceat(np.cross(tails, heads), self.offsets[:-1], axis=0)
+        return vectors
+
+
 @dataclass(frozen=True, init=False, eq=False)
-class PolygonMesh:
+class PolygonMesh(FaceLists):
     """Polygons over shared vertices, convex or not, flat or nearly so; arrays are read-only.
 
     vertices    float64 (V, 3), scene units
@@ -218,35 +281,14 @@ class PolygonMesh:
         object.__setattr__(self, "attributes", MappingProxyType(dict(shared.attributes)))
         object.__setattr__(self, "creases", shared.creases)
 
-    def __len__(self) -> int:
-        """Return the number of faces."""
-        return len(self.offsets) - 1
-
     def face(self, number: int) -> Indices:
         """Return the corners (n,) of one face."""
         return self.corners[self.offsets[number] : self.offsets[number + 1]]
 
     @property
-    def sides(self) -> Indices:
-        """(F,) the number of sides of each face."""
-        return np.diff(self.offsets)
-
-    @property
     def average_sides(self) -> float:
         """Mean number of sides a face: 3 once all are triangles (P21)."""
         return len(self.corners) / max(len(self), 1)
-
-    @property
-    def heads(self) -> Indices:
-        """(C,) the corner that follows each in its face: side c runs from ``corners[c]`` to ``heads[c]``."""
-        following = np.arange(1, len(self.corners) + 1)
-        following[self.offsets[1:] - 1] = self.offsets[:-1]
-        return self.corners[following]
-
-    @property
-    def owners(self) -> Indices:
-        """(C,) the face of each corner."""
-        return np.repeat(np.arange(len(self), dtype=np.int32), self.sides)
 
     @property
     def bounds(self) -> Floats:
@@ -264,17 +306,7 @@ class PolygonMesh:
 
     @property
     def area_vectors(self) -> Vectors:
-        """(F, 3) Newell normals, with the area of a flat face as length."""
-        if not len(self):
-            return np.empty((0, 3))
-        first = self.vertices[self.corners[self.offsets[:-1]]][self.owners]
-        tails, heads = self.vertices[self.corners] - first, self.vertices[self.heads] - first
-        return 0.5 * np.add.reduceat(np.cross(tails, heads), self.offsets[:-1], axis=0)
-
-    @property
-    def areas(self) -> Floats:
-        """(F,) area of each face, seen along its Newell normal."""
-        return np.linalg.norm(self.area_vectors, axis=1)
+        return self._newell_normals(self.vertices) if len(self) else np.empty((0, 3))
 
     @property
     def normals(self) -> Vectors:

@@ -203,9 +203,7 @@ def _polygon_doubled_problem(mesh: PolygonMesh, twin: AnyArray) -> str | None:
 def _polygon_fans_problem(mesh: PolygonMesh, twin: AnyArray) -> str | None:
     """A walk around a vertex from one of its sides must reach them all."""
     count = len(twin)
-    before = np.arange(count) - 1
-    before[mesh.offsets[:-1]] = mesh.offsets[1:] - 1
-    onwards = twin[before]
+    onwards = twin[mesh.previous_side]
     ends, starts = np.flatnonzero(onwards < 0), np.flatnonzero(twin < 0)
     fans = np.bincount(mesh.corners[ends], minlength=len(mesh.vertices))
     if (fans > 1).any():
