@@ -334,7 +334,7 @@ class Plan:
 
 def versions_here() -> dict[str, str]:
     """Return the versions that keys hold: of stages, as `render's results`, of plug-ins and of packages."""
-    of_plugins = {f"plug-in {plugin.name}": plugin.version for plugin in plugins()}
+    of_plugins = {f"plug-in {plugin.name}": plugin.version for plugin in plugins() if plugin.sources}
     return of_plugins | {
         f"{stage.name}'s results" if part == "version" else part: str(value)
         for stage in STAGES.values()
