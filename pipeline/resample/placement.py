@@ -7,7 +7,7 @@ flow.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -21,6 +21,7 @@ from pipeline.resample.kernels.pass_state import Changes, Limits, new_ring
 from pipeline.resample.kernels.rest_surface import (
     LATTICE,
     MAX_OPPOSITE,
+    RestRings,
     choose_nearest,
     keep_nearer,
     list_marked,
@@ -33,7 +34,13 @@ from pipeline.resample.kernels.rest_surface import (
     step_to_goals,
     tangent_frames,
 )
-from pipeline.resample.kernels.split import BIRTH_HALFEDGE, curved_midpoints, place_vertices, rest_midpoints
+from pipeline.resample.kernels.split import (
+    BIRTH_HALFEDGE,
+    Midpoints,
+    curved_midpoints,
+    place_vertices,
+    rest_midpoints,
+)
 from pipeline.resample.thresholds import edges_by_angle
 
 RING, SCRATCH = new_ring(), np.empty(7)  # scratch arrays of the kernels that place vertices
@@ -104,7 +111,7 @@ class Curved(Placement):
 
     def place(self, mesh: HalfedgeMesh, births: Indices, limits: Limits) -> int:
         places, normals = np.empty((2, len(births), 3))
-        curved_midpoints(mesh.arrays, births, limits.hard_cosine, SCRATCH, places, normals)
+        curved_midpoints(mesh.arrays, births, limits.hard_cosine, Midpoints(places, normals, SCRATCH))
         moved = move_without_folds(mesh, births[:, BIRTH_HALFEDGE], places, places, limits)
         return len(births) - int(moved.sum())
 
@@ -141,41 +148,15 @@ def rest_of(mesh: HalfedgeMesh) -> Points:
     return mesh.arrays.attributes[: mesh.sizes[0], column : column + 3]
 
 
-@dataclass(frozen=True)
-class RestRings:
-    """The rings of vertices at rest.
-
-    spokes   (N,) a half-edge that leaves each vertex
-    centre   (N, 3) the vertices
-    corners  (N, K, 2, 3) the other corners of the surrounding faces, nan where there are fewer than K; on a
-             crease its two edges, each as twice the same corner
-    normals  (N, 3) unit, zero on creases
-    middle   (N, 3) the mean of the corners
-    sizes    (N,) the length of one spoke, scene units
-    """
-
-    spokes: Indices
-    centre: Points
-    corners: Points
-    normals: Vectors
-    middle: Points
-    sizes: Floats
-
-    @classmethod
-    def of(cls, mesh: HalfedgeMesh, spokes: Indices) -> RestRings:
-        many, vertices = len(spokes), mesh.arrays.vert[spokes]
-        opposite = np.empty((many, MAX_OPPOSITE, 2), np.int32)
-        opposite_corners(mesh.arrays, spokes, RING, opposite)
-        centre, normals, middle = np.empty((3, many, 3))
-        corners, sizes = np.empty((many, MAX_OPPOSITE, 2, 3)), np.empty(many)
-        columns = column_of(mesh, REST), column_of(mesh, REST_NORMAL)
-        attributes = mesh.arrays.attributes
-        measure_at_rest(attributes, vertices, *columns, opposite, centre, corners, normals, middle, sizes)
-        return cls(spokes, centre, corners, normals, middle, sizes)
-
-    def only(self, selected: AnyArray) -> RestRings:
-        """Return the rings of the vertices with a flag in `selected` (N,)."""
-        return RestRings(*(getattr(self, field.name)[selected] for field in fields(self)))
+def rest_rings(mesh: HalfedgeMesh, spokes: Indices) -> RestRings:
+    """Return the rings at rest of the vertices that these half-edges (N,) leave."""
+    many = len(spokes)
+    opposite = np.empty((many, MAX_OPPOSITE, 2), np.int32)
+    opposite_corners(mesh.arrays, spokes, RING, opposite)
+    centre, normals, middle = np.empty((3, many, 3))
+    rings = RestRings(spokes, centre, np.empty((many, MAX_OPPOSITE, 2, 3)), normals, middle, np.empty(many))
+    measure_at_rest(mesh.arrays, column_of(mesh, REST), column_of(mesh, REST_NORMAL), opposite, rings)
+    return rings
 
 
 PointMap = Callable[[Points], Points]
@@ -278,11 +259,10 @@ class Exact(Placement):
         if self.project is not None and mesh.column(NORMAL) is None and not mesh.arrays.tagged.any():
             last = int(mesh.sizes[0])
             return rest_of(mesh)[last - len(births) :].copy(), normals, sizes
-        middles = np.empty((len(births), 3))
         rest = np.empty_like(mesh.arrays.points)  # only the rows of a few rings are used and take memory
-        columns = column, column_of(mesh, REST_NORMAL)
-        rest_midpoints(mesh.arrays, births, *columns, RING, rest, SCRATCH, middles, normals, sizes)
-        return middles, normals, sizes
+        found = Midpoints(np.empty((len(births), 3)), normals, SCRATCH)
+        rest_midpoints(mesh.arrays, births, column, column_of(mesh, REST_NORMAL), RING, rest, found, sizes)
+        return found.places, normals, sizes
 
     def restore(self, mesh: HalfedgeMesh, limits: Limits) -> None:
         """Carry vertices that had to stay off the surface back onto it, where no face then folds.
@@ -297,7 +277,7 @@ class Exact(Placement):
         goals = self._project(rest_of(mesh)[mesh.arrays.vert[spokes]])
         moved = move_without_folds(mesh, spokes, self._carry(goals), goals, limits)
         if not moved.all():
-            rings = RestRings.of(mesh, spokes[~moved])
+            rings = rest_rings(mesh, spokes[~moved])
             moved[~moved] = self._move_to_middle(mesh, rings, limits)
         astray = mesh.arrays.vert[spokes[moved]]
         _write(mesh, ASTRAY, astray, np.zeros((len(astray), 1)))
@@ -308,12 +288,13 @@ class Exact(Placement):
         Returns flags (N,) of those that moved. Where the flow shears or stretches unevenly, the midpoint of
         an edge at rest is now far from the middle of the edge, and beyond the faces beside it.
         """
-        rings = RestRings.of(mesh, spokes)
+        rings = rest_rings(mesh, spokes)
         goals = mesh.vertices[mesh.arrays.vert[spokes]]
         nearest_rest, places = closest_points(self._carry, self._project, rings.centre, rings.corners, goals)
         moved = self._move(mesh, rings, nearest_rest, places, limits)
         if not moved.all():
-            moved[~moved] = self._move_to_middle(mesh, rings.only(~moved), limits)
+            others = RestRings._make(values[~moved] for values in rings)
+            moved[~moved] = self._move_to_middle(mesh, others, limits)
         return moved
 
     def _move_to_middle(self, mesh: HalfedgeMesh, rings: RestRings, limits: Limits) -> AnyArray:

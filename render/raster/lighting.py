@@ -69,9 +69,8 @@ def stage_radiance(stage: Stage, sky: Sky, light: FloorLight) -> NDArray[np.floa
     seen_at = np.arctan2(profile[:, 1] - EYE_HEIGHT, profile[:, 0])
     towards = directions()
     elevation = np.arcsin(np.clip(towards[:, 1], -1.0, 1.0))
-    radius, height, inward, upward = (
-        np.interp(elevation, seen_at, column) for column in (*profile.T, *slopes.T)
-    )
+    columns = (np.interp(elevation, seen_at, column) for column in (*profile.T, *slopes.T))
+    radius, height, inward, upward = columns
     on_floor = height == 0.0
     radius[on_floor] = EYE_HEIGHT / np.tan(np.maximum(-elevation[on_floor], 1e-3))
     level = np.hypot(towards[:, 0], towards[:, 2])

@@ -13,6 +13,7 @@ from pipeline.resample.kernels.pass_state import Changes, Limits, new_ring
 from pipeline.resample.kernels.split import (
     BIRTH_HALFEDGE,
     BIRTH_SIZE,
+    Midpoints,
     classify_around,
     curved_midpoints,
     incoming,
@@ -118,7 +119,7 @@ def test_the_births_of_a_pass_name_the_half_edges_of_their_own_edge(mesh: Triang
 def middles(mesh: TriangleMesh, longest: float) -> tuple[Points, Vectors, Points]:
     live, births = cut(mesh, longest)
     places, normals = np.empty((len(births), 3)), np.empty((len(births), 3))
-    curved_midpoints(live.arrays, births, HARD, np.empty(7), places, normals)
+    curved_midpoints(live.arrays, births, HARD, Midpoints(places, normals, np.empty(7)))
     chords = mesh.vertices[births[:, :2]].mean(axis=1)
     return places, normals, chords
 

@@ -269,16 +269,6 @@ def _looks_inwards(mesh: MeshArrays, f: int, limits: Limits) -> bool:
     return a >= 0 and is_inverted(mesh.attributes, limits, a, vert[i + np.uint64(1)], vert[i + np.uint64(2)])
 
 
-@kernel(numba.boolean(MESH_ARRAYS, numba.int64, LIMITS, CHANGES), **LEAN)
-def _untangle_face(mesh: MeshArrays, f: int, limits: Limits, changes: Changes) -> bool:
-    """Flip the first edge of a face with which fewer faces then look inwards; return whether there is one."""
-    for h in range(3 * f, 3 * f + 3):
-        if can_untangle(mesh, h, limits):
-            flip_and_touch(mesh, h, changes)
-            return True
-    return False
-
-
 @kernel(_PAIR(MESH_ARRAYS, INTS, LIMITS, CHANGES))
 def untangle(mesh: MeshArrays, faces: Indices, limits: Limits, changes: Changes) -> tuple[int, int]:
     """Flip an edge of each of these faces that looks inwards at rest, where fewer then do.
@@ -287,11 +277,14 @@ def untangle(mesh: MeshArrays, faces: Indices, limits: Limits, changes: Changes)
     """
     flips, left = 0, 0
     for f in faces:
-        if _looks_inwards(mesh, f, limits):
-            if _untangle_face(mesh, f, limits, changes):
-                flips += 1
-            else:
-                left += 1
+        if not _looks_inwards(mesh, f, limits):
+            continue
+        left += 1
+        for h in range(3 * f, 3 * f + 3):
+            if can_untangle(mesh, h, limits):
+                flip_and_touch(mesh, h, changes)
+                flips, left = flips + 1, left - 1
+                break
     return flips, left
 
 

@@ -6,6 +6,7 @@ The latter relaxes the vertices of badly shaped triangles that gain by moving wi
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -90,29 +91,45 @@ def opposite_corners(mesh: MeshArrays, spokes: Indices, ring: Ring, corners: Ind
             corners[i, k, 1] = ring.vertex[k + 1]
 
 
-@kernel((MATRIX, INTS, numba.int64, numba.int64, _CORNER_PAIRS, MATRIX, _CORNERS, MATRIX, MATRIX, VECTOR))
+class RestRings(NamedTuple):
+    """The rings of vertices at rest.
+
+    spokes   (N,) a half-edge that leaves each vertex
+    centre   (N, 3) the vertices
+    corners  (N, K, 2, 3) the other corners of the surrounding faces, nan where there are fewer than K; on a
+             crease its two edges, each as twice the same corner
+    normals  (N, 3) unit, zero on creases
+    middle   (N, 3) the mean of the corners
+    sizes    (N,) the length of one spoke, scene units
+    """
+
+    spokes: Indices
+    centre: Points
+    corners: Points
+    normals: Vectors
+    middle: Points
+    sizes: Floats
+
+
+_RINGS = numba.types.NamedTuple([INTS, MATRIX, _CORNERS, MATRIX, MATRIX, VECTOR], RestRings)
+
+
+@kernel((MESH_ARRAYS, numba.int64, numba.int64, _CORNER_PAIRS, _RINGS))
 def measure_at_rest(
-    attributes: Points,
-    vertices: Indices,
-    column: int,
-    normal_column: int,
-    opposite: Indices,
-    centre: Points,
-    corners: Points,
-    normals: Vectors,
-    middle: Points,
-    sizes: Floats,
+    mesh: MeshArrays, column: int, normal_column: int, opposite: Indices, rings: RestRings
 ) -> None:
-    """Fill the arrays of `RestRings` for these vertices (N,), given their `opposite_corners`.
+    """Fill all arrays of rings except their spokes, given the `opposite_corners` of their vertices.
 
     column, normal_column  the first columns of the rest position and the rest normal
     """
-    for i in range(len(vertices)):
+    attributes, (spokes, centre, corners, normals, middle, sizes) = mesh.attributes, rings
+    for i in range(len(spokes)):
+        vertex = mesh.vert[spokes[i]]
         many, squares, length = 0, 0.0, 0.0
         is_line = opposite[i, 0, 0] == opposite[i, 0, 1]
         for k in range(3):
-            centre[i, k] = attributes[vertices[i], column + k]
-            normals[i, k] = 0.0 if is_line else attributes[vertices[i], normal_column + k]
+            centre[i, k] = attributes[vertex, column + k]
+            normals[i, k] = 0.0 if is_line else attributes[vertex, normal_column + k]
             squares += normals[i, k] ** 2
             middle[i, k] = 0.0
         for j in range(MAX_OPPOSITE):

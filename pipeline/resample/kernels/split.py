@@ -7,6 +7,7 @@ is that of now or, with exact placement, the one at rest.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -247,6 +248,20 @@ def classify_around(
             classify_edge(mesh, h, limits, long_edges, changes)
 
 
+class Midpoints(NamedTuple):
+    """Places of the new vertices of a round on a smooth surface.
+
+    places   (N, 3)
+    normals  (N, 3) unit; zero on creases
+    scratch  (7,)
+    """
+
+    places: Points
+    normals: Vectors
+    scratch: Floats
+
+
+_MIDPOINTS = numba.types.NamedTuple([MATRIX, MATRIX, VECTOR], Midpoints)
 _LEAST_COSINE = 0.5  # a crease that turns by more than 60 degrees has a corner there
 _MOST_RISE = 0.342  # of an edge, along the normal at an end: sine of 20 degrees; with more the end is a tip
 _LEVEL = 1e-9  # the most that normals differ, and that edges rise by their length, in a plane
@@ -366,15 +381,13 @@ def _tangent(mesh: MeshArrays, v: int, to: int, beyond: int, at: int, out: Float
     return True
 
 
-@kernel((MESH_ARRAYS, numba.int64, numba.int64, numba.float64, VECTOR, MATRIX, numba.int64), **LEAN)
-def _bend_crease(
-    mesh: MeshArrays, h: int, new: int, cosine: float, scratch: Floats, places: Points, i: int
-) -> None:
-    """Move `places[i]` from the midpoint of a crease's edge onto the crease's curve (cubic Hermite).
+@kernel((MESH_ARRAYS, numba.int64, numba.int64, numba.float64, _MIDPOINTS, numba.int64), **LEAN)
+def _bend_crease(mesh: MeshArrays, h: int, new: int, cosine: float, middles: Midpoints, i: int) -> None:
+    """Move place i from the midpoint of a crease's edge onto the crease's curve (cubic Hermite).
 
     Where the crease begins or ends at a corner, the curve is taken for a circle.
     """
-    vert, points = mesh.vert, mesh.points
+    vert, points, places, scratch = mesh.vert, mesh.points, middles.places, middles.scratch
     a, middle, b = vert[h], vert[new], vert[following(new)]
     begins = _tangent(mesh, a, b, _next_along_crease(mesh, h, middle, cosine), 0, scratch)
     ends = _tangent(mesh, b, a, _next_along_crease(mesh, following(new), middle, cosine), 3, scratch)
@@ -400,18 +413,9 @@ def _face_width(points: Points, a: int, b: int, length: float, c: int, d: int) -
     return math.sqrt(min(x * x + y * y + z * z, u * u + v * v + w * w)) / length
 
 
-@kernel((MESH_ARRAYS, numba.int64, numba.int64, numba.float64, VECTOR, MATRIX, MATRIX, numba.int64), **LEAN)
-def _bend_patch(
-    mesh: MeshArrays,
-    h: int,
-    new: int,
-    cosine: float,
-    scratch: Floats,
-    places: Points,
-    normals: Vectors,
-    i: int,
-) -> None:
-    """Move `places[i]` from the midpoint of a soft edge onto the cubic normal to the surface at both ends.
+@kernel((MESH_ARRAYS, numba.int64, numba.int64, numba.float64, _MIDPOINTS, numba.int64), **LEAN)
+def _bend_patch(mesh: MeshArrays, h: int, new: int, cosine: float, middles: Midpoints, i: int) -> None:
+    """Move place i from the midpoint of a soft edge onto the cubic normal to the surface at both ends.
 
     A tip, such as that of a cone, has no tangent plane: the curve leaves it along the edge. Otherwise long
     faces around it would bulge, and a cone would gain up to a third of its volume. An end is a tip if its
@@ -421,6 +425,7 @@ def _bend_patch(
     Source: Vlachos, Peters, Boyd & Mitchell, *Curved PN Triangles* (2001), the border curve at one half.
     """
     points, vert = mesh.points, mesh.vert
+    places, normals, scratch = middles
     a, b = vert[h], vert[following(new)]
     a_is_smooth = side_normal(mesh, h, cosine, scratch, 0)
     b_is_smooth = side_normal(mesh, mesh.twin[new], cosine, scratch, 3)
@@ -449,44 +454,35 @@ def _bend_patch(
         normals[i, k] /= math.sqrt(norm) if norm > 0.0 else 1.0
 
 
-@kernel((MESH_ARRAYS, numba.int64, numba.int64, numba.float64, VECTOR, MATRIX, MATRIX, numba.int64), **LEAN)
+@kernel((MESH_ARRAYS, numba.int64, numba.int64, numba.float64, _MIDPOINTS, numba.int64), **LEAN)
 def set_curved_midpoint(
-    mesh: MeshArrays,
-    h: int,
-    new: int,
-    cosine: float,
-    scratch: Floats,
-    places: Points,
-    normals: Vectors,
-    i: int,
+    mesh: MeshArrays, h: int, new: int, cosine: float, middles: Midpoints, i: int
 ) -> None:
     """Set the place and the normal of the new vertex of the edge that h is the first half of."""
     a, b = mesh.vert[h], mesh.vert[following(new)]
     for k in range(3):
-        places[i, k] = 0.5 * (mesh.points[a, k] + mesh.points[b, k])
-        normals[i, k] = 0.0
+        middles.places[i, k] = 0.5 * (mesh.points[a, k] + mesh.points[b, k])
+        middles.normals[i, k] = 0.0
     if _is_hard(mesh, h, cosine):
-        _bend_crease(mesh, h, new, cosine, scratch, places, i)
+        _bend_crease(mesh, h, new, cosine, middles, i)
     else:
-        _bend_patch(mesh, h, new, cosine, scratch, places, normals, i)
+        _bend_patch(mesh, h, new, cosine, middles, i)
 
 
-@kernel((MESH_ARRAYS, _TABLE, numba.float64, VECTOR, MATRIX, MATRIX))
-def curved_midpoints(
-    mesh: MeshArrays, births: Indices, cosine: float, scratch: Floats, places: Points, normals: Vectors
-) -> None:
+@kernel((MESH_ARRAYS, _TABLE, numba.float64, _MIDPOINTS))
+def curved_midpoints(mesh: MeshArrays, births: Indices, cosine: float, middles: Midpoints) -> None:
     """Compute positions and normals of the new vertices of `births` (N, BIRTH_SIZE) on a smooth surface.
 
-    Soft edges bend with the normals at their ends, which stop at creases. Crease edges bend with the crease
-    and get a zero normal. Flat faces and straight creases stay exact. With a cosine of -1 only tagged edges
-    and boundaries are creases. `scratch` has seven entries.
+    Soft edges bend with the normals at their ends, which stop at creases. Crease edges bend with the crease.
+    Flat faces and straight creases stay exact. With a cosine of -1 only tagged edges and boundaries are
+    creases.
     """
     if len(births):
-        scratch[6] = mesh.vert[births[0, BIRTH_HALFEDGE]]
+        middles.scratch[6] = mesh.vert[births[0, BIRTH_HALFEDGE]]
     for i in range(len(births)):
         new = births[i, BIRTH_HALFEDGE]
         h = incoming(mesh, new, births[i, 0])
-        set_curved_midpoint(mesh, h, new, cosine, scratch, places, normals, i)
+        set_curved_midpoint(mesh, h, new, cosine, middles, i)
 
 
 @kernel((MESH_ARRAYS, numba.int64, numba.int64, RING, MATRIX), **LEAN)
@@ -518,7 +514,7 @@ def _is_level(attributes: Points, column: int, normal_column: int, a: int, b: in
     return bool(is_across and leaning <= _LEVEL * _LEVEL and abs(size - 1.0) <= _LEVEL)
 
 
-@kernel((MESH_ARRAYS, _TABLE, numba.int64, numba.int64, RING, MATRIX, VECTOR, MATRIX, MATRIX, VECTOR))
+@kernel((MESH_ARRAYS, _TABLE, numba.int64, numba.int64, RING, MATRIX, _MIDPOINTS, VECTOR))
 def rest_midpoints(
     mesh: MeshArrays,
     births: Indices,
@@ -526,9 +522,7 @@ def rest_midpoints(
     normal_column: int,
     ring: Ring,
     rest: Points,
-    scratch: Floats,
-    places: Points,
-    normals: Vectors,
+    middles: Midpoints,
     sizes: Floats,
 ) -> None:
     """Compute what `curved_midpoints` does on the surface at rest, where only tagged edges are creases.
@@ -539,6 +533,7 @@ def rest_midpoints(
     sizes                  (N,) receives the length of each edge
     """
     attributes, vert = mesh.attributes, mesh.vert
+    places, normals, scratch = middles
     at_rest = MeshArrays(rest, attributes, mesh.blends, vert, mesh.twin, mesh.tagged)
     if len(births):
         scratch[6] = vert[births[0, BIRTH_HALFEDGE]]
@@ -554,7 +549,7 @@ def rest_midpoints(
         else:
             _copy_ring_at_rest(mesh, h, column, ring, rest)
             _copy_ring_at_rest(mesh, following(new), column, ring, rest)
-            set_curved_midpoint(at_rest, h, new, ONLY_TAGGED, scratch, places, normals, i)
+            set_curved_midpoint(at_rest, h, new, ONLY_TAGGED, middles, i)
         for k in range(3):
             squares += (attributes[b, column + k] - attributes[a, column + k]) ** 2
             known += abs(normals[i, k])
