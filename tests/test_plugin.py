@@ -124,21 +124,30 @@ def marbling(environment):
     return environment
 
 
-def test_a_shot_is_made_of_a_flow_and_a_look_of_a_plug_in_and_made_again_with_its_next_version(marbling):
-    shot = marbling.folder / "shots" / "A010_ink.yaml"
-    setting = ("--set", "flows.0.marbling.swirl.strength=3")
+def test_a_shot_is_made_of_a_flow_of_a_plug_in_and_made_again_with_its_next_version(marbling):
+    shot, setting = (
+        marbling.folder / "shots" / "A010_ink.yaml",
+        ("--set", "flows.0.marbling.swirl.strength=3"),
+    )
     assert marbling.run("simulate", "A010_ink", *setting).returncode == 0
-    assert json.loads(marbling.run("--json", "status", "A010_ink").stdout)
     shot.write_text(INKED.replace("strength: 2", "strength: 3"))
     assert "1-3   –      –" in marbling.run("status", "A010_ink").stdout
     (marbling.folder / "marbling.py").write_text(MARBLING.replace("1.0", "1.1"))
     assert "1     2-3    –" in marbling.run("status", "A010_ink").stdout, (
         "a version decides what the flow moves"
     )
-    shot.write_text(shot.read_text().replace("marbling.swirl: {strength: 3}", "twist: {amount: 20}"))
-    assert marbling.run("simulate", "A010_ink").returncode == 0
-    (marbling.folder / "marbling.py").write_text(MARBLING.replace("1.0", "1.2"))
-    assert "1-3   –      –" in marbling.run("status", "A010_ink").stdout, "and nothing else"
+
+
+def test_the_version_of_a_plug_in_decides_nothing_of_shots_without_it(marbling):
+    shot = marbling.folder / "shots" / "A010_ink.yaml"
+    shot.write_text(INKED.replace("marbling.swirl: {strength: 2}", "twist: {amount: 20}"))
+    plans = []
+    for version in ("1.0", "1.2"):
+        (marbling.folder / "marbling.py").write_text(MARBLING.replace("1.0", version))
+        plans.append(json.loads(marbling.run("--json", "--dry-run", "simulate", "A010_ink").stdout)["jobs"])
+    assert plans[0] == plans[1] and plans[0][0]["job"].startswith("simulate_A010_ink"), (
+        "names of jobs hold keys"
+    )
 
 
 def test_flows_and_looks_of_plug_ins_are_listed_completed_and_proposed(marbling):
