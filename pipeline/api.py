@@ -32,9 +32,14 @@ if TYPE_CHECKING:
     from pipeline.mesh import TriangleMesh as TriangleMesh
     from pipeline.mesh import box as box
     from pipeline.mesh import icosphere as icosphere
+    from pipeline.mesh.mesh_formats import MeshFormat as MeshFormat
     from pipeline.plugin import Command as Command
     from pipeline.plugin import PictureStage as PictureStage
     from pipeline.plugin import Plugin as Plugin
+    from pipeline.production.picture_sequences import PictureSequence as PictureSequence
+    from pipeline.production.picture_sequences import SequenceQuery as SequenceQuery
+    from pipeline.production.store.remote_store import RemoteStore as RemoteStore
+    from pipeline.production.store.remote_store import RemoteStores as RemoteStores
     from pipeline.resample import Chord as Chord
     from pipeline.resample import Curved as Curved
     from pipeline.resample import Exact as Exact
@@ -67,7 +72,10 @@ _MODULES = {
     "pipeline.flow.velocity": ("ExternalField",),
     "pipeline.kernels": ("block_kernel",),
     "pipeline.mesh": ("TriangleMesh", "box", "icosphere"),
+    "pipeline.mesh.mesh_formats": ("MeshFormat",),
     "pipeline.plugin": ("Command", "PictureStage", "Plugin"),
+    "pipeline.production.picture_sequences": ("PictureSequence", "SequenceQuery"),
+    "pipeline.production.store.remote_store": ("RemoteStore", "RemoteStores"),
     "pipeline.resample": ("Chord", "Curved", "Exact", "Resampler", "Thresholds", "resample"),
     "pipeline.shot": ("read_shot",),
     "pipeline.shot.documents.field_types": ("Document",),

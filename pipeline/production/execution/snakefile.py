@@ -123,7 +123,7 @@ class PlannedWorkflow:
     def movie_key(self, rule: str, wildcards: Any) -> str:
         """Return the key by which Snakemake knows a movie: another one makes it encode the movie again.
 
-        While the movie is right, it is the key that Snakemake knows it by.
+        A movie that is up to date keeps the key that Snakemake recorded.
         """
         job = self._job(rule, wildcards)
         try:

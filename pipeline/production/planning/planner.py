@@ -57,7 +57,7 @@ class PlanEntry:
     """A request in the plan, and what is known of its pictures.
 
     keys        those of its pictures; None where its cameras are not known
-    comparable  what stands for the keys must tell equal pictures of other shot files
+    comparable  keys are needed even before cameras are known, to find equal pictures of other requests
     wanted      mesh frames that jobs need and the store lacks
     wholes      places of the requests that show the subject with others, for an entry of one of several
     """
