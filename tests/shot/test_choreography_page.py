@@ -10,7 +10,7 @@ import pytest
 from pipeline.flow import EASINGS
 from pipeline.flow.regions import FALLOFF_TYPES
 from pipeline.shot import read_shot
-from pipeline.shot.documents.flow_entries import SHAPES, FlowDocument
+from pipeline.shot.documents.flow_entries import FlowDocument, RegionDocument
 
 PROJECT = Path(__file__).parents[2]
 PAGE = (PROJECT / "docs" / "choreography.md").read_text(encoding="utf-8")
@@ -28,5 +28,5 @@ def test_the_page_names_what_there_is() -> None:
     words = set(re.findall(r"`(\w+)`", PAGE))
     families = {name.rsplit("_in", 1)[0].removesuffix("_out") for name in EASINGS}
     compositions = {"sequence", "sum", "within", "blend", "placed", "mirrored", "reversed", "repeated"}
-    assert families | compositions | set(SHAPES) | set(FALLOFF_TYPES) | {"bezier"} <= words
+    assert families | compositions | set(RegionDocument.several) | set(FALLOFF_TYPES) | {"bezier"} <= words
     assert compositions <= set(FlowDocument.model_fields)
