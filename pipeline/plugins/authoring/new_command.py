@@ -17,7 +17,7 @@ import typer
 from pipeline.cli.options import Common
 from pipeline.cli.output import print_result, print_warning
 from pipeline.errors import FlowsculptError, UsageError, suggestion
-from pipeline.plugins.authoring.schema_command import SCHEMAS, names_with_defaults, write_schemas, write_text
+from pipeline.plugins.authoring.schema_command import SCHEMAS, defaults_of, write_schemas, write_text
 from pipeline.plugins.authoring.shot_templates import (
     FIRST_SHOT,
     FLOW_FILES,
@@ -147,7 +147,7 @@ def _of_source(source: str, name: str) -> _NewShot:
     """Return a new shot of a flow, or the copy of a shot."""
     if source in DOCUMENTS:
         beside = FLOW_FILES.get(source)
-        text = without_shared(shot_of_flow(source, name), names_with_defaults(SHOTS))
+        text = without_shared(shot_of_flow(source, name), defaults_of(SHOTS))
         return _NewShot(text, {SHOTS / f"{name}{beside[0]}": beside[1]} if beside else {})
     known = shot_names()
     if source not in known and not source.endswith((".yaml", ".yml")):
@@ -181,7 +181,7 @@ def _of_model(model: Path, source: str, name: str) -> _NewShot:
         if not _same_contents(model, copied):
             beside[copied] = partial(shutil.copyfile, place)
     template = model_template(place, reference)
-    text = without_shared(shot_of_flow(source, name, template), names_with_defaults(SHOTS))
+    text = without_shared(shot_of_flow(source, name, template), defaults_of(SHOTS))
     return _NewShot(text, beside, [where, *template.notes])
 
 

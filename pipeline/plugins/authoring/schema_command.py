@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -79,7 +79,7 @@ def write_text(path: Path, text: str) -> None:
 
 def _schema_of(kind: str, folder: Path) -> dict[str, Any]:
     if kind == "shot":
-        return shot_schema(names_with_defaults(folder))
+        return shot_schema(defaults_of(folder))
     if kind in (others := plugins().schemas):
         return dict(named(others[kind]).model_json_schema())
     return film_schema() if kind == "film" else defaults_schema()
@@ -89,13 +89,13 @@ def _as_text(content: dict[str, Any]) -> str:
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
-def names_with_defaults(folder: Path) -> list[str]:
-    """Return the names that the defaults of a folder give; none if they cannot be read."""
+def defaults_of(folder: Path) -> Mapping[str, Any]:
+    """Return the defaults of a folder; empty if they cannot be read."""
     try:
         data = YamlSource.read(folder / DEFAULTS).data
     except FlowsculptError:
-        return []
-    return list(data) if isinstance(data, dict) else []
+        return {}
+    return data if isinstance(data, dict) else {}
 
 
 def flows(

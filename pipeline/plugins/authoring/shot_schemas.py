@@ -8,7 +8,8 @@ within the shot, what a formula means and what a shot extends is for `flowsculpt
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from pydantic import BaseModel
@@ -21,7 +22,9 @@ from pipeline.flow.flow import PythonFlow
 from pipeline.flow.parameters import Parameter, summary
 from pipeline.shot.documents.flow_documents import DOCUMENTS, FlowParameters, description_of
 from pipeline.shot.documents.flow_entries import FlowDocument, VelocityDocument
+from pipeline.shot.documents.look_documents import LOOKS
 from pipeline.shot.documents.shot_documents import FilmDocument, ShotDocument
+from render.scene.scene_lights import LIGHTS
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -31,12 +34,16 @@ BEGIN, END = "<!-- from the code: flowsculpt flows --markdown -->", "<!-- to her
 Schema = dict[str, Any]
 
 
-def shot_schema(defaults: Collection[str] = ()) -> Schema:
-    """Return the schema of shot files beside a `defaults.yaml` that sets the names in `defaults`.
+def shot_schema(defaults: Mapping[str, Any] = MappingProxyType({})) -> Schema:
+    """Return the schema of shot files beside a `defaults.yaml` that holds `defaults`.
 
-    Names without a default are required unless the shot extends another, which may set them.
+    Names without a default are required unless the shot extends another, which may set them. Editors propose
+    the looks and light rigs that `defaults` names.
     """
     schema = schema_of(ShotDocument, "A shot of flowsculpt")
+    for registry, name in ((LOOKS, "looks"), (LIGHTS, "rigs")):
+        named = defaults.get(name)
+        _let_shows_name(schema, list(registry), list(named) if isinstance(named, Mapping) else [])
     needs = {name: _extracted_needs(value, schema["$defs"]) for name, value in schema["properties"].items()}
     alone: Schema = {
         "required": [name for name in schema.pop("required") if name not in defaults],
@@ -61,6 +68,13 @@ def defaults_schema() -> Schema:
 def film_schema() -> Schema:
     """Return the schema of film files."""
     return schema_of(FilmDocument, "A film of flowsculpt")
+
+
+def _let_shows_name(schema: Schema, known: list[str], named: list[str]) -> None:
+    """Propose names instead of demanding them: `looks` and `rigs` of a shot or a parent may define others."""
+    for inner in list(_mappings(schema)):
+        if inner.get("enum") == known:
+            inner["anyOf"] = [{"enum": inner.pop("enum") + named}, {"type": "string"}]
 
 
 class _Generator(GenerateJsonSchema):

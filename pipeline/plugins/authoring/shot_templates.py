@@ -435,7 +435,7 @@ def show_files(name: str, shots: Sequence[str]) -> Mapping[str, str]:
     }
 
 
-def without_shared(text: str, shared: Sequence[str]) -> str:
+def without_shared(text: str, shared: Iterable[str]) -> str:
     """Return the text of a new shot without the values, each in one line, that defaults give."""
     for name in set(SHARED) & set(shared):
         text = re.sub(rf"^{name}: .*\n", "", text, count=1, flags=re.MULTILINE)
