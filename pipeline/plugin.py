@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, fields
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
@@ -157,7 +157,7 @@ class Plugins:
                 try:
                     found[name] = make(plugin, name, named(place))
                 except (Exception, SystemExit) as error:  # a stranger's module may raise anything
-                    LOG.warning(f"plug-in {plugin.name}: {name} is left out: {type(error).__name__}: {error}")
+                    LOG.warning(f"plug-in {plugin.name}: {name} is left out: {_told(error)}")
         return found
 
     def lacking(self, name: str) -> str | None:
@@ -201,22 +201,28 @@ class Plugins:
     @property
     def watchers(self) -> list[Any]:
         """The functions that watch runs."""
-        return [named(function) for plugin in self for function in plugin.watchers]
+        return self._functions((plugin.name, place) for plugin in self for place in plugin.watchers)
 
     @property
     def summaries(self) -> list[Any]:
         """The functions that sum up runs."""
-        return [named(function) for plugin in self for function in plugin.summaries]
+        return self._functions((plugin.name, place) for plugin in self for place in plugin.summaries)
 
     @property
     def sequences(self) -> list[Any]:
         """The functions that yield sequences of pictures."""
-        return [named(function) for plugin in self for function in plugin.sequences]
+        return self._functions((plugin.name, place) for plugin in self for place in plugin.sequences)
 
     @property
     def notes(self) -> list[Any]:
         """The functions that return files of notes."""
-        return [named(plugin.notes) for plugin in self if plugin.notes]
+        return self._functions((plugin.name, plugin.notes) for plugin in self if plugin.notes)
+
+    @staticmethod
+    def _functions(places: Iterable[tuple[str, str]]) -> list[Any]:
+        """Return the functions at places of plug-ins, without those that cannot be imported."""
+        found = (_function(plugin, place) for plugin, place in places)
+        return [function for function in found if function is not None]
 
 
 @cache
@@ -225,16 +231,19 @@ def plugins() -> Plugins:
     loaded: dict[str, Plugin] = {}
     faults: list[str] = []
     taken: dict[str, str] = {}  # what a plug-in adds, and the name of the plug-in
+    packages: dict[str, str] = {}  # by the names of plug-ins
     for entry in sorted(entry_points(group=GROUP), key=_order):
         try:
             plugin = _loaded(entry)
         except (Exception, SystemExit) as error:  # a stranger's module may raise anything
-            faults.append(f"plug-in {entry.name} is left out: {type(error).__name__}: {error}")
+            faults.append(f"plug-in {entry.name} ({entry.value}) is left out: {_told(error)}")
             continue
-        if fault := _refusal(plugin, loaded, taken):
+        package = entry.dist.name if entry.dist else entry.module
+        if fault := _refusal(plugin, package, packages, taken):
             faults.append(f"plug-in {entry.name} ({entry.value}) is left out: {fault}")
             continue
         loaded[plugin.name] = plugin
+        packages[plugin.name] = package
         taken |= dict.fromkeys(_added(plugin), plugin.name)
     return Plugins(loaded, tuple(faults))
 
@@ -242,7 +251,30 @@ def plugins() -> Plugins:
 def named(place: str) -> Any:
     """Return what "module:name" names, importing the module."""
     module, _, name = place.partition(":")
+    if not name:
+        raise ValueError(f'{place!r} is not "module:name"')
     return getattr(import_module(module), name)
+
+
+@cache
+def _function(plugin: str, place: str) -> Any:
+    """Return a function of a plug-in; None, with a warning the first time, where it cannot be imported."""
+    try:
+        return named(place)
+    except (Exception, SystemExit) as error:  # a stranger's module may raise anything
+        if place.startswith("pipeline."):
+            raise
+        LOG.warning(f"plug-in {plugin}: {place} is left out: {_told(error)}")
+        return None
+
+
+def _told(error: BaseException) -> str:
+    """Return what a stranger's module raised, in one line."""
+    line = " ".join(f"{type(error).__name__}: {error}".split())
+    of_api = isinstance(error, ImportError) and error.name == "pipeline.api"
+    if of_api or line.startswith("TypeError: Plugin.__init__() got an unexpected keyword"):
+        return f"{line}; a later flowsculpt may have it"
+    return line
 
 
 def _order(entry: EntryPoint) -> tuple[bool, bool, str]:
@@ -261,14 +293,44 @@ def _loaded(entry: EntryPoint) -> Plugin:
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
-def _refusal(plugin: Plugin, loaded: Mapping[str, Plugin], taken: Mapping[str, str]) -> str | None:
-    """Return why a plug-in cannot be used next to those that are loaded; None where it can."""
-    if plugin.api > API:
+def _each(values: Any, kind: type) -> bool:
+    """Return whether `values` is a mapping of names to values of a kind."""
+    return isinstance(values, Mapping) and all(
+        isinstance(name, str) and isinstance(value, kind) for name, value in values.items()
+    )
+
+
+_KINDS: Mapping[str, tuple[Callable[[Any], bool], str]] = {
+    "str": (lambda value: isinstance(value, str), "text"),
+    "int": (lambda value: isinstance(value, int), "a whole number"),
+    "tuple[str, ...]": (
+        lambda value: isinstance(value, tuple) and all(isinstance(place, str) for place in value),
+        'a tuple of "module:name"',
+    ),
+    "Mapping[str, str]": (lambda value: _each(value, str), 'a dict of names and "module:name"'),
+    "Mapping[str, PictureStage]": (
+        lambda value: _each(value, PictureStage),
+        "a dict of names and PictureStages",
+    ),
+    "Mapping[str, Command]": (lambda value: _each(value, Command), "a dict of names and Commands"),
+}
+"""What tells whether the value of a field of `Plugin` is of the field's type, and the type in words."""
+
+
+def _refusal(
+    plugin: Plugin, package: str, packages: Mapping[str, str], taken: Mapping[str, str]
+) -> str | None:
+    """Return why a plug-in of a package cannot be used next to those that are loaded; None where it can."""
+    if isinstance(plugin.api, int) and plugin.api > API:
         return f"it is built for version {plugin.api} of the API, and this is {API}; update flowsculpt"
+    for each in fields(plugin):
+        fits, words = _KINDS[str(each.type)]
+        if not fits(getattr(plugin, each.name)):
+            return f"its field {each.name} is not {words}"
     if not _NAME.fullmatch(plugin.name):
         return f"its name {plugin.name!r} is not a letter followed by letters, digits and _"
-    if plugin.name in loaded:
-        return f"there is another plug-in {plugin.name}; uninstall one of the two"
+    if other := packages.get(plugin.name):
+        return f"packages {other} and {package} both have a plug-in {plugin.name}; uninstall one of the two"
     for name, stage in plugin.stages.items():
         if (stage.reads, stage.makes) != ("raw", "raw"):
             made = f"makes {stage.makes} of {stage.reads}" if stage.makes else "makes nothing"

@@ -202,8 +202,41 @@ def plugin(name: str = "greeter", rest: str = "") -> str:
             "PLUGIN = Plugin('mute', '1', stages={'hush': PictureStage('mute:hush', 1, 'hushing')})",
             "its stage hush has no entry among documents, so no shot could ask for it",
         ),
+        ("lines", "raise ValueError('one\\ntwo')", "ValueError: one two"),
+        (
+            "wider",
+            plugin("wider", ", lenses={}"),
+            "keyword argument 'lenses'; a later flowsculpt may have it",
+        ),
+        ("newer", "from pipeline.api import Lens", "; a later flowsculpt may have it"),
+        ("number", plugin("number", ", api='1'"), "its field api is not a whole number"),
+        (
+            "nameless",
+            "from pipeline.api import Plugin\nPLUGIN = Plugin(3, '1')",
+            "its field name is not text",
+        ),
+        (
+            "hasty",
+            plugin("hasty", ", stages={'mist': 'hasty:mist'}"),
+            "its field stages is not a dict of names and PictureStages",
+        ),
+        (
+            "curt",
+            plugin("curt", ", commands={'wave': 'curt:wave'}"),
+            "its field commands is not a dict of names and Commands",
+        ),
+        (
+            "row",
+            plugin("row", ", flows=['row:Ring']"),
+            'its field flows is not a dict of names and "module:name"',
+        ),
+        ("comma", plugin("comma", ", watchers=('comma:watch')"), 'watchers is not a tuple of "module:name"'),
         ("none", "PLUGIN = 3", "none:PLUGIN is not a pipeline.plugin.Plugin"),
-        ("twin", plugin("greeter"), "there is another plug-in greeter; uninstall one of the two"),
+        (
+            "twin",
+            plugin("greeter"),
+            "packages greeter and twin both have a plug-in greeter; uninstall one of the two",
+        ),
         (
             "rival",
             plugin("rival", ", commands={'greet': Command('rival:greet', '')}"),
@@ -260,3 +293,20 @@ def test_a_command_whose_module_does_not_load_ends_with_one_line(environment):
     done = environment.run("mend")
     assert done.returncode == 4 and done.stderr.count("\n") == 1
     assert "mend: its plug-in does not load: ModuleNotFoundError" in done.stderr
+
+
+def test_functions_of_a_plug_in_that_cannot_be_imported_are_left_out_with_a_line_each(environment):
+    rest = ", watchers=('broken_parts:watch',), sequences=('broken_parts',), notes='broken:notes'"
+    environment.install("broken", plugin("broken", rest))
+    ask = (
+        "from pipeline.plugin import plugins\nfor _ in 'ab': p = plugins(); p.watchers, p.sequences, p.notes"
+    )
+    call = [sys.executable, "-c", ask]
+    paths = {**os.environ, "PYTHONPATH": str(environment.folder)}
+    done = subprocess.run(call, env=paths, capture_output=True, text=True)
+    assert done.returncode == 0
+    assert done.stderr.splitlines() == [
+        "plug-in broken: broken_parts:watch is left out: ModuleNotFoundError: No module named 'broken_parts'",
+        "plug-in broken: broken_parts is left out: ValueError: 'broken_parts' is not \"module:name\"",
+        "plug-in broken: broken:notes is left out: AttributeError: module 'broken' has no attribute 'notes'",
+    ]
