@@ -317,7 +317,7 @@ PAST_FAILURES = (  # one line each, however long
         "stage",
         "index.usda",
         _bytes(_usda(_MESH % ("[3]", "[0, 1, 2147483647]", ""))),
-        "/A: face 0 names vertex 2147483647; the mesh has 3 points",
+        "/A: face 0 names vertex 2147483647; there are 3 vertices",
     ),
     PastFailure(
         "stage",

@@ -54,7 +54,7 @@ def test_it_is_the_one_that_the_command_draws(made: tuple[ProjectFolder, Plan]) 
 
 def test_an_edit_is_drawn_whole(made: tuple[ProjectFolder, Plan]) -> None:
     said = made[0].call("preview", "film", "--at", "3")
-    assert said.code == 2 and "film is an edit, which is always drawn whole" in said.err
+    assert said.code == 2 and "film is an edit, always drawn whole" in said.err
 
 
 def test_the_first_finished_frame_is_a_still_of_the_shot(made: tuple[ProjectFolder, Plan]) -> None:

@@ -72,7 +72,7 @@ def require_vertices(corners: AnyArray, sides: AnyArray, count: int, place: str)
     wrong = np.flatnonzero((corners < 0) | (corners >= count))
     if len(wrong):
         face = int(np.searchsorted(np.cumsum(sides), wrong[0], side="right"))
-        raise MeshError(f"{place}: face {face} names vertex {corners[wrong[0]]}; there are {count}, from 0")
+        raise MeshError(f"{place}: face {face} names vertex {corners[wrong[0]]}; there are {count} vertices")
 
 
 _PLURALS = {

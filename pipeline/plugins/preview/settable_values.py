@@ -14,7 +14,7 @@ from pydantic import BaseModel
 
 from pipeline.arrays import Floats
 from pipeline.shot.documents.curves import KeyDocument, Keyed, OverTime, OverTimeTriple, curve_of
-from pipeline.shot.documents.field_types import is_number
+from pipeline.shot.documents.field_types import LARGEST, is_number
 from pipeline.shot.documents.flow_entries import Entry, RepeatedDocument, ReversedDocument, seconds
 from pipeline.shot.documents.shot_documents import ShotDocument
 from pipeline.shot.motion import Clock
@@ -288,7 +288,7 @@ def _is_keyed(kind: Any) -> bool:
 
 
 def _bounds(kind: Any) -> tuple[float, float]:
-    """Return the lowest and highest number that an annotation allows."""
+    """Return the lowest and highest number of a setting; infinite where any number is allowed."""
     low, high = [-math.inf], [math.inf]
     waiting = [kind]
     while waiting:
@@ -306,4 +306,5 @@ def _bounds(kind: Any) -> tuple[float, float]:
 def _limits(rules: list[Any], names: tuple[str, str]) -> list[float]:
     """Return the numbers that rules such as `Field(ge=0)` have under some names."""
     limits = [getattr(rule, name, None) for rule in rules for name in names]
-    return [float(limit) for limit in limits if limit is not None and is_number(limit)]
+    numbers = [float(limit) for limit in limits if limit is not None and is_number(limit)]
+    return [number for number in numbers if abs(number) < LARGEST]
