@@ -18,7 +18,7 @@ test: .venv/ready-dev check
 	$(BIN)/python -m pytest -m "not soak" -n 2 --dist loadfile --no-loadscope-reorder
 
 # Style, and the tests that need no renderer: about a minute.
-QUICK := animation cli docs flow formula mesh plugins/maintenance production render resample shot
+QUICK := animation cli docs flow mesh plugins/maintenance production render resample shot
 quick: .venv/ready-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
