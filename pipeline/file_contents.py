@@ -104,7 +104,7 @@ class ArrayHeader:
 class Archive:
     """Arrays of numbers in the content of an .npz file, which are unpacked one by one.
 
-    Raises ValueError, and whatever zipfile raises, for what is no such file.
+    Raises ValueError, or an error of zipfile, for any other file.
     """
 
     def __init__(self, content: bytes) -> None:

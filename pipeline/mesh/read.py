@@ -437,7 +437,7 @@ def _between_groups(mesh: PolygonMesh, groups: AnyArray) -> AnyArray:
 
 
 def _tagged(mesh: PolygonMesh, origin: AnyArray, merged: MergedSurface, surface: FileSurface) -> AnyArray:
-    """Return the edges (K, 2) that the file tags as creases; tags on what is no edge are ignored."""
+    """Return the edges (K, 2) that the file tags as creases; it ignores tags between unconnected vertices."""
     tagged = surface.tagged
     inside = tagged[((tagged >= 0) & (tagged < len(surface.points))).all(axis=1)]
     if not len(inside):

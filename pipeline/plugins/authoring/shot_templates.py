@@ -238,7 +238,7 @@ class ModelTemplate:
 def model_template(file: Path, reference: str) -> ModelTemplate:
     """Return the text for a new shot of a model file, which the shot names by `reference`.
 
-    Raises MissingInputError or MeshError for a file that is no model.
+    Raises MissingInputError or MeshError for a file that is not a model.
     """
     imported = Model("", path=file).imported()
     mesh, up = imported.mesh, usual_up(file)

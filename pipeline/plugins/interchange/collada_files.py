@@ -99,7 +99,7 @@ def _vertices(element: Element, text: Element) -> AnyArray:
         raise MeshError(f"line {element.line}: its {element.name} have {len(offsets)} inputs VERTEX, not one")
     if len(numbers) % stride:
         raise MeshError(
-            f"line {text.line}: its {len(numbers)} numbers are no multiple of {stride}, as of corners"
+            f"line {text.line}: its {len(numbers)} numbers cannot be divided into corners of {stride}"
         )
     return numbers.reshape(-1, stride)[:, offsets[0]]
 

@@ -1,6 +1,6 @@
 """The address of the remote store, checked and opened as a file system, and requests to it.
 
-Credentials are no part of it. Each file system finds them where its own tools do: S3 in `AWS_PROFILE`,
+Neither holds credentials. Each file system finds them where its own tools do: S3 in `AWS_PROFILE`,
 `AWS_ACCESS_KEY_ID` or `~/.aws`, and the server in `AWS_ENDPOINT_URL`.
 
 A request that fails is made again for some seconds. Then a warning is logged, and for a minute, later longer,

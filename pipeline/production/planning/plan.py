@@ -1,7 +1,7 @@
 """The plan of a run: render requests and the jobs that make what they lack, frozen to a file.
 
 A job is a batch of frames of one stage. Its output is a done-file, by which Snakemake sees that it is done
-and which lists the keys of what it made, or a movie. Which jobs wait for which is no part of a plan: the
+and which lists the keys of what it made, or a movie. A plan does not say which jobs wait for which: the
 Snakefile says which stage reads which, and Snakemake walks that graph. The frozen file is all that Snakemake
 and the tasks read, so shots may be edited while a run goes on.
 """
@@ -68,7 +68,7 @@ def check_done_files(plan: Plan, store: Store) -> None:
         path = store.root / job.output
         if job.output in plan.manifests and not path.exists():
             write_manifest(path, *plan.manifests[job.output])
-        # What pictures are cannot be told before their cameras are known.
+        # Keys of pictures are unknown until their cameras are known.
         is_motion = not STAGES[job.stage].per_quality
         if job.output in plan.manifests or (is_motion and _is_true(job, path, store)):
             os.utime(path, (1, 1))

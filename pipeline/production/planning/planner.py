@@ -355,8 +355,8 @@ class Planner:
     def plan(self, with_rest: bool = False) -> Plan:
         """Return what has been collected, with the cores dealt out among the jobs.
 
-        with_rest  plan also jobs whose files are there, or that nothing needs: Snakemake may be told to run
-                   them again
+        with_rest  plan also jobs whose files are there, or that nothing needs: a user of Snakemake may
+                   force them to run again
         """
         self._planned.add_simulations(self._entries.values())
         if with_rest:
