@@ -9,7 +9,7 @@ shot, `edit=showreel` another film; `renders/A010_cube/draft/frames/A010_cube.00
 
 Files in the store have keys: digests of all that they are made from. A done-file lists the keys of what one
 job has made, and has their digest in its name: an edited shot asks for other names. While Snakemake builds
-its graph, done-files are compared with the store, so they cannot lie.
+its graph, done-files are compared with the store, so a stale one counts as missing.
 """
 
 from pipeline.production.execution.snakefile import JOB_PROCESS, PlannedWorkflow

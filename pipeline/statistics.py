@@ -37,7 +37,7 @@ _EDGE_PARTS, _BUCKET_PARTS = 2, 4
 """Parts in which a large mesh is looked through: more take less memory, and more passes over its faces."""
 
 _MATCHED_TOGETHER = 1 << 18
-"""Vertices from which on a mesh is large: the edges of fewer find both their faces together."""
+"""A mesh of at least so many vertices is large: the edges of smaller ones find both their faces together."""
 
 
 def mesh_statistics(mesh: TriangleMesh, count_crossings: bool = True) -> MeshStatistics:
@@ -74,7 +74,7 @@ _SAMPLED = 1 << 16
 """Faces, about, whose median size stands for that of all."""
 
 _BUCKETS = 1 << 20
-"""Buckets of cells from which on a mesh is large: fewer are filled together."""
+"""A mesh with at least so many buckets of cells is large: fewer are filled together."""
 
 
 def self_intersections(mesh: TriangleMesh) -> int:

@@ -63,7 +63,7 @@ def fit_remedy(motion: Motion, extent: float) -> str:
 
 
 SAMPLE = 1000  # vertices whose speeds are measured
-MANY_VERTICES = 200_000  # vertices from which on fewer of them are advised
+MANY_VERTICES = 200_000  # with so many vertices or more, fewer are advised
 COMPARABLE = 4.0  # one cause of sub-steps outweighs another by this factor
 FEW, ENOUGH = 4, 50  # sub-steps that cost little, and a number that the coarser settings lead to
 

@@ -124,7 +124,7 @@ def simulate(common: Common, shots: Shots, options: ShotOptions, frames: Frames 
 
 
 LARGE = 1920 * 1080
-"""Pixels of a picture from which on the command says what rendering will take."""
+"""For pictures of at least so many pixels, the command says what rendering will take."""
 
 
 def stills(

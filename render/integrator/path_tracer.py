@@ -27,7 +27,7 @@ from render.integrator.subsurface_paths import SubsurfaceWalk, SubsurfaceWalks
 
 @dataclass(frozen=True, eq=False)
 class ShadowCatcher:
-    """A shape that the lens does not see, but the shadows on it.
+    """A shape that is invisible itself, while shadows on it show.
 
     shape  pointer to it
     empty  path tracer of a scene with this shape and the emitters alone
@@ -46,7 +46,7 @@ class PathTracer:
     hide_emitters  True if the lens sees neither emitters nor the sky
     groups         light groups, each with its own sum; by default one of all emitters
     objects        shapes whose coverage of the pixel is measured
-    catcher        a shape that is not seen, but the shadows on it; or None
+    catcher        a shape that is invisible itself, while shadows on it show; or None
     subsurface     random walks below the surfaces of subjects, or None
     caustic_sun    a `photons.CausticSun`, or None
     guide          directions of caustics at matt surfaces: a `caustic_guide.CausticGuide`, or None

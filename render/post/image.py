@@ -97,7 +97,7 @@ def write_exr(
 
 def _planes(array: Pixels, kind: str, factor: float) -> Iterator[NDArray[np.float16] | Pixels]:
     """Yield the channels (H, W) of a layer, times a factor, as they are stored."""
-    from render.post.half_floats import to_half  # numba, which who only reads a header never needs
+    from render.post.half_floats import to_half  # numba, which reading a header does not need
 
     for plane in np.moveaxis(np.atleast_3d(array), 2, 0):
         values = np.multiply(plane, np.float32(factor), dtype=np.float32, order="C")
@@ -312,7 +312,7 @@ def _openexr_layers(
 
 def _joined(planes: Sequence[NDArray[Any]]) -> Pixels:
     """Return the channels (H, W) of a layer as one array, float32."""
-    from render.post.half_floats import fill_from_half  # numba, which who only reads a header never needs
+    from render.post.half_floats import fill_from_half  # numba, which reading a header does not need
 
     joined = np.empty((*planes[0].shape, len(planes)), np.float32)
     for place, plane in enumerate(planes):

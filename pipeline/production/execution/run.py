@@ -2,7 +2,7 @@
 
 After a corrupt file was evicted or a crashed variant is avoided, another round makes what is missing. A
 killed job had too little memory, in all likelihood: the next round has half as many side by side. One that
-hung is tried once more. What is wrong with a shot, a mesh or the disk no round mends.
+hung is tried once more. No round mends a fault of a shot, a mesh or the disk.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ class Watchdog:
             self._jobs[name] = replace(self._jobs[name], event=event, written=time.monotonic())
 
     def _end(self, name: str, job: _BegunJob) -> None:
-        """End a job; the log says so first, for who waits for the process reads there why it ended.
+        """End a job. The log says so first: there, the process that waits for the job reads why it ended.
 
         One that was killed wrote no end, and another process may have its number by now.
         """

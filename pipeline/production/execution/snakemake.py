@@ -36,7 +36,7 @@ from render.base.atomic_write import PROBE, REMEDIES, disk_errors, machine_error
 from render.base.python_process import ForkedProcess, may_fork
 
 RULES = {stage.name: "stills" for stage in STILLS}
-"""The rules of stages that are not called as their rule is."""
+"""The rule of each stage that does not have the name of its rule."""
 
 MOTION = ("simulate", "smooth_normals", "frame_camera")
 

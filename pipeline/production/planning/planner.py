@@ -1,7 +1,7 @@
 """Make a plan: compare keys with the store, backwards from the pictures.
 
-A link that shows the right store entry needs nothing; an entry in the store needs its link; anything else
-needs a job, and so does what that job reads, unless it is there.
+A file whose link shows the right store entry needs nothing; one whose entry is in the store needs the link.
+Any other needs a job, and so does each file that this job reads and that is missing.
 
 A request enters as its keys, with stand-ins for those that cameras decide. Jobs are known by the keys of what
 they make, so what several requests need is made once.
@@ -125,11 +125,11 @@ MIN_BATCH = 4
 """Frames that are not worth the start of a second process: one renders them on all cores."""
 
 MIN_LAST_BATCH = 64
-"""Frames of a batch from which on batches become no smaller, while there are more of them than cores."""
+"""The smallest last batches, in frames, while there are more batches than cores."""
 
 MIN_SHARED = 8
-"""Frames that a simulation has in common with others from which on these wait for them: to wait costs the
-start of one more process."""
+"""Simulations wait for another that makes at least so many of their frames: waiting costs the start of one
+more process."""
 
 
 @dataclass

@@ -1,7 +1,7 @@
 """The keys of a request's files: digests of all that these are made from; and the headers that repeat it.
 
 Meshes and normals are keyed by the motion of a shot, each mesh by the one before it. Pictures are keyed by
-normals, camera and appearance; their keys are found by need, since most runs need few.
+normals, camera and appearance; their keys are worked out when they are needed, since most runs need few.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Every writer shares the root's lock, task processes too; what removes files from
 holds it alone. A run holds the lock of each shot and quality that it writes. A job that makes files which
 qualities share holds a lock of their key: another waits, and then finds them. Reading takes no lock.
 
-Processes are known by number and start, for numbers of ended processes are given again.
+Processes are known by number and start time, since systems reuse the numbers of ended processes.
 """
 
 from __future__ import annotations

@@ -92,7 +92,7 @@ def with_key(key: Key, named: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
 
 
 LARGE_BYTES = 1 << 22
-"""The size from which on an array is compressed, if that saves much: 8 ms of CPU time for each MiB."""
+"""The size of the smallest array that is compressed, if that saves much: 8 ms of CPU time for each MiB."""
 
 SAMPLE_BYTES = 1 << 16
 """Bytes of an array whose compression tells that of all."""

@@ -191,7 +191,7 @@ class Context:
 
         shown_as  the stage of a plug-in that made a raw picture
         """
-        from pipeline.production.store import readers  # numpy, which who only watches never needs
+        from pipeline.production.store import readers  # numpy, which a supervisor does not need
 
         reader = readers.picture(key, request.quality.rendered_size)
         return self.read(kind, key, request.place(shown_as or kind, number), reader)

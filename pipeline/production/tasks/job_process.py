@@ -1,7 +1,7 @@
 """The process of one job, as Snakemake starts it: `python -m pipeline.production.tasks.job_process PLAN JOB`.
 
-Where a job server runs, it forks the process that works, and this one stands for it: it passes signals on by
-the server, and ends as that one ends. Elsewhere this process does the job itself. It imports next to nothing
+Where a job server runs, it forks the process that works. This one then passes on the signals that it gets,
+and ends with the same exit code. Elsewhere this process does the job itself. It imports next to nothing
 before.
 """
 

@@ -80,7 +80,7 @@ def _listener() -> tuple[Path, socket.socket] | None:
 
 
 def _serve(listener: socket.socket, lifeline: int, folder: Path) -> NoReturn:
-    """Be the server, until no more jobs can come and the last has ended."""
+    """Fork processes for jobs until no more can come and the last has ended."""
     code = 1
     try:
         for number in IGNORED:
@@ -155,7 +155,7 @@ class _Server:
             out, err = outputs
             process = get_context("fork").Process(target=_work, args=(out, err, words, folder, number))
             process.start()
-        except (OSError, ValueError):  # who asks then does the job itself
+        except (OSError, ValueError):  # the process that asks then does the job itself
             asking.close()
         else:
             self._jobs[asking] = process

@@ -30,7 +30,7 @@ from render.base.serialise import to_plain
 from render.base.work_clock import Timing, WorkClock
 
 LARGE = 100_000
-"""Vertices from which on a mesh frame that nobody asks for is stored at times only."""
+"""A mesh frame of at least so many vertices that nobody asks for is stored only now and then."""
 
 KEPT_SECONDS = 30.0
 """The time of simulation that a killed job may lose in large frames that nobody asks for."""
@@ -264,7 +264,7 @@ def _spheres_of(context: Context, request: RenderRequest, number: int) -> Boundi
 
 
 def _remember_keys(context: Context) -> None:
-    """Cache the keys of the pictures asked for, now that their cameras are known, for who makes them."""
+    """Cache the keys of the pictures asked for, for later jobs: now their cameras are known."""
     note_framing(context.request)
     keys = context.picture_keys(context.request)
     for number in context.request.requested:

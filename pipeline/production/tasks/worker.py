@@ -1,7 +1,7 @@
 """Do one job: `python -m pipeline.production.tasks.worker PLAN JOB`, and options.
 
 Rendering happens in children: a renderer that crashes takes only itself along. What a job needs is imported
-by the process that does it alone, so that who watches is there at once.
+only by the process that does it, so that its supervisor starts at once.
 """
 
 from __future__ import annotations

@@ -132,7 +132,7 @@ def members(kind: Any) -> Iterator[Any]:
 
 
 _MANY_NAMES = 20
-"""Names from which on a mapping is an entry of flows: no other has so many."""
+"""A mapping that may have at least so many names is an entry of flows: no other has so many."""
 
 
 _TOP_NAMES = ("picture", "resample", "shutter")
