@@ -141,8 +141,12 @@ def trusted_normals(mesh: TriangleMesh) -> AnyArray:
 
 def vertex_normals(mesh: TriangleMesh) -> Vectors:
     """Return unit normals (V, 3), one a vertex, smooth everywhere; angle-weighted."""
-    count = len(mesh.vertices)
-    return _smooth(mesh, mesh.faces, face_normals(mesh), np.zeros(count, np.uint8), count)
+    return fan_normals(mesh, mesh.faces, len(mesh.vertices))
+
+
+def fan_normals(mesh: TriangleMesh, fans: Faces, count: int) -> Vectors:
+    """Return unit normals (count, 3) of the corners (F, 3) of a `ShadedMesh`, angle-weighted."""
+    return _smooth(mesh, fans, face_normals(mesh), np.zeros(len(mesh.vertices), np.uint8), count)
 
 
 def _smooth(mesh: TriangleMesh, fans: Faces, face: Vectors, known: AnyArray, count: int) -> Vectors:

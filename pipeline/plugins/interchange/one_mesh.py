@@ -1,0 +1,112 @@
+"""OneMesh: one mesh of a subject for all frames, whose vertices move and whose triangles never change.
+
+Other programs take an animation as that: morph targets, point caches, textures of positions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+from pipeline.arrays import Faces, Floats, Indices, Points, Vectors
+from pipeline.frames import FrameRate
+from pipeline.mesh.meshes import TriangleMesh
+from pipeline.mesh.normals import fan_normals, split_at_creases
+from pipeline.production.store.store import Key
+
+
+@dataclass(frozen=True, eq=False)
+class OneMeshFrame:
+    """One mesh at one frame.
+
+    points   (V, 3), scene units
+    normals  (N, 3) unit; `OneMesh.corner_normals` says which corner has which
+    """
+
+    points: Points
+    normals: Vectors
+    _velocities: Callable[[], Vectors]
+
+    @cached_property
+    def velocities(self) -> Vectors:
+        """(V, 3) scene units per second. They take two evaluations of the flow."""
+        return self._velocities()
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """The vertices that were left out of one mesh, and the most that this shows.
+
+    whole  vertices before
+    error  the largest distance of a vertex left out from the middle of the edge that it would split, in
+           maximum edge lengths of its frame; `frame` is the frame where it is largest
+    """
+
+    whole: int
+    error: float
+    frame: int
+
+
+@dataclass(frozen=True, eq=False)
+class OneMesh:
+    """One mesh of a subject for all frames of a range: V vertices and F triangles that never change.
+
+    name            of the subject, or of the shot where it has one
+    frames          of the range asked for, in order
+    faces           (F, 3), counter-clockwise seen from outside; no vertex is split
+    corner_normals  (F, 3): the normal of each corner of a face, by its row; the first V rows are those of the
+                    vertices, further ones of other sides of creases
+    creases         (K, 2): the edges that are tagged as creases, of two vertices each
+    rest            (V, 3): the positions in the undeformed subject
+    key             the digest of all of it
+    points_at       returns the points (V, 3) of a frame, velocities_at their velocities
+    longest_at      returns the maximum edge length of a frame, scene units; infinite where there is none
+    colours         linear Rec.709 reflectances (V, 3); None where the look has one colour
+    texture         texture coordinates (F, 3, 2) of the corners; None where the look has no textures
+    reduction       None where no vertices were left out
+    """
+
+    name: str
+    frames: tuple[int, ...]
+    rate: FrameRate
+    faces: Faces
+    corner_normals: Faces
+    creases: Indices
+    rest: Points
+    key: Key
+    points_at: Callable[[int], Points]
+    velocities_at: Callable[[int], Vectors]
+    longest_at: Callable[[int], float] = lambda number: math.inf
+    colours: Floats | None = None
+    texture: Floats | None = None
+    reduction: Reduction | None = None
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        frames: tuple[int, ...],
+        rate: FrameRate,
+        surface: TriangleMesh,
+        key: Key,
+        points_at: Callable[[int], Points],
+        velocities_at: Callable[[int], Vectors],
+    ) -> OneMesh:
+        """Return the mesh of a surface at rest, whose tagged edges are its creases, without colours.
+
+        Raises MeshError where the surface is not an oriented manifold.
+        """
+        corner_normals = split_at_creases(surface, math.pi).faces
+        arrays = surface.faces, corner_normals, surface.creases, surface.vertices
+        return cls(name, frames, rate, *arrays, key, points_at, velocities_at)
+
+    def frame(self, number: int) -> OneMeshFrame:
+        """Return the mesh at a frame, with normals that are smooth up to creases.
+
+        Raises FrameError where its points cannot be read.
+        """
+        points, rows = self.points_at(number), int(self.corner_normals.max()) + 1
+        normals = fan_normals(TriangleMesh(points, self.faces), self.corner_normals, rows)
+        return OneMeshFrame(points, normals, lambda: self.velocities_at(number))

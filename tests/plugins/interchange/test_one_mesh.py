@@ -1,0 +1,59 @@
+"""One mesh for all frames: its triangles never change, and its normals are those of each frame."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pipeline.arrays import Points
+from pipeline.frames import FrameRate
+from pipeline.mesh import TriangleMesh, box, icosphere
+from pipeline.mesh.normals import split_at_creases, vertex_normals
+from pipeline.plugins.interchange.one_mesh import OneMesh
+
+
+def twisted(surface: TriangleMesh, frames: int = 24) -> OneMesh:
+    """Return the one mesh of a surface that twists about y by 90 degrees a unit of length."""
+
+    def points_at(number: int) -> Points:
+        x, y, z = surface.vertices.T
+        angle = 0.5 * math.pi * y * (number - 1) / (frames - 1)
+        return np.stack(
+            [x * np.cos(angle) + z * np.sin(angle), y, z * np.cos(angle) - x * np.sin(angle)], axis=1
+        )
+
+    def velocities_at(number: int) -> Points:
+        return 12.0 * (points_at(number + 1) - points_at(number - 1))
+
+    numbers = tuple(range(1, frames + 1))
+    return OneMesh.of("twisted", numbers, FrameRate.of(24), surface, "0" * 32, points_at, velocities_at)
+
+
+def test_each_vertex_of_a_smooth_surface_has_one_normal_which_is_that_of_its_frame() -> None:
+    mesh = twisted(icosphere(3))
+    frame = mesh.frame(17)
+    assert np.array_equal(mesh.corner_normals, mesh.faces)
+    assert np.allclose(frame.normals, vertex_normals(TriangleMesh(frame.points, mesh.faces)))
+
+
+def test_corners_at_creases_keep_the_normals_of_their_sides_however_far_the_surface_bends() -> None:
+    cube = box(4)
+    creased = cube.with_creases(_sharp_edges(cube))
+    mesh = twisted(creased)
+    rows = int(mesh.corner_normals.max()) + 1
+    assert rows == len(split_at_creases(cube).vertices) > len(cube.vertices)
+    for number in mesh.frames:
+        assert len(mesh.frame(number).normals) == rows
+
+
+def test_velocities_are_those_of_the_points() -> None:
+    mesh = twisted(icosphere(2))
+    step = mesh.frame(12).points - mesh.frame(11).points
+    assert np.allclose(mesh.frame(11).velocities / 24.0, step, atol=0.01)
+
+
+def _sharp_edges(mesh: TriangleMesh) -> np.ndarray:
+    from pipeline.resample import edges_by_angle
+
+    return edges_by_angle(mesh, math.radians(40.0))
