@@ -181,7 +181,7 @@ class ShutterInterval:
         return self.opens + time * (self.closes - self.opens)
 
     def longest_motion(self, size: tuple[int, int]) -> float:
-        """Return the pixels that the fastest point moves, at the speed of its faster half."""
+        """Return the pixels that the fastest point moves, twice those in the faster half of the time."""
         opens, closes = self.opens, self.closes
         samples = [self.at(offset) for offset in (opens, 0.5 * (opens + closes), closes)]
         points, projection = [sample.pixels(size) for sample in samples], samples[0].camera.projection

@@ -47,7 +47,7 @@ class PathVertex(NamedTuple):
     matt        matt surfaces that the path has left before
     si          surface interaction
     throughput  of the path, before the vertex
-    by_photons  True for paths whose caustics photons bring
+    by_photons  True for paths whose caustics are taken from photons
     """
 
     vertex: Any
@@ -179,7 +179,7 @@ def _light_of_hit(
 
     pdf         density of the direction from `si`, unless a mirror or glass gave it (is_delta)
     after_matt  True for paths that left a matt surface before
-    by_photons  True for paths whose caustics photons bring
+    by_photons  True for paths whose caustics are taken from photons
     counts      expected samples of each light source at `si`
     """
     hit = mi.DirectionSample3f(tracer.scene, next_si, si)

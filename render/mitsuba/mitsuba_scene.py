@@ -91,7 +91,7 @@ def build_scene(
 
 
 def has_path_tracer(scene: Scene, quality: Quality) -> bool:
-    """Tell whether our path tracer renders a scene: light, compiled, that no medium scatters."""
+    """Tell whether our path tracer renders a scene: one with lights and no media, on a compiled variant."""
     return scene.is_lit and is_compiled() and _path_integrator(scene, quality)["type"] == "path"
 
 

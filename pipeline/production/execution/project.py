@@ -272,8 +272,8 @@ class Project:
     def variant_of(self, shot: str) -> str:
         """Return the variant that renders a shot: one asked for, that of the profile, or one that works.
 
-        One that is only named in the profile is not replaced by another, even if this machine lacks it: who
-        fetches the frames of a farm needs no GPU. Raises as `variant_for`.
+        One that is only named in the profile is not replaced by another, even if this machine lacks it:
+        fetching the frames of a farm takes no GPU. Raises as `variant_for`.
         """
         on_nodes = self.for_farm or self.variant is None or not self.profile.is_local
         asked = self.variant or self.profile.variant

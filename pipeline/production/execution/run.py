@@ -93,7 +93,7 @@ def watched(log: Path, patience: float = PATIENCE) -> AbstractContextManager[Non
 
 @dataclass
 class _BegunJob:
-    """A job's process and its start, the event it last wrote, and when: by a clock that nobody sets."""
+    """A job's process and its start, the event it last wrote, and when, by the monotonic clock."""
 
     process: int
     start: float | None

@@ -214,7 +214,7 @@ def main(words: list[str]) -> None:
     The lock is ours, not Snakemake's, whose lock outlives a killed process. Times decide nothing: keys in the
     plan do, and a plan holds only jobs that are needed.
     """
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # even where who started us had it ignored
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # even where the parent process ignores it
     _require_user_name()
     is_local = "--cores" in words
     with job_server() if is_local else contextlib.nullcontext():

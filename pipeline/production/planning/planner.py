@@ -128,8 +128,8 @@ MIN_LAST_BATCH = 64
 """The smallest last batches, in frames, while there are more batches than cores."""
 
 MIN_SHARED = 8
-"""Simulations wait for another that makes at least so many of their frames: waiting costs the start of one
-more process."""
+"""A simulation waits for another that makes at least this many of the same frames: waiting costs the start of
+one more process."""
 
 
 @dataclass
@@ -389,8 +389,7 @@ class Planner:
                 if other.name == request.name and other.source.path != request.source.path:
                     raise UsageError(
                         f"{other.source.path} and {request.source.path} are both called {request.name}, so "
-                        "their "
-                        "frames would overwrite each other; rename one of them"
+                        "their frames would overwrite each other; rename one of them"
                     )
             keys = picture_keys(request, self.store)
             self._entries[request] = PlanEntry(len(self._entries), request, keys, self.store, self.comparable)

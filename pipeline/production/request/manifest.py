@@ -1,6 +1,7 @@
 """The manifest of a shot: all that planning, tasks and status need of it, compiled once from its files.
 
-The keys of its surfaces stand apart: they take the flows of all frames, and what was never made needs none.
+The keys of its surfaces stand apart: to compute them, the flows of all frames are evaluated, and frames that
+were never made need none.
 """
 
 from __future__ import annotations

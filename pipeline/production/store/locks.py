@@ -28,7 +28,7 @@ from render.base.atomic_write import disk_errors
 
 
 def start_of(process: int) -> float | None:
-    """Return when a process started, in seconds since this host did; None where it is gone, or a zombie."""
+    """Return when a process started, in seconds after this host; None where it has ended, or is a zombie."""
     import psutil  # which most processes never need
 
     with suppress(psutil.Error, ValueError):

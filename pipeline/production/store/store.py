@@ -12,9 +12,9 @@ compared whenever the file is read: `digests.py`.
 Where a remote store is named, which several roots share, files that it has count as held, and are fetched
 when they are needed (`bring`); what is put here is uploaded: `remote_store.py`.
 
-Unfinished are drafts in `tmp/`, of the root and of the store, and checkpoints, the sums of samples of
-unfinished pictures. A checkpoint is named after the place and the key of its picture, so one of another look,
-camera or version is never resumed.
+Unfinished files are drafts in `tmp/`, of the root and of the store, and checkpoints, which hold the sums of
+samples of unfinished pictures. A checkpoint is named after the place and the key of its picture, so one of
+another look, camera or version is never resumed.
 """
 
 from __future__ import annotations

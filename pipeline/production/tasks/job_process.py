@@ -26,7 +26,7 @@ _PASSED_ON = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP, sign
 
 
 def main(words: list[str]) -> int:
-    """Do a job, or have it done; return its exit code. Dies of a signal where the forked process did."""
+    """Do a job, or have it done; return its exit code. Ends by a signal if the forked process did."""
     signal.pthread_sigmask(signal.SIG_BLOCK, _PASSED_ON)  # until there is a process to pass them on to
     connection = _connection_to_forked(words)
     if connection is None:
@@ -65,7 +65,7 @@ def _connection_to_forked(words: list[str]) -> socket.socket | None:
 
 def _pass_on(number: int, connection: socket.socket) -> None:
     """Have the forked process sent the signal that this one received; stop where it asks to stop."""
-    with contextlib.suppress(OSError):  # the server has gone, and so has it
+    with contextlib.suppress(OSError):  # the server has ended, and the forked process with it
         connection.send(NUMBER.pack(number))
     if number == signal.SIGTSTP:
         os.kill(os.getpid(), signal.SIGSTOP)

@@ -247,7 +247,7 @@ class _Renderer:
     memory: MemoryGuard
 
     def make(self, number: int) -> bool:
-        """Render a picture unless the store holds it; return whether it did."""
+        """Render a picture unless the store holds it; return whether it was rendered."""
         self.stop.check()
         self.memory.check()
         context, key = self.context, self.keys[number].raw

@@ -61,7 +61,10 @@ class Supervisor:
     start: Start
 
     def run(self) -> int:
-        """Return the exit code of the job. If its renderer crashes, another variant renders its shot."""
+        """Return the exit code of the job. A renderer that has grown is replaced at once.
+
+        One that crashed is not: its variant is avoided, and another round renders the shot with the next one.
+        """
         reader = EventReader(self.context.log.path)
         reader.skip()  # a whole film's log takes seconds to read
         settled: list[Event] = []
@@ -75,7 +78,7 @@ class Supervisor:
             if code == RESTART_WORKER:
                 continue
             if any(event["event"] == "hung" for event in news):
-                return 1  # who ended it for that has said so
+                return 1  # the watchdog, which ended it, has reported that
             if code < 0:
                 return self._ended_by(signal.Signals(-code))
             return _verdict(code, settled)

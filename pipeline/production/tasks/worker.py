@@ -52,7 +52,7 @@ def main(
     """Do one job; return 0 if all of it went well, 1 if something failed and the event log says what.
 
     settled  for a process that renders: how many of the job's frames others before it have made, or failed
-             at; None has such processes started. One that has grown returns RESTART_WORKER
+             at; None starts such processes. One that has grown returns RESTART_WORKER
     insist   do it again though an earlier attempt has said why it failed
     threads  the threads that Snakemake gave the job, by default those of the plan
     key      the key by which Snakemake knows a movie
@@ -197,7 +197,7 @@ def _limit_kernels(threads: int) -> None:
 
 
 def _interrupt_once(number: int, frame: FrameType | None) -> None:
-    """Interrupt this process once: a signal often comes by several ways, and may not disturb cleaning up."""
+    """Interrupt this process once: a signal often comes several times, and must not disturb the clean-up."""
     for other in SIGNALS:
         signal.signal(other, signal.SIG_IGN)
     raise KeyboardInterrupt
