@@ -17,12 +17,11 @@ showreel: .venv/ready
 test: .venv/ready-dev check
 	$(BIN)/python -m pytest -m "not soak" -n 2 --dist loadfile --no-loadscope-reorder
 
-# Style, and the tests that need no renderer: about a minute.
-QUICK := animation cli docs flow mesh plugins/maintenance production render resample shot
+# Style, and the tests of every package that need no renderer and take half a second at most: about a minute.
 quick: .venv/ready-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/python -m pytest -q -m "not soak and not renderer" -n 2 --dist loadfile $(QUICK:%=tests/%) tests/test_*.py
+	$(BIN)/python -m pytest -q -m "not (soak or renderer or slow)" -n 2 --dist loadfile --no-loadscope-reorder
 
 # Long runs, and all other tests with examples that are new every time.
 soak: .venv/ready-dev

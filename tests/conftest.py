@@ -29,19 +29,25 @@ if TYPE_CHECKING:
 settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
 
-RENDERING = {"engine", "project", "finished", "finished_project", "published"}
-"""Fixtures that start Mitsuba, or run the command, which does."""
+FIXTURES = {
+    "renderer": {"engine", "project", "finished", "finished_project", "published"},
+    "slow": {"browser", "s3", "site", "slurm", "turned_in_two_looks", "wheel"},
+}
+"""Fixtures by the mark of the tests that use them: some start Mitsuba, or run the command, which does, others
+start a server or a browser, or make in seconds what a module of tests looks at."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests that need a renderer; `make quick` leaves them out.
+    """Mark tests that `make quick` leaves out.
 
-    They use a fixture of RENDERING, or lie in tests/production, whose other modules are marked `quick`.
+    They use one of FIXTURES, or lie in tests/production, whose modules without a renderer are marked `quick`.
     """
     for item in items:
-        runs_stages = item.path.parent.name == "production" and not item.get_closest_marker("quick")
-        if runs_stages or RENDERING & set(getattr(item, "fixturenames", ())):
+        if item.path.parent.name == "production" and not item.get_closest_marker("quick"):
             item.add_marker(pytest.mark.renderer)
+        for mark, fixtures in FIXTURES.items():
+            if fixtures & set(getattr(item, "fixturenames", ())):
+                item.add_marker(mark)
 
 
 TINY = """\

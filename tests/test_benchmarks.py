@@ -17,6 +17,7 @@ APART = {"__main__", "blender"}
 """What runs them all, and what Blender runs."""
 
 
+@pytest.mark.slow
 def test_every_benchmark_finds_what_it_measures():
     names = sorted(file.stem for file in (HOME / "benchmarks").glob("*.py") if file.stem not in APART)
     code = f"import importlib\nfor name in {names}: importlib.import_module(f'benchmarks.{{name}}')"

@@ -190,6 +190,7 @@ def test_the_bound_of_the_examples_gradient_is_the_steepest_slope_across_its_tin
         assert np.abs(along_y - speed).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_the_commands_of_the_docs_lead_from_an_empty_folder_to_a_flow(tmp_path: Path) -> None:
     page = (HERE / "docs" / "plugins.md").read_text(encoding="utf-8")
     installed = environment_in(tmp_path)

@@ -27,6 +27,7 @@ interruptible(lambda: ctypes.CDLL(None).sleep(60))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_compiled_call_of_a_minute_at_once(number: signal.Signals) -> None:
     folder = Path(__file__).parents[1]

@@ -53,6 +53,7 @@ print(dict(deform.stats.cache_misses), len(deform.stats.cache_hits))
 """
 
 
+@pytest.mark.slow
 def test_a_call_finds_what_set_up_has_compiled_in_an_empty_cache(tmp_path):
     module = "pipeline.flow.kernels.deformation_kernels"
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
@@ -65,6 +66,7 @@ def test_a_call_finds_what_set_up_has_compiled_in_an_empty_cache(tmp_path):
     assert said == ["", "{} 1"]
 
 
+@pytest.mark.slow
 def test_a_kernel_is_compiled_after_all_that_it_calls_and_once_for_all_its_callers(tmp_path):
     calls = kernel_calls()
     called, caller = "pipeline.flow.kernels.instructions", "pipeline.flow.kernels.deformation_kernels"
@@ -167,6 +169,7 @@ print(Path(draw_triangles.stats.cache_path).relative_to(cache_folder()))
 """
 
 
+@pytest.mark.slow
 def test_a_second_checkout_finds_what_the_first_has_compiled(tmp_path):
     ignored = shutil.ignore_patterns("__pycache__")
     shutil.copytree(kernel_cache.SOURCES / "render", tmp_path / "render", ignore=ignored)
@@ -276,6 +279,7 @@ def test_a_new_cache_is_closed_to_others_whatever_the_umask(tmp_path, folder_now
     }
 
 
+@pytest.mark.slow
 def test_a_cache_that_may_only_be_read_is_read_and_what_it_lacks_is_kept_elsewhere(tmp_path):
     """As in the image of a container, whose cache belongs to root."""
     place, other = tmp_path / "cache", tmp_path / "temporary"
@@ -302,11 +306,13 @@ def filled(tmp_path_factory):
     return cache
 
 
+@pytest.mark.slow
 def test_what_two_processes_have_compiled_at_once_is_whole(filled, tmp_path):
     assert run_code(DEFORM, filled, tmp_path) == "{} 1"
     assert not [*filled.rglob(".*")], "no drafts are left"
 
 
+@pytest.mark.slow
 def test_shipped_kernels_are_used_without_compiling_or_copying_them(filled, tmp_path):
     shipped = (
         f"import render.base.user_cache as c; c.SHIPPED = c.Path({str(filled / 'flowsculpt/kernels')!r})"
@@ -315,6 +321,7 @@ def test_shipped_kernels_are_used_without_compiling_or_copying_them(filled, tmp_
     assert not [*tmp_path.rglob("*.kernel")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "damage", [lambda data: data[:-1], lambda data: data[:99] + b"?" + data[100:], lambda data: b""]
 )
@@ -327,6 +334,7 @@ def test_a_damaged_kernel_is_compiled_again(damage, filled, tmp_path):
     assert run_code(DEFORM, tmp_path / "cache", tmp_path) == "{} 1"
 
 
+@pytest.mark.slow
 def test_kernels_of_another_level_are_left_alone(filled, tmp_path):
     shutil.copytree(filled, tmp_path / "cache")
     assert run_code(DEFORM, tmp_path / "cache", tmp_path, level="host").endswith(": 1} 0")
@@ -373,6 +381,7 @@ def run_code(code, cache, temporary, only_reads=False, level=""):
     return done.stdout.strip()
 
 
+@pytest.mark.slow
 def test_a_full_disk_costs_time_and_no_result(tmp_path):
     file = tmp_path / "twice.py"
     file.write_text(
@@ -389,6 +398,7 @@ def test_a_full_disk_costs_time_and_no_result(tmp_path):
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_set_up_refuses_a_disk_that_takes_no_kernels(tmp_path):
     code = "import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (10, resource.RLIM_INFINITY))\n"
     code += PREPARE.format(module="pipeline.mesh.kernels.face_measures")

@@ -124,6 +124,7 @@ def marbling(environment):
     return environment
 
 
+@pytest.mark.slow
 def test_a_shot_is_made_of_a_flow_of_a_plug_in_and_made_again_with_its_next_version(marbling):
     shot, setting = (
         marbling.folder / "shots" / "A010_ink.yaml",
@@ -138,6 +139,7 @@ def test_a_shot_is_made_of_a_flow_of_a_plug_in_and_made_again_with_its_next_vers
     )
 
 
+@pytest.mark.slow
 def test_the_version_of_a_plug_in_decides_nothing_of_shots_without_it(marbling):
     shot = marbling.folder / "shots" / "A010_ink.yaml"
     shot.write_text(INKED.replace("marbling.swirl: {strength: 2}", "twist: {amount: 20}"))
@@ -150,6 +152,7 @@ def test_the_version_of_a_plug_in_decides_nothing_of_shots_without_it(marbling):
     )
 
 
+@pytest.mark.slow
 def test_flows_and_looks_of_plug_ins_are_listed_completed_and_proposed(marbling):
     assert "marbling.swirl" in marbling.run("flows").stdout
     assert "angular speed" in marbling.run("flows", "marbling.swirl").stdout
@@ -162,6 +165,7 @@ def test_flows_and_looks_of_plug_ins_are_listed_completed_and_proposed(marbling)
     assert "look.material: 'marbling.inc' is not a look. Did you mean 'marbling.ink'?" in told
 
 
+@pytest.mark.slow
 def test_a_shot_whose_plug_in_is_missing_or_broken_is_refused_with_its_name(marbling):
     (marbling.folder / "marbling_parts.py").write_text("import no_such_module")
     told = marbling.run("validate").stderr
@@ -183,6 +187,7 @@ def plugin(name: str = "greeter", rest: str = "") -> str:
     return f"from pipeline.plugin import Command, Plugin\nPLUGIN = Plugin({name!r}, '1'{rest})\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "text", "fault"),
     [
@@ -295,6 +300,7 @@ def test_a_command_whose_module_does_not_load_ends_with_one_line(environment):
     assert "mend: its plug-in does not load: ModuleNotFoundError" in done.stderr
 
 
+@pytest.mark.slow
 def test_functions_of_a_plug_in_that_cannot_be_imported_are_left_out_with_a_line_each(environment):
     rest = ", watchers=('broken_parts:watch',), sequences=('broken_parts',), notes='broken:notes'"
     environment.install("broken", plugin("broken", rest))

@@ -160,6 +160,7 @@ def test_a_surface_without_faces_crosses_nothing() -> None:
     assert self_intersections(TriangleMesh(np.empty((0, 3)), [])) == 0
 
 
+@pytest.mark.slow
 @given(st.tuples(*[st.floats(-1.5, 1.5)] * 3), st.floats(0.2, 3.0))
 @settings(max_examples=20, deadline=None)
 def test_pairs_are_those_of_a_loop_over_all(shift: tuple[float, ...], scale: float) -> None:

@@ -37,6 +37,7 @@ def shot_of(folder: Path, flow: str, edge: object = 0.2, more: str = "") -> Shot
     return read_shot(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "flow", ["strain: {rate: 0.7}", "curl_noise: {strength: 0.4}", "expansion: {rate: 0.5, radius: 3}"]
 )
@@ -107,6 +108,7 @@ def test_a_limit_of_growth_changes_neither_keys_nor_bits(motion: Motion, tmp_pat
         assert same(one, other)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("flow", ["twist", "strain", "vortex"])
 def test_recorded_strengths_of_flows_grow_a_ball_as_they_say(flow: str) -> None:
     recorded = usual_strength(flow)

@@ -134,6 +134,7 @@ def test_maps_have_no_sub_steps(tmp_path: Path) -> None:
     assert costliest_flow(shot_of(tmp_path, "bend: {amount: 3}").motion, 2, np.zeros((9, 3))) is None
 
 
+@pytest.mark.slow
 def test_an_interrupt_ends_a_frame_that_would_take_minutes(tmp_path: Path) -> None:
     curl_noise(tmp_path, "strength: 1000, size: 5")
     code = (

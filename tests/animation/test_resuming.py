@@ -139,6 +139,7 @@ def test_crossings_are_counted_in_every_eighth_frame_also_after_resuming(motion:
     assert resumed == [13, 21]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("placement", ["exact", "chord", "curved"])
 def test_a_frame_takes_a_bounded_number_of_bytes_a_vertex(motion: Motion, placement: str) -> None:
     motion = resampled(motion, placement=placement, thresholds=Thresholds(max_edge_length=0.03))

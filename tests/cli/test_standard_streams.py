@@ -30,6 +30,7 @@ def in_shell(show: Path, line: str, environment: dict[str, str] | None = None) -
     return done.returncode, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", ["--version", "--help", "status --json"])
 def test_results_that_a_full_disk_refuses_are_one_line_and_exit_code_4(show: Path, words: str) -> None:
     code, told = in_shell(show, f"fs --no-progress {words} >/dev/full")
@@ -47,12 +48,14 @@ def test_where_both_outputs_are_closed_the_exit_code_says_it(show: Path) -> None
     assert in_shell(show, "fs --version >&- 2>&- <&-") == (4, "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("refusing", ["2>/dev/full", "2>&-"])
 def test_messages_that_nobody_can_read_change_no_exit_code(show: Path, refusing: str) -> None:
     code, told = in_shell(show, f"fs validate absent {refusing}")
     assert code == 3 and told == "No shot is good.\n"
 
 
+@pytest.mark.slow
 def test_a_reader_that_leaves_ends_the_command_without_a_word(show: Path) -> None:
     read, write = os.pipe()
     os.close(read)
@@ -61,6 +64,7 @@ def test_a_reader_that_leaves_ends_the_command_without_a_word(show: Path) -> Non
     assert done.stderr == b"" and done.returncode == 141
 
 
+@pytest.mark.slow
 def test_a_pipe_that_does_not_block_gets_everything(show: Path) -> None:
     read, write = os.pipe()
     os.set_blocking(write, False)
@@ -73,6 +77,7 @@ def test_a_pipe_that_does_not_block_gets_everything(show: Path) -> None:
     assert json.loads(schema)["title"]
 
 
+@pytest.mark.slow
 def test_in_ascii_a_table_has_its_columns_and_names_have_their_numbers(show: Path) -> None:
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     code, told = in_shell(show, "fs status T010_tiny; fs status 日本", environment)
@@ -88,6 +93,7 @@ def test_what_an_encoding_lacks_is_written_by_its_like(encoding: str, written: b
     assert "1 × 2 – ü …".encode(encoding, LIKENESS) == written
 
 
+@pytest.mark.slow
 def test_python_that_strips_docstrings_runs_commands(show: Path) -> None:
     environment = {**os.environ, "PYTHONOPTIMIZE": "2", "PYTHONDONTWRITEBYTECODE": "1"}
     for words, said in (("status --help", "List which frames"), ("status T010_tiny", "meshes")):
@@ -95,6 +101,7 @@ def test_python_that_strips_docstrings_runs_commands(show: Path) -> None:
         assert code == 0 and said in told
 
 
+@pytest.mark.slow
 def test_numba_that_may_not_compile_is_named(show: Path) -> None:
     code, told = in_shell(show, "NUMBA_DISABLE_JIT=1 fs simulate T010_tiny")
     assert code == 4 and told.startswith("NUMBA_DISABLE_JIT is set") and told.count("\n") == 1

@@ -34,6 +34,7 @@ def modules_of(*words: str, folder: Path | None = None) -> set[str]:
     return set(done.stderr.splitlines()[-1].split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [("--version",), ("--help",), ("report", "--help"), ("clen",)])
 def test_a_command_that_computes_nothing_imports_nothing_heavy(words: tuple[str, ...]) -> None:
     assert not modules_of(*words).intersection(HEAVY)

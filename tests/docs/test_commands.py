@@ -139,11 +139,13 @@ def beside(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_show_can_be_begun_as_its_page_says(beside):
     Reader(beside, quick=True).follow(YOUR_SHOW.read_text())
     assert sorted(path.name for path in (beside / "my_show/renders/A010_first/preview").iterdir())
 
 
+@pytest.mark.slow
 def test_the_tutorial_can_be_begun_as_its_page_says(tmp_path):
     Reader(tmp_path, quick=True).follow(TUTORIAL.read_text())
     assert "wrung" in (tmp_path / "first_film/shots/A010_first.yaml").read_text()
@@ -164,6 +166,7 @@ def test_a_show_can_be_rendered_and_published_as_its_page_says(beside):
     assert (beside / "my_show/renders/film/draft/film.mp4").is_file()
 
 
+@pytest.mark.slow
 def test_the_readme_shows_commands_that_can_be_planned_in_the_clone(tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
     block = next(block for _, block in BLOCK.findall((ROOT / "README.md").read_text()) if "--show" in block)

@@ -6,6 +6,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from examples import music
 from render.base.input_files import digest_of_file
@@ -31,6 +32,7 @@ def test_bass_begins_strings_join_in_the_second_bar_and_hats_in_the_third() -> N
     assert mean_level(6000, 20000, 1) < 0.2 < 0.8 < mean_level(6000, 20000, 2)
 
 
+@pytest.mark.slow
 def test_the_file_holds_what_the_script_composes() -> None:
     composed = music.compose()
     assert composed.shape == (2, round(music.SECONDS * music.RATE)) and np.abs(composed).max() <= 1.0

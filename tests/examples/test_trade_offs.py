@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
 from examples import density, drift, hysteresis, low_pass, mesh_likeness, placements, splitting, tendril
 from examples.film import RATE, edge_lengths
@@ -13,6 +14,7 @@ from pipeline.resample import Thresholds
 BRACKET = (density.RATIOS[1:] > 0.4) & (density.RATIOS[:-1] < 1.0)
 
 
+@pytest.mark.slow
 def test_a_resampled_surface_stays_mesh_like_and_another_does_not() -> None:
     static, adaptive = mesh_likeness.with_and_without(frames=180)
     assert adaptive[-1, 0] < 1.05 * adaptive[0, 0] and static[-1, 0] > 1.15 * static[0, 0]

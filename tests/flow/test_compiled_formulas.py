@@ -102,6 +102,7 @@ print(block._compiled.cache_hits, again is block)
 """
 
 
+@pytest.mark.slow
 def test_a_new_formula_is_compiled_once_and_then_found(tmp_path) -> None:
     texts = ("-y * exp(-(x ** 2 + y ** 2))", "x * 1.625", "0.3 * sin(t)")
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}

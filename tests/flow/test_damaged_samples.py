@@ -128,6 +128,7 @@ def test_the_files_that_are_damaged_above_are_sound_before(tmp_path: Path) -> No
         np.testing.assert_array_equal(read_samples((file,)).velocity, ONES[None])
 
 
+@pytest.mark.slow
 def test_only_the_arrays_of_a_field_are_unpacked(tmp_path: Path) -> None:
     """Half a gigabyte of something else lies in a file of half a megabyte; a process of its own tells."""
     file = archive(tmp_path / "a.npz", junk=np.zeros(1 << 26))

@@ -88,6 +88,7 @@ SHAPES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mesh", SHAPES.values(), ids=SHAPES)
 def test_distances_are_those_to_the_nearest_of_all_triangles(mesh: TriangleMesh) -> None:
     rng = np.random.default_rng(2)

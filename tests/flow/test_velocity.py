@@ -102,6 +102,7 @@ def jacobian(field: VelocityField, points: Points, h: float = 1e-5, at: float = 
     return np.stack(columns, axis=2)
 
 
+@pytest.mark.slow
 @each_field
 def test_halving_the_step_divides_the_error_by_sixteen(field: VelocityField, points: Points) -> None:
     if isinstance(field, Translation):
@@ -253,6 +254,7 @@ def test_a_reversed_flow_returns_every_point(strength: float, radius: float, rat
     np.testing.assert_allclose(back, points, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_changes_no_bit(points: Points) -> None:
     many = np.random.default_rng(1).normal(size=(10_007, 3))
     flow = Streamlines(Sum(tuple(FIELDS.values())))

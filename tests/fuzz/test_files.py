@@ -20,6 +20,7 @@ def worker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
     worker.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("past", PAST_FAILURES, ids=lambda past: f"{past.kind} {past.name}")
 def test_files_that_once_crashed_or_hung_are_told_in_one_line(
     past: PastFailure, worker: Worker, tmp_path: Path
@@ -31,6 +32,7 @@ def test_files_that_once_crashed_or_hung_are_told_in_one_line(
     assert past.fact in attempt.message and bool(past.fact) == bool(attempt.message), attempt.message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [310])
 def test_mutated_files_are_read_or_told(count: int, tmp_path: Path) -> None:
     tried = attempts(seed=7, folder=tmp_path)

@@ -52,6 +52,7 @@ PAST = {
 """Shot files that once ended in a traceback, took long, or echoed what they hold."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", PAST.values(), ids=PAST)
 def test_a_file_that_once_failed_is_told_in_time(tmp_path: Path, text: str) -> None:
     assert fault_of(tmp_path, text.encode()) is None

@@ -34,6 +34,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[ProjectFolder, Plan]
     return project, plan
 
 
+@pytest.mark.slow
 def test_the_animatic_of_a_film_has_its_cards_and_every_clip(made: tuple[ProjectFolder, Plan]) -> None:
     project, plan = made
     stored = set(Store(project.path).entries())
@@ -44,6 +45,7 @@ def test_the_animatic_of_a_film_has_its_cards_and_every_clip(made: tuple[Project
     assert set(Store(project.path).entries()) == stored, "the store holds no more than before"
 
 
+@pytest.mark.slow
 def test_it_is_the_one_that_the_command_draws(made: tuple[ProjectFolder, Plan]) -> None:
     project, plan = made
     list(FirstPictures(project.path, plan).animatics())
@@ -52,11 +54,13 @@ def test_it_is_the_one_that_the_command_draws(made: tuple[ProjectFolder, Plan]) 
     assert (project.path / "renders/film/preview/film.mp4").read_bytes() == drawn
 
 
+@pytest.mark.slow
 def test_an_edit_is_drawn_whole(made: tuple[ProjectFolder, Plan]) -> None:
     said = made[0].call("preview", "film", "--at", "3")
     assert said.code == 2 and "film is an edit, always drawn whole" in said.err
 
 
+@pytest.mark.slow
 def test_the_first_finished_frame_is_a_still_of_the_shot(made: tuple[ProjectFolder, Plan]) -> None:
     project, plan = made
     (line,) = FirstPictures(project.path, plan).frame()
@@ -69,6 +73,7 @@ def test_the_first_finished_frame_is_a_still_of_the_shot(made: tuple[ProjectFold
     assert "Nothing to be done" in planned.out
 
 
+@pytest.mark.slow
 def test_what_fails_is_one_line_and_its_time_is_in_the_log(
     made: tuple[ProjectFolder, Plan], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

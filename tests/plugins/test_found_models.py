@@ -55,6 +55,7 @@ def shot_of(folder: Path, model: str, flow: str) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "flow"), CHOSEN.items())
 def test_a_model_as_it_is_found_is_good_is_drawn_and_stands_on_the_floor(
     model: str, flow: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -55,6 +55,7 @@ def test_every_frame_comes_while_the_next_is_simulated_and_again_from_the_right_
     assert [late.get()["event"] for _ in range(8)] == ["begin", *["frame"] * 6, "say"]
 
 
+@pytest.mark.slow
 def test_what_an_edit_left_alone_is_shown_as_it_was(follower: Follower) -> None:
     follower.until("Up")
     before = {n: follower.feed.picture(1, n) for n in range(1, 7)}
@@ -66,6 +67,7 @@ def test_what_an_edit_left_alone_is_shown_as_it_was(follower: Follower) -> None:
     assert all(follower.feed.picture(3, n) != before[n] for n in range(1, 7))
 
 
+@pytest.mark.slow
 def test_a_mistake_is_told_at_its_line_and_mended_by_the_next_save(follower: Follower) -> None:
     follower.until("Up")
     follower.shot.write_text(TINY.replace("twist", "twits"))

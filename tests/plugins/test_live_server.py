@@ -82,6 +82,7 @@ def connected(address: str) -> socket.socket:
     return socket.create_connection(("127.0.0.1", port_of(address)), timeout=PATIENCE)
 
 
+@pytest.mark.slow
 def test_clients_that_are_slow_or_say_too_much_are_cut_off_and_others_served(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -111,6 +112,7 @@ def test_clients_that_are_slow_or_say_too_much_are_cut_off_and_others_served(
         client.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", ["", "GET /", "POST /{path}edit HTTP/1.1\r\nHost: {host}\r\n", "{request}"])
 def test_connections_that_are_reset_at_any_moment_end_nothing(
     words: str, capfd: pytest.CaptureFixture[str]
@@ -144,6 +146,7 @@ def test_an_action_that_the_disk_refuses_is_answered_with_its_reason() -> None:
             )
 
 
+@pytest.mark.slow
 def test_a_page_that_reads_nothing_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live_server, "PATIENCE", 0.5)
     feed = LiveFeed()

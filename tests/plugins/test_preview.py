@@ -149,6 +149,7 @@ def test_edges_are_drawn_where_they_are_asked_for(root: Path) -> None:
     assert 0.01 < (darker > 10).mean() < 0.3 and darker[:50].max() == 0
 
 
+@pytest.mark.slow
 def test_pictures_of_a_range_are_those_of_the_whole(root: Path) -> None:
     whole = take_of(root)
     with SurfaceStream(Project(root, 2).store) as stream:
@@ -161,6 +162,7 @@ def test_pictures_of_a_range_are_those_of_the_whole(root: Path) -> None:
 LONG = ("frames=1-80", "flows.0.twist.amount={ease: linear, keys: {1: 0, 80: 90}}")
 
 
+@pytest.mark.slow
 def test_pictures_are_drawn_while_later_frames_are_simulated_and_are_forgotten(root: Path) -> None:
     request, told = take_of(root, *LONG), []
     with SurfaceStream(Project(root, 2).store, once=True) as stream:
@@ -174,6 +176,7 @@ def test_pictures_are_drawn_while_later_frames_are_simulated_and_are_forgotten(r
     assert [n for stage, n in told if stage == "drawing"] == list(range(1, 81))
 
 
+@pytest.mark.slow
 def test_a_still_simulates_no_frame_after_its_own_and_has_the_camera_of_the_movie(root: Path) -> None:
     growing = "flows.0={scaling: {rate: [0.3, 0.1, 0]}}"
     for settings in (LONG, (*LONG, growing), (*LONG, growing, "camera.follow=0")):

@@ -146,6 +146,7 @@ def edit_at_random(path: Path, times: int, seed: int) -> int:
     return accepted
 
 
+@pytest.mark.slow
 def test_random_edits_keep_the_file_valid_its_comments_and_equal_edits_by_hand(shot: Path) -> None:
     assert edit_at_random(shot, 25, seed=1) > 12
 

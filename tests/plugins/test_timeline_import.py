@@ -57,6 +57,7 @@ def test_an_exported_edit_comes_back_with_its_frames_dissolves_cards_and_sound(p
     assert first.source_range == other.source_range and other.metadata["flowsculpt"]["gain"] == -3.0
 
 
+@pytest.mark.slow
 @given(
     cuts=st.lists(
         st.tuples(st.sampled_from(["A010", "A020"]), st.integers(1, 500), st.integers(1, 90)), min_size=1

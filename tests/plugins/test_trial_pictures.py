@@ -92,6 +92,7 @@ def test_an_edit_that_changes_nothing_shows_the_frame_as_it_is_but_small(
     assert follower.shot.read_text() == SHOT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("edit", "words"),
     [

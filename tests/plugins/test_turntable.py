@@ -120,6 +120,7 @@ def test_pictures_are_the_same_whichever_turns_are_asked_for(desk: Desk) -> None
     assert len(set(both.values())) == 8
 
 
+@pytest.mark.slow
 def test_every_picture_of_the_lights_turn_shows_the_same_object_in_another_light(
     turned_in_two_looks: Path,
 ) -> None:

@@ -199,6 +199,7 @@ def test_whatever_is_shared_every_job_finds_what_it_reads(desk: Desk, vary: tupl
         waiting = [job for job in waiting if job not in ready]
 
 
+@pytest.mark.slow
 def test_a_wedge_is_rendered_and_drawn_and_leaves_the_shot_alone(desk: Desk) -> None:
     wedge = desk.wedge(LATE, "lights.exposure=0,1", frames="11-12")
     done(desk.root, wedge.plan())

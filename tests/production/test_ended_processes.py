@@ -18,6 +18,7 @@ child.wait()
 """
 
 
+@pytest.mark.slow
 def test_a_process_ends_with_all_that_it_started() -> None:
     parent = subprocess.Popen([sys.executable, "-c", PARENT], stdout=subprocess.PIPE, text=True)
     assert parent.stdout is not None

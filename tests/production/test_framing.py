@@ -184,6 +184,7 @@ def test_one_ball_fills_the_safe_area_and_stands_on_the_floor():
     assert 2 / distance == pytest.approx(np.sin(np.arctan(high)))  # the ball touches the plane of the margin
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.integers(0, 2**16), st.lists(st.integers(1, 25), min_size=1, max_size=12))
 def test_cameras_are_settled_while_frames_come_and_are_those_of_the_whole(

@@ -59,6 +59,7 @@ def known(root: Path) -> dict[str, object]:
     return facts
 
 
+@pytest.mark.slow
 @given(runs=st.lists(st.lists(events, max_size=8), min_size=1, max_size=4), ended=st.integers(0, 4))
 def test_summaries_say_what_the_logs_said(
     runs: list[list[tuple[str, str, str, int]]], ended: int, tmp_path_factory: pytest.TempPathFactory

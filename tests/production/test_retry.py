@@ -38,6 +38,7 @@ def events(log: EventLog, kind: str) -> list[dict[str, Any]]:
     return [event for event in EventReader(log.path).new() if event["event"] == kind]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stopped", [False, True])
 def test_a_job_that_is_silent_is_ended_and_the_log_says_which_frame_it_was_at(
     stopped: bool, tmp_path: Path
@@ -54,6 +55,7 @@ def test_a_job_that_is_silent_is_ended_and_the_log_says_which_frame_it_was_at(
     assert "no sign of life for 0.3 s" in hung["message"]
 
 
+@pytest.mark.slow
 def test_a_job_that_tells_of_itself_or_has_ended_or_is_elsewhere_is_left_alone(tmp_path: Path) -> None:
     log, other = EventLog(tmp_path / "a.jsonl", "job"), EventLog(tmp_path / "a.jsonl", "other")
     with subprocess.Popen(STUCK) as process, watched(log.path, 1.0):
@@ -69,6 +71,7 @@ def test_a_job_that_tells_of_itself_or_has_ended_or_is_elsewhere_is_left_alone(t
     assert not events(log, "hung")
 
 
+@pytest.mark.slow
 def test_a_process_that_has_the_number_of_a_killed_job_by_now_is_left_alone(tmp_path: Path) -> None:
     log = EventLog(tmp_path / "a.jsonl", "job")
     with subprocess.Popen(STUCK) as job:
@@ -80,6 +83,7 @@ def test_a_process_that_has_the_number_of_a_killed_job_by_now_is_left_alone(tmp_
     assert not events(log, "hung")
 
 
+@pytest.mark.slow
 def test_a_log_that_cannot_be_read_for_a_while_keeps_nobody_from_ending_what_hangs(tmp_path: Path) -> None:
     log = EventLog(tmp_path / "a.jsonl", "job")
     with subprocess.Popen(STUCK) as process, watched(log.path, 0.3):

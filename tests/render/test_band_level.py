@@ -92,6 +92,7 @@ def damaged(path: Path, how: str) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["cut off", "holds none", "not a finite number", "Invalid data"])
 def test_a_bad_file_is_refused_with_its_name_and_the_reason(how: str, tmp_path: Path) -> None:
     path = damaged(tmp_path / "a.wav", how)

@@ -73,6 +73,7 @@ def test_the_header_comes_back_with_types_and_precision(layers: RenderedFrame, t
     assert read_exr(tmp_path / "a.exr")[0].facts == {**layers.facts, **header}
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(
     st.dictionaries(
@@ -95,6 +96,7 @@ def test_a_value_that_json_cannot_say_is_refused(value: Any, layers: RenderedFra
         write_exr(tmp_path / "a.exr", layers, {"odd": value})
 
 
+@pytest.mark.slow
 def test_the_same_picture_is_the_same_file_whenever_it_is_written(
     layers: RenderedFrame, tmp_path: Path
 ) -> None:

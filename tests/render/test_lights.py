@@ -174,6 +174,7 @@ def _spoilt(name: str) -> np.ndarray:
     return pixels[:, :-1] if name == "shape" else pixels[..., :1] if name == "grey" else pixels
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "told"),
     [

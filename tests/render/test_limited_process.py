@@ -30,6 +30,7 @@ def parser(folder: Path, name: str, statement: str) -> Path:
     return folder / "file"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PARSERS)
 def test_what_a_parser_does_to_its_process_is_told_as_an_error(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

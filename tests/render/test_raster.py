@@ -111,6 +111,7 @@ def test_a_pigment_colours_the_surface_where_its_points_came_from():
     assert low[0] > low[2] + 0.1 and high[2] > high[0] + 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("look", LOOKS)
 @pytest.mark.parametrize("rig", LIGHTS)
 def test_every_look_can_be_shown_in_every_light(look, rig):

@@ -47,6 +47,7 @@ def test_slates_and_cards_have_any_size(size: tuple[int, int]) -> None:
         assert np.isfinite(page).all()
 
 
+@pytest.mark.slow
 def test_a_long_name_is_set_smaller_and_a_long_reason_in_several_lines() -> None:
     slate = Slate("B" * 60, "T" * 300, [("key", "k" * 400)], PICTURE).draw((960, 540))
     assert np.abs(slate[60:200, 920:] - slate[60:200, 919:920]).max() < 0.02

@@ -64,6 +64,7 @@ def test_near_and_large_spheres_are_finer_than_far_and_small_ones() -> None:
     assert faces(0, 0.4) > faces(0, 0.1)
 
 
+@pytest.mark.slow
 def test_too_many_spheres_become_coarser_rather_than_too_large() -> None:
     many = 30_000
     centres = np.random.default_rng(0).normal(size=(many, 3))

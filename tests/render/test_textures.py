@@ -50,6 +50,7 @@ def looked(sphere: Surface) -> Surface:
     return replace(sphere, rest=sphere.vertices)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "kind", "space", "of_half"),
     [

@@ -69,6 +69,7 @@ def test_a_face_between_two_that_are_cut_becomes_three(turn: int) -> None:
     assert any({tuple(np.round(point, 12)) for point in edge} == ends for edge in edges)
 
 
+@pytest.mark.slow
 @given(subjects, stretches, st.floats(0.15, 1.0))
 @settings(deadline=None, max_examples=60)
 def test_cutting_faces_leaves_the_surface_where_it_was(

@@ -44,6 +44,7 @@ def may_collapse(mesh: TriangleMesh, a: int, b: int) -> bool:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mesh", MENAGERIE)
 def test_the_link_condition_is_the_one_of_the_books(mesh: TriangleMesh) -> None:
     live, limits = HalfedgeMesh(mesh), Limits(math.inf, math.inf, -2.0)

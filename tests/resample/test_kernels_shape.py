@@ -106,6 +106,7 @@ def at_rest_limits(live: HalfedgeMesh) -> Limits:
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_inner_vertices_of_a_plane_go_to_the_mean_of_their_neighbours_at_rest_if_the_worst_triangle_gains(

@@ -63,6 +63,7 @@ def test_a_state_without_faces_cannot_be_resumed() -> None:
         Resampler.from_state({"vertices": np.eye(3)}, THRESHOLDS)
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_does_not_change_a_bit() -> None:
     script = (
         "import hashlib, runpy;"

@@ -98,6 +98,7 @@ def test_a_mistake_is_reported_and_what_is_right_reads(folder: Path, table: str,
     assert "right" not in row or messages(folder, table, row["right"], row.get("instead_of")) == []
 
 
+@pytest.mark.slow
 def test_the_messages_name_what_is_right_in_nine_of_ten_cases(folder: Path) -> None:
     wrong = [
         (row, "\n".join(messages(folder, table, row["write"], row.get("instead_of"))))

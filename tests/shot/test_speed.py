@@ -37,6 +37,7 @@ def shot(speed: str, resample: str = "off", **changes: str) -> Shot:
     return read_shot("a.yaml", text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ease", sorted(EASINGS))
 def test_the_time_that_passes_is_the_integral_of_the_speed(ease: str) -> None:
     """Against the midpoint rule; whole ways are known: those that are symmetric take half the time."""

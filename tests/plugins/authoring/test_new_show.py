@@ -29,6 +29,7 @@ def show(tmp_path):
     return ProjectFolder(tmp_path / "reel_2030")
 
 
+@pytest.mark.slow
 def test_a_new_show_is_valid_and_can_be_looked_at_and_filmed_at_once(show):
     assert show.call("validate").out.startswith("Good: A010_first, film\n")
     picture = show.call("preview", "A010_first", "--at", "40")
@@ -39,6 +40,7 @@ def test_a_new_show_is_valid_and_can_be_looked_at_and_filmed_at_once(show):
     assert read_film(show.path / "shots/film.yaml").title == "Reel 2030"
 
 
+@pytest.mark.slow
 def test_git_ignores_what_is_made_and_editors_find_the_schemas(show):
     assert (show.path / ".gitignore").read_text().split() == ["/renders/", "/.flowsculpt/", "/.snakemake/"]
     settings = json.loads((show.path / ".vscode/settings.json").read_text())
@@ -57,6 +59,7 @@ def test_shots_of_a_show_leave_to_its_defaults_what_these_give(show):
         assert read_shot(show.path / f"shots/{name}.yaml").rate.fps == 24
 
 
+@pytest.mark.slow
 def test_what_is_in_the_folder_stays_and_is_listed(tmp_path):
     folder = ProjectFolder(tmp_path)
     (tmp_path / "shots").mkdir()

@@ -187,6 +187,7 @@ def test_a_vortex_acts_all_along_its_axis(tmp_path: Path) -> None:
     assert "vortex" in the_only(found(tmp_path, ball_shot(flow="vortex: {axis: x, strength: 3}"))).text
 
 
+@pytest.mark.slow
 def test_a_place_that_pictures_cannot_resolve_is_told(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj", 2.0, (1e5, 0.0, 0.0))
     finding = the_only(found(tmp_path, ball_shot(flow="curl_noise: {}")))
@@ -244,6 +245,7 @@ def test_too_many_sub_steps_are_an_error_before_they_are_taken(tmp_path: Path) -
     assert error.is_error and "sub-steps a frame; 10000 are the most" in error.text
 
 
+@pytest.mark.slow
 def test_a_frame_that_takes_minutes_is_told_with_its_flow(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj")
     finding = the_only(found(tmp_path, ball_shot(edge=0.02, flow="curl_noise: {strength: 300}")))

@@ -46,6 +46,7 @@ def accepts(text: str, kind: str = "shot") -> bool:
     return bool(checker(kind).is_valid(data_of(text)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", SHOTS, ids=lambda path: path.stem)
 def test_every_file_of_shots_is_valid(path: Path) -> None:
     kind = "film" if path in FILMS else "defaults" if path.stem == "defaults" else "shot"
@@ -132,6 +133,7 @@ SAME = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("good", "other"), SAME, ids=[other for _, other in SAME])
 def test_all_that_the_reader_takes_is_valid(good: str, other: str) -> None:
     assert good in GOOD
@@ -222,6 +224,7 @@ def test_a_mistake_that_a_schema_can_see_is_refused_by_reader_and_schema(good: s
     assert not accepts(text)
 
 
+@pytest.mark.slow
 def test_a_shot_that_extends_another_need_say_no_more_and_nor_need_defaults() -> None:
     rest = "extends: A\nsubject: {radius: 2}\nresample: {hard_angle: 30}\nlook: {roughness: 0.1}\n"
     assert accepts(rest) and not accepts(rest.replace("extends: A\n", ""))

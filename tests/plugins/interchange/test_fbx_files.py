@@ -46,6 +46,7 @@ def volume(mesh: PolygonMesh) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", [text, binary])
 def test_quads_stay_quads_in_text_and_binary_files(tmp_path: Path, form: Any) -> None:
     box = scene([box_geometry(1), model(2, "box")], LINKED, UpAxis=2, FrontAxis=1, FrontAxisSign=-1,
@@ -170,6 +171,7 @@ def test_a_file_that_contradicts_itself_or_holds_no_mesh_is_refused(tmp_path: Pa
         read_surface(write(tmp_path / "empty.fbx", scene([model(2, "a", "Null")], [(2, 0)])))
 
 
+@pytest.mark.slow
 def test_a_file_that_is_not_fbx_or_ends_early_is_refused(tmp_path: Path) -> None:
     content = binary(scene([box_geometry(1), model(2, "box")], LINKED))
     for number, damaged in enumerate((b"a chair", content[:500], b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")):

@@ -84,6 +84,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("files")
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(frames(), st.integers(-100, 100_000))
 def test_a_clip_holds_every_attribute_as_float32(place: Path, frame: ExportedFrame, number: int) -> None:
@@ -233,6 +234,7 @@ def edges(pairs: NDArray[Any]) -> set[tuple[int, ...]]:
     return {tuple(sorted(pair)) for pair in pairs.tolist()}
 
 
+@pytest.mark.slow
 @settings(max_examples=2, deadline=None)
 @given(frames())
 def test_a_glb_is_read_as_the_surface_before_its_vertices_were_split(

@@ -110,6 +110,7 @@ def test_the_validators_of_usd_find_nothing(root):
     assert findings(root / FOLDER / f"{NAME}.usda") == []
 
 
+@pytest.mark.slow
 def test_exported_frames_come_back_as_models_to_the_last_bit(root, stage, tmp_path):
     source = root / FOLDER / f"{NAME}.usda"
     for frame in (1, 5):

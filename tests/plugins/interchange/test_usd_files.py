@@ -120,6 +120,7 @@ def test_points_of_an_instancer_show_their_prototype_unless_they_are_hidden(poin
         assert high - low == pytest.approx(np.abs(points[k][0][0]))
 
 
+@pytest.mark.slow
 def test_only_active_visible_meshes_for_rendering_are_read(tmp_path: Path) -> None:
     stage = stage_at(tmp_path / "a.usda")
     add_box(stage, "/World/seen").CreatePurposeAttr(UsdGeom.Tokens.render)
@@ -155,6 +156,7 @@ def test_holes_are_left_out_and_sharp_edges_are_creases() -> None:
     assert {tuple(sorted(edge)) for edge in surface_of(stage).creases.tolist()} == {(4, 5), (2, 3)}
 
 
+@pytest.mark.slow
 def test_a_moving_stage_is_read_at_its_start_or_the_time_asked_for(tmp_path: Path) -> None:
     stage = stage_at(tmp_path / "a.usdc")
     lift = add_box(stage, "/World/box").AddTranslateOp()
@@ -172,6 +174,7 @@ def test_a_moving_stage_is_read_at_its_start_or_the_time_asked_for(tmp_path: Pat
     assert height() == 12.0 and height(ScenePart(time_code=15.0)) == 15.0
 
 
+@pytest.mark.slow
 def test_a_shot_heeds_the_axis_and_follows_every_layer(tmp_path: Path) -> None:
     part, path = stage_at(tmp_path / "part.usda"), tmp_path / "a.usda"
     add_box(part, "/World/box").AddScaleOp().Set(Gf.Vec3f(1.0, 2.0, 3.0))
@@ -199,6 +202,7 @@ def test_a_shot_heeds_the_axis_and_follows_every_layer(tmp_path: Path) -> None:
         read_shot(tmp_path / "a.yaml")
 
 
+@pytest.mark.slow
 def test_a_region_of_a_stage_follows_its_layers(tmp_path: Path) -> None:
     part = stage_at(tmp_path / "part.usda")
     add_box(part, "/World/box")
@@ -219,6 +223,7 @@ def test_settings_of_stages_are_refused_for_other_models(tmp_path: Path) -> None
         read_shot(tmp_path / "a.yaml")
 
 
+@pytest.mark.slow
 def test_every_form_of_stage_holds_the_same_model(tmp_path: Path) -> None:
     first = stage_at(tmp_path / "a.usda")
     add_box(first, "/World/box").CreateSubdivisionSchemeAttr(UsdGeom.Tokens.catmullClark)
@@ -252,6 +257,7 @@ def _references(folder: Path, *assets: str) -> Path:
     return folder / "a.usda"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "fact"),
     [

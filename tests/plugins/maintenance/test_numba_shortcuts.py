@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import numba
+import pytest
 
 from pipeline.plugins.maintenance.kernel_build import kernels_called_by_kernels
 from pipeline.plugins.maintenance.numba_shortcuts import VERSIONS
@@ -51,6 +52,7 @@ assert unset == Flags() and hash(unset) == hash(Flags())
 """
 
 
+@pytest.mark.slow
 def test_code_compiled_with_shortcuts_has_the_same_results() -> None:
     run = subprocess.run([sys.executable, "-c", COMPARED], capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
@@ -96,6 +98,7 @@ print(sums.call(), len(sums.sum_of_halves.stats.cache_hits), sums.half(3.0))
 """
 
 
+@pytest.mark.slow
 def test_a_kernel_that_only_kernels_call_has_no_machine_code_until_python_calls_it(tmp_path: Path) -> None:
     (tmp_path / "sums.py").write_text(SUMS)
     caches = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": f"{tmp_path}:{ROOT}"}
@@ -110,6 +113,7 @@ def test_a_kernel_that_only_kernels_call_has_no_machine_code_until_python_calls_
     assert kinds == {"half": ".inner"}
 
 
+@pytest.mark.slow
 def test_no_kernel_that_python_calls_counts_as_called_by_kernels_alone() -> None:
     inner = kernels_called_by_kernels()
     assert ("pipeline.resample.kernels.collapse", "collapse_queued") not in inner

@@ -286,6 +286,7 @@ KEYS = [f"{number:x}" * 32 for number in range(4)]
 ACTIONS = ["put", "holds", "bring", "evict", "cut", "alter", "delete", "upload"]
 
 
+@pytest.mark.slow
 @given(
     steps=st.lists(st.tuples(st.sampled_from(ACTIONS), st.integers(0, 1), st.sampled_from(KEYS)), max_size=25)
 )

@@ -35,6 +35,7 @@ def said(notes: list[ReviewNote]) -> set[tuple[str, str]]:
     return {(each.id, str(revision.order)) for each in notes for revision in each.revisions}
 
 
+@pytest.mark.slow
 @settings(max_examples=80, deadline=None)
 @given(NOTES, NOTES, NOTES)
 def test_merging_does_not_depend_on_order_and_loses_nothing(one: Given, two: Given, three: Given) -> None:

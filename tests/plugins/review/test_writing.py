@@ -24,6 +24,8 @@ from render.post.image import read_png
 from tests.plugins.review.note_cases import IDS, document, note
 from tests.plugins.review.studio import FAILED, FAULT, LAST, MISSING, NAME, TITLE, Desk, number_in
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def _at_the_desk(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -128,6 +130,7 @@ def test_a_picture_that_is_cut_short_becomes_a_slate_and_the_rest_a_page(copy: D
     assert state == "failed" and "flowsculpt verify repairs it" in why
 
 
+@pytest.mark.slow
 def test_a_quality_alone_can_be_shown_and_a_page_be_named(copy: Desk) -> None:
     code, words = copy.command("review", NAME, "-q", "daily.scale50", "--name", "monday", "--as", "png")
     assert code == 0 and words.startswith(str(copy.page("monday")))
@@ -191,6 +194,7 @@ def test_a_folder_that_cannot_be_written_is_told(copy: Desk) -> None:
     assert code == 4 and "a file stands where a folder should be" in said
 
 
+@pytest.mark.slow
 def test_figures_are_drawn_and_the_same_every_time(copy: Desk) -> None:
     page = copy.root / "renders" / NAME / f"{NAME}.figures.svg"
     drawn = []

@@ -144,6 +144,7 @@ def _volume(mesh: PolygonMesh) -> float:
     return float(np.linalg.det(corners).sum() / 6)
 
 
+@pytest.mark.slow
 def test_p21_faces_drift_toward_triangles(menagerie: dict[str, PolygonMesh]) -> None:
     resampler = PolyhedralResampler(menagerie["cube"], COARSE)
     sides = [resampler.resample().average_sides]

@@ -28,6 +28,7 @@ def edge_lengths(mesh: PolygonMesh) -> Floats:
     return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     kind=st.sampled_from(KINDS),
@@ -78,6 +79,7 @@ def test_every_polyhedron_survives_every_motion(
         assert validate(resampler.mesh.triangulated()).sound
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(kind=st.sampled_from(KINDS), seed=st.integers(0, 2**32 - 1))
 def test_the_structure_kept_alive_is_the_one_built_anew(
