@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import logging
 import re
+import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cache
@@ -18,6 +19,8 @@ from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
+
+from render.base.render_errors import MachineError
 
 T = TypeVar("T")
 
@@ -225,19 +228,33 @@ class Plugins:
         return [function for function in found if function is not None]
 
 
+_LOADING: list[str] = []  # the entry point whose module is being imported
+
+
 @cache
 def plugins() -> Plugins:
-    """Return the plug-ins of this environment; they are looked for once in a process."""
+    """Return the plug-ins of this environment; they are looked for once in a process.
+
+    Raises ImportError while they are being looked for.
+    """
+    if _LOADING:
+        raise ImportError(
+            f"{_LOADING[0].partition(':')[0]} imports what itself needs the plug-ins, such as read_shot; "
+            "import that in the functions that use it"
+        )
     loaded: dict[str, Plugin] = {}
     faults: list[str] = []
     taken: dict[str, str] = {}  # what a plug-in adds, and the name of the plug-in
     packages: dict[str, str] = {}  # by the names of plug-ins
     for entry in sorted(entry_points(group=GROUP), key=_order):
         try:
+            _LOADING.append(entry.value)
             plugin = _loaded(entry)
         except (Exception, SystemExit) as error:  # a stranger's module may raise anything
             faults.append(f"plug-in {entry.name} ({entry.value}) is left out: {_told(error)}")
             continue
+        finally:
+            _LOADING.pop()
         package = entry.dist.name if entry.dist else entry.module
         if fault := _refusal(plugin, package, packages, taken):
             faults.append(f"plug-in {entry.name} ({entry.value}) is left out: {fault}")
@@ -268,9 +285,32 @@ def _function(plugin: str, place: str) -> Any:
         return None
 
 
+def fault_of_plugin(error: Exception) -> MachineError | None:
+    """Return an error raised by the code of a plug-in as one that names its line; None for any other."""
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [(frame.filename, frame.lineno) for frame in frames]
+    if loc := getattr(error, "loc", None):  # numba compiles a kernel far from its line
+        lines.append((loc.filename, loc.line))
+    owners = {str(file): plugin.name for plugin in plugins() for file in plugin.sources}
+    for file, line in reversed(lines):
+        if file in owners:
+            return MachineError(f"{file}:{line}: plug-in {owners[file]}: {_reason(error)}")
+    return None
+
+
+_NUMBA_LINES = ("Failed in nopython mode", "During: ")  # around what is wrong
+
+
 def _told(error: BaseException) -> str:
-    """Return what a stranger's module raised, in one line."""
-    line = " ".join(f"{type(error).__name__}: {error}".split())
+    """Return what a stranger's module raised, in one line, with the line of it that did."""
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    is_theirs = Path(last.filename).is_file() and Path(last.filename) != Path(__file__)
+    return f"{_reason(error)} ({last.filename}:{last.lineno})" if is_theirs else _reason(error)
+
+
+def _reason(error: BaseException) -> str:
+    lines = [line for line in str(error).splitlines() if not line.startswith(_NUMBA_LINES)]
+    line = " ".join(f"{type(error).__name__}: {' '.join(lines)}".split())
     of_api = isinstance(error, ImportError) and error.name == "pipeline.api"
     if of_api or line.startswith("TypeError: Plugin.__init__() got an unexpected keyword"):
         return f"{line}; a later flowsculpt may have it"

@@ -183,6 +183,32 @@ def test_a_shot_whose_plug_in_is_missing_or_broken_is_refused_with_its_name(marb
     assert f"look.material: 'marbling.ink' is not a look. {needs}" in refused.stderr
 
 
+@pytest.mark.parametrize(
+    ("code", "wrong", "fault"),
+    [
+        ("w[i] += numbers[0]", "w[i] += strength", "TypingError: NameError: name 'strength' is not defined"),
+        ("u[i] -= numbers[0]", "u[i] -= numbers.first", "TypingError: Unknown attribute 'first' of type"),
+        ("(number_at(self.strength, time),)", "(1 / 0,)", "ZeroDivisionError: division by zero"),
+        ("abs(number_at", "abs(number_of", "NameError: name 'number_of' is not defined"),
+    ],
+)
+def test_an_error_in_the_code_of_a_flow_is_told_in_a_line_with_its_place(marbling, code, wrong, fault):
+    assert code in PARTS
+    (marbling.folder / "marbling_parts.py").write_text(PARTS.replace(code, wrong))
+    line = 1 + PARTS.partition(code)[0].count("\n")
+    place = f"marbling_parts.py:{line}: plug-in marbling: {fault}"
+    for command in (["validate"], ["render", "A010_ink", "-q", "draft"]):
+        done = marbling.run(*command)
+        assert done.returncode in (1, 4) and place in done.stderr, done.stderr
+        assert "Traceback" not in done.stderr
+
+
+def test_a_flow_that_lacks_a_method_is_left_out_with_the_name_of_the_method(marbling):
+    (marbling.folder / "marbling_parts.py").write_text(PARTS.replace("def length_scale", "def scale"))
+    told = marbling.run("validate").stderr
+    assert "plug-in marbling: marbling.swirl is left out: TypeError: it lacks length_scale" in told
+
+
 def plugin(name: str = "greeter", rest: str = "") -> str:
     return f"from pipeline.plugin import Command, Plugin\nPLUGIN = Plugin({name!r}, '1'{rest})\n"
 
@@ -207,7 +233,13 @@ def plugin(name: str = "greeter", rest: str = "") -> str:
             "PLUGIN = Plugin('mute', '1', stages={'hush': PictureStage('mute:hush', 1, 'hushing')})",
             "its stage hush has no entry among documents, so no shot could ask for it",
         ),
-        ("lines", "raise ValueError('one\\ntwo')", "ValueError: one two"),
+        ("lines", "one = 1\nraise ValueError('one\\ntwo')", "ValueError: one two ("),
+        ("placed", "one = 1\nraise ValueError('one')", "placed.py:2)"),
+        (
+            "eager",
+            "from pipeline.api import Plugin, read_shot\nPLUGIN = Plugin('eager', '1')",
+            "eager imports what itself needs the plug-ins, such as read_shot; import that in the functions",
+        ),
         (
             "wider",
             plugin("wider", ", lenses={}"),

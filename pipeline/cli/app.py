@@ -32,7 +32,7 @@ from pipeline.cli.options import (
 from pipeline.cli.output import print_error, print_warning
 from pipeline.cli.standard_streams import READER_LEFT, OutputError, discard_output
 from pipeline.errors import FlowsculptError, MachineError
-from pipeline.plugin import Command, named, plugins
+from pipeline.plugin import Command, fault_of_plugin, named, plugins
 from render.base.atomic_write import REMEDIES, machine_error
 from render.base.python_process import distrust_working_folder
 
@@ -251,3 +251,8 @@ def main() -> None:
         file = Path(os.fsdecode(error.filename or "a file"))  # closing one has no name
         print_error(str(machine_error(file, error, "used")))
         sys.exit(MachineError.exit_code)
+    except Exception as error:
+        if (fault := fault_of_plugin(error)) is None:
+            raise
+        print_error(str(fault))
+        sys.exit(fault.exit_code)

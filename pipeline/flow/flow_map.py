@@ -17,6 +17,7 @@ from pipeline.flow.catalogue.deformations import Deformation
 from pipeline.flow.catalogue.external_fields import FormulaField
 from pipeline.flow.flow import Flow, FlowStep
 from pipeline.flow.streamlines import StepPlan, Streamlines
+from pipeline.plugin import fault_of_plugin
 
 
 def checked_displacement(
@@ -69,6 +70,8 @@ def _displaced(step: FlowStep, points: Points, frame: int, first: int) -> Points
     except FlowsculptError as error:
         raise flow_error(error, flow, frame) from error
     except Exception as error:
+        if fault := fault_of_plugin(error):
+            raise FrameError(str(fault), frame) from error
         raise FrameError(
             f"{name} raised {type(error).__name__}: {error}; a flow takes points (N, 3), time and dt "
             f"and returns points (N, 3). Call it alone with {len(points)} points at time {time:g} s.",

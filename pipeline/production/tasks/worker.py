@@ -20,6 +20,7 @@ from types import FrameType
 from typing import Any
 
 from pipeline.errors import FlowsculptError, FrameError, MachineError
+from pipeline.plugin import fault_of_plugin
 from pipeline.production.planning.plan import Plan, write_manifest
 from pipeline.production.planning.profile import ON_GPU, VariantError, require_variant
 from pipeline.production.stages import STAGES
@@ -157,9 +158,8 @@ def work(context: Context) -> int:
         if isinstance(error, OSError):
             context.fail(_as_failure(error, context.root))
         else:
-            context.fail(
-                FrameError(f"{job.name}: {type(error).__name__}: {error}; this is a bug in flowsculpt")
-            )
+            bug = FrameError(f"{job.name}: {type(error).__name__}: {error}; this is a bug in flowsculpt")
+            context.fail(fault_of_plugin(error) or bug)
     context.end()
     return 0 if well else 1
 

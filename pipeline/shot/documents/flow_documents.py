@@ -6,6 +6,7 @@ Angles are degrees in the file and radians in the code.
 import ast
 import typing
 from dataclasses import MISSING
+from inspect import isabstract
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
@@ -104,6 +105,8 @@ def _document_of_plugin(plugin: Plugin, name: str, flow: Any) -> type[FlowParame
     """Return the document of a plug-in's flow. Raises TypeError for what is none."""
     if not (isinstance(flow, type) and issubclass(flow, Flow | VelocityField)):
         raise TypeError("it is neither a VelocityField nor a Flow")
+    if isabstract(flow):
+        raise TypeError(f"it lacks {', '.join(sorted(flow.__abstractmethods__))}")
     document = document_of(flow)
     document.origin = (plugin.name, plugin.version, name)
     return document

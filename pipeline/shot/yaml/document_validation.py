@@ -17,6 +17,7 @@ from pydantic_core import PydanticCustomError
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, reason_of
 from pipeline.mesh.read import model_files
+from pipeline.plugin import fault_of_plugin
 from pipeline.shot.yaml.messages import problems_of
 from pipeline.shot.yaml.named_files import is_folder, is_there, shown
 from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource
@@ -153,12 +154,17 @@ def as_finding(make: Callable[[], T]) -> T:
 
 @contextmanager
 def unforeseen(path: Path) -> Iterator[None]:
-    """Turn an error that is none of ours into a ShotError: no file may end in a traceback."""
+    """Turn an error that is none of ours into a ShotError: no file may end in a traceback.
+
+    Raises MachineError for one of a plug-in's code.
+    """
     try:
         yield
     except FlowsculptError:
         raise
     except Exception as error:
+        if fault := fault_of_plugin(error):
+            raise fault from error
         raise ShotError(
             f"{path}:1:1: flowsculpt fails on this file by a fault of its own "
             f"({type(error).__name__}: {reason_of(error)}). Undo the last change, and report the fault."
