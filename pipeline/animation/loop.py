@@ -271,11 +271,11 @@ def at_rest(motion: Motion, flow: Flow) -> MovingSurface:
     thresholds = resampling.thresholds
     if resampling.method == "polyhedra":
         polygons = with_material(motion.polygons_at_rest())
-        polygons = _creased(polygons, resampling, _hard_angles(polygons, thresholds))
+        polygons = creased(polygons, resampling, _hard_angles(polygons, thresholds))
         polyhedral = PolyhedralResampler(polygons, thresholds, resampling.cutting, resampling.collapse)
         return PolygonSurface(motion, resampling, polyhedral)
     mesh = with_identities(motion.mesh_at_rest())
-    mesh = _creased(mesh, resampling, thresholds.hard_angles(mesh))
+    mesh = creased(mesh, resampling, thresholds.hard_angles(mesh))
     if resampling.placement != "exact":
         mesh = with_material(mesh)
     elif resampling.normals == "carried":
@@ -301,7 +301,7 @@ def _triangle_surface(
     return ExactSurface(motion, resampling, placed, interval, start_vertices)
 
 
-def _creased(mesh: Mesh, resampling: Resampling, hard_angles: float | Floats) -> Mesh:
+def creased(mesh: Mesh, resampling: Resampling, hard_angles: float | Floats) -> Mesh:
     """Return the mesh at rest with the edges tagged that are to stay hard (P31)."""
     if resampling.creases == "model":
         return mesh

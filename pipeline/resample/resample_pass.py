@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 
@@ -122,7 +123,6 @@ def require_room_for_area(points: Points, faces: Faces, longest: float, budget: 
         )
 
 
-_MAX_PLACED = 16  # rounds of splits; an edge halved that often has been stretched 65,000-fold in one frame
 _MANY_FACES = 200_000  # from which on one compiled call may take over a second
 _ALL_UPRIGHT = "all upright"  # name of the mesh's mark
 _SLACK = 1.2  # times the maximum: the length an edge may have until `make_room` splits it
@@ -131,7 +131,13 @@ _STACK: Indices = np.empty(MAX_STACK + 1, np.int32)
 
 
 class ResamplePass:
-    """A surface while one pass brings its edges within their length limits."""
+    """A surface while one pass brings its edges within their length limits.
+
+    most_placed  rounds of splits whose vertices are placed; an edge that is halved 16 times has been
+                 stretched 65,000-fold in one frame
+    """
+
+    most_placed: ClassVar[int] = 16
 
     def __init__(
         self, mesh: HalfedgeMesh, thresholds: Thresholds, placement: Placement, shape: TriangleShape
@@ -208,7 +214,7 @@ class ResamplePass:
 
     def _place(self, births: Indices, remaining: Indices) -> Indices:
         """Move the new vertices to where the placement has them; return the edges that are then too long."""
-        if not self.placement.leaves_chord or not len(births) or self.passes > _MAX_PLACED:
+        if not self.placement.leaves_chord or not len(births) or self.passes > self.most_placed:
             return remaining
         self.on_chord += self.placement.place(self.mesh, births, self.limits)
         long_edges = work_list(int(remaining[0]) + MAX_SPOKES_OF_NEW * len(births))

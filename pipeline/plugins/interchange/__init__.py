@@ -3,6 +3,7 @@
 from pipeline.plugin import Command, Plugin
 
 _COMMANDS = "pipeline.plugins.interchange.export_commands"
+_ONE_MESH = "pipeline.plugins.interchange.one_mesh_commands"
 
 PLUGIN = Plugin(
     name="interchange",
@@ -20,6 +21,8 @@ PLUGIN = Plugin(
         "obj": Command(f"{_COMMANDS}:obj", "A mesh file of each frame."),
         "glb": Command(f"{_COMMANDS}:glb", "A mesh file of one frame, for the web."),
         "stl": Command(f"{_COMMANDS}:stl", "A mesh file of one frame, to be printed."),
+        "pc2": Command(f"{_ONE_MESH}:pc2", "One mesh that moves, for Blender and Maya."),
+        "mdd": Command(f"{_ONE_MESH}:mdd", "One mesh that moves, for Blender and Cinema 4D."),
     },
     mesh_formats={
         "off": "pipeline.plugins.interchange.off_files:OFF",

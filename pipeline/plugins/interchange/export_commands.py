@@ -48,7 +48,7 @@ def usd(common: Common, shot: Shot, options: ModelOptions, quality: Quality = DE
     frames are simulated first. Later exports write only clips that changed. It needs the package
     usd-core; see docs/interchange.md.
     """
-    project, asked, folder = _asked(common, shot, options, quality, "usd")
+    project, asked, folder = asked_for(common, shot, options, quality, "usd")
     if asked.source.subject:
         raise UsageError(
             f"--subject {asked.source.subject}: a USD stage holds all subjects of {asked.name}, each as a "
@@ -103,13 +103,13 @@ def stl(
 
 def _models(common: Common, shot: str, options: ModelOptions, form: str, size: float = LONGEST_SIDE) -> None:
     """Write mesh files of the subjects of a shot."""
-    project, asked, folder = _asked(common, shot, options, DEFAULT_QUALITY, "models")
+    project, asked, folder = asked_for(common, shot, options, DEFAULT_QUALITY, "models")
     require_still(form, options.frames, len(asked.requested))
     exports = [ModelExport(part, project.store, folder, form, size) for part in asked.parts]
     _export(common, project, asked, exports)
 
 
-def _asked(
+def asked_for(
     common: Common, shot: str, options: ModelOptions, quality: str, name: str
 ) -> tuple[Project, RenderRequest, Path]:
     """Return the project, the frames to export, and their folder, which has a name by default."""

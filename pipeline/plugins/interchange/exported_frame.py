@@ -167,7 +167,7 @@ def exported_frame(shot: Shot, frame: MeshFrame) -> ExportedFrame:
 def _exported_mesh(shot: Shot, frame: MeshFrame, split: ShadedMesh) -> ExportedFrame:
     mesh, rest = frame.mesh, material_of(frame.mesh)
     velocities, source = vertex_motion(shot.motion, frame).velocity(), split.source_vertex
-    surface = _surface(split.vertices, split.normals, split.faces, rest[source], velocities[source])
+    surface = rendered_surface(split.vertices, split.normals, split.faces, rest[source], velocities[source])
     colours = vertex_colours(surface, shot.picture.look)
     return ExportedFrame(
         *(mesh.vertices, mesh.faces, split.normals, split.faces, velocities, rest, mesh.creases),
@@ -182,7 +182,7 @@ def _exported_net(shot: Shot, shading: Shading) -> ExportedFrame:
     (points, normals), velocities = motion.at(0.0), motion.velocity()
     assert normals is not None, "a net has a surface"
     faces, rest = arrays["faces"], arrays["material"].astype(np.float64)
-    surface = _surface(points, normals, faces, rest, velocities)
+    surface = rendered_surface(points, normals, faces, rest, velocities)
     return ExportedFrame(
         *(points, faces, normals, faces, velocities, rest),
         colours=vertex_colours(surface, shot.picture.look),
@@ -194,7 +194,7 @@ def _exported_cloud(shot: Shot, frame: MeshFrame) -> ExportedFrame:
     points, rest = frame.mesh.vertices, material_of(frame.mesh)
     velocities, nothing = vertex_motion(shot.motion, frame).velocity(), np.empty((0, 3))
     faces, numbers = nothing.astype(np.int32), frame.mesh.attributes.get(IDENTITY)
-    surface = _surface(points, np.zeros_like(points), faces, rest, velocities)
+    surface = rendered_surface(points, np.zeros_like(points), faces, rest, velocities)
     return ExportedFrame(
         *(points, faces, nothing, faces, velocities, rest),
         colours=vertex_colours(surface, shot.picture.look),
@@ -211,7 +211,9 @@ def _copies(shot: Shot, rest: Points) -> AnyArray | None:
     return (shot.motion.copy_indices(rest) + 1).astype(np.int32)
 
 
-def _surface(points: Points, normals: Vectors, faces: Faces, rest: Points, velocities: Vectors) -> Surface:
+def rendered_surface(
+    points: Points, normals: Vectors, faces: Faces, rest: Points, velocities: Vectors
+) -> Surface:
     """Return the surface as it is rendered, float32, with the speed of its vertices."""
     vertices, shading, material = (values.astype(np.float32) for values in (points, normals, rest))
     speeds = np.linalg.norm(velocities, axis=1, keepdims=True).astype(np.float32)

@@ -42,6 +42,7 @@ APART = (PUBLISHED, REPEATED)
 READERS: dict[str, Callable[[Key], Callable[[Path], Any]]] = {
     "mesh": readers.mesh_frame,
     "normals": readers.arrays,
+    "refined": readers.arrays,
     "cameras": lambda key: _json,
     "raw": readers.picture,
     "frame": readers.picture,

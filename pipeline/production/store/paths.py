@@ -28,6 +28,7 @@ NOTES = Path("notes")
 SUFFIXES = {
     "mesh": ".npz",
     "normals": ".npz",
+    "refined": ".npz",
     "cameras": ".json",
     "raw": ".exr",
     "frame": ".exr",

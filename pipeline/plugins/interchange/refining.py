@@ -1,0 +1,436 @@
+"""Refine a surface at rest wherever a frame needs it, until no edge is too long in any frame.
+
+Each sweep moves all vertices through the frames by the flow, as frames of meshes are moved, and splits the
+edges that are too long then: longest first, as the resampler does, without collapsing or flipping others. A
+new vertex lies on the smooth surface at rest, where exact placement puts it, and now where the flow has
+carried that point. So the first sweep depends on earlier frames only. A vertex that a later frame needs may
+show a bend in an earlier one that its edge had cut off: further sweeps carry the new vertices through the
+frames before, and split there, until a sweep splits nothing.
+
+Each frame of a sweep has its file in the store: births, and positions of the vertices that the sweeps before
+had not carried there. All files of a frame together hold its points. The keys of the first sweep follow those
+of mesh frames: after an edit at frame 60, the frames before it stay. A vertex has the number of its birth.
+
+births   int32 (N, 2): the parents of each vertex born in the frame, in order
+born     float64 (N, 6): their position and normal at rest
+points   float64 (M, 3): positions in the frame
+longest  float64 (V,), of the first sweep: maximum edge lengths at the vertices, where they vary. They are
+         those of the surface as it is refined by then; later vertices have the mean of their parents
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from pipeline.animation.loop import blocks_of, creased, step_into
+from pipeline.arrays import AnyArray, Floats, Indices, Points
+from pipeline.errors import FrameError, UsageError, VertexBudgetError
+from pipeline.flow.flow_map import FlowMap
+from pipeline.mesh import TriangleMesh
+from pipeline.mesh.halfedge_mesh import HalfedgeMesh
+from pipeline.mesh.normals import vertex_normals
+from pipeline.plugins.interchange.birth_replay import mix_births, replay_births
+from pipeline.production.request.manifest import thresholds_at
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.stages import PipelineStage
+from pipeline.production.store import readers
+from pipeline.production.store.store import Key, Store, key_of
+from pipeline.resample import Exact, edges_by_angle
+from pipeline.resample.kernels.pass_state import Limits
+from pipeline.resample.kernels.split import BIRTH_HALFEDGE
+from pipeline.resample.placement import REST, REST_NORMAL, column_of
+from pipeline.resample.resample_pass import ResamplePass
+from pipeline.resample.thresholds import Thresholds, TriangleShape
+
+KIND = "refined"
+"""The kind of its files in the store."""
+
+UNIFY = PipelineStage(
+    "unify",
+    version=1,
+    packages=("numba", "numpy", "trimesh"),
+    doing="refining",
+    makes=KIND,
+    reads=("simulate",),
+    per_quality=False,
+)
+
+MOST_SWEEPS = 20
+"""Sweeps after which a surface counts as one that cannot be refined; most take three."""
+
+_TESTED = 8  # rounds of splits in one frame after which the longest edge is tested for a tear, and again
+_SHORTEST = 1e-12  # sizes of the surface: an edge as short at rest that is still too long shows a tear
+
+
+class _Refining(ResamplePass):
+    """A pass that only splits, and places all new vertices: a frame may stretch an edge by any factor."""
+
+    most_placed: ClassVar[int] = 1 << 30
+
+    def run_splits(self) -> Floats | None:
+        """Split; return the maximum edge lengths (V,) where they vary, and None where they do not."""
+        self.find_edges()
+        self.split_long_edges()
+        column, mesh = self.limits.field_column, self.mesh
+        return None if column < 0 else mesh.arrays.attributes[: mesh.sizes[0], column].copy()
+
+
+class _KnownLengths(Thresholds):
+    """Maximum edge lengths (V,) that are known already."""
+
+    def __init__(self, known: Floats, max_vertices: int) -> None:
+        super().__init__(1.0, 0.0, 1.0, max_vertices)
+        self.known: Floats
+        object.__setattr__(self, "known", known)
+
+    @property
+    def active(self) -> bool:
+        return True
+
+    def fields(self, mesh: TriangleMesh) -> Floats:
+        return np.column_stack([self.known, np.zeros_like(self.known), np.ones_like(self.known)])
+
+
+@dataclass(frozen=True)
+class _OnSurface(Exact):
+    """New vertices on the surface at rest and where the flow carries it, whether faces fold there or not.
+
+    born  the parents (N, 2) of those of each round
+    """
+
+    born: list[Indices] = field(default_factory=list)
+
+    def place(self, mesh: HalfedgeMesh, births: Indices, limits: Limits) -> int:
+        last = int(mesh.sizes[0])
+        middles, _, _ = self._midpoints_at_rest(mesh, births)
+        column, born = column_of(mesh, REST), slice(last - len(births), last)
+        goals = self._project(middles)
+        mesh.arrays.attributes[born, column : column + 3] = goals
+        mesh.arrays.points[born] = self._carry(goals)
+        self.born.append(births[:, :BIRTH_HALFEDGE].copy())
+        if len(self.born) % _TESTED == 0:
+            self.require_whole(mesh, limits)
+        return 0
+
+    def require_whole(self, mesh: HalfedgeMesh, limits: Limits) -> None:
+        """Raise FrameError where the flow tears the longest edge: no part of it at rest is short enough."""
+        a, b = _longest_edge(mesh)
+        column = column_of(mesh, REST)
+        ends = mesh.arrays.attributes[[a, b], column : column + 3]
+        shortest = _SHORTEST * float(np.ptp(mesh.arrays.attributes[: mesh.sizes[0], column : column + 3]))
+        while np.linalg.norm(ends[1] - ends[0]) > shortest:
+            three = np.stack([ends[0], 0.5 * (ends[0] + ends[1]), ends[1]])
+            lengths = np.linalg.norm(np.diff(self._carry(three), axis=0), axis=1)
+            if lengths.max() <= 0.5 * limits.max_edge_length:
+                return
+            ends = three[:2] if lengths[0] > lengths[1] else three[1:]
+        x, y, z = ends[0]
+        raise FrameError(
+            f"the flow tears the surface at ({x:.4g}, {y:.4g}, {z:.4g}) at rest, so no mesh follows it; "
+            "choose frames before, or export each frame's own mesh"
+        )
+
+
+def _longest_edge(mesh: HalfedgeMesh) -> tuple[int, int]:
+    """Return the vertices of the longest edge."""
+    corners = mesh.vertices[mesh.faces]
+    side = int(np.argmax(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)))
+    face, corner = divmod(side, 3)
+    return int(mesh.faces[face, corner]), int(mesh.faces[face, (corner + 1) % 3])
+
+
+Began = Callable[[str, int], Callable[[], None]]
+"""Takes the name of a part of the work and its number of frames; returns what is called after each."""
+
+
+class _Sweep(NamedTuple):
+    """What a sweep has done.
+
+    keys    of its files by frame
+    counts  of the vertices whose points the files of a frame hold, those of earlier sweeps included
+    """
+
+    keys: dict[int, Key]
+    counts: dict[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """A refined surface: births (N, 2) on a surface at rest, in order, and the points of each frame.
+
+    start       the surface at rest before, with its creases
+    born        (N, 6) position and normal at rest of the births
+    points_at   returns the points (V, 3) of a frame
+    lengths_at  returns the maximum edge lengths (V,) of a frame; infinite where nothing is resampled
+    """
+
+    start: TriangleMesh
+    births: Indices
+    born: Floats
+    points_at: Callable[[int], Points]
+    lengths_at: Callable[[int], Floats]
+
+    def surface(self, kept: AnyArray | None = None) -> tuple[TriangleMesh, Indices]:
+        """Return the refined surface at rest, and the corners (N, 2) opposite of the births' edges.
+
+        kept  flags (N,) of births: those that all kept ones need must be among them
+        """
+        births, rest = self.births, self.born[:, :3]
+        if kept is not None:
+            numbers = np.cumsum(np.concatenate([np.ones(len(self.start.vertices), bool), kept])) - 1
+            births, rest = numbers[births[kept]].astype(np.int32), rest[kept]
+        mesh = HalfedgeMesh(TriangleMesh(self.start.vertices, self.start.faces, {}, self.start.creases))
+        opposite = replayed(mesh, births)
+        points = np.concatenate([self.start.vertices, rest])
+        return TriangleMesh(points, mesh.faces, {}, mesh.creases), opposite
+
+
+def replayed(mesh: HalfedgeMesh, births: Indices) -> Indices:
+    """Split the edges of births (N, 2) of a mesh; return the corners (N, 2) opposite of each."""
+    opposite = np.empty((len(births), 2), np.int32)
+    mesh.reserve(len(births), 2 * len(births))
+    done = replay_births(mesh.arrays, mesh.sizes, np.ascontiguousarray(births, np.int32), opposite)
+    if done < len(births):
+        a, b = births[done]
+        raise FrameError(f"birth {done} splits {a}-{b}, which is no edge of the refined surface")
+    return opposite
+
+
+class Refiner:
+    """Refines the surface of a subject for the frames up to the last one requested.
+
+    Raises UsageError for a subject that has no such surface.
+    """
+
+    def __init__(self, request: RenderRequest, store: Store) -> None:
+        self._request, self._store = request, store
+        self._motion = request.shot.motion
+        require_surface(request)
+        first = self._motion.frames.first
+        self.frames = range(first, max(request.requested) + 1)
+
+    @cached_property
+    def key(self) -> Key:
+        """The key of the refined surface."""
+        return self._first_keys[self.frames[-1]]
+
+    @cached_property
+    def _first_keys(self) -> dict[int, Key]:
+        return {n: key_of(UNIFY.recipe, self._request.mesh_key(n)) for n in self.frames}
+
+    def missing(self) -> list[int]:
+        """Return the frames whose files of the first sweep are not stored."""
+        return [n for n in self.frames if not self._store.holds(KIND, self._first_keys[n])]
+
+    def refined(self, began: Began = lambda name, total: lambda: None) -> Refined:
+        """Return the refined surface; what is not stored is computed.
+
+        began  called with the name of each sweep and its number of frames; returns what is called after each
+
+        Raises FrameError where the flow fails or tears the surface, where it does not move each point
+        independently, or where the vertices exceed the budget.
+        """
+        sweeps: list[_Sweep] = []
+        births, born = [np.empty((0, 2), np.int32)], [np.empty((0, 6))]
+        keys = self._first_keys
+        while True:
+            sweep, before = _Sweep(keys, {}), len(births)
+            self._swept(sweep, sweeps, births, born, began(_name(sweeps), len(self.frames)))
+            sweeps.append(sweep)
+            if not any(map(len, births[before:])):
+                break
+            if len(sweeps) == MOST_SWEEPS:
+                raise FrameError(
+                    f"after {MOST_SWEEPS} sweeps through the frames some edges are still too long in some; "
+                    "choose fewer frames, or a larger max_edge_length"
+                )
+            keys = {n: key_of(sweep.keys[self.frames[-1]], n) for n in self.frames}
+        return Refined(
+            *(self._start, np.concatenate(births), np.concatenate(born)),
+            partial(self._points, sweeps),
+            lambda number: self._lengths(sweeps[0], number, births),
+        )
+
+    def _lengths(self, first: _Sweep, number: int, births: Sequence[Indices]) -> Floats:
+        """Return the maximum edge lengths (V,) of a frame at all vertices."""
+        limits = self._limited([first], number, births)
+        if isinstance(limits, _KnownLengths):
+            return limits.known
+        longest = math.inf if limits is None else limits.numbers[0]
+        return np.full(len(self._start.vertices) + sum(map(len, births)), longest)
+
+    def _swept(
+        self,
+        sweep: _Sweep,
+        before: Sequence[_Sweep],
+        births: list[Indices],
+        born: list[Floats],
+        passed: Callable[[], None],
+    ) -> None:
+        """Carry, split and store frame after frame; add births to the lists, and counts to the sweep."""
+        surface: HalfedgeMesh | None = None
+        known, points = 0, self._rest(born)  # of the vertices from the number `known` on
+        for number in self.frames:
+            held, key = before[-1].counts[number] if before else 0, sweep.keys[number]
+            if surface is None and self._store.holds(KIND, key):
+                entry = self._read(key)
+            else:
+                if surface is None:
+                    surface, history = self._built(births, born), self._history(number - 1)
+                points = self._stepped(points[held - known :], number, held, history)
+                surface.vertices[:] = np.concatenate([self._points(before, number), points])
+                entry = self._split(surface, number, history, held, self._limited(before, number, births))
+                write = partial(readers.write_npz, named=readers.with_key(key, entry))
+                self._store.put(KIND, key, write)
+            known, points = held, entry["points"]
+            births.append(entry["births"])
+            born.append(entry["born"])
+            sweep.counts[number] = held + len(points)
+            passed()
+
+    def _history(self, last: int) -> FlowMap:
+        """Return the flow from the first frame to `last`."""
+        history = FlowMap()
+        for number in range(self.frames[0] + 1, last + 1):
+            history.add(step_into(self._motion, self._motion.flow, number))
+        return history
+
+    def _stepped(self, points: Points, number: int, first: int, history: FlowMap) -> Points:
+        """Return points of the frame before moved into a frame, and add the step to the history.
+
+        Raises FrameError where a point alone moves elsewhere than together with others.
+        """
+        if number == self.frames[0]:
+            return points
+        step = step_into(self._motion, self._motion.flow, number)
+        history.add(step)
+        moved = np.empty_like(points)
+        for block in blocks_of(len(points)):
+            moved[block] = step.apply(points[block], first + block.start)
+        for one in {0, len(points) // 2, len(points) - 1} if len(points) > 1 else ():
+            if not np.array_equal(step.apply(points[one : one + 1], first + one)[0], moved[one]):
+                raise FrameError(
+                    f"flow {step.flow.name} moves a point alone elsewhere than among others, so vertices of "
+                    "later frames have no place here; let it move each point by itself",
+                    number,
+                )
+        return moved
+
+    def _limited(self, sweeps: Sequence[_Sweep], number: int, births: Sequence[Indices]) -> Thresholds | None:
+        """Return the thresholds of a frame; lengths that vary are those which the first sweep has found."""
+        resampling = self._motion.resampling_at(number)
+        if resampling is None:
+            return None
+        if not (sweeps and resampling.thresholds.active):
+            return resampling.thresholds
+        known = self._read(sweeps[0].keys[number])["longest"]
+        return _KnownLengths(self._mixed(known, births), resampling.thresholds.max_vertices)
+
+    def _mixed(self, values: Floats, births: Sequence[Indices]) -> Floats:
+        """Return values (U,) of the first vertices, and those of all births since, mixed from parents."""
+        all_births, first = np.concatenate(births), len(self._start.vertices)
+        mixed = np.empty(first + len(all_births))
+        mixed[: len(values)] = values
+        mix_births(np.ascontiguousarray(all_births[len(values) - first :]), len(values), mixed)
+        return mixed
+
+    def _split(
+        self, surface: HalfedgeMesh, number: int, history: FlowMap, held: int, limits: Thresholds | None
+    ) -> dict[str, AnyArray]:
+        """Split the edges that are too long in a frame; return the arrays of its file."""
+        first, longest = int(surface.sizes[0]), None
+        placement = _OnSurface(history.carry, self._motion.analytic_surface(), tags_creases=False)
+        if limits is not None:
+            refining = _Refining(surface, limits, placement, TriangleShape())
+            try:
+                longest = refining.run_splits()
+            except VertexBudgetError as error:
+                torn = partial(placement.require_whole, surface, refining.limits)
+                raise self._too_many(error, number, torn) from None
+            except FrameError as error:
+                raise error.of(number) from None
+        columns = [column_of(surface, name) for name in (REST, REST_NORMAL)]
+        born = [surface.arrays.attributes[first : surface.sizes[0], c : c + 3] for c in columns]
+        return {
+            "births": np.concatenate([np.empty((0, 2), np.int32), *placement.born]),
+            "born": np.hstack(born),
+            "points": surface.vertices[held:].copy(),
+            **({} if longest is None or held else {"longest": longest}),
+        }
+
+    @staticmethod
+    def _too_many(error: VertexBudgetError, number: int, require_whole: Callable[[], None]) -> FrameError:
+        """Return the error of a frame that needs too many vertices: a torn one needs any number."""
+        try:
+            require_whole()
+        except FrameError as torn:
+            return torn.of(number)
+        return FrameError(
+            f"{error.fact}, of one mesh for all frames up to here; raise max_vertices or max_edge_length, or "
+            "choose frames before",
+            number,
+        )
+
+    @cached_property
+    def _start(self) -> TriangleMesh:
+        """The subject at rest, with its creases, position and normal at rest."""
+        motion, first = self._motion, self.frames[0]
+        mesh, resampling = motion.mesh_at_rest(), motion.resampling_at(first)
+        angles = thresholds_at(motion, first).hard_angles(mesh)
+        if resampling is None:
+            mesh = mesh.with_creases(np.concatenate([mesh.creases, edges_by_angle(mesh, angles)]))
+        else:
+            mesh = creased(mesh, resampling, angles)
+        named = {REST: mesh.vertices, REST_NORMAL: vertex_normals(mesh)}
+        return TriangleMesh(mesh.vertices, mesh.faces, named, mesh.creases)
+
+    def _rest(self, born: Sequence[Floats]) -> Points:
+        """Return the positions (V, 3) at rest of the vertices born so far."""
+        return np.concatenate([self._start.vertices, *(rows[:, :3] for rows in born)])
+
+    def _built(self, births: Sequence[Indices], born: Sequence[Floats]) -> HalfedgeMesh:
+        """Return the surface with the births so far, at rest."""
+        surface = HalfedgeMesh(self._start)
+        replayed(surface, np.concatenate(births))
+        first, rows = len(self._start.vertices), np.concatenate(born)
+        attributes = surface.arrays.attributes[first : surface.sizes[0]]
+        for name, values in zip((REST, REST_NORMAL), (rows[:, :3], rows[:, 3:]), strict=True):
+            start = column_of(surface, name)
+            attributes[:, start : start + 3] = values
+        return surface
+
+    def _read(self, key: Key) -> dict[str, AnyArray]:
+        place = self._store.path(KIND, key).relative_to(self._store.root)
+        return self._store.read(KIND, key, place, readers.arrays(key))
+
+    def _points(self, sweeps: Sequence[_Sweep], number: int) -> Points:
+        """Return the points that sweeps have stored of a frame."""
+        return np.concatenate([np.empty((0, 3)), *(self._read(s.keys[number])["points"] for s in sweeps)])
+
+
+def _name(before: Sequence[_Sweep]) -> str:
+    """Return the name of the sweep after others."""
+    return f"{UNIFY.doing} {len(before) + 1}" if before else UNIFY.doing
+
+
+def require_surface(request: RenderRequest) -> None:
+    """Raise UsageError for a subject that has no one mesh for all frames."""
+    motion = request.shot.motion
+    resampling, name = motion.resampling, request.motion_folders.part_name
+    if not motion.subject.is_surface:
+        raise UsageError(f"{name}: points and control nets have no triangles to refine; export usd instead")
+    if resampling is not None and resampling.method == "polyhedra":
+        raise UsageError(
+            f"{name}: resample.method polyhedra cuts faces anew in each frame; write method: triangles"
+        )
+    if resampling is not None and resampling.placement == "chord":
+        raise UsageError(
+            f"{name}: resample.placement chord puts new vertices beside the surface that the flow carries; "
+            "write placement: exact"
+        )

@@ -1,0 +1,206 @@
+"""One mesh of a subject for all frames of a request, refined and, if that is asked for, reduced again.
+
+Reducing leaves out births, the vertices of splits. The error of a birth is the largest distance of its vertex
+from the middle of the edge that it splits, over all frames, in maximum edge lengths of each. A birth needs
+its parents and the two corners opposite of its edge, so their errors count at least as much as its own. Then
+the births with the largest errors, replayed in order, find each edge that they split and both its faces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.animation.frame import FrameReport, MeshFrame
+from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
+from pipeline.errors import UsageError
+from pipeline.mesh import TriangleMesh
+from pipeline.plugins.interchange.birth_replay import raise_to_dependents
+from pipeline.plugins.interchange.exported_frame import (
+    ExportedFrame,
+    has_colours,
+    rendered_surface,
+    texture_coordinates,
+)
+from pipeline.plugins.interchange.one_mesh import OneMesh, Reduction
+from pipeline.plugins.interchange.refining import KIND, UNIFY, Began, Refined, Refiner
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shading import vertex_motion
+from pipeline.production.store import readers
+from pipeline.production.store.store import Key, Store, key_of
+from pipeline.shot import Motion
+from render.base.serialise import to_plain
+from render.scene.vertex_colours import vertex_colours
+
+
+class _Errors(NamedTuple):
+    """Errors (V,) of vertices, in maximum edge lengths, and the frames where they are largest; of births."""
+
+    errors: Floats
+    frames: Indices
+
+
+@dataclass(frozen=True, eq=False)
+class Unification:
+    """How one mesh of a subject is made: of the frames requested, with as many vertices as wanted.
+
+    request   of a shot with one subject, such as one of its `parts`
+    vertices  the most vertices; None for as many as no edge is too long with
+    until     the error up to which births are left out; None for none
+
+    Raises UsageError for a subject that has no one mesh for all frames.
+    """
+
+    request: RenderRequest
+    store: Store
+    vertices: int | None = None
+    until: float | None = None
+
+    def __post_init__(self) -> None:
+        self._refiner  # noqa: B018  # says what cannot be refined before anything is computed
+
+    @property
+    def name(self) -> str:
+        """The name of the shot in files, with that of its subject if it has several."""
+        return self.request.motion_folders.part_name
+
+    @cached_property
+    def key(self) -> Key:
+        """The key of the mesh, known before it is computed."""
+        look, motion = self.request.shot.picture.look, self.request.shot.motion
+        return key_of(
+            UNIFY.recipe,
+            *(self._refiner.key, self.request.requested, str(motion.rate), self.vertices, self.until),
+            to_plain(look) if has_colours(look) or look.texture_projection else None,
+        )
+
+    def missing(self) -> list[int]:
+        """Return the frames that are not refined yet."""
+        return self._refiner.missing()
+
+    def one_mesh(self, began: Began = lambda name, total: lambda: None) -> OneMesh:
+        """Return the mesh; what is not stored is computed.
+
+        began  called with the name of each part of the work and its number of frames; returns what is called
+               after each
+
+        Raises FrameError where the surface cannot be refined (see `Refiner.refined`), and UsageError where
+        fewer vertices are asked for than the subject has at rest.
+        """
+        refined = self._refiner.refined(began)
+        kept, reduction = self._reduced(refined, began)
+        surface, _ = refined.surface(kept)
+        rows = np.concatenate([np.ones(len(refined.start.vertices), bool), kept])
+        motion = self.request.shot.motion
+
+        def points_at(number: int) -> Points:
+            return refined.points_at(number)[rows]
+
+        def velocities_at(number: int) -> Vectors:
+            return _velocities(motion, number, points_at(number), surface)
+
+        mesh = OneMesh.of(
+            self.request.source.subject or self.request.name,
+            *(self.request.requested, motion.rate, surface, self.key, points_at, velocities_at),
+        )
+        mesh = replace(
+            mesh, longest_at=lambda number: float(np.median(refined.lengths_at(number))), reduction=reduction
+        )
+        return self._coloured(mesh)
+
+    @cached_property
+    def _refiner(self) -> Refiner:
+        return Refiner(self.request, self.store)
+
+    def _coloured(self, mesh: OneMesh) -> OneMesh:
+        """Return the mesh with colours, those of the first frame, and texture coordinates."""
+        look, first = self.request.shot.picture.look, mesh.frames[0]
+        if not (has_colours(look) or look.texture_projection):
+            return mesh
+        frame = mesh.frame(first)
+        normals = frame.normals[: len(mesh.rest)]
+        surface = rendered_surface(frame.points, normals, mesh.faces, mesh.rest, frame.velocities)
+        return replace(
+            mesh,
+            colours=vertex_colours(surface, look),
+            texture=texture_coordinates(look, mesh.rest, mesh.faces),
+        )
+
+    def _reduced(self, refined: Refined, began: Began) -> tuple[AnyArray, Reduction | None]:
+        """Return flags (N,) of the births to keep, and what is left out."""
+        start, births = len(refined.start.vertices), len(refined.births)
+        if self.vertices is not None and self.vertices < start:
+            raise UsageError(
+                f"--vertices {self.vertices} is fewer than the {start} of {self.name} at rest; take more"
+            )
+        kept = np.ones(births, bool)
+        if not births or (self.vertices is None and self.until is None):
+            return kept, None
+        own = self._errors(refined, began)
+        needed = own.errors.copy()
+        _, opposite = refined.surface()
+        raise_to_dependents(refined.births, opposite, start, needed)
+        order = np.argsort(-needed[start:], kind="stable")
+        room = births if self.vertices is None else min(births, self.vertices - start)
+        if self.until is not None:
+            room = min(room, int(np.count_nonzero(needed[start:] >= self.until)))
+        kept[order[room:]] = False
+        left = start + np.flatnonzero(~kept)
+        if not len(left):
+            return kept, None
+        worst = left[np.argmax(own.errors[left])]
+        return kept, Reduction(start + births, float(own.errors[worst]), int(own.frames[worst]))
+
+    def _errors(self, refined: Refined, began: Began) -> _Errors:
+        """Return the errors of births in the frames requested, from the store or computed."""
+        key = key_of(self._refiner.key, "errors", self.request.requested)
+        if self.store.holds(KIND, key):
+            place = self.store.path(KIND, key).relative_to(self.store.root)
+            named = self.store.read(KIND, key, place, readers.arrays(key))
+            return _Errors(named["errors"], named["frames"])
+        passed = began("measuring", len(self.request.requested))
+        a, b = refined.births.T
+        first = len(refined.start.vertices)
+        errors, frames = np.zeros(first + len(a)), np.zeros(first + len(a), np.int32)
+        for number in self.request.requested:
+            points, longest = refined.points_at(number), refined.lengths_at(number)
+            away = np.linalg.norm(points[first:] - 0.5 * (points[a] + points[b]), axis=1)
+            away /= np.sqrt(longest[a] * longest[b])
+            larger = away > errors[first:]
+            errors[first:][larger], frames[first:][larger] = away[larger], number
+            passed()
+        found = _Errors(errors, frames)
+        write = partial(readers.write_npz, named=readers.with_key(key, found._asdict()))
+        self.store.put(KIND, key, write)
+        return found
+
+
+def _velocities(motion: Motion, number: int, points: Points, surface: TriangleMesh) -> Vectors:
+    """Return the velocities (V, 3) of points at a frame, scene units per second."""
+    frame = MeshFrame(number, TriangleMesh(points, surface.faces), FrameReport(None, None))
+    return vertex_motion(motion, frame).velocity()
+
+
+def one_mesh(
+    request: RenderRequest,
+    store: Store,
+    vertices: int | None = None,
+    until: float | None = None,
+    began: Began = lambda name, total: lambda: None,
+) -> OneMesh:
+    """Return the one mesh of a subject for the frames requested; see `Unification`."""
+    return Unification(request, store, vertices, until).one_mesh(began)
+
+
+def exported(mesh: OneMesh, number: int) -> ExportedFrame:
+    """Return one mesh at a frame as formats that hold a single frame take it."""
+    frame = mesh.frame(number)
+    return ExportedFrame(
+        *(frame.points, mesh.faces, frame.normals, mesh.corner_normals, frame.velocities, mesh.rest),
+        creases=mesh.creases,
+        colours=mesh.colours,
+        texture=mesh.texture,
+    )
