@@ -164,17 +164,16 @@ class Plugins:
         return found
 
     def lacking(self, name: str) -> str | None:
-        """Return the sentence about a plug-in that a name in a shot file needs; None where all is there."""
+        """Return the sentence about a plug-in that a dotted name needs; None where all is there."""
         plugin, _, part = name.partition(".")
         if not part or not _NAME.fullmatch(plugin):
             return None
-        if plugin not in self.loaded:
-            failed = any(fault.startswith(f"plug-in {plugin} ") for fault in self.faults)
-            state = "did not load; see the warning" if failed else "is not installed (pip install …)"
-            return f"It needs plug-in {plugin}, which {state}."
-        of_plugin = self.loaded[plugin]
-        doors = of_plugin.flows, of_plugin.looks, of_plugin.documents
-        return f"Plug-in {plugin} could not load it." if any(part in door for door in doors) else None
+        loaded = self.loaded.get(plugin)
+        if loaded and any(part in d for d in (loaded.flows, loaded.looks, loaded.encodes, loaded.documents)):
+            return f"Plug-in {plugin} could not load it."
+        if any(fault.startswith(f"plug-in {plugin} ") for fault in self.faults):  # perhaps a second one
+            return f"It needs plug-in {plugin}, which did not load; see the warning."
+        return None if loaded else f"It needs plug-in {plugin}, which is not installed (pip install …)."
 
     @property
     def commands(self) -> dict[str, Command]:
@@ -257,7 +256,7 @@ def plugins() -> Plugins:
             _LOADING.pop()
         package = entry.dist.name if entry.dist else entry.module
         if fault := _refusal(plugin, package, packages, taken):
-            faults.append(f"plug-in {entry.name} ({entry.value}) is left out: {fault}")
+            faults.append(f"plug-in {plugin.name} ({entry.value}) is left out: {fault}")
             continue
         loaded[plugin.name] = plugin
         packages[plugin.name] = package

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from pipeline import api
-from pipeline.plugin import API
+from pipeline.plugin import API, Plugin, Plugins
 
 GREETER = """\
 from pipeline.plugin import Command, Plugin
@@ -297,7 +297,20 @@ def test_a_plug_in_that_cannot_be_used_is_told_in_a_line_and_the_others_work(env
     done = environment.run("greet", "A010")
     assert done.returncode == 0 and done.stdout == "Hello A010\n"
     (line,) = done.stderr.splitlines()
-    assert line.startswith(f"plug-in {name}") and "is left out: " in line and fault in line
+    assert line.startswith("plug-in ") and f"({name}:PLUGIN) is left out: " in line and fault in line
+
+
+def test_a_name_of_a_plug_in_that_is_not_there_says_which_one_it_needs():
+    twin = "plug-in swell (b:PLUGIN) is left out: packages a and b both have a plug-in swell"
+    of_another_package = Plugins({"swell": Plugin("swell", "1", flows={"rise": "a:Rise"})}, (twin,))
+    for found, name, says in (
+        (Plugins({}), "swell.breathe", "It needs plug-in swell, which is not installed (pip install …)."),
+        (of_another_package, "swell.breathe", "which did not load; see the warning"),
+        (of_another_package, "swell.rise", "Plug-in swell could not load it."),
+    ):
+        assert says in str(found.lacking(name))
+    assert Plugins(of_another_package.loaded).lacking("swell.breathe") is None, "did-you-mean follows"
+    assert Plugins({}).lacking("vortex") is None
 
 
 def test_an_installation_older_than_the_code_is_told_with_its_remedy(environment):

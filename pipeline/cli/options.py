@@ -16,6 +16,7 @@ import typer
 
 from pipeline.cli.output import print_error, print_warning, tell_of_store
 from pipeline.errors import UsageError, suggestion
+from pipeline.plugin import plugins
 from pipeline.production.request.lookup import today_name
 from pipeline.production.store.paths import require_store
 from pipeline.production.store.remote_store import VARIABLE, remote_stores
@@ -271,9 +272,9 @@ def project_of(
 
 
 def require_one_of(word: str, known: Collection[str], fact: str) -> None:
-    """Raise UsageError, with a fact and a suggestion, for a word that is not known."""
+    """Raise UsageError for an unknown word: a fact, and a suggestion or the plug-in that it needs."""
     if word not in known:
-        raise UsageError(f"{fact} {suggestion(word, known)}")
+        raise UsageError(f"{fact} {plugins().lacking(word) or suggestion(word, known)}")
 
 
 def words_of(text: str, fault: str) -> tuple[str, ...]:

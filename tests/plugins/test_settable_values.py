@@ -55,6 +55,12 @@ def test_every_entry_of_a_shot_that_can_hold_keys_is_listed() -> None:
     assert {"flows", "subjects", "camera"} <= keyed <= set(SECTIONS)
 
 
+def test_looks_and_rigs_that_the_show_names_are_proposed_with_the_others() -> None:
+    named = "looks: {ink: {material: glaze}}\nrigs: {duotone: {exposure: 1}}\nlook: ink\nlights: studio\n"
+    names = {".".join(map(str, value.where)): value.names for value in listed(SHOT + named).values}
+    assert {"ink", "clay"} <= set(names["look.material"]) and {"duotone", "studio"} <= set(names["lights"])
+
+
 def test_values_of_each_of_several_subjects_are_listed_by_their_paths_in_the_file() -> None:
     values = {".".join(map(str, value.where)): value for value in listed(SHOT).values}
     assert values["subjects.ring.radius"].value == 1

@@ -34,7 +34,8 @@ from pipeline.production.request.render_request import (
 )
 from pipeline.shot.camera_path import Lens, View
 from render.movie.probe import probe_movie
-from render.post.image import read_exr, read_png
+from render.post.image import read_exr, read_png, write_png
+from render.scene.materials import LOOKS
 from render.scene.reference_objects import ball, chart, positions
 from render.scene.render_camera import Camera
 from render.scene.scene_stage import STAGES, StagePlacement
@@ -55,6 +56,12 @@ camera: {position: [3, 1, 0], target: [0, 1, 0], roll: 20}
 quality: {draft: {samples: 4, auxiliary_samples: 1}}
 """
 MESH = "v 0 0 0\nv 2 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+LOOKS_OF_SHOW = """\
+looks:
+  ink: {material: glaze, colour: [0.01, 0.02, 0.2]}
+  paper: {material: clay, colour: paper.png}
+  wet/ink: {material: ink, roughness: 0.03}
+"""
 ASPECT = 16 / 9
 
 
@@ -74,6 +81,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
     root = tmp_path_factory.mktemp("turntable")
     (root / "shots").mkdir()
     (root / "shots" / f"{NAME}.yaml").write_text(SHOT)
+    (root / "shots" / "defaults.yaml").write_text(LOOKS_OF_SHOW)
+    write_png(root / "shots" / "paper.png", np.full((2, 2, 3), 200, np.uint8))
     (root / "wedge.obj").write_text(MESH)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(root)
@@ -218,6 +227,14 @@ def test_balls_and_chart_stand_beside_it_unless_it_is_to_be_bare(desk: Desk) -> 
     assert bare.view(1).roll != 0.0 and bare.view(1).position is not None
 
 
+def test_looks_that_the_show_names_are_looks_of_shots_and_of_mesh_files(desk: Desk) -> None:
+    for subject, at in ((NAME, 2), ("wedge.obj", None)):
+        requests = desk.turning(subject, at, looks=("ink", "paper")).requests
+        ink, paper = (request.shot.picture.look for request in requests)
+        assert ink == LOOKS["glaze"].with_values(colour=(0.01, 0.02, 0.2))
+        assert str(Path("shots/paper.png").absolute()) in repr(paper)
+
+
 def test_settings_count_over_what_turntables_take_for_granted(desk: Desk) -> None:
     project = Project(desk.root, 2, settings=("stage=plinth",))
     (request,) = TurntableRequest(project, NAME, QUALITY, 2, 4, looks=("chrome",)).requests
@@ -289,6 +306,9 @@ def test_through_the_whole_turn_the_object_touches_neither_balls_nor_chart(
         ((NAME, "--at", "9"), 2, "frame 9 is not in T010_tiny, which has frames 1-3"),
         ((NAME, "--frames", "0"), 2, "a turntable of 0 frames does not turn"),
         ((NAME, "--look", "clay,glace"), 2, "'glace' is not a look. Did you mean 'glaze'?"),
+        (("wedge.obj", "--look", "inck"), 2, "'inck' is not a look. Did you mean 'ink'?"),
+        (("wedge.obj", "--look", "wet/ink"), 2, "'wet/ink' cannot name a folder of pictures"),
+        ((NAME, "--look", "swell.gold"), 2, "It needs plug-in swell, which is not installed"),
         ((NAME, "--look", " ,"), 2, "--look names no look"),
         ((NAME, "--turn", "light"), 2, "--turn light: it does not turn. Did you mean 'lights'?"),
     ],

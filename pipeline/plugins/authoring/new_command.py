@@ -14,9 +14,10 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.cli.options import Common
+from pipeline.cli.options import Common, require_one_of
 from pipeline.cli.output import print_result, print_warning
-from pipeline.errors import FlowsculptError, UsageError, suggestion
+from pipeline.errors import FlowsculptError, UsageError
+from pipeline.plugin import plugins
 from pipeline.plugins.authoring.schema_command import SCHEMAS, defaults_of, write_schemas, write_text
 from pipeline.plugins.authoring.shot_templates import (
     FIRST_SHOT,
@@ -24,7 +25,6 @@ from pipeline.plugins.authoring.shot_templates import (
     SCHEMA,
     SHARED,
     model_template,
-    presets,
     shot_of_flow,
     shot_of_shot,
     show_files,
@@ -151,8 +151,7 @@ def _of_source(source: str, name: str) -> _NewShot:
         return _NewShot(text, {SHOTS / f"{name}{beside[0]}": beside[1]} if beside else {})
     known = shot_names()
     if source not in known and not source.endswith((".yaml", ".yml")):
-        hint = suggestion(source, [*known, *presets()])
-        raise UsageError(f"there is not a flow and no shot {source!r} to begin from. {hint}")
+        require_one_of(source, [*known, *DOCUMENTS], f"{source!r} is neither a flow nor a shot.")
     text = shot_of_shot(text_of(find_shot(source)), name)
     try:
         read_shot(SHOTS / f"{name}.yaml", text)
@@ -165,9 +164,10 @@ def _of_source(source: str, name: str) -> _NewShot:
 def _of_model(model: Path, source: str, name: str) -> _NewShot:
     """Return a new shot of a model under a flow."""
     if source not in DOCUMENTS:
+        remedy = "Leave --from out, or name a flow; in a copy of a shot, write the model into its subject."
         raise UsageError(
-            f"--from {source} is not a flow, and --model shows its file under one. Leave --from out, or name "
-            "a flow; in a copy of a shot, write the model into its subject"
+            f"--from {source} is not a flow, and --model shows its file under one. "
+            f"{plugins().lacking(source) or remedy}"
         )
     beside = dict(_of_source(source, name).beside)
     place = model.resolve()
@@ -211,8 +211,7 @@ def _begin_show(common: Common, folder: Path, source: str) -> None:
     for name, text in show_files(folder.absolute().name, shots or [FIRST_SHOT]).items():
         files[folder / name] = partial(write_text, text=text)
     if not shots:
-        if source not in DOCUMENTS:
-            raise UsageError(f"there is not a flow {source!r} to begin from. {suggestion(source, presets())}")
+        require_one_of(source, DOCUMENTS, f"{source!r} is not a flow.")
         shot = without_shared(shot_of_flow(source, FIRST_SHOT), SHARED)
         files[folder / SHOTS / f"{FIRST_SHOT}.yaml"] = partial(write_text, text=_SHOT_SCHEMA + shot)
         if source in FLOW_FILES:

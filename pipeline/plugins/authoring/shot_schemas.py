@@ -16,7 +16,7 @@ from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from pipeline.errors import UsageError, suggestion
+from pipeline.cli.options import require_one_of
 from pipeline.flow import VelocityField
 from pipeline.flow.flow import PythonFlow
 from pipeline.flow.parameters import Parameter, summary
@@ -194,8 +194,7 @@ def facts(name: str) -> dict[str, Any]:
 
     Raises UsageError for an unknown name.
     """
-    if name not in DOCUMENTS:
-        raise UsageError(f"there is not a flow {name!r} in the catalogue. {suggestion(name, DOCUMENTS)}")
+    require_one_of(name, DOCUMENTS, f"{name!r} is not a flow.")
     document = DOCUMENTS[name]
     return {
         "name": name,

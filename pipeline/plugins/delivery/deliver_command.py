@@ -30,6 +30,7 @@ from pipeline.cli.output import (
     progress_bars,
 )
 from pipeline.errors import FrameError, UsageError
+from pipeline.plugin import plugins
 from pipeline.plugins.delivery.deliverables import (
     DELIVERABLES,
     SLATES,
@@ -105,6 +106,9 @@ def deliver(
     if slate is not None:
         require_one_of(slate, SLATES, f"--slate {slate}: a slate goes at the head or apart.")
     words = words_of(forms, f"--as {forms!r} is not a deliverable. There are: {', '.join(DELIVERABLES)}.")
+    for word in words:
+        if needed := plugins().lacking(word):
+            raise UsageError(f"{word!r} is not a deliverable. {needed}")
     order = DeliveryOptions(
         encodes=tuple(encode_named(word, DELIVERABLES) for word in words),
         slate=slate,

@@ -16,6 +16,7 @@ from pipeline.arrays import Floats
 from pipeline.shot.documents.curves import KeyDocument, Keyed, OverTime, OverTimeTriple, curve_of
 from pipeline.shot.documents.field_types import LARGEST, is_number
 from pipeline.shot.documents.flow_entries import Entry, RepeatedDocument, ReversedDocument, seconds
+from pipeline.shot.documents.look_documents import LOOKS
 from pipeline.shot.documents.shot_documents import ShotDocument
 from pipeline.shot.motion import Clock
 from pipeline.shot.shot_reader import read_clock, with_speed
@@ -23,6 +24,7 @@ from pipeline.shot.yaml.document_validation import ParseContext
 from pipeline.shot.yaml.inheritance import inherited
 from pipeline.shot.yaml.messages import choices, field_names, members
 from pipeline.shot.yaml.yaml_source import Where, YamlSource
+from render.scene.scene_lights import LIGHTS
 
 
 def flow_frames(document: ShotDocument, clock: Clock) -> dict[Where, list[float]]:
@@ -226,13 +228,21 @@ class _Walk:
             words if has_unit else description,
             low,
             high,
-            choices(kind),
+            self._names(kind),
             raw is not None,
             file,
             any(map(_is_keyed, members(kind))),
             form == "vector" or (curve is not None and len(curve.values[0]) == 3),
             curve,
         )
+
+    def _names(self, kind: Any) -> tuple[str, ...]:
+        """Return the names that a value can have, with those that the show gives to looks and light rigs."""
+        names = choices(kind)
+        for registry, own in ((LOOKS, "looks"), (LIGHTS, "rigs")):
+            if names == tuple(registry):
+                return *names, *(name for name in map(str, self.source.mapping(own)) if name not in names)
+        return names
 
     def _curve(self, value: Keyed[Any] | OverTime | OverTimeTriple, where: Where) -> SampledCurve:
         """Return the samples of a curve, by its own clock."""

@@ -8,17 +8,27 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import typer
 from numpy.typing import NDArray
 
 from pipeline.cli.execution import execute_and_report
-from pipeline.cli.options import Common, Quality, Scale, ShotOptions, Subject, Variant, at_option, words_of
+from pipeline.cli.options import (
+    Common,
+    Quality,
+    Scale,
+    ShotOptions,
+    Subject,
+    Variant,
+    at_option,
+    require_one_of,
+    words_of,
+)
 from pipeline.cli.output import progress_bars
 from pipeline.errors import MissingInputError, UsageError, suggestion
 from pipeline.frames import FrameRange
@@ -27,12 +37,15 @@ from pipeline.production.execution.project import Project
 from pipeline.production.picture_sequences import shown_picture
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.keys import PictureKeys, picture_keys
-from pipeline.production.request.lookup import cropped_name, find_shot, movie_bits
+from pipeline.production.request.lookup import SHOTS, cropped_name, find_shot, movie_bits
 from pipeline.production.request.render_request import TURNS, RenderRequest, Turntable
 from pipeline.production.stages import TURNTABLE_SHEET
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store, key_of
 from pipeline.shot.documents.look_documents import LOOKS
+from pipeline.shot.yaml.inheritance import inherited
+from pipeline.shot.yaml.named_files import DEFAULTS, NAME, is_there
+from pipeline.shot.yaml.yaml_source import YamlSource
 from render.base.input_files import require_input
 from render.base.plural import plural
 from render.graphics.contact_sheet import Caption, ContactSheet, columns_for, fitted_sheet
@@ -63,7 +76,7 @@ class TurntableRequest:
     up       the axis, y or z, that points up in a mesh file; by default that of most files of its format
     of       the name of one of several subjects of the shot, which then turns alone
 
-    Raises UsageError for values that make no turntable.
+    Raises UsageError for values that make no turntable, and what reading the show's names of looks raises.
     """
 
     project: Project
@@ -93,8 +106,12 @@ class TurntableRequest:
                 "shot file of a model, write up under subject."
             )
         for look in self.looks:
-            if look not in LOOKS:
-                raise UsageError(f"--look {look}: {look!r} is not a look. {suggestion(look, LOOKS)}")
+            require_one_of(look, [*self._named_looks, *LOOKS], f"--look {look}: {look!r} is not a look.")
+            if not re.fullmatch(NAME, look):
+                raise UsageError(
+                    f"--look {look}: {look!r} cannot name a folder of pictures; where the show names it, use "
+                    "letters, digits, _ and -"
+                )
 
     @property
     def turns(self) -> tuple[str, ...]:
@@ -107,10 +124,21 @@ class TurntableRequest:
         up = self.up or usual_up(mesh)
         if of_file:
             path = mesh.absolute().with_name(re.sub(r"[^\w.-]", "_", mesh.stem) + ".yaml")
-            self.project.use_text(path, _shot_around(mesh, up))
+            self.project.use_text(path, _shot_around(mesh, up, self._named_looks))
         else:
             path = find_shot(self.subject)
         return [self._take(path, of_file, look) for look in self.looks or (None,)]
+
+    @cached_property
+    def _named_looks(self) -> Mapping[str, Any]:
+        """The looks that the show and the shot name; none if no look is asked for."""
+        if not self.looks:
+            return {}
+        if not self._is_of_file:
+            return inherited(find_shot(self.subject), None, self.project.settings, None).mapping("looks")
+        defaults = SHOTS / DEFAULTS
+        looks = YamlSource.read(defaults).mapping("looks") if is_there(defaults) else {}
+        return cast(Mapping[str, Any], _with_absolute_files(looks, SHOTS))
 
     @property
     def _is_of_file(self) -> bool:
@@ -360,8 +388,20 @@ def turntable(
     execute_and_report(common, request.plan, draw)
 
 
-def _shot_around(mesh: Path, up: str) -> str:
-    """Return the text of a shot that shows a mesh file as it is; `up` is the axis, y or z, that points up.
+def _with_absolute_files(settings: Any, folder: Path) -> Any:
+    """Return settings with the absolute paths of the files in a folder that they name."""
+    if isinstance(settings, dict):
+        return {name: _with_absolute_files(value, folder) for name, value in settings.items()}
+    if isinstance(settings, list):
+        return [_with_absolute_files(value, folder) for value in settings]
+    is_file = isinstance(settings, str) and is_there(folder / settings)
+    return str((folder / settings).absolute()) if is_file else settings
+
+
+def _shot_around(mesh: Path, up: str, looks: Mapping[str, Any]) -> str:
+    """Return the text of a shot that shows a mesh file as it is, and may have one of the looks of a show.
+
+    up  the axis, y or z, that points up
 
     Raises MissingInputError.
     """
@@ -373,5 +413,6 @@ def _shot_around(mesh: Path, up: str) -> str:
         "frames": "1-1",
         "subject": {"model": str(mesh.absolute()), "up": up},
         "resample": "off",
+        **({"looks": looks} if looks else {}),
     }
     return json.dumps(shot, ensure_ascii=False)  # JSON is YAML, quotes and all
