@@ -11,6 +11,7 @@ from render.base.render_errors import FlowsculptError as FlowsculptError
 from render.base.render_errors import MachineError as MachineError
 from render.base.render_errors import MissingInputError as MissingInputError
 from render.base.render_errors import brief as brief
+from render.base.render_errors import printable as printable
 from render.base.render_errors import readable as readable
 from render.base.render_errors import reason_of as reason_of
 from render.base.render_errors import shortened as shortened

@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from pipeline.errors import shortened
+
 if TYPE_CHECKING:  # planning reads text, and does without numpy
     import numpy as np
 
@@ -122,7 +124,7 @@ class Archive:
             head = io.BytesIO(packed.read(_HEADER))
         version = npy.read_magic(head)
         if version not in readers:
-            raise ValueError(f"array {name[:40]} has a header of version {version[0]}, which is not read")
+            raise ValueError(f"array {shortened(name)} has an unknown header version {version[0]}")
         shape, _, dtype = readers[version](head)
         return ArrayHeader(tuple(shape), dtype)
 
@@ -135,12 +137,13 @@ class Archive:
 
         header, member = self.header(name), self._zip.getinfo(f"{name}.npy")
         if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            raise ValueError(f"array {name[:40]} has an unknown compression method")
+            raise ValueError(f"array {shortened(name)} has an unknown compression method")
         factor = _MOST_DEFLATED if member.compress_type == zipfile.ZIP_DEFLATED else 1
         present = min(factor * min(member.compress_size, self._present), member.file_size)
         is_short = min(header.shape, default=0) < 0 or header.size > present
         if not header.dtype.hasobject and (is_short or not header.dtype.itemsize):
-            raise ValueError(f"array {name[:40]} has the shape {header.shape} by its header, and ends before")
+            shape = f"has the shape {header.shape} by its header, and ends before"
+            raise ValueError(f"array {shortened(name)} {shape}")
         self._unpacked += header.size
         if self._unpacked > _MOST_DEFLATED * self._present:  # members may share bytes
             raise ValueError("its arrays overlap")

@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.errors import FlowsculptError, UsageError, reason_of
+from pipeline.errors import FlowsculptError, UsageError, brief, printable, reason_of, suggestion
 from pipeline.file_contents import Archive
 from render.base.input_files import read_input
 
@@ -49,10 +49,8 @@ def read_npz(file: Path, content: bytes, most: int = MAX_BYTES) -> tuple[list[An
     archive = Archive(content)
     missing = [name for name in NAMES if name != "t" and name not in archive.names]
     if missing:
-        known = ", ".join(sorted(archive.names)) or "nothing"
-        raise UsageError(
-            f"{file}: array {missing[0]} is missing; a field has x, y, z and velocity. There are: {known}."
-        )
+        hint = suggestion(missing[0], sorted(archive.names)) if archive.names else "It is empty."
+        raise UsageError(f"{file}: array {missing[0]} is missing; a field has x, y, z and velocity. {hint}")
     names = [name for name in NAMES if name in archive.names]
     headers = [archive.header(name) for name in names]
     wide = (math.prod(header.shape) * max(1, -(-header.dtype.itemsize // 8)) for header in headers)
@@ -167,11 +165,10 @@ class _Grid:
         wanted = array or data.get("Vectors")
         matches = [element for element in vectors if wanted is None or element.get("Name") == wanted]
         if len(matches) != 1:
-            names = ", ".join(element.get("Name", "?") for element in vectors) or "none"
-            what = f"no array {wanted} of" if wanted and not matches else "not one array of"
-            raise UsageError(
-                f"{self.file}: there is {what} three components at its points. There are: {names}."
-            )
+            names = [element.get("Name", "?") for element in vectors]
+            what = f"no array {brief(printable(wanted))} of" if wanted and not matches else "not one array of"
+            hint = f" There are: {', '.join(map(printable, names))}." if names else ""
+            raise UsageError(f"{self.file}: there is {what} three components at its points.{hint}")
         return matches[0]
 
     def numbers(self, element: ElementTree.Element, most: int) -> AnyArray:

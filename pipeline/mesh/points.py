@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.errors import MeshError
+from pipeline.errors import MeshError, suggestion
 from pipeline.file_contents import Archive, number_fault, text_content
 from pipeline.mesh.mesh_formats import LARGEST_COORDINATE, reader_of
 from pipeline.mesh.meshes import TriangleMesh
@@ -133,8 +133,8 @@ def _arrays(content: bytes) -> PointSet:
     archive = Archive(content)
     name = next((name for name in _POINTS if name in archive.names), None)
     if name is None:
-        known = ", ".join(sorted(archive.names)) or "nothing"
-        raise MeshError(f"it has no array {' or '.join(_POINTS)}. There are: {known}.")
+        hint = suggestion(_POINTS[0], sorted(archive.names)) if archive.names else "It is empty."
+        raise MeshError(f"it has no array {' or '.join(_POINTS)}. {hint}")
     points = archive.array(name).astype(np.float64)
     if points.ndim not in (2, 3):
         raise MeshError(f"its {name} have shape {points.shape}; they must be (N, 3)")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from itertools import islice
 
 import numpy as np
@@ -18,6 +19,8 @@ _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attrib
 
 _MOST_TRIANGLES = 500_000_000  # more triangles than any file holds: such a header is text or damaged
 _START = 1024  # bytes that tell text from a binary file
+
+_BLOCK = 1 << 20  # bytes of text that are parsed at once
 
 _NEXT = rb"\b(?:facet\s+(?:normal|outer)|end[ \t]*solid)\b"
 _AFTER_SOLID = re.compile(rb"\n|\Z|" + _NEXT)
@@ -70,41 +73,62 @@ def _binary_points(content: bytes) -> Points:
 
 
 def _text_points(content: bytes) -> Points:
-    body, is_closed = _without_names(content)
+    spans, is_closed = _spans_without_names(content)
     if not is_closed:
         present = plural(content.count(b"endfacet"), "triangle")
         raise ValueError(f"it ends early: endsolid is missing after {present}")
-    words = body.split()
+    points, count = [np.empty((0, 3))], 0
+    for block in _blocks(content, spans):
+        points.append(_block_points(block, count))
+        count += len(points[-1]) // 3
+    return np.concatenate(points)
+
+
+def _spans_without_names(content: bytes) -> tuple[list[tuple[int, int]], bool]:
+    """Return where text lies without `solid`, `endsolid` and their names, and whether the last was an end.
+
+    A name ends with its line, or where the next statement begins: some files have one line only.
+    """
+    spans: list[tuple[int, int]] = []
+    start, is_closed = 0, False
+    while (at := content.find(b"solid", start)) >= 0:
+        end = at
+        while end > start and content[end - 1] in b" \t":
+            end -= 1
+        is_closed = content.endswith(b"end", start, end)
+        spans.append((start, end - len(b"end") if is_closed else end))
+        name_end = (_AFTER_END if is_closed else _AFTER_SOLID).search(content, at + len(b"solid"))
+        start = name_end.start() if name_end else len(content)
+    return [*spans, (start, len(content))], is_closed
+
+
+def _blocks(content: bytes, spans: list[tuple[int, int]]) -> Iterator[bytes]:
+    """Yield the text of spans in blocks of whole facets: the words of all would take ten times its size."""
+    for start, end in spans:
+        while start < end:
+            at = content.find(b"endfacet", min(start + _BLOCK, end), end)
+            last = end if at < 0 else at + len(b"endfacet")
+            yield content[start:last]
+            start = last
+
+
+def _block_points(block: bytes, first: int) -> Points:
+    """Return the corners of the triangles of a block; `first` is the number of the first one in the file."""
+    words = block.split()
     count, rest = divmod(len(words), len(_FACET))
     if rest or any(words[place :: len(_FACET)] != [word] * count for place, word in _WORDS):
-        words = _regular(words)
+        words = _regular(words, first)
         count = len(words) // len(_FACET)
     columns = [words[place :: len(_FACET)] for place in _COORDINATES]
     try:
         table = np.array([[*map(float, column)] for column in columns], np.float64)
     except ValueError:
-        faults = ((k, number_fault(corner)) for k, corner in enumerate(zip(*columns, strict=True)))
+        faults = ((first + k, number_fault(corner)) for k, corner in enumerate(zip(*columns, strict=True)))
         raise ValueError(next(f"triangle {k}: {fault}" for k, fault in faults if fault)) from None
     return np.ascontiguousarray(table.T).reshape(-1, 3)
 
 
-def _without_names(content: bytes) -> tuple[bytes, bool]:
-    """Return text without `solid` and `endsolid` and the names that follow, and whether the last was an end.
-
-    A name ends with its line, or where the next statement begins: some files have one line only.
-    """
-    parts: list[bytes] = []
-    start, is_closed = 0, False
-    while (at := content.find(b"solid", start)) >= 0:
-        before = content[start:at].rstrip(b" \t")
-        is_closed = before.endswith(b"end")
-        parts.append(before.removesuffix(b"end"))
-        name_end = (_AFTER_END if is_closed else _AFTER_SOLID).search(content, at + len(b"solid"))
-        start = name_end.start() if name_end else len(content)
-    return b" ".join([*parts, content[start:]]), is_closed
-
-
-def _regular(words: list[bytes]) -> list[bytes]:
+def _regular(words: list[bytes], first: int) -> list[bytes]:
     """Return the words of triangles as `_FACET` has them, from others that lack normals or have more.
 
     Raises ValueError for a facet that is not a triangle.
@@ -118,10 +142,12 @@ def _regular(words: list[bytes]) -> list[bytes]:
         elif word in (b"facet", b"endloop", b"endfacet") and corners:
             if len(corners) != 9:
                 vertices = plural(-(-len(corners) // 3), "vertex", "vertices")
-                raise ValueError(f"facet {len(regular) // len(_FACET)} has {vertices}; each is a triangle")
+                raise ValueError(
+                    f"facet {first + len(regular) // len(_FACET)} has {vertices}; each is a triangle"
+                )
             place = dict(zip(_COORDINATES, corners, strict=True))
             regular += [place.get(k, word) for k, word in enumerate(_FACET)]
             corners = []
     if corners:
-        raise ValueError(f"facet {len(regular) // len(_FACET)} has no endfacet")
+        raise ValueError(f"facet {first + len(regular) // len(_FACET)} has no endfacet")
     return regular

@@ -61,8 +61,7 @@ class CorruptImageError(RenderError):
 
 def reason_of(error: Exception) -> str:
     """Return the text of a parser's error on one line, shortened for a message."""
-    text = " ".join(str(error).split()) or type(error).__name__
-    text = text if text.isprintable() else ascii(text)
+    text = printable(" ".join(str(error).split()) or type(error).__name__)
     return text if len(text) <= 120 else text[:117] + "…"
 
 
@@ -77,15 +76,17 @@ def brief(value: object) -> str:
     return text if len(text) <= MOST_QUOTED else f"{text[:50]}…{text[-5:]}"
 
 
-_CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
+def printable(text: str) -> str:
+    r"""Return text with what does not show spelt out, such as line ends and no-break spaces: ``\xa0``."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def readable(message: str) -> str:
     """Return a message whose long words lose their middle, and long lines their end.
 
-    Control characters, by which a file could command a terminal, are spelt out.
+    What does not show, such as characters by which a file could command a terminal, is spelt out.
     """
-    message = _CONTROL.sub(lambda letter: ascii(letter[0])[1:-1], message)
+    message = "\n".join(map(printable, message.split("\n")))
     words = re.sub(rf"\S{{{_LONGEST_WORD},}}", lambda word: f"{word[0][:50]}…{word[0][-80:]}", message)
     lines = (line if len(line) <= _LONGEST_LINE else f"{line[:_LONGEST_LINE]}…" for line in words.split("\n"))
     return "\n".join(lines)
@@ -101,7 +102,7 @@ def suggestion(word: object, names: Iterable[str], cutoff: float = 0.66, listing
     cutoff   similarity that a name needs to be proposed, 0 to 1
     listing  a sentence that says where to find the names if they are more than MOST_LISTED
     """
-    known = list(names)
+    known = list(map(printable, names))
     spelt = str(word).strip().lower().replace("-", "_").replace(" ", "_")
     close = [spelt] if spelt in known else get_close_matches(str(word), known, n=1, cutoff=cutoff)
     if close:

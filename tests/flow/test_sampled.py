@@ -285,7 +285,7 @@ WRONG = {
     "unstructured": ('type="ImageData"', 'type="UnstructuredGrid"', "its type is UnstructuredGrid"),
     "too few points": ('Piece Extent="-2 2', 'Piece Extent="-2 1', "360 numbers for 96 points"),
     "turned": ("Origin=", 'Direction="0 1 0 1 0 0 0 0 1" Origin=', "its axes are rotated"),
-    "no vectors": ('NumberOfComponents="3"', 'NumberOfComponents="1"', "There are: none"),
+    "no vectors": ('NumberOfComponents="3"', 'NumberOfComponents="1"', "three components at its points."),
     "another name": ('Vectors="u"', 'Vectors="q"', "no array q of three components"),
     "which": ('Vectors="u"', "", "not one array of three components at its points. There are: u, w"),
     "packer": (

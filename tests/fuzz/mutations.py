@@ -36,6 +36,9 @@ WORDS = (
     *("float", "list", "1" * 5000, "x" * 5000, "\x00", "\ufeff", "1/1/1", "1//", "/", "\\"),
 )
 
+MOST_BYTES = 16 << 20
+"""Size of the largest mutated file: repeated lines grow fast, and reading takes time in proportion."""
+
 _NUMBER = re.compile(rb"-?\d+\.?\d*(?:[eE][-+]?\d+)?")
 
 
@@ -51,7 +54,8 @@ def mutated(content: bytes, random: Random) -> bytes:
         if structural is not None:
             kinds += 3 * [structural]
         try:
-            content = random.choice(kinds)(content, random)
+            changed = random.choice(kinds)(content, random)
+            content = changed if len(changed) < MOST_BYTES else content
         except Exception:  # it is no container any more
             content = _bytes(content, random)
     return content

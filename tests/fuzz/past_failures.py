@@ -244,6 +244,7 @@ PAST_FAILURES = (  # one line each, however long
         "points", "empty.npz", _bytes(_npz(points=_npy((1 << 40, 3), b"", "|S0"))), "and ends before"
     ),
     PastFailure("points", "unread.npz", _half_a_gibibyte, ""),
+    PastFailure("points", "space.npz", _bytes(_npz(**{"a\xa0b\n": _POINTS})), r"There are: a\xa0b\n."),
     PastFailure("points", "cut.npz", _bytes(_npz(points=_POINTS)[:-30]), "not a zip file"),
     PastFailure("points", "wide.xyz", _bytes("0 0 " + "1" * 100_000), "not finite"),
     PastFailure("field", "extent.vti", _bytes(_vti("0 300000000 0 0 0 0")), "bytes can hold"),

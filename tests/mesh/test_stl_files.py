@@ -1,12 +1,14 @@
 """STL files as other programs write them: read right, or refused with the reason."""
 
 import re
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pipeline.errors import MeshError
+from pipeline.mesh import stl_files
 from tests.mesh.brick import POINTS, TRIANGLES, read, require_brick
 
 FACETS = [
@@ -59,6 +61,27 @@ def binary(promised: int = 12, header: bytes = b"", records: bytes = RECORDS) ->
 )
 def test_forms_of_text_are_read(tmp_path: Path, content: str) -> None:
     require_brick(read(tmp_path / "a.stl", content))
+
+
+def test_text_is_read_in_blocks_that_take_no_more_memory_than_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stl_files, "_BLOCK", 10)
+    require_brick(read(tmp_path / "a.stl", TEXT))
+    require_brick(read(tmp_path / "a.stl", TEXT.replace(" normal 0 0 0", "")))
+    for facet, fault in (
+        (FACETS[5].replace("e+00", ",5", 1), "triangle 5: "),
+        (FACETS[5].replace("  vertex", "  vertex 0 0 0\n vertex", 1), "facet 5 has 4 vertices"),
+    ):
+        with pytest.raises(MeshError, match=fault):
+            read(tmp_path / "a.stl", TEXT.replace(FACETS[5], facet))
+    monkeypatch.setattr(stl_files, "_BLOCK", 10_000)
+    content = (TEXT * 400).encode()
+    tracemalloc.start()
+    surface = stl_files.read_stl(content)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(surface.corners) == 3 * 12 * 400 and most < 3 * len(content)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-be"])
