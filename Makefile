@@ -59,6 +59,7 @@ pictures: figures film
 	$(BIN)/python docs/pictures/sets.py
 	$(BIN)/python docs/pictures/looks.py
 	$(BIN)/python docs/pictures/sheets.py
+	PYTHONPATH=. $(BIN)/python docs/pictures/web_page.py
 	PYTHONPATH=. $(BIN)/python docs/pictures/review.py
 
 # A wheel with kernels compiled for these levels of x86-64, which this machine must be able to run: dist/*.whl.
@@ -96,7 +97,7 @@ PIP := --quiet --no-compile --require-hashes -r requirements-pip.lock
 	@$(BIN)/python -m compileall -q -j $(CORES) -x '$(UNCOMPILED)' .venv/lib pipeline render
 	@echo "2 of 3: the renderer"
 	@$(BIN)/python -m render.mitsuba.engine
-	-@$(BIN)/python -m pipeline.plugins.review.view_3d
+	-@$(BIN)/python -m render.graphics.three_js
 	@echo "3 of 3: kernels, on all cores (about a minute on two)"
 	@$(BIN)/flowsculpt -j $(CORES) doctor --prepare
 	@touch $@

@@ -12,13 +12,13 @@ from pipeline.cli.options import Common, Crossings, Shot, ShotOptions, Shots, qu
 from pipeline.cli.output import print_result, print_warning, progress_bars, size, table
 from pipeline.errors import UsageError
 from pipeline.plugins.review.review_notes import STATUSES, NotesFolder, ReviewNote, as_data, merged
-from pipeline.plugins.review.review_page import ReviewPage, Search
-from pipeline.plugins.review.view_3d import HINT, three_js
+from pipeline.plugins.review.review_page import HINT, ReviewPage, Search
 from pipeline.production.request.lookup import find_shot, require_quality
 from pipeline.production.store.history import History
 from pipeline.shot.yaml.named_files import NAME
 from render.base.plural import plural
 from render.base.render_errors import readable
+from render.graphics.three_js import three_js
 from render.scene.render_quality import QUALITIES
 
 FORMS = ("jpeg", "png")

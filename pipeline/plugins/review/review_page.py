@@ -32,7 +32,10 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.history import History
 from pipeline.production.store.store import Store, key_of
 from render.base.atomic_write import disk_errors
+from render.graphics.three_js import FETCH, three_js
 from render.scene.render_quality import DEFAULT_QUALITY
+
+HINT = f"three.js is not installed, so the page has no 3-D view; {FETCH} fetches it"
 
 KINDS = ("render", "relit", "version", "wedge")
 """Kinds of sequences in their order on the page; others follow."""
@@ -133,7 +136,7 @@ class ReviewPage:
                 (self.folder / name).mkdir(parents=True, exist_ok=True)
         shots = {material.request.name: self._shot(material, tell) for material in self.shots}
         sequences = [self._sequence(sequence, tell) for sequence in self.sequences]
-        three_js = view_3d.three_js()
+        script = three_js()
         data = {
             "title": self.name,
             "page": key_of("review page", str(self.folder.absolute())),
@@ -142,14 +145,14 @@ class ReviewPage:
             "sequences": sequences,
             "sources": self._sources,
             "wedges": self._wedges(),
-            "three": "three.js" if three_js else None,
-            "hint": "" if three_js else view_3d.HINT,
+            "three": "three.js" if script else None,
+            "hint": "" if script else HINT,
         }
         for source in SOURCES.iterdir():
             path = self.index if source.name == self.index.name else self.folder / "page" / source.name
             self._write(path, source.read_bytes())
-        if three_js:
-            self._write(self.folder / "three.js", f"window.reviewThree = {_json(three_js)};\n".encode())
+        if script:
+            self._write(self.folder / "three.js", f"window.reviewThree = {_json(script)};\n".encode())
         self._write(self.folder / "data.js", f"window.reviewData = {_json(data)};\n".encode())
         pictures = {name for sequence in sequences for name in sequence["files"] if name}
         models = {file for shot in shots.values() for _, file in shot["models"]}

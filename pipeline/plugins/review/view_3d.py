@@ -1,9 +1,4 @@
-"""The 3-D view of the page: three.js, which draws meshes and which set-up fetches, and the meshes.
-
-    python -m pipeline.plugins.review.view_3d    fetch three.js, unless it is installed
-
-The package `nicegui` ships it as one file, with its controls; `requirements.txt` beside this module pins the
-release by its hash. Only this file of the package is kept.
+"""The meshes of the page's 3-D view, which three.js draws.
 
 A page may load scripts but no data: meshes are scripts, with positions in 16 bits and normals in 8.
 """
@@ -12,11 +7,6 @@ from __future__ import annotations
 
 import base64
 import json
-import re
-import shutil
-import subprocess
-import sys
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,23 +15,11 @@ from typing import Any
 import numpy as np
 
 from pipeline.arrays import AnyArray
-from pipeline.errors import MachineError
 from pipeline.plugins.review.measures import simulated
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
 from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.store import Key, Store, key_of
-from render.base import python_process
-from render.base.atomic_write import atomic_write
-
-REQUIREMENTS = Path(__file__).with_name("requirements.txt")
-
-PACKED = Path("nicegui", "elements", "scene", "dist", "index.js")  # the path of three.js in the package
-
-HINT = (
-    "three.js is not installed, so the page has no 3-D view; "
-    f"{python_process.command_line('pipeline.plugins.review.view_3d')} fetches it"
-)
 
 FORMAT = 2
 
@@ -162,44 +140,3 @@ def _bounds(arrays: dict[str, AnyArray]) -> tuple[AnyArray, AnyArray]:
 
 def _encoded(values: AnyArray | Sequence[float], kind: str) -> str:
     return base64.b64encode(np.ascontiguousarray(values).astype(kind).tobytes()).decode("ascii")
-
-
-def three_js() -> str | None:
-    """Return the text of three.js; None if it is not installed.
-
-    Browsers load no modules from local folders: the page makes the module from this text.
-    """
-    try:
-        text = _installed().read_text(encoding="utf-8")
-    except OSError:
-        return None
-    return re.sub(r"\n//# sourceMappingURL=\S+\s*$", "\n", text)
-
-
-def fetch() -> None:
-    """Fetch three.js unless it is installed. Raises MachineError."""
-    if _installed().exists():
-        return
-    with tempfile.TemporaryDirectory() as work:
-        words = ["install", "--quiet", "--no-deps", "--no-compile", "--require-hashes", "--target", work]
-        pip = python_process.command("pip", *words, "-r", str(REQUIREMENTS))
-        done = subprocess.run(pip, env=python_process.environment())
-        if done.returncode or not (Path(work) / PACKED).exists():
-            raise MachineError("three.js cannot be fetched (see pip's message); pages have no 3-D view")
-        with atomic_write(_installed()) as draft:
-            shutil.copyfile(Path(work) / PACKED, draft)
-
-
-def _installed() -> Path:
-    """Return the path of three.js in the environment, named by its release."""
-    release = re.search(r"^nicegui==(\S+)", REQUIREMENTS.read_text(encoding="utf-8"), re.MULTILINE)
-    assert release, "the requirement names one release"
-    return Path(sys.prefix) / "web" / f"three.nicegui-{release[1]}.js"
-
-
-if __name__ == "__main__":
-    try:
-        fetch()
-    except MachineError as error:
-        print(error, file=sys.stderr)
-        sys.exit(error.exit_code)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.mesh import icosphere
 from pipeline.plugins.review import view_3d
+from render.graphics.three_js import three_js
 from tests.plugins.review.looker import Opened
 from tests.plugins.review.studio import Desk
 
@@ -56,7 +57,7 @@ def page_of(desk: Desk, tmp_path: Path) -> Callable[..., Path]:
     return written
 
 
-@pytest.mark.skipif(view_3d.three_js() is None, reason="three.js is not set up here")
+@pytest.mark.skipif(three_js() is None, reason="three.js is not set up here")
 def test_a_point_is_drawn_beside_a_surface_and_as_large_as_one(
     opened: Opened, page_of: Callable[..., Path]
 ) -> None:

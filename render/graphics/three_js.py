@@ -1,0 +1,67 @@
+"""three.js, which draws meshes on pages, and which set-up fetches.
+
+    python -m render.graphics.three_js    fetch it, unless it is installed
+
+The package `nicegui` ships it as one file, with its controls; `three_js.txt` beside this module pins the
+release by its hash. Only this file of the package is kept.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from render.base import python_process
+from render.base.atomic_write import atomic_write
+from render.base.render_errors import MachineError
+
+REQUIREMENTS = Path(__file__).with_name("three_js.txt")
+
+PACKED = Path("nicegui", "elements", "scene", "dist", "index.js")  # the path of three.js in the package
+
+FETCH = python_process.command_line("render.graphics.three_js")
+
+
+def three_js() -> str | None:
+    """Return the text of three.js; None if it is not installed.
+
+    Browsers load no modules from local folders: the page makes the module from this text.
+    """
+    try:
+        text = _installed().read_text(encoding="utf-8")
+    except OSError:
+        return None
+    return re.sub(r"\n//# sourceMappingURL=\S+\s*$", "\n", text)
+
+
+def fetch() -> None:
+    """Fetch three.js unless it is installed. Raises MachineError."""
+    if _installed().exists():
+        return
+    with tempfile.TemporaryDirectory() as work:
+        words = ["install", "--quiet", "--no-deps", "--no-compile", "--require-hashes", "--target", work]
+        pip = python_process.command("pip", *words, "-r", str(REQUIREMENTS))
+        done = subprocess.run(pip, env=python_process.environment())
+        if done.returncode or not (Path(work) / PACKED).exists():
+            raise MachineError("three.js cannot be fetched (see pip's message); pages have no 3-D view")
+        with atomic_write(_installed()) as draft:
+            shutil.copyfile(Path(work) / PACKED, draft)
+
+
+def _installed() -> Path:
+    """Return the path of three.js in the environment, named by its release."""
+    release = re.search(r"^nicegui==(\S+)", REQUIREMENTS.read_text(encoding="utf-8"), re.MULTILINE)
+    assert release, "the requirement names one release"
+    return Path(sys.prefix) / "web" / f"three.nicegui-{release[1]}.js"
+
+
+if __name__ == "__main__":
+    try:
+        fetch()
+    except MachineError as error:
+        print(error, file=sys.stderr)
+        sys.exit(error.exit_code)
