@@ -182,7 +182,7 @@ RELIGHT = PipelineStage("relight", version=1, packages=("OpenImageIO",), doing="
 TURNTABLE_SHEET = PipelineStage(
     "turntable_sheet", version=2, packages=("av", "OpenImageIO"), doing="laying out sheets", makes="png"
 )
-EXPORT = PipelineStage("export", version=2, doing="exporting", makes="geometry", per_quality=False)
+EXPORT = PipelineStage("export", version=3, doing="exporting", makes="geometry", per_quality=False)
 MEASURE = PipelineStage("measure", version=2, doing="measuring", makes="measures", per_quality=False)
 
 

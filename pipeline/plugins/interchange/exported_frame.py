@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -276,7 +277,10 @@ CLEAR_OPACITY = 0.3
 
 
 class PreviewSurface(NamedTuple):
-    """Inputs of a UsdPreviewSurface. `colour` is linear Rec.709; the others lie between 0 and 1."""
+    """Inputs of a UsdPreviewSurface. `colour` is linear Rec.709; the others lie between 0 and 1.
+
+    Roughness is the root of the width of GGX lobes, as UsdPreviewSurface and glTF have it.
+    """
 
     colour: Colour
     roughness: float
@@ -290,15 +294,20 @@ class PreviewSurface(NamedTuple):
 def preview_surface(look: Material) -> PreviewSurface:
     """Return the preview surface that is nearest to a look."""
     if isinstance(look, Metal | BrushedMetal):
-        return PreviewSurface(look.colour, look.roughness, metallic=1.0)
+        return PreviewSurface(look.colour, math.sqrt(look.roughness), metallic=1.0)
     if isinstance(look, Satin):
         return PreviewSurface(look.colour, look.roughness, look.metallic, look.coat)
     if isinstance(look, Glass):
         return PreviewSurface(
-            look.auxiliary_colour, look.roughness, opacity=CLEAR_OPACITY, refraction=look.refraction
+            look.auxiliary_colour,
+            math.sqrt(look.roughness),
+            opacity=CLEAR_OPACITY,
+            refraction=look.refraction,
         )
     if isinstance(look, Smoke):
         return PreviewSurface(look.colour, 1.0, opacity=CLEAR_OPACITY, is_matt=True)
-    if isinstance(look, Glossy | MitsubaMaterial):
+    if isinstance(look, MitsubaMaterial):
         return PreviewSurface(look.colour, look.roughness)
+    if isinstance(look, Glossy):
+        return PreviewSurface(look.colour, math.sqrt(look.roughness))
     return PreviewSurface(look.colour, 1.0, is_matt=isinstance(look, Diffuse))

@@ -180,7 +180,7 @@ def test_the_glb_holds_normals_velocities_and_rest_positions(place: Path, frame:
     (model,) = trimesh.load(path, process=False).geometry.values()
     assert np.array_equal(single(model.vertices[model.faces]), single(frame.points[frame.faces]))
     material = model.visual.material
-    assert (material.metallicFactor, material.roughnessFactor) == (1.0, pytest.approx(0.04))
+    assert (material.metallicFactor, material.roughnessFactor) == (1.0, pytest.approx(0.2))
 
 
 def gltf_arrays(path: Path) -> dict[str, NDArray[Any]]:
