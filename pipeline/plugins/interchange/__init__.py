@@ -4,6 +4,7 @@ from pipeline.plugin import Command, Plugin
 
 _COMMANDS = "pipeline.plugins.interchange.export_commands"
 _ONE_MESH = "pipeline.plugins.interchange.one_mesh_commands"
+_ANIMATIONS = "pipeline.plugins.interchange.animation_commands"
 
 PLUGIN = Plugin(
     name="interchange",
@@ -21,6 +22,9 @@ PLUGIN = Plugin(
         "obj": Command(f"{_COMMANDS}:obj", "A mesh file of each frame."),
         "glb": Command(f"{_COMMANDS}:glb", "A mesh file of one frame, for the web."),
         "stl": Command(f"{_COMMANDS}:stl", "A mesh file of one frame, to be printed."),
+        "gltf": Command(f"{_ANIMATIONS}:gltf", "One mesh that moves, for pages, viewers and DCC programs."),
+        "vat": Command(f"{_ANIMATIONS}:vat", "One mesh that moves, as textures for game engines."),
+        "web": Command(f"{_ANIMATIONS}:web", "A page that plays the sculpture."),
         "pc2": Command(f"{_ONE_MESH}:pc2", "One mesh that moves, for Blender and Maya."),
         "mdd": Command(f"{_ONE_MESH}:mdd", "One mesh that moves, for Blender and Cinema 4D."),
     },

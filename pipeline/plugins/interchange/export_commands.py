@@ -40,13 +40,44 @@ class ModelOptions(ShotOptions):
     subject: Subject = None
 
 
-def usd(common: Common, shot: Shot, options: ModelOptions, quality: Quality = DEFAULT_QUALITY) -> None:
+@dataclass(frozen=True)
+class OneMeshOptions(ModelOptions):
+    """Options of formats that hold one mesh for all frames."""
+
+    vertices: Annotated[
+        int | None,
+        typer.Option(min=4, metavar="N", help="Leave out the vertices that show least, until N are left."),
+    ] = None
+    until: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, metavar="E", help="Leave out vertices whose error is below E, in edge lengths: 0.1."
+        ),
+    ] = None
+
+
+OneMesh = Annotated[
+    bool,
+    typer.Option(
+        "--one-mesh", help="Write one mesh whose vertices move, which programs blend between frames."
+    ),
+]
+
+
+def usd(
+    common: Common,
+    shot: Shot,
+    options: OneMeshOptions,
+    one_mesh: OneMesh = False,
+    quality: Quality = DEFAULT_QUALITY,
+) -> None:
     """Write the sculpture with its motion, camera and lights as a USD stage.
 
     `flowsculpt export usd A010_cube` writes renders/A010_cube/usd/A010_cube.usda, which Houdini, Blender and
     usdview open, and a clip for each frame: the mesh with velocities, normals and rest positions. Missing
-    frames are simulated first. Later exports write only clips that changed. It needs the package
-    usd-core; see docs/interchange.md.
+    frames are simulated first. Later exports write only clips that changed. With `--one-mesh` the stage is
+    A010_cube.one_mesh.usda, whose mesh has the same triangles in all frames. It needs the package usd-core;
+    see docs/interchange.md.
     """
     project, asked, folder = asked_for(common, shot, options, quality, "usd")
     if asked.source.subject:
@@ -55,9 +86,34 @@ def usd(common: Common, shot: Shot, options: ModelOptions, quality: Quality = DE
             "prim. Leave out --subject"
         )
     require_usd()
+    if one_mesh:
+        _one_mesh_stage(common, project, asked, folder, options)
+        return
+    if options.vertices is not None or options.until is not None:
+        raise UsageError("--vertices and --until reduce one mesh; add --one-mesh")
     from pipeline.plugins.interchange.usd_export import UsdExport
 
     _export(common, project, asked, [UsdExport(asked, project.store, folder)])
+
+
+def _one_mesh_stage(
+    common: Common, project: Project, asked: RenderRequest, folder: Path, options: OneMeshOptions
+) -> None:
+    """Write a stage with one mesh of each subject."""
+    from pipeline.plugins.interchange.unifying import Unification
+    from pipeline.plugins.interchange.usd_one_mesh import OneMeshStage
+
+    parts = tuple(Unification(part, project.store, options.vertices, options.until) for part in asked.parts)
+    if common.dry_run:
+        report_plan(common, project.geometry(asked))
+        return
+    started = time.monotonic()
+    outcome = execute(common, lambda: project.geometry(asked))
+    with writing(common.root, common.wait), progress_bars(common.progress) as bar:
+        stage = OneMeshStage(asked, project.store, folder, parts, bar)
+        stage.write(bar("exporting", len(stage.stale())))
+    print_result(*_report(stage, [], time.monotonic() - started), common.json)
+    exit_with(outcome.exit_code)
 
 
 def ply(common: Common, shot: Shot, options: ModelOptions) -> None:

@@ -18,12 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
+from pipeline.arrays import AnyArray, Floats, Points, Vectors
 from pipeline.errors import FrameError, MeshError, UsageError
 from pipeline.flow.regions import TriangleTree
 from pipeline.mesh import TriangleMesh, face_normals
 from pipeline.mesh.normals import NORMAL, unit
 from pipeline.mesh.validation import validate
+from pipeline.plugins.interchange.drawn_mesh import split_corners
 from pipeline.plugins.interchange.exported_frame import (
     ExportedFrame,
     KeyedFiles,
@@ -250,7 +251,7 @@ def write_glb(path: Path, frame: ExportedFrame, look: Material) -> None:
     """
     import trimesh
 
-    corner, faces = _split_corners(frame)
+    corner, faces = split_corners(frame.corner_normals, frame.texture)
     source, normal = frame.faces.reshape(-1)[corner], frame.corner_normals.reshape(-1)[corner]
     surface = preview_surface(look)
     material = trimesh.visual.material.PBRMaterial(
@@ -284,21 +285,6 @@ def _name_attributes(tree: dict[str, Any]) -> None:
             for name in ("COLOR_0", "TEXCOORD_0"):
                 if f"_{name}" in primitive["attributes"]:
                     primitive["attributes"][name] = primitive["attributes"].pop(f"_{name}")
-
-
-def _split_corners(frame: ExportedFrame) -> tuple[Indices, Faces]:
-    """Return vertices (N,), each a corner of a face, and faces (F, 3) of them.
-
-    Corners with the same normal, and so the same vertex, and the same texture coordinates are one vertex.
-    """
-    normals = frame.corner_normals.reshape(-1)
-    if frame.texture is None:
-        some_corner: Indices = np.zeros(len(frame.normals), np.int32)
-        some_corner[normals] = np.arange(len(normals), dtype=np.int32)
-        return some_corner, frame.corner_normals
-    rows = np.column_stack([normals, frame.texture.reshape(-1, 2)])
-    _, corner, vertex = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    return corner.astype(np.int32), vertex.astype(np.int32).reshape(-1, 3)
 
 
 def point_normals(frame: ExportedFrame) -> Vectors:

@@ -1,41 +1,22 @@
-"""The formats `pc2` and `mdd` of the command `export`, and the options of formats that hold one mesh."""
+"""The formats `pc2` and `mdd` of the command `export`, and reports of formats that hold one mesh."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from pipeline.cli.options import Common, Shot
 from pipeline.cli.output import print_result, progress_bars
 from pipeline.errors import FrameError
-from pipeline.plugins.interchange.export_commands import ModelOptions, asked_for
+from pipeline.plugins.interchange.export_commands import OneMeshOptions, asked_for
 from pipeline.plugins.interchange.one_mesh import OneMesh
 from pipeline.plugins.interchange.point_caches import PointCacheExport
 from pipeline.plugins.interchange.unifying import Unification
 from pipeline.production.store.locks import writing
 from render.base.plural import plural
 from render.scene.render_quality import DEFAULT_QUALITY
-
-
-@dataclass(frozen=True)
-class OneMeshOptions(ModelOptions):
-    """Options of formats that hold one mesh for all frames."""
-
-    vertices: Annotated[
-        int | None,
-        typer.Option(min=4, metavar="N", help="Leave out the vertices that show least, until N are left."),
-    ] = None
-    until: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0, metavar="E", help="Leave out vertices whose error is below E, in edge lengths: 0.1."
-        ),
-    ] = None
 
 
 def pc2(common: Common, shot: Shot, options: OneMeshOptions) -> None:
@@ -71,9 +52,9 @@ def _caches(common: Common, shot: str, options: OneMeshOptions, form: str) -> No
         for export in exports:
             with naming(export.unification):
                 mesh = export.write(bar)
-            shown = "it is current" if mesh is None else _words(mesh)
+            shown = "it is current" if mesh is None else mesh_in_words(mesh)
             words.append(f"{export.path}: {shown}, in {time.monotonic() - started:.0f} s.")
-            facts.append({"path": str(export.path), "written": export.files.written, **_facts(mesh)})
+            facts.append({"path": str(export.path), "written": export.files.written, **mesh_facts(mesh)})
     print_result("\n".join(words), facts[0] if len(facts) == 1 else facts, common.json)
 
 
@@ -98,7 +79,7 @@ def naming(part: Unification) -> Iterator[None]:
         raise FrameError(f"{part.name} {error}") from error
 
 
-def _words(mesh: OneMesh) -> str:
+def mesh_in_words(mesh: OneMesh) -> str:
     """Return the size of a mesh, and what was left out, in words."""
     words = f"{plural(len(mesh.frames), 'frame')}, {len(mesh.rest)} "
     if mesh.reduction is not None:
@@ -109,7 +90,7 @@ def _words(mesh: OneMesh) -> str:
     return f"{words}; the largest error is {mesh.reduction.error:.2f} edges, at frame {mesh.reduction.frame}"
 
 
-def _facts(mesh: OneMesh | None) -> dict[str, Any]:
+def mesh_facts(mesh: OneMesh | None) -> dict[str, Any]:
     """Return the size of a mesh, and what was left out, as data."""
     if mesh is None:
         return {}

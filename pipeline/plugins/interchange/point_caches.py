@@ -64,7 +64,7 @@ def even_step(frames: Sequence[int]) -> int:
     steps = set(np.diff(frames).tolist()) or {1}
     if len(steps) > 1 or min(steps) < 1:
         raise UsageError(
-            f"frames {FrameRange.of(frames)} are not evenly spaced, as a point cache has them; write a range "
+            f"frames {FrameRange.of(frames)} are not evenly spaced, as this format has them; write a range "
             "such as 1-48 or 1-48x2"
         )
     return int(steps.pop())

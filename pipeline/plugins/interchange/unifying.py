@@ -195,11 +195,12 @@ def one_mesh(
     return Unification(request, store, vertices, until).one_mesh(began)
 
 
-def exported(mesh: OneMesh, number: int) -> ExportedFrame:
+def exported(mesh: OneMesh, number: int, has_velocities: bool = True) -> ExportedFrame:
     """Return one mesh at a frame as formats that hold a single frame take it."""
     frame = mesh.frame(number)
+    velocities = frame.velocities if has_velocities else np.empty((0, 3))
     return ExportedFrame(
-        *(frame.points, mesh.faces, frame.normals, mesh.corner_normals, frame.velocities, mesh.rest),
+        *(frame.points, mesh.faces, frame.normals, mesh.corner_normals, velocities, mesh.rest),
         creases=mesh.creases,
         colours=mesh.colours,
         texture=mesh.texture,

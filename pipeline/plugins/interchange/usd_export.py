@@ -138,7 +138,7 @@ def write_clip(
             values = attribute.values(frame)
             assert values is not None, f"all frames of a shot have {attribute.name}"
             sampled = Sdf.AttributeSpec(spec, attribute.name, getattr(Sdf.ValueTypeNames, attribute.kind))
-            layer.SetTimeSample(sampled.path, float(number), _array(attribute.kind, values))
+            layer.SetTimeSample(sampled.path, float(number), usd_array(attribute.kind, values))
     write_layer(path, layer)
 
 
@@ -178,7 +178,7 @@ def write_layer(path: Path, layer: Sdf.Layer) -> None:
         raise cannot_write(path, path, "USD reports an error")
 
 
-def _array(kind: str, values: AnyArray) -> Any:
+def usd_array(kind: str, values: AnyArray) -> Any:
     """Return values as an array of USD's of a value type."""
     components = {"Point3f": "Vec3f", "Vector3f": "Vec3f", "Normal3f": "Vec3f", "Color3f": "Vec3f"}
     components |= {"Float3": "Vec3f", "TexCoord2f": "Vec2f"}
@@ -262,10 +262,25 @@ class SculptureFiles:
         """Write the manifest and the picture that colours the sculpture, each if it has changed."""
         key = key_of(EXPORT.recipe, self.prim, [attribute.name for attribute in self.attributes])
         self.files.update(self.manifest, key, lambda draft: write_manifest(draft, self.prim, self.attributes))
+        self.write_texture()
+
+    def write_texture(self) -> None:
+        """Write the picture that colours the sculpture, if there is one and it has changed."""
         texture = colour_texture(self.look)
         if texture is not None:
             key = key_of(EXPORT.recipe, to_plain(texture))
             self.files.update(self.texture, key, lambda draft: write_picture(draft, texture.pixels()))
+
+    def refer(self, prim: Sdf.PrimSpec, numbers: tuple[int, ...]) -> None:
+        """Name the clips at the prim of the stage, and say which is shown when."""
+        clips = {
+            "assetPaths": Sdf.AssetPathArray([Sdf.AssetPath(f"./{self.clip(number)}") for number in numbers]),
+            "primPath": self.prim,
+            "manifestAssetPath": Sdf.AssetPath(f"./{self.manifest}"),
+            "active": Vt.Vec2dArray([Gf.Vec2d(number, index) for index, number in enumerate(numbers)]),
+            "times": Vt.Vec2dArray([Gf.Vec2d(*pair) for pair in clip_times(numbers)]),
+        }
+        prim.SetInfo("clips", {"default": clips})
 
     def _key(self, number: int) -> Key:
         if number not in self._keys:
@@ -327,7 +342,7 @@ def write_root(
     layer = Sdf.Layer.CreateAnonymous(".usda")  # without a stage, which would look for the clips
     layer.TransferContent(stage.GetRootLayer())
     for sculpture in sculptures:
-        layer.GetPrimAtPath(sculpture.prim).SetInfo("clips", {"default": _clips(sculpture, numbers)})
+        sculpture.refer(layer.GetPrimAtPath(sculpture.prim), numbers)
     write_layer(path, layer)
 
 
@@ -338,20 +353,9 @@ def _add_sculpture(stage: Usd.Stage, content: SculptureFiles, material: UsdShade
     if not content.is_cloud:
         sculpture.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
         sculpture.CreateDoubleSidedAttr(True)
-    if not any(attribute.name == "primvars:displayColor" for attribute in content.attributes):
+    if not has_colours(content.look):
         sculpture.CreateDisplayColorAttr(Vt.Vec3fArray([content.look.colour]))
     bind(sculpture.GetPrim(), material)
-
-
-def _clips(content: SculptureFiles, numbers: tuple[int, ...]) -> dict[str, Any]:
-    """Return the metadata that names the clips and says which is shown when."""
-    return {
-        "assetPaths": Sdf.AssetPathArray([Sdf.AssetPath(f"./{name}") for name in map(content.clip, numbers)]),
-        "primPath": content.prim,
-        "manifestAssetPath": Sdf.AssetPath(f"./{content.manifest}"),
-        "active": Vt.Vec2dArray([Gf.Vec2d(number, index) for index, number in enumerate(numbers)]),
-        "times": Vt.Vec2dArray([Gf.Vec2d(*pair) for pair in clip_times(numbers)]),
-    }
 
 
 def _add_set(
@@ -420,7 +424,7 @@ class UsdExport:
         where the disk refuses, FrameError where there are no cameras or no frame could be exported.
         """
         faults: list[str] = []
-        framings = self._framings()
+        framings = self.framings()
         with self.files.noting():
             for number in self.stale():
                 try:
@@ -432,14 +436,14 @@ class UsdExport:
                 passed()
             if not self.shown():
                 raise FrameError("\n".join(faults))
-            self._write_others(framings)
+            self.write_stage(framings)
         return faults
 
     def shown(self) -> list[int]:
         """Return the frames whose clips are current, in ascending order."""
         return sorted(set.intersection(*(sculpture.shown() for sculpture in self._sculptures)))
 
-    def _framings(self) -> Mapping[int, Framing]:
+    def framings(self) -> Mapping[int, Framing]:
         """Return camera and set of every frame. Raises FrameError where they were not found."""
         framings = camera_file(self.request, self.store)
         if framings is None:
@@ -449,7 +453,7 @@ class UsdExport:
             )
         return framings
 
-    def _write_others(self, framings: Mapping[int, Framing]) -> None:
+    def write_stage(self, framings: Mapping[int, Framing]) -> None:
         """Write the manifests, the map of the sky and the root, each if it has changed."""
         for sculpture in self._sculptures:
             sculpture.write_others()

@@ -1,0 +1,108 @@
+"""The formats `gltf`, `vat` and `web` of the command `export`: animations with one mesh."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated, Any
+
+import typer
+
+from pipeline.cli.execution import execute, report_plan
+from pipeline.cli.options import Common, Shot
+from pipeline.cli.output import exit_with, print_result, progress_bars, size
+from pipeline.plugins.interchange.animation_export import (
+    AnimationExport,
+    GltfExport,
+    VertexTextureExport,
+    WebExport,
+)
+from pipeline.plugins.interchange.export_commands import OneMeshOptions, asked_for
+from pipeline.plugins.interchange.one_mesh_commands import (
+    mesh_facts,
+    mesh_in_words,
+    report_unifying,
+)
+from pipeline.plugins.interchange.unifying import Unification
+from pipeline.plugins.interchange.web_player import require_three_js
+from pipeline.production.store.locks import writing
+from render.scene.render_quality import DEFAULT_QUALITY
+
+Plain = Annotated[
+    bool,
+    typer.Option(
+        "--plain",
+        help="Write floats without extensions, for programs that lack these; about four times as large.",
+    ),
+]
+
+
+def gltf(common: Common, shot: Shot, options: OneMeshOptions, plain: Plain = False) -> None:
+    """Write the sculpture with its motion as one glTF file, for pages, viewers and DCC programs.
+
+    `flowsculpt export gltf A010_cube` writes renders/A010_cube/models/A010_cube.glb: one mesh, with morph
+    targets at as few keyframes as keep each frame within a quarter of an edge. It is compressed with
+    EXT_meshopt_compression, which three.js, Babylon.js and model-viewer read; `--plain` writes a larger file
+    that every program reads.
+    """
+    project, asked, folder = asked_for(common, shot, options, DEFAULT_QUALITY, "models")
+    parts = tuple(Unification(part, project.store, options.vertices, options.until) for part in asked.parts)
+    _export(common, [GltfExport(asked, project.store, folder, parts, plain)])
+
+
+def vat(common: Common, shot: Shot, options: OneMeshOptions) -> None:
+    """Write vertex animation textures for Unreal, Unity and Godot, with the mesh that they move.
+
+    `flowsculpt export vat A010_cube` writes to renders/A010_cube/vat: the mesh as GLB, positions as EXR,
+    normals as PNG, and JSON with bounds, rate and layout; docs/interchange.md has shaders. Of several
+    subjects each has files; `--subject heron` chooses one.
+    """
+    project, asked, folder = asked_for(common, shot, options, DEFAULT_QUALITY, "vat")
+    _export(
+        common,
+        [
+            VertexTextureExport(part, project.store, folder, (mesh,))
+            for part in asked.parts
+            for mesh in [Unification(part, project.store, options.vertices, options.until)]
+        ],
+    )
+
+
+def web(common: Common, shot: Shot, options: OneMeshOptions) -> None:
+    """Write a page that plays the sculpture in three dimensions: one file, without a network.
+
+    `flowsculpt export web A010_cube` writes renders/A010_cube/web/A010_cube.html, with orbit, scrubbing, the
+    shot's camera, light and look. The frames are simulated first where their cameras are missing. Put it in a
+    page of your own with <iframe src="A010_cube.html#bare">, without the bar.
+    """
+    require_three_js()
+    project, asked, folder = asked_for(common, shot, options, DEFAULT_QUALITY, "web")
+    parts = tuple(Unification(part, project.store, options.vertices, options.until) for part in asked.parts)
+    if common.dry_run:
+        report_plan(common, project.geometry(asked))
+        return
+    outcome = execute(common, lambda: project.geometry(asked))
+    _export(common, [WebExport(asked, project.store, folder, parts)])
+    exit_with(outcome.exit_code)
+
+
+def _export(common: Common, exports: list[AnimationExport]) -> None:
+    """Write the files that are not current, and report them."""
+    if common.dry_run:
+        stale = [part for export in exports if not export.is_current for part in export.parts]
+        report_unifying(common, stale, str(exports[0].folder))
+        return
+    words, facts = list[str](), list[dict[str, Any]]()
+    with writing(common.root, common.wait), progress_bars(common.progress) as bar:
+        for export in exports:
+            started = time.monotonic()
+            done = export.write(bar)
+            shown, known = "it is current", dict[str, Any]()
+            if done is not None:
+                meshes, held = done
+                shown = "; ".join([*map(mesh_in_words, meshes), held])
+                known = {"subjects": [mesh_facts(mesh) for mesh in meshes], "held": held}
+            seconds = time.monotonic() - started
+            words.append(f"{export.path}: {shown}, {size(export.bytes)}, in {seconds:.0f} s.")
+            known |= {"path": str(export.path), "written": export.files.written, "bytes": export.bytes}
+            facts.append(known | {"seconds": round(seconds, 2)})
+    print_result("\n".join(words), facts[0] if len(facts) == 1 else facts, common.json)

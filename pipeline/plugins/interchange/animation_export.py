@@ -1,0 +1,218 @@
+"""Exports of animations with one mesh of each subject: glTF, vertex animation textures, and pages."""
+
+from __future__ import annotations
+
+import hashlib
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar
+
+from pipeline.errors import FrameError
+from pipeline.plugins.interchange.animated_gltf import Moving, write_animated_gltf
+from pipeline.plugins.interchange.drawn_mesh import DrawnMesh, Keyframes
+from pipeline.plugins.interchange.exported_frame import KeyedFiles
+from pipeline.plugins.interchange.one_mesh import OneMesh
+from pipeline.plugins.interchange.point_caches import even_step
+from pipeline.plugins.interchange.refining import Began
+from pipeline.plugins.interchange.unifying import Unification
+from pipeline.plugins.interchange.vertex_textures import VertexTextures
+from pipeline.plugins.interchange.web_player import PARTS, WebPage, require_three_js
+from pipeline.production.request.cameras import camera_file
+from pipeline.production.request.framing import Framing
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.stages import EXPORT
+from pipeline.production.store.store import Key, Store, key_of
+from render.base.serialise import to_plain
+
+_VERSION = 1  # of the formats as they are written here
+
+
+@dataclass(frozen=True, eq=False)
+class AnimationExport(ABC):
+    """The files of an animation. Files that are current are kept.
+
+    request  the frames of a shot, or of one of its subjects
+    parts    one mesh of each subject in the files
+    """
+
+    request: RenderRequest
+    store: Store
+    folder: Path
+    parts: tuple[Unification, ...]
+
+    form: ClassVar[str]
+
+    @property
+    @abstractmethod
+    def names(self) -> tuple[str, ...]:
+        """The names of the files; other programs open the first one."""
+
+    @property
+    def facts(self) -> list[Any]:
+        """What decides the content besides meshes and looks, as JSON data."""
+        return []
+
+    @abstractmethod
+    def write_files(self, meshes: list[OneMesh], began: Began) -> str:
+        """Write the files; return how the motion is held, in words."""
+
+    @property
+    def name(self) -> str:
+        """The name of the shot in files, with that of the subject where it is one of several."""
+        return self.request.motion_folders.part_name
+
+    @property
+    def path(self) -> Path:
+        """The path of the file that other programs open."""
+        return self.folder / self.names[0]
+
+    @cached_property
+    def files(self) -> KeyedFiles:
+        """The files of the folder."""
+        return KeyedFiles(self.folder, f"{self.name}.{self.form}.keys.json", self.store)
+
+    @cached_property
+    def key(self) -> Key:
+        """The key of the files."""
+        looks = [to_plain(part.request.shot.picture.look) for part in self.parts]
+        return key_of(
+            EXPORT.recipe, self.form, _VERSION, [part.key for part in self.parts], looks, self.facts
+        )
+
+    @property
+    def is_current(self) -> bool:
+        """True if all files are there, whole, and of these meshes."""
+        return all(self.files.is_current(name, self.key) for name in self.names)
+
+    @property
+    def bytes(self) -> int:
+        """The size of all files together."""
+        return sum((self.folder / name).stat().st_size for name in self.names)
+
+    def write(self, began: Began) -> tuple[list[OneMesh], str] | None:
+        """Write the files; return the meshes, and how their motion is held. None where they are current.
+
+        Raises what `Unification.one_mesh` raises, naming the subject, UsageError for what the format cannot
+        hold, and MachineError where the disk refuses.
+        """
+        if self.is_current:
+            return None
+        meshes = []
+        for part in self.parts:
+            try:
+                meshes.append(part.one_mesh(began))
+            except FrameError as error:
+                raise FrameError(f"{part.name} {error}") from error
+        with self.files.noting():
+            return meshes, self.write_files(meshes, began)
+
+    def moving(self, meshes: list[OneMesh], began: Began) -> list[Moving]:
+        """Return the sculptures with their keyframes and looks."""
+        return [
+            Moving(mesh.name, _keyframes(mesh, began), part.request.shot.picture.look)
+            for mesh, part in zip(meshes, self.parts, strict=True)
+        ]
+
+
+def _keyframes(mesh: OneMesh, began: Began) -> Keyframes:
+    return Keyframes.of(DrawnMesh.of(mesh), began("exporting", len(mesh.frames)))
+
+
+def _keys_in_words(parts: list[Moving]) -> str:
+    counts = " and ".join(str(len(part.keyframes.numbers)) for part in parts)
+    return f"{counts} keyframes, at most {max(part.keyframes.error for part in parts):.2f} edges off"
+
+
+@dataclass(frozen=True, eq=False)
+class GltfExport(AnimationExport):
+    """A GLB of all subjects with one clip; `plain` files need no extension."""
+
+    plain: bool = False
+
+    form = "gltf"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (f"{self.name}.glb",)
+
+    @property
+    def facts(self) -> list[Any]:
+        return [self.plain]
+
+    def write_files(self, meshes: list[OneMesh], began: Began) -> str:
+        parts = self.moving(meshes, began)
+        self.files.write(
+            self.names[0],
+            self.key,
+            lambda draft: write_animated_gltf(draft, self.request.name, parts, self.plain),
+        )
+        return _keys_in_words(parts)
+
+
+@dataclass(frozen=True, eq=False)
+class VertexTextureExport(AnimationExport):
+    """Vertex animation textures of one subject, with its mesh and what shaders need to know."""
+
+    form = "vat"
+
+    def __post_init__(self) -> None:
+        """Raise UsageError for frames that are not evenly spaced."""
+        even_step(self.request.requested)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(f"{self.name}.{end}" for end in ("glb", "positions.exr", "normals.png", "json"))
+
+    def write_files(self, meshes: list[OneMesh], began: Began) -> str:
+        drawn = DrawnMesh.of(meshes[0])
+        textures = VertexTextures.of(drawn, began("exporting", len(drawn.mesh.frames)))
+        look = self.parts[0].request.shot.picture.look
+        mesh, positions, normals, facts = self.names
+        named = {"mesh": mesh, "positions": positions, "normals": normals}
+        self.files.write(mesh, self.key, lambda draft: textures.write_mesh(draft, look))
+        self.files.write(positions, self.key, textures.write_positions)
+        self.files.write(normals, self.key, textures.write_normals)
+        self.files.write(facts, self.key, lambda draft: textures.write_facts(draft, named))
+        return f"textures of {textures.layout.width} × {textures.layout.height} texels"
+
+
+@dataclass(frozen=True, eq=False)
+class WebExport(AnimationExport):
+    """A page that plays all subjects, with light, floor and cameras of the shot."""
+
+    form = "web"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (f"{self.name}.html",)
+
+    @cached_property
+    def _framings(self) -> Mapping[int, Framing]:
+        """Camera and stage of each frame. Raises FrameError where they were not found."""
+        framings = camera_file(self.request, self.store)
+        if framings is None:
+            raise FrameError(
+                f"{self.request.name} has no cameras, which depend on all its frames, so no page was "
+                "written; fix the frames that fail"
+            )
+        return framings
+
+    @property
+    def facts(self) -> list[Any]:
+        picture = self.request.shot.picture
+        player = [(PARTS / f"web_player.{end}").read_bytes() for end in ("html", "css", "js")]
+        return [
+            *(self.request.shot.heading, self.request.aspect, to_plain(picture.lights)),
+            *(to_plain(picture.stage), picture.view.recipe),
+            {str(number): to_plain(self._framings[number]) for number in self.request.requested},
+            hashlib.sha256(b"".join([*player, require_three_js().encode()])).hexdigest(),
+        ]
+
+    def write_files(self, meshes: list[OneMesh], began: Began) -> str:
+        parts = self.moving(meshes, began)
+        page = WebPage(self.request.shot, parts, self._framings, self.request.aspect)
+        self.files.write(self.names[0], self.key, page.write)
+        return _keys_in_words(parts)

@@ -1,0 +1,161 @@
+"""Export a shot as a USD stage with one mesh: topology once, positions and normals at each frame.
+
+renders/<shot>/usd/<shot>.one_mesh.usda   what other programs open: camera, lights, floor and materials
+renders/<shot>/usd/<shot>.one_mesh.usdc   the mesh with its time samples
+
+Of several subjects each has a mesh file, <shot>.<subject>.one_mesh.usdc. Readers blend neighbouring samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from pxr import Sdf
+
+from pipeline.plugins.interchange.exported_frame import KeyedFiles
+from pipeline.plugins.interchange.one_mesh import OneMesh
+from pipeline.plugins.interchange.refining import Began
+from pipeline.plugins.interchange.unifying import Unification, exported
+from pipeline.plugins.interchange.usd_export import (
+    SampledAttribute,
+    SculptureFiles,
+    UsdExport,
+    sampled_attributes,
+    usd_array,
+    write_layer,
+)
+from pipeline.production.stages import EXPORT
+from pipeline.production.store.store import key_of
+
+_SAMPLED = ("points", "primvars:normals", "extent")  # what differs from frame to frame
+
+
+def write_one_mesh(path: Path, prim: str, mesh: OneMesh, passed: Callable[[], None] = lambda: None) -> None:
+    """Write the layer of a mesh: a prim with time samples of points, normals and extent.
+
+    Raises FrameError where a frame cannot be read, MachineError where the disk refuses.
+    """
+    layer = Sdf.Layer.CreateAnonymous(".usdc")
+    layer.timeCodesPerSecond = layer.framesPerSecond = float(mesh.rate.fps)
+    layer.startTimeCode, layer.endTimeCode = float(mesh.frames[0]), float(mesh.frames[-1])
+    attributes = _attributes(mesh)
+    with Sdf.ChangeBlock():
+        spec = Sdf.CreatePrimInLayer(layer, prim)
+        spec.specifier, spec.typeName = Sdf.SpecifierDef, "Mesh"
+        declared = {
+            attribute.name: Sdf.AttributeSpec(
+                spec, attribute.name, getattr(Sdf.ValueTypeNames, attribute.kind)
+            )
+            for attribute in attributes
+        }
+        for attribute in attributes:
+            if attribute.interpolation:
+                declared[attribute.name].SetInfo("interpolation", attribute.interpolation)
+    for number in mesh.frames:
+        frame = exported(mesh, number, has_velocities=False)
+        for attribute in attributes:
+            if attribute.name in _SAMPLED or number == mesh.frames[0]:
+                values = attribute.values(frame)
+                assert values is not None, f"the mesh has {attribute.name}"
+                held = usd_array(attribute.kind, values)
+                if attribute.name in _SAMPLED:
+                    layer.SetTimeSample(declared[attribute.name].path, float(number), held)
+                else:
+                    declared[attribute.name].default = held
+        passed()
+    write_layer(path, layer)
+
+
+def _attributes(mesh: OneMesh) -> tuple[SampledAttribute, ...]:
+    """Return the attributes of one mesh: those of clips, without velocities and numbers of copies."""
+    attributes = sampled_attributes(False, mesh.colours is not None, mesh.texture is not None)
+    return tuple(attribute for attribute in attributes if attribute.name != "velocities")
+
+
+@dataclass(frozen=True, eq=False)
+class OneMeshFile(SculptureFiles):
+    """One mesh of a stage: the layer with its time samples, and the picture that colours it."""
+
+    unification: Unification
+
+    @property
+    def name(self) -> str:
+        """The file's name."""
+        return f"{self.request.motion_folders.part_name}.one_mesh.usdc"
+
+    @property
+    def attributes(self) -> tuple[SampledAttribute, ...]:
+        """The attributes that the stage itself declares: none, for the layer does."""
+        return ()
+
+    @property
+    def key(self) -> str:
+        """The key of the file."""
+        return key_of(EXPORT.recipe, "one mesh", self.prim, self.unification.key)
+
+    def is_current(self) -> bool:
+        """Tell whether the file is there, whole, and of this mesh."""
+        return self.files.is_current(self.name, self.key)
+
+    def refer(self, prim: Sdf.PrimSpec, numbers: tuple[int, ...]) -> None:
+        """Refer to the file at the prim of the stage."""
+        prim.referenceList.Prepend(Sdf.Reference(f"./{self.name}", self.prim))
+
+    def write_others(self) -> None:
+        """Write the picture that colours the sculpture, if it has changed."""
+        self.write_texture()
+
+
+@dataclass(frozen=True, eq=False)
+class OneMeshStage(UsdExport):
+    """A shot as a USD stage with one mesh of each subject. Files that are current are kept.
+
+    parts  how the meshes are made
+    began  called with the name of each part of that work and its number of frames
+    """
+
+    parts: tuple[Unification, ...]
+    began: Began = lambda name, total: lambda: None
+
+    @cached_property
+    def files(self) -> KeyedFiles:
+        """The files of the folder."""
+        return KeyedFiles(self.folder, f"{self.request.name}.one_mesh.keys.json", self.store)
+
+    @property
+    def path(self) -> Path:
+        """The path of the stage that other programs open."""
+        return self.folder / f"{self.request.name}.one_mesh.usda"
+
+    @cached_property
+    def _sculptures(self) -> tuple[OneMeshFile, ...]:
+        return tuple(OneMeshFile(part.request, self.store, self.files, part) for part in self.parts)
+
+    def stale(self) -> list[int]:
+        """Return the frames to write: all of those of files that are not current, once for each."""
+        return [n for file in self._sculptures if not file.is_current() for n in self.request.requested]
+
+    def write(self, passed: Callable[[], None]) -> list[str]:
+        """Write the files that are not current, and the stage; return no messages.
+
+        Raises MachineError where the disk refuses, FrameError where there are no cameras or a frame cannot be
+        read.
+        """
+        framings = self.framings()
+        with self.files.noting():
+            for file in self._sculptures:
+                if not file.is_current():
+                    self._write_mesh(file, passed)
+            self.write_stage(framings)
+        return []
+
+    def _write_mesh(self, file: OneMeshFile, passed: Callable[[], None]) -> None:
+        mesh = file.unification.one_mesh(self.began)
+        self.files.write(file.name, file.key, lambda draft: write_one_mesh(draft, file.prim, mesh, passed))
+
+    def shown(self) -> list[int]:
+        """Return the frames of the stage, in ascending order."""
+        return sorted(self.request.requested)

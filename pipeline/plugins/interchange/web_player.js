@@ -1,0 +1,510 @@
+"use strict";
+// Plays a sculpture: keyframes between which vertices move on straight lines, lit as in the shot's pictures.
+
+const facts = JSON.parse(document.getElementById("facts").textContent);
+const blobs = JSON.parse(document.getElementById("blobs").textContent);
+const HOLD = 0.8; // seconds that the last frame stays before a clip that does not close begins again
+
+/** The bytes of a blob: base64 of deflated data. */
+async function bytesOf(index) {
+  const packed = Uint8Array.from(atob(blobs[index]), (letter) => letter.charCodeAt(0));
+  blobs[index] = null;
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+/** Series of `count` numbers from planes of their bytes, each the running sum of the differences stored. */
+function summed(bytes, count, Kind) {
+  const size = Kind.BYTES_PER_ELEMENT, series = [];
+  for (let start = 0; start < bytes.length; start += count * size) {
+    const values = new Kind(count);
+    let last = 0;
+    for (let k = 0; k < count; k++) {
+      let change = 0;
+      for (let plane = 0; plane < size; plane++) change |= bytes[start + plane * count + k] << (8 * plane);
+      last = (last + change) | 0;
+      values[k] = last;
+    }
+    series.push(values);
+  }
+  return series;
+}
+
+/** Poses of three components a vertex, in rows of `stride`: each is the one before it plus its differences. */
+function poses(bytes, count, Kind) {
+  const series = summed(bytes, count, Kind), all = [];
+  for (let pose = 0; pose < series.length / 3; pose++) {
+    const rows = new Kind(4 * count), before = all[pose - 1];
+    for (let part = 0; part < 3; part++) {
+      const values = series[3 * pose + part];
+      for (let k = 0; k < count; k++) rows[4 * k + part] = values[k] + (before ? before[4 * k + part] : 0);
+    }
+    all.push(rows);
+  }
+  return all;
+}
+
+/** The two entries around a frame number in an ascending list, and the share of the second. */
+function between(numbers, number) {
+  let k = 0;
+  while (k < numbers.length - 2 && numbers[k + 1] <= number) k++;
+  const next = Math.min(k + 1, numbers.length - 1), apart = numbers[next] - numbers[k];
+  return [k, next, apart ? Math.min(Math.max((number - numbers[k]) / apart, 0), 1) : 0];
+}
+
+const mixed = (rows, numbers, number) => {
+  const [k, next, share] = between(numbers, number);
+  return rows[k].map((value, at) => value + share * (rows[next][at] - value));
+};
+
+class Player {
+  constructor(bundle) {
+    this.THREE = bundle.THREE;
+    this.OrbitControls = bundle.OrbitControls;
+    const { THREE } = this;
+    this.canvas = document.getElementById("view");
+    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: false, powerPreference: "high-performance" });
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = THREE.PCFShadowMap;
+    this.renderer.shadowMap.autoUpdate = false;
+    this.renderer.toneMapping = THREE.NoToneMapping;
+    this.scene = new THREE.Scene();
+    this.scene.background = new THREE.Color(0, 0, 0);
+    this.set = new THREE.Group(); // floor and lights, which follow the sculpture
+    this.scene.add(this.set);
+    this.camera = new THREE.PerspectiveCamera(26, 1, 0.01, 10000);
+    this.blend = { value: 0 };
+    this.follows = facts.cameras.every(Boolean);
+  }
+
+  async build() {
+    await this.#buildView();
+    await this.#buildStage();
+    this.#buildLights();
+    this.#buildSurroundings();
+    this.sculptures = [];
+    for (const part of facts.parts) this.sculptures.push(await this.#sculpture(part));
+    this.controls = new this.OrbitControls(this.camera, this.canvas);
+    this.controls.enableDamping = true;
+    this.controls.addEventListener("start", () => this.follow(false));
+    this.controls.addEventListener("change", () => (this.stale = true));
+    this.show(facts.numbers[0]);
+    if (!this.follows) this.#standBack();
+    new ResizeObserver(() => this.#resize()).observe(this.canvas);
+    this.#resize();
+  }
+
+  // The view of the shot: light, rendered to a texture, becomes display values by a table of colours.
+
+  async #buildView() {
+    const { THREE } = this, view = facts.view;
+    const table = new THREE.Data3DTexture(await bytesOf(view.table), view.side, view.side, view.side);
+    Object.assign(table, { minFilter: THREE.LinearFilter, magFilter: THREE.LinearFilter, needsUpdate: true });
+    this.light = new THREE.WebGLRenderTarget(1, 1, { type: THREE.HalfFloatType, samples: 4 });
+    this.screen = new THREE.Scene();
+    const material = new THREE.ShaderMaterial({
+      uniforms: {
+        light: { value: this.light.texture }, table: { value: table }, side: { value: view.side },
+        toe: { value: view.toe }, white: { value: view.white }, gain: { value: 2 ** view.exposure },
+      },
+      vertexShader: "varying vec2 at; void main() { at = uv; gl_Position = vec4(position.xy, 0.0, 1.0); }",
+      fragmentShader: `
+        precision highp sampler3D;
+        uniform sampler2D light; uniform sampler3D table; uniform float side, toe, white, gain;
+        varying vec2 at;
+        void main() {
+          vec3 value = clamp(gain * texture2D(light, at).rgb, 0.0, white);
+          vec3 place = log2(1.0 + value / toe) / log2(1.0 + white / toe);
+          float grain = fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715)))) - 0.5;
+          gl_FragColor = vec4(texture(table, (place * (side - 1.0) + 0.5) / side).rgb + grain / 255.0, 1.0);
+        }`,
+      depthTest: false,
+    });
+    this.screen.add(new THREE.Mesh(new THREE.PlaneGeometry(2, 2), material));
+    this.flat = new THREE.OrthographicCamera();
+  }
+
+  // Floor and lights, in stage units.
+
+  async #buildStage() {
+    const { THREE } = this;
+    this.floors = [];
+    if (!facts.stage) return;
+    for (const numbers of facts.stage.meshes) {
+      const [points, normals, colours, sent, faces] = await Promise.all(numbers.map(bytesOf));
+      const geometry = new THREE.BufferGeometry();
+      const add = (name, bytes) =>
+        geometry.setAttribute(name, new THREE.BufferAttribute(new Float32Array(bytes.buffer), 3));
+      add("position", points);
+      add("normal", normals);
+      add("color", colours);
+      geometry.setIndex(new THREE.BufferAttribute(new Uint32Array(faces.buffer), 1));
+      const shines = facts.stage.roughness !== null;
+      const material = shines
+        ? this.#lit(new THREE.MeshPhysicalMaterial({
+            vertexColors: true, roughness: 1, specularIntensity: 0, clearcoat: 1, clearcoatRoughness: facts.stage.roughness,
+          }))
+        : new THREE.MeshLambertMaterial({ vertexColors: true });
+      material.side = THREE.DoubleSide;
+      const mesh = new THREE.Mesh(geometry, material);
+      mesh.receiveShadow = true;
+      this.set.add(mesh);
+      const seen = geometry.clone();
+      seen.setAttribute("color", new THREE.BufferAttribute(new Float32Array(sent.buffer), 3));
+      this.floors.push(new THREE.Mesh(seen, new THREE.MeshBasicMaterial({ vertexColors: true, side: THREE.DoubleSide })));
+    }
+  }
+
+  #buildLights() {
+    const { THREE } = this, { lights } = facts;
+    this.spots = lights.spots.map((spot) => {
+      const brightest = Math.max(...spot.power, 1e-9);
+      const light = new THREE.SpotLight(new THREE.Color(...spot.power.map((value) => value / brightest)));
+      light.userData = { ...spot, power: brightest };
+      Object.assign(light, { angle: 1.5, penumbra: 1, decay: 2, castShadow: spot.casts });
+      light.position.set(...spot.position);
+      light.target.position.set(...spot.target);
+      light.shadow.mapSize.set(1024, 1024);
+      light.shadow.radius = 5;
+      light.shadow.bias = -0.003;
+      this.set.add(light, light.target);
+      return light;
+    });
+    this.suns = [];
+    for (const sun of lights.suns) this.#distant(sun.irradiance, 1, sun.direction, 2048);
+    const { zenith, horizon, nadir } = lights.sky;
+    const below = lights.ground.map((value, k) => Math.max(0.7 * value, facts.stage ? 0 : nadir[k]));
+    const above = zenith.map((value, k) => (value + horizon[k]) / 2);
+    this.scene.add(new THREE.HemisphereLight(new THREE.Color(...above), new THREE.Color(...below), 0.75 * Math.PI));
+    for (const [x, z] of [[-0.7, -0.4], [0.7, -0.4], [0, 0.8]]) { // the rest of the sky, whose shadows are soft
+      const light = this.#distant(above, Math.PI / 10, [-x, -1, -z], 256);
+      light.shadow.radius = 7;
+    }
+    if (lights.shows_sky) this.set.add(this.#sky(800));
+  }
+
+  /** Adds light from a direction, which casts shadows. */
+  #distant(colour, intensity, direction, side) {
+    const { THREE } = this, brightest = Math.max(...colour, 1e-9);
+    const shade = new THREE.Color(...colour.map((value) => value / brightest));
+    const light = new THREE.DirectionalLight(shade, intensity * brightest);
+    light.userData.direction = new THREE.Vector3(...direction).normalize();
+    light.castShadow = true;
+    light.shadow.mapSize.set(side, side);
+    light.shadow.radius = 2;
+    this.suns.push(light);
+    this.scene.add(light, light.target);
+    return light;
+  }
+
+  #sky(radius) {
+    const { THREE } = this, { zenith, horizon, nadir } = facts.lights.sky;
+    const vector = (colour) => ({ value: new THREE.Vector3(...colour) });
+    return new THREE.Mesh(new THREE.SphereGeometry(radius, 32, 32), new THREE.ShaderMaterial({
+      uniforms: { zenith: vector(zenith), horizon: vector(horizon), nadir: vector(nadir) },
+      vertexShader: "varying vec3 at; void main() { at = position; gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }",
+      fragmentShader: `
+        uniform vec3 zenith, horizon, nadir; varying vec3 at;
+        void main() {
+          float height = normalize(at).y;
+          gl_FragColor = vec4(mix(horizon, height > 0.0 ? zenith : nadir, abs(height)), 1.0);
+        }`,
+      side: THREE.BackSide, depthWrite: false,
+    }));
+  }
+
+  /** What surfaces reflect: softboxes, sky and floor, seen from the sculpture. */
+  #buildSurroundings() {
+    const { THREE } = this, around = new THREE.Scene();
+    around.add(this.#sky(90));
+    for (const floor of this.floors) around.add(floor);
+    for (const box of facts.lights.boxes) {
+      const material = new THREE.MeshBasicMaterial({ color: new THREE.Color(...box.radiance) });
+      const quad = new THREE.Mesh(new THREE.PlaneGeometry(box.width, box.height), material);
+      quad.position.set(...box.position);
+      quad.lookAt(...box.target);
+      around.add(quad);
+    }
+    const generator = new THREE.PMREMGenerator(this.renderer);
+    const position = new THREE.Vector3(0, 1, 0);
+    this.scene.environment = generator.fromScene(around, 0, 0.01, 100, { size: 512, position }).texture;
+    generator.dispose();
+  }
+
+  // The sculptures.
+
+  async #sculpture(part) {
+    const { THREE } = this, count = part.vertices;
+    const [faces, positions, normals] = await Promise.all([part.faces, part.positions, part.normals].map(bytesOf));
+    const geometry = new THREE.BufferGeometry();
+    geometry.setIndex(new THREE.BufferAttribute(new Uint32Array(summed(faces, 3 * part.triangles, Int32Array)[0].buffer), 1));
+    const attributes = (all, normalized) =>
+      all.map((rows) => {
+        const buffer = new THREE.InterleavedBuffer(rows, 4);
+        return new THREE.InterleavedBufferAttribute(buffer, 3, 0, normalized);
+      });
+    if (part.colours !== null) {
+      const colours = new Uint16Array((await bytesOf(part.colours)).buffer);
+      geometry.setAttribute("color", new THREE.BufferAttribute(colours, 3, true));
+    }
+    const material = this.#moving(this.#lit(this.#material(part.material, part.colours !== null), part.closed), part.closed);
+    const mesh = new THREE.Mesh(geometry, material);
+    mesh.customDepthMaterial = this.#moving(new THREE.MeshDepthMaterial({ depthPacking: THREE.RGBADepthPacking, side: THREE.DoubleSide }));
+    Object.assign(mesh, { castShadow: true, receiveShadow: true, frustumCulled: false });
+    mesh.position.set(...part.centre);
+    mesh.scale.setScalar(part.step);
+    this.scene.add(mesh);
+    return {
+      mesh, geometry, numbers: part.numbers,
+      positions: attributes(poses(positions, count, Int16Array), false),
+      normals: attributes(poses(normals, count, Int8Array), true),
+    };
+  }
+
+  #material(look, hasColours) {
+    const { THREE } = this;
+    const material = new THREE.MeshPhysicalMaterial({
+      color: new THREE.Color(...look.colour), vertexColors: hasColours, roughness: look.roughness, metalness: look.metallic,
+      clearcoat: look.clearcoat, clearcoatRoughness: 0.03, ior: Math.max(look.refraction, 1), specularIntensity: look.is_matt ? 0 : 1,
+      side: THREE.DoubleSide, shadowSide: THREE.DoubleSide,
+    });
+    if (look.is_clear) Object.assign(material, { transmission: 1, thickness: facts.placements[0][3] });
+    if (look.is_smoke) Object.assign(material, { transparent: true, opacity: 2 * look.opacity, depthWrite: false });
+    return material;
+  }
+
+  /** Takes matt light from lights and sky, and reflections from the surroundings alone: these hold the lights. */
+  #lit(material, closed) {
+    const { THREE } = this;
+    // Slivers may be turned over by rounding: where nobody sees the inside, normals stay as they are.
+    const normal = THREE.ShaderChunk.normal_fragment_begin.replace("gl_FrontFacing ? 1.0 : - 1.0", "1.0");
+    const direct = THREE.ShaderChunk.lights_physical_pars_fragment
+      .replace("reflectedLight.directSpecular += irradiance * BRDF_GGX(", "reflectedLight.directSpecular += 0.0 * BRDF_GGX(")
+      .replace("clearcoatSpecularDirect += ccIrradiance * ", "clearcoatSpecularDirect += 0.0 * ");
+    const around = THREE.ShaderChunk.lights_fragment_maps.replace("iblIrradiance += getIBLIrradiance( geometryNormal );", "");
+    material.onBeforeCompile = (shader) => {
+      shader.fragmentShader = shader.fragmentShader
+        .replace("#include <lights_physical_pars_fragment>", direct)
+        .replace("#include <lights_fragment_maps>", around);
+      if (closed) shader.fragmentShader = shader.fragmentShader.replace("#include <normal_fragment_begin>", normal);
+    };
+    return material;
+  }
+
+  /** Blends positions and normals with those of the next keyframe. */
+  #moving(material, closed) {
+    const before = material.onBeforeCompile;
+    material.onBeforeCompile = (shader, renderer) => {
+      before.call(material, shader, renderer);
+      shader.uniforms.blend = this.blend;
+      shader.vertexShader = `uniform float blend; attribute vec3 nextPosition; attribute vec3 nextNormal;\n${shader.vertexShader}`
+        .replace("#include <beginnormal_vertex>", "vec3 objectNormal = normalize(mix(normal, nextNormal, blend));")
+        .replace("#include <begin_vertex>", "vec3 transformed = mix(position, nextPosition, blend);");
+    };
+    material.customProgramCacheKey = () => `moving ${material.type} ${closed}`;
+    return material;
+  }
+
+  // Time.
+
+  /** Show a frame, also between two whole ones. */
+  show(number) {
+    this.number = number;
+    for (const { geometry, numbers, positions, normals, mesh } of this.sculptures) {
+      const [k, next, share] = between(numbers, number);
+      geometry.setAttribute("position", positions[k]);
+      geometry.setAttribute("normal", normals[k]);
+      geometry.setAttribute("nextPosition", positions[next]);
+      geometry.setAttribute("nextNormal", normals[next]);
+      mesh.onBeforeRender = mesh.onBeforeShadow = () => (this.blend.value = share);
+      this.blend.value = share;
+    }
+    const [x, y, z, size, turn] = mixed(facts.placements, facts.numbers, number);
+    this.set.position.set(x, y, z);
+    this.set.scale.setScalar(size);
+    this.set.rotation.y = turn;
+    this.scene.environmentRotation.y = turn;
+    this.set.updateMatrixWorld(true);
+    this.#aimLights(size);
+    if (this.follows) this.#aim();
+    this.renderer.shadowMap.needsUpdate = true;
+    this.stale = true;
+  }
+
+  #aimLights(size) {
+    for (const light of this.spots) {
+      const { power, position } = light.userData, distance = Math.hypot(position[0], position[1] - 1, position[2]);
+      light.intensity = power * size ** 2;
+      const camera = light.shadow.camera;
+      camera.near = Math.max(distance - 4, 0.1) * size;
+      camera.far = (distance + 6) * size;
+      light.shadow.focus = Math.atan(2.6 / distance) / light.angle;
+      light.shadow.normalBias = 0.035 * size;
+      camera.updateProjectionMatrix();
+    }
+    const middle = this.set.localToWorld(new this.THREE.Vector3(0, 1, 0));
+    for (const light of this.suns) {
+      const { direction } = light.userData, camera = light.shadow.camera, reach = 2.6 * size;
+      light.position.copy(direction).multiplyScalar(-10 * size).add(middle);
+      light.target.position.copy(middle);
+      Object.assign(camera, { left: -reach, right: reach, top: reach, bottom: -reach, near: 0.1 * size, far: 20 * size });
+      light.shadow.normalBias = 0.035 * size;
+      camera.updateProjectionMatrix();
+    }
+  }
+
+  // Cameras.
+
+  follow(wanted) {
+    this.follows = wanted && facts.cameras.every(Boolean);
+    document.getElementById("follow").setAttribute("aria-pressed", String(this.follows));
+    if (!this.follows) return;
+    this.controls.enableDamping = false; // or the rest of a turn would move the shot's camera
+    this.controls.update();
+    this.controls.enableDamping = true;
+    this.show(this.number);
+  }
+
+  #aim() {
+    const [x, y, z, a, b, c, up, over, away, angle] = mixed(facts.cameras, facts.numbers, this.number);
+    this.camera.position.set(x, y, z);
+    this.camera.up.set(up, over, away);
+    this.#widen(angle);
+    if (this.controls) this.controls.target.set(a, b, c);
+    this.camera.lookAt(a, b, c);
+  }
+
+  /** All of the shot's picture is seen, whatever the shape of the window. */
+  #widen(angle) {
+    this.angle = angle;
+    const half = Math.tan(angle / 2) / Math.min(facts.aspect, this.camera.aspect);
+    this.camera.fov = (360 / Math.PI) * Math.atan(half);
+    this.camera.updateProjectionMatrix();
+  }
+
+  #standBack() {
+    const [x, y, z, size] = facts.placements[0];
+    this.controls.target.set(x, y + size, z);
+    this.camera.position.set(x, y + 1.4 * size, z + 6 * size);
+    this.#widen(0.6);
+  }
+
+  // Drawing.
+
+  #resize() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (!width || !height) return;
+    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    this.renderer.setPixelRatio(ratio);
+    this.renderer.setSize(width, height, false);
+    this.light.setSize(Math.round(width * ratio), Math.round(height * ratio));
+    this.camera.aspect = width / height;
+    this.#widen(this.angle);
+    this.stale = true;
+  }
+
+  draw() {
+    if (!this.follows) this.controls.update();
+    if (!this.stale) return;
+    this.stale = false;
+    this.camera.near = 0.05 * this.camera.position.distanceTo(this.controls.target); // depths stay precise
+    this.camera.far = 1200 * this.set.scale.x;
+    this.camera.updateProjectionMatrix();
+    this.renderer.setRenderTarget(this.light);
+    this.renderer.render(this.scene, this.camera);
+    this.renderer.setRenderTarget(null);
+    this.renderer.render(this.screen, this.flat);
+  }
+}
+
+/** The bar, the keys, and time. */
+class Transport {
+  constructor(player) {
+    Object.assign(this, { player, second: 0, playing: !matchMedia("(prefers-reduced-motion: reduce)").matches });
+    const get = (id) => document.getElementById(id);
+    Object.assign(this, { bar: get("bar"), button: get("play"), scrub: get("scrub"), output: get("frame") });
+    [this.first, this.last] = [facts.numbers[0], facts.numbers.at(-1)];
+    this.length = (this.last - this.first) / facts.rate;
+    Object.assign(this.scrub, { min: this.first, max: this.last, disabled: !this.length });
+    this.button.addEventListener("click", () => this.play(!this.playing));
+    this.scrub.addEventListener("input", () => this.go(Number(this.scrub.value)));
+    get("follow").addEventListener("click", () => player.follow(!player.follows));
+    get("follow").hidden = !facts.cameras.every(Boolean);
+    addEventListener("keydown", (event) => this.#press(event));
+    for (const name of ["pointermove", "pointerdown", "keydown"]) addEventListener(name, () => this.#wake());
+    this.play(this.playing && this.length > 0);
+    this.#wake();
+  }
+
+  play(wanted) {
+    this.playing = wanted && this.length > 0;
+    this.button.classList.toggle("playing", this.playing);
+  }
+
+  /** Stop at a frame. */
+  go(number) {
+    this.play(false);
+    this.second = Math.min(Math.max((number - this.first) / facts.rate, 0), this.length);
+    this.#show();
+  }
+
+  tick(passed) {
+    if (!this.playing) return;
+    const whole = this.length + (facts.closes ? 0 : HOLD);
+    this.second = (this.second + passed) % whole;
+    this.#show();
+  }
+
+  #show() {
+    const number = this.first + Math.min(this.second, this.length) * facts.rate;
+    this.scrub.value = String(number);
+    this.output.textContent = String(Math.round(number));
+    if (number !== this.player.number) this.player.show(number);
+  }
+
+  #press(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey || (event.key === " " && event.target instanceof HTMLButtonElement)) return;
+    const frame = Math.round(this.player.number);
+    const keys = {
+      " ": () => this.play(!this.playing),
+      ArrowLeft: () => this.go(frame - 1), ArrowRight: () => this.go(frame + 1),
+      Home: () => this.go(this.first), End: () => this.go(this.last),
+      c: () => this.player.follow(!this.player.follows),
+    };
+    if (!keys[event.key]) return;
+    event.preventDefault();
+    keys[event.key]();
+  }
+
+  #wake() {
+    this.bar.classList.remove("idle");
+    clearTimeout(this.sleep);
+    this.sleep = setTimeout(() => this.bar.classList.add("idle"), 2500);
+  }
+}
+
+async function begin() {
+  const message = document.getElementById("message");
+  if (location.hash === "#bare") document.documentElement.classList.add("bare");
+  try {
+    const url = URL.createObjectURL(new Blob([await bytesOf(facts.three)], { type: "text/javascript" }));
+    const player = new Player(await import(url));
+    URL.revokeObjectURL(url);
+    await player.build();
+    const transport = new Transport(player);
+    window.flowsculpt = { player, transport };
+    let last = performance.now();
+    const loop = (now) => {
+      transport.tick(Math.min((now - last) / 1000, 0.1));
+      last = now;
+      player.draw();
+      requestAnimationFrame(loop);
+    };
+    requestAnimationFrame(loop);
+  } catch (error) {
+    message.textContent = `This browser cannot show the sculpture: ${error.message}`;
+    throw error;
+  }
+}
+
+begin();

@@ -1,0 +1,287 @@
+"""Write a page that plays moving sculptures: one HTML file with three.js in it, which asks for no network.
+
+Meshes are keyframes in whole steps, stored as differences, from frame to frame and from vertex to vertex, in
+planes of low and high bytes, which deflate packs well. Light, floor, camera and view are those of the shot:
+softboxes cast shadows and are seen in reflections, and light becomes display values by the shot's own view.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import math
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Floats
+from pipeline.errors import MissingInputError
+from pipeline.plugins.interchange.animated_gltf import Moving, closes
+from pipeline.plugins.interchange.exported_frame import preview_surface
+from pipeline.production.request.framing import Framing
+from pipeline.shot import Picture, Shot
+from render.base.atomic_write import disk_errors
+from render.graphics.three_js import FETCH, three_js
+from render.post.colour import view_table
+from render.scene.materials import Glass, Material, Smoke
+from render.scene.render_camera import Camera
+from render.scene.scene_lights import LightRig, Softbox
+from render.scene.scene_stage import Stage
+
+PARTS = files("pipeline.plugins.interchange")
+
+_TABLE = 33  # colours along each side of the view's table
+
+_SHADOWS = 6  # the most lights that cast shadows: each is drawn into a texture of its own
+
+
+def require_three_js() -> str:
+    """Return the text of three.js. Raises MissingInputError where set-up has not fetched it."""
+    text = three_js()
+    if text is None:
+        raise MissingInputError(f"three.js is not installed, so no page was written; {FETCH} fetches it")
+    return text
+
+
+@dataclass(frozen=True, eq=False)
+class WebPage:
+    """What a page shows.
+
+    parts     the sculptures
+    framings  camera and stage by frame number
+    aspect    width to height of the shot's pictures
+    """
+
+    shot: Shot
+    parts: Sequence[Moving]
+    framings: Mapping[int, Framing]
+    aspect: float
+
+    def write(self, path: Path) -> None:
+        """Write the page. Raises MissingInputError without three.js, MachineError where the disk refuses."""
+        blobs = _Blobs()
+        script = blobs.add(require_three_js().encode())
+        facts = self._facts(blobs)
+        text = _part("web_player.html")
+        for name, content in (
+            ("title", html.escape(self.shot.heading)),
+            ("style", _part("web_player.css")),
+            ("facts", json.dumps({**facts, "three": script}).replace("<", "\\u003c")),
+            ("blobs", json.dumps(blobs.packed)),
+            ("script", _part("web_player.js")),
+        ):
+            text = text.replace(f"[[{name}]]", content)
+        with disk_errors(path):
+            path.write_text(text, encoding="utf-8")
+
+    def _facts(self, blobs: _Blobs) -> dict[str, Any]:
+        """Return what the page shows, as JSON data; large arrays are numbers of blobs."""
+        picture, numbers = self.shot.picture, self.parts[0].keyframes.drawn.mesh.frames
+        view = view_table("srgb", picture.view.for_previews())
+        step = (len(view.values) - 1) // (_TABLE - 1)
+        table = np.ones((_TABLE, _TABLE, _TABLE, 4), np.float32)
+        table[..., :3] = view.values[::step, ::step, ::step].transpose(2, 1, 0, 3)  # red varies fastest
+        framed = [self.framings[number] for number in numbers]
+        return {
+            "title": self.shot.heading,
+            "rate": float(self.shot.rate.fps),
+            "numbers": list(numbers),
+            "closes": closes(part.keyframes for part in self.parts),
+            "aspect": self.aspect,
+            "cameras": [_camera(framing) for framing in framed],
+            "placements": [[*f.placement.origin, f.placement.size, f.placement.turn] for f in framed],
+            "lights": _lights(picture.lights, picture.stage),
+            "stage": _stage(picture, blobs),
+            "view": {
+                "table": blobs.add(np.rint(255.0 * np.clip(table, 0.0, 1.0)).astype(np.uint8)),
+                "side": _TABLE,
+                "toe": view.toe,
+                "white": view.white,
+                "exposure": picture.lights.exposure,
+            },
+            "parts": [_sculpture(part, blobs) for part in self.parts],
+        }
+
+
+class _Blobs:
+    """Arrays of the page, deflated, in base64."""
+
+    def __init__(self) -> None:
+        self.packed: list[str] = []
+
+    def add(self, content: AnyArray | bytes) -> int:
+        """Add an array, little-endian, or text; return its number."""
+        held = content if isinstance(content, bytes) else np.ascontiguousarray(content).tobytes()
+        self.packed.append(base64.b64encode(zlib.compress(held, 9)).decode("ascii"))
+        return len(self.packed) - 1
+
+
+def _part(name: str) -> str:
+    return (PARTS / name).read_text(encoding="utf-8")
+
+
+def _camera(framing: Framing) -> list[float] | None:
+    """Return position, target, up (3 each) and horizontal angle of a camera; None of a wide projection."""
+    camera = framing.camera
+    if not isinstance(camera, Camera):
+        return None
+    return [*camera.origin, *camera.target, *camera.up, camera.field_of_view]
+
+
+def _sculpture(part: Moving, blobs: _Blobs) -> dict[str, Any]:
+    keys, drawn = part.keyframes, part.keyframes.drawn
+    colours = drawn.colours
+    return {
+        "name": part.name,
+        "numbers": list(keys.numbers),
+        "centre": keys.centre.tolist(),
+        "step": keys.step,
+        "vertices": len(drawn.source),
+        "triangles": len(drawn.faces),
+        "faces": blobs.add(planes(differences(drawn.faces.reshape(-1, 1)).astype("<i4"))),
+        "positions": blobs.add(planes(differences(keys.places).astype("<i2"))),
+        "normals": blobs.add(
+            planes(differences(np.rint(127.0 * keys.normals).astype(np.int32)).astype("i1"))
+        ),
+        "colours": None
+        if colours is None
+        else blobs.add(np.rint(65535.0 * np.clip(colours, 0.0, 1.0)).astype("<u2")),
+        "material": _material(part.look, colours is not None),
+        "closed": drawn.is_closed,
+    }
+
+
+def differences(values: AnyArray) -> AnyArray:
+    """Return whole numbers (K, W, 3) or (W, 1) as differences along the first and the second axis.
+
+    The last axis stays as it is.
+    """
+    changed = values
+    for axis in range(values.ndim - 1):
+        changed = np.diff(changed, axis=axis, prepend=np.zeros_like(changed.take([0], axis=axis)))
+    return changed
+
+
+def planes(values: AnyArray) -> AnyArray:
+    """Return the bytes of numbers (…, W, C), plane by plane: for each component the lowest bytes first."""
+    moved = np.ascontiguousarray(np.moveaxis(values, -1, -2))
+    parts = moved.view(np.uint8).reshape(*moved.shape, moved.itemsize)
+    return np.ascontiguousarray(np.moveaxis(parts, -1, -2))
+
+
+def _material(look: Material, has_colours: bool) -> dict[str, Any]:
+    surface = preview_surface(look)
+    return {
+        **surface._asdict(),
+        "colour": (1.0, 1.0, 1.0) if has_colours else surface.colour,
+        "is_clear": isinstance(look, Glass),
+        "is_smoke": isinstance(look, Smoke),
+    }
+
+
+def _stage(picture: Picture, blobs: _Blobs) -> dict[str, Any] | None:
+    """Return floor, wall and plinth in stage units, with the light that they send; None without a floor."""
+    stage = picture.stage
+    if stage.kind == "none" or not picture.look.is_lit:
+        return None
+    parts = [(stage.backdrop(), stage.colour, stage.fading())]
+    if stage.kind == "plinth":
+        plinth = stage.plinth()
+        parts.append((plinth, stage.plinth_colour, np.ones(len(plinth[0]), np.float32)))
+    meshes = []
+    for (vertices, normals, faces), colour, fading in parts:
+        colours = np.array(colour, np.float32) * fading[:, None]
+        sent = colours * irradiance(picture.lights, vertices, normals) / math.pi
+        floats = [blobs.add(array.astype("<f4")) for array in (vertices, normals, colours, sent)]
+        meshes.append([*floats, blobs.add(faces.astype("<u4"))])
+    return {"meshes": meshes, "roughness": stage.roughness, "catches": stage.shadow_catcher}
+
+
+class _Emitter(NamedTuple):
+    """A softbox, or a part of one, as a point that shines like it.
+
+    power  radiance times area, linear Rec.709
+    """
+
+    position: Floats
+    towards: Floats
+    power: Floats
+
+
+def _emitters(box: Softbox, across: int) -> list[_Emitter]:
+    """Return a softbox as across × across points."""
+    position, target = np.array(box.position), np.array(box.target)
+    forward = (target - position) / np.linalg.norm(target - position)
+    right = np.cross(
+        forward, (0.0, 1.0, 0.0) if math.hypot(forward[0], forward[2]) > 1e-3 else (0.0, 0.0, -1.0)
+    )
+    right /= np.linalg.norm(right)
+    up = np.cross(right, forward)
+    power = np.array(box.radiance) * box.width * box.height / across**2
+    offsets = (np.arange(across) + 0.5) / across - 0.5
+    return [
+        _Emitter(position + u * box.width * right + v * box.height * up, forward, power)
+        for u in offsets
+        for v in offsets
+    ]
+
+
+def irradiance(lights: LightRig, points: AnyArray, normals: AnyArray) -> Floats:
+    """Return the light (N, 3) that falls on points (N, 3) of the stage with normals (N, 3), unshadowed.
+
+    Softboxes are points in their middles, skies are as bright as their horizon.
+    """
+    rig = lights.without_maps()
+    falling = math.pi * np.tile(np.array(rig.sky.horizon, np.float64), (len(points), 1))
+    for box in rig.softboxes:
+        for each in _emitters(box, 2):
+            away = each.position - points
+            distance = np.linalg.norm(away, axis=1, keepdims=True)
+            away = away / distance
+            facing = np.maximum(np.einsum("ij,ij->i", away, normals), 0.0)[:, None]
+            sent = np.maximum(-(away @ each.towards), 0.0)[:, None]
+            falling += each.power * facing * sent / distance**2
+    for sun in rig.suns:
+        facing = np.maximum(-(normals @ np.array(sun.direction)), 0.0)[:, None]
+        falling += np.array(sun.irradiance) * facing
+    return np.asarray(falling)
+
+
+def _lights(lights: LightRig, stage: Stage) -> dict[str, Any]:
+    """Return softboxes, suns and sky in stage units, and the points that cast shadows.
+
+    The strongest softbox is four points, whose shadows overlap to a soft one.
+    """
+    rig = lights.without_maps()
+    middle, up = np.array([[0.0, 1.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])
+    strength = {
+        index: float(irradiance(LightRig((box,)), middle, _towards(box)).sum())
+        for index, box in enumerate(rig.softboxes)
+    }
+    ranked = sorted(strength, key=lambda index: -strength[index])
+    left = _SHADOWS - 3 if len(ranked) else 0
+    spots = []
+    for rank, index in enumerate(ranked):
+        for each in _emitters(rig.softboxes[index], 2 if rank == 0 else 1):
+            spot = {"position": each.position.tolist(), "target": list(rig.softboxes[index].target)}
+            spots.append({**spot, "power": each.power.tolist(), "casts": rank < left})
+    ground = irradiance(lights, np.zeros((1, 3)), up)[0] * np.array(stage.colour) / math.pi
+    return {
+        "boxes": [asdict(box) for box in rig.softboxes],
+        "suns": [asdict(sun) for sun in rig.suns],
+        "sky": asdict(rig.sky),
+        "shows_sky": lights.shows_sky,
+        "spots": spots,
+        "ground": (np.zeros(3) if stage.kind == "none" else ground).tolist(),
+    }
+
+
+def _towards(box: Softbox) -> Floats:
+    away = np.array([box.position]) - (0.0, 1.0, 0.0)
+    return np.asarray(away / np.linalg.norm(away))

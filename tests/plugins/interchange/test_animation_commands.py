@@ -1,0 +1,124 @@
+"""The commands that export animations with one mesh: files by name, kept while current, refused in a line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline.plugins.interchange import animated_gltf, vertex_textures, web_player
+from pipeline.plugins.interchange.gltf_document import GltfDocument
+from pipeline.plugins.interchange.web_player import three_js
+from tests.conftest import commanded
+from tests.full_disk import disk_of
+from tests.plugins.review.studio import simulated
+
+NAME = "T010_tiny"
+SHOT = """\
+title: A box, twisted
+frames: 1-6
+subject: {solid: box, size: [2, 2, 2]}
+resample: {max_edge_length: 0.5}
+flows: [twist: {axis: y, amount: {ease: linear, keys: {1: 0, 6: 250}}}]
+"""
+TWO = """\
+title: Two boxes
+frames: 1-3
+subjects:
+  left: {solid: box, size: [2, 2, 2], look: clay}
+  right: {solid: icosphere, radius: 1, look: chrome}
+resample: {max_edge_length: 0.5}
+flows: [twist: {axis: y, amount: {ease: linear, keys: {1: 0, 3: 90}}}]
+"""
+FILES = {
+    "gltf": ("models", [f"{NAME}.glb"]),
+    "vat": ("vat", [f"{NAME}.{end}" for end in ("glb", "positions.exr", "normals.png", "json")]),
+    "web": ("web", [f"{NAME}.html"]),
+}
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("animations")
+    simulated(root, SHOT)
+    return root
+
+
+def export(root: Path, *words: str) -> Any:
+    """Run a command; return what it reports."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(root)
+        code, said = commanded(root, "export", *words, "--json")
+    assert code == 0, said
+    return json.loads(said)
+
+
+def refused(root: Path, *words: str) -> str:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(root)
+        code, said = commanded(root, "export", *words)
+    assert code in (2, 4) and "\n" not in said, said
+    return said
+
+
+@pytest.mark.parametrize("form", FILES)
+def test_files_are_written_once_and_again_where_they_are_damaged(root: Path, form: str) -> None:
+    if form == "web" and three_js() is None:
+        pytest.skip("three.js is not set up here")
+    folder, names = FILES[form]
+    report = export(root, form, NAME)
+    assert sorted(report["written"]) == sorted(names)
+    place = root / "renders" / NAME / folder
+    assert report["bytes"] == sum((place / name).stat().st_size for name in names)
+    assert export(root, form, NAME)["written"] == []
+    whole = (place / names[-1]).read_bytes()
+    (place / names[-1]).write_bytes(whole[:20])
+    assert names[-1] in export(root, form, NAME)["written"]
+    assert (place / names[-1]).read_bytes() == whole
+    less = export(root, form, NAME, "--vertices", "320", "-f", "2-5", "-o", str(root / "less"))
+    assert less["subjects"][0]["vertices"] == 320 and less["subjects"][0]["frames"] == [2, 3, 4, 5]
+
+
+def test_a_dry_run_says_what_would_be_refined_and_writes_nothing(root: Path, tmp_path: Path) -> None:
+    report = export(root, "gltf", NAME, "--dry-run", "-o", str(tmp_path / "there"), "--set", "rate=12")
+    assert report["refining"] == {NAME: 0} or report["refining"][NAME] <= 6
+    assert not (tmp_path / "there").exists()
+
+
+def test_several_subjects_are_one_file_for_players_and_textures_for_each(tmp_path: Path) -> None:
+    simulated(tmp_path, TWO)
+    export(tmp_path, "gltf", NAME)
+    tree = GltfDocument.read(tmp_path / "renders" / NAME / "models" / f"{NAME}.glb").root.values
+    assert [node["name"] for node in tree["nodes"]] == ["left", "right"]
+    metals = [material["pbrMetallicRoughness"]["metallicFactor"] for material in tree["materials"]]
+    assert metals == [0.0, 1.0] and len(tree["animations"]) == 1
+    assert len(tree["animations"][0]["channels"]) == 2
+    reports = export(tmp_path, "vat", NAME)
+    assert [Path(report["path"]).name for report in reports] == [f"{NAME}.left.glb", f"{NAME}.right.glb"]
+    report = export(tmp_path, "gltf", NAME, "--subject", "right")
+    assert Path(report["path"]).name == f"{NAME}.right.glb"
+
+
+def test_what_a_format_cannot_hold_is_refused_in_a_line(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    there = ("-o", str(root / "refused"))
+    monkeypatch.setattr(animated_gltf, "_LARGEST_FILE", 1000)
+    assert "GB; use fewer frames, or --vertices" in refused(root, "gltf", NAME, *there)
+    monkeypatch.setattr(vertex_textures, "LARGEST", 16)
+    assert "rows of 16, and engines read" in refused(root, "vat", NAME, *there)
+    assert "frames 1-2,4 are not evenly spaced" in refused(root, "vat", NAME, "-f", "1-2,4", *there)
+    monkeypatch.setattr(web_player, "three_js", lambda: None)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(root)
+        code, said = commanded(root, "export", "web", NAME, *there)
+    assert code == 3 and "three.js is not installed, so no page was written" in said
+    assert not [path for path in (root / "refused").glob("*") if "keys" not in path.name]
+
+
+def test_a_full_disk_is_one_message_and_leaves_no_half_file(root: Path, tmp_path: Path) -> None:
+    export(root, "gltf", NAME)  # its mesh is stored
+    with disk_of(4000):
+        said = refused(root, "gltf", NAME, "--plain", "-o", str(tmp_path))
+    assert f"{tmp_path / NAME}.glb: cannot be written: the file is larger than" in said
+    assert list(tmp_path.iterdir()) == []

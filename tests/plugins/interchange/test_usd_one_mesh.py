@@ -1,0 +1,122 @@
+"""A stage with one mesh: topology once, and points and normals that readers blend between frames."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pxr import Usd, UsdGeom, UsdShade
+
+from pipeline.plugins.interchange.one_mesh import OneMesh
+from pipeline.plugins.interchange.unifying import one_mesh
+from pipeline.plugins.interchange.usd_one_mesh import write_one_mesh
+from pipeline.production.execution.project import Project
+from tests.conftest import commanded
+from tests.plugins.interchange.moving_meshes import RATE, painted_box
+from tests.plugins.interchange.test_usd import NAME, findings
+from tests.plugins.review.studio import simulated
+
+SHOT = """\
+title: A box, pulled apart
+frames: 1-6
+rate: 30
+subject: {solid: box, size: [2, 2, 2]}
+resample: {max_edge_length: 0.5}
+flows: [twist: {axis: y, amount: {ease: linear, keys: {1: 0, 6: 250}}}]
+look: speed
+"""
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project whose shot is simulated and exported as one mesh."""
+    root = tmp_path_factory.mktemp("usd")
+    simulated(root, SHOT)
+    assert exported(root) == [f"{NAME}.one_mesh.usdc", f"{NAME}.one_mesh.usda"]
+    return root
+
+
+def exported(root: Path, *words: str) -> list[str]:
+    """Export the shot as one mesh; return the names of the files that were written."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(root)
+        code, said = commanded(root, "export", "usd", NAME, "--one-mesh", "--json", *words)
+    assert code == 0, said
+    return list(json.loads(said)["written"])
+
+
+@pytest.fixture
+def stage(root: Path) -> Path:
+    return root / "renders" / NAME / "usd" / f"{NAME}.one_mesh.usda"
+
+
+@pytest.fixture
+def mesh(root: Path) -> OneMesh:
+    project = Project(root, 1)
+    return one_mesh(project.request(root / "shots" / f"{NAME}.yaml", "draft"), project.store)
+
+
+def test_the_validators_of_usd_find_nothing(stage: Path) -> None:
+    assert findings(stage) == []
+
+
+def test_topology_is_written_once_and_points_and_normals_at_each_frame(stage: Path, mesh: OneMesh) -> None:
+    opened = Usd.Stage.Open(str(stage))
+    sculpture = UsdGeom.Mesh(opened.GetPrimAtPath(f"/{NAME}/sculpture"))
+    primvars = UsdGeom.PrimvarsAPI(sculpture)
+    varying = {each.GetName() for each in sculpture.GetPrim().GetAttributes() if each.GetNumTimeSamples()}
+    assert varying == {"points", "primvars:normals", "extent"}
+    assert np.array_equal(np.array(sculpture.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3), mesh.faces)
+    assert np.array_equal(np.array(sculpture.GetCreaseIndicesAttr().Get()).reshape(-1, 2), mesh.creases)
+    assert len(mesh.creases) > 12
+    assert np.allclose(primvars.GetPrimvar("rest").Get(), mesh.rest)
+    assert np.allclose(primvars.GetPrimvar("displayColor").Get(), mesh.colours)
+    for number in mesh.frames:
+        frame = mesh.frame(number)
+        points = np.array(sculpture.GetPointsAttr().Get(number))
+        assert np.array_equal(points, frame.points.astype(np.float32))
+        corners = np.array(primvars.GetPrimvar("normals").ComputeFlattened(number)).reshape(-1, 3, 3)
+        assert np.allclose(corners, frame.normals[mesh.corner_normals], atol=1e-6)
+        low, high = np.array(sculpture.GetExtentAttr().Get(number))
+        assert np.array_equal(low, points.min(axis=0)) and np.array_equal(high, points.max(axis=0))
+    between = np.array(sculpture.GetPointsAttr().Get(2.5))
+    assert np.allclose(between, 0.5 * (mesh.points_at(2) + mesh.points_at(3)), atol=1e-5)
+
+
+def test_the_stage_has_the_rate_the_camera_and_the_material_of_the_shot(stage: Path) -> None:
+    opened = Usd.Stage.Open(str(stage))
+    assert (opened.GetTimeCodesPerSecond(), opened.GetStartTimeCode(), opened.GetEndTimeCode()) == (30, 1, 6)
+    assert opened.GetPrimAtPath(f"/{NAME}/camera").IsA(UsdGeom.Camera)
+    sculpture = opened.GetPrimAtPath(f"/{NAME}/sculpture")
+    assert UsdShade.MaterialBindingAPI(sculpture).ComputeBoundMaterial()[0]
+
+
+def test_texture_coordinates_are_written_where_the_mesh_has_them(tmp_path: Path) -> None:
+    mesh = painted_box().mesh
+    write_one_mesh(tmp_path / "a.usdc", "/a", mesh)
+    opened = Usd.Stage.Open(str(tmp_path / "a.usdc"))
+    assert opened.GetTimeCodesPerSecond() == float(RATE.fps)
+    coordinates = UsdGeom.PrimvarsAPI(opened.GetPrimAtPath("/a")).GetPrimvar("st")
+    assert coordinates.GetInterpolation() == "faceVarying" and mesh.texture is not None
+    assert np.allclose(coordinates.Get(), mesh.texture.reshape(-1, 2))
+
+
+def test_a_current_stage_is_not_written_again_and_a_damaged_mesh_is(root: Path, stage: Path) -> None:
+    assert exported(root) == []
+    path = stage.with_suffix(".usdc")
+    path.write_bytes(path.read_bytes()[:100])
+    assert exported(root) == [path.name]
+    assert findings(stage) == []
+
+
+def test_fewer_vertices_are_another_mesh_and_need_the_option(root: Path, stage: Path) -> None:
+    assert exported(root, "--vertices", "320", "-o", str(root / "less")) != []
+    less = Usd.Stage.Open(str(root / "less" / stage.name))
+    sculpture = UsdGeom.Mesh(less.GetPrimAtPath(f"/{NAME}/sculpture"))
+    assert len(sculpture.GetPointsAttr().Get(1.0)) == 320
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(root)
+        code, said = commanded(root, "export", "usd", NAME, "--vertices", "320")
+    assert (code, said) == (2, "--vertices and --until reduce one mesh; add --one-mesh")

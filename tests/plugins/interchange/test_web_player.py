@@ -1,0 +1,143 @@
+"""A page that plays a sculpture: it needs no network, shows each frame, and can be turned and scrubbed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from playwright.sync_api import Browser
+from playwright.sync_api import Page as Tab
+
+from pipeline.mesh import icosphere
+from pipeline.plugins.interchange.animated_gltf import Moving
+from pipeline.plugins.interchange.drawn_mesh import DrawnMesh, Keyframes
+from pipeline.plugins.interchange.web_player import WebPage, differences, irradiance, planes
+from pipeline.production.request.framing import Framing
+from pipeline.shot import read_shot
+from render.graphics.three_js import three_js
+from render.post.image import read_png
+from render.scene.render_camera import Camera
+from render.scene.scene_lights import LightRig, Sky, Softbox
+from render.scene.scene_stage import StagePlacement
+from tests.plugins.interchange.moving_meshes import moving, painted
+from tests.plugins.review.chromium import wait_for
+from tests.plugins.review.conftest import browser
+
+__all__ = ["browser"]
+
+SHOT = """\
+title: Twisted <b>
+frames: 1-24
+subject: {solid: icosphere}
+resample: {max_edge_length: 0.3}
+flows: []
+"""
+SIZE = (480, 270)
+
+
+def test_differences_and_planes_are_undone_by_sums() -> None:
+    values = np.random.default_rng(4).integers(-16000, 16000, (3, 5, 3))
+    content = planes(differences(values).astype("<i2"))
+    low, high = content.reshape(3, 3, 2, 5).transpose(2, 0, 3, 1)
+    again = (low.astype(np.uint16) | high.astype(np.uint16) << 8).astype(np.int16)
+    sums = np.cumsum(np.cumsum(again, axis=0, dtype=np.int16), axis=1, dtype=np.int16)
+    assert np.array_equal(sums, values)
+
+
+def test_light_on_the_floor_is_that_of_the_softboxes_and_the_sky() -> None:
+    box = Softbox((0.0, 10.0, 0.0), 1.0, 1.0, (100.0, 50.0, 0.0), target=(0.0, 0.0, 0.0))
+    up = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
+    light = irradiance(LightRig((box,), sky=Sky((1, 1, 1), (1, 1, 1), (1, 1, 1))), np.zeros((2, 3)), up)
+    assert np.allclose(light[0], np.array([1.0, 0.5, 0.0]) + math.pi, rtol=0.01)
+    assert np.allclose(light[1], math.pi)
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    if three_js() is None:
+        pytest.skip("three.js is not set up here")
+    place = tmp_path_factory.mktemp("web")
+    shot = read_shot(place / "a.yaml", SHOT)
+    mesh = painted(moving(icosphere(8)))
+    part = Moving("ball", Keyframes.of(DrawnMesh.of(mesh)), shot.picture.look)
+    camera = Camera((1.5, 0.5, 12.0), (1.5, 0.0, 0.0))
+    framing = Framing(camera, StagePlacement((1.5, -1.0, 0.0), 1.5))
+    WebPage(shot, [part], dict.fromkeys(mesh.frames, framing), 16 / 9).write(place / "page.html")
+    return place / "page.html"
+
+
+@pytest.fixture
+def tab(browser: Browser, page: Path) -> Iterator[Tab]:
+    context = browser.new_context(
+        viewport={"width": SIZE[0], "height": SIZE[1]}, reduced_motion="reduce", offline=True
+    )
+    tab, complaints, asked = context.new_page(), list[str](), list[str]()
+    tab.on(
+        "console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None
+    )
+    tab.on("pageerror", lambda error: complaints.append(str(error)))
+    tab.on("request", lambda request: asked.append(request.url))
+    tab.goto(page.as_uri())
+    wait_for(tab, "window.flowsculpt || document.getElementById('message').textContent", 60.0)
+    yield tab
+    context.close()
+    assert [each for each in complaints if "GPU stall" not in each] == []
+    assert [url for url in asked if not url.startswith(("file:", "blob:", "data:"))] == []
+
+
+def picture(tab: Tab, place: Path, number: float) -> NDArray[np.uint8]:
+    """What the page shows of a frame, without its bar."""
+    tab.evaluate("(number) => flowsculpt.transport.go(number)", number)
+    tab.evaluate("document.documentElement.classList.add('bare')")
+    tab.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    tab.screenshot(path=str(place / "seen.png"))
+    return read_png(place / "seen.png")[..., :3]
+
+
+def test_the_page_shows_the_sculpture_where_each_frame_has_it(tab: Tab, tmp_path: Path) -> None:
+    middles = []
+    for number in (1, 12.5, 24):
+        colours = picture(tab, tmp_path, number).astype(int)
+        coloured = np.ptp(colours, axis=2) > 60  # the sculpture; the floor is grey
+        assert 0.02 < coloured.mean() < 0.3
+        middles.append(np.nonzero(coloured)[1].mean())
+    across = 2 * 12.0 * math.tan(math.radians(13.0))
+    moved = 1.5 * SIZE[0] / across  # it drifts by 3 units in all
+    assert np.allclose(np.diff(middles), moved, atol=0.05 * SIZE[0])
+
+
+def test_positions_on_the_page_are_those_of_the_keyframes(tab: Tab) -> None:
+    mesh = moving(icosphere(8))
+    keys = Keyframes.of(DrawnMesh.of(mesh))
+    for index, places in enumerate(keys.places):
+        rows = tab.evaluate(
+            "(pose) => Array.from(flowsculpt.player.sculptures[0].positions[pose].data.array)", index
+        )
+        read = np.array(rows).reshape(-1, 4)[:, :3]
+        assert len(read) >= len(places)  # the painted ball has a seam
+        assert {tuple(row) for row in read.tolist()} == {tuple(row) for row in places.tolist()}
+
+
+def test_keys_and_the_bar_move_through_time_and_dragging_leaves_the_shots_camera(tab: Tab) -> None:
+    tab.keyboard.press("ArrowRight")
+    assert tab.inner_text("#frame") == "2"
+    tab.keyboard.press("End")
+    assert tab.inner_text("#frame") == "24"
+    tab.keyboard.press(" ")
+    wait_for(tab, "flowsculpt.transport.playing && flowsculpt.player.number < 20", 10.0)
+    tab.keyboard.press(" ")
+    assert not tab.evaluate("flowsculpt.transport.playing")
+    before = tab.evaluate("flowsculpt.player.camera.position.toArray()")
+    tab.mouse.move(240, 100)
+    tab.mouse.down()
+    tab.mouse.move(300, 120, steps=4)
+    tab.mouse.up()
+    wait_for(tab, "document.getElementById('follow').getAttribute('aria-pressed') === 'false'", 5.0)
+    assert tab.evaluate("flowsculpt.player.camera.position.toArray()") != before
+    tab.keyboard.press("c")
+    wait_for(tab, "flowsculpt.player.follows", 5.0)
+    assert np.allclose(tab.evaluate("flowsculpt.player.camera.position.toArray()"), before, atol=1e-6)
