@@ -10,10 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from pipeline.arrays import Faces, Floats, Indices, Points, Vectors
 from pipeline.frames import FrameRate
 from pipeline.mesh.meshes import TriangleMesh
-from pipeline.mesh.normals import fan_normals, split_at_creases
+from pipeline.mesh.normals import NORMAL, fan_normals, split_at_creases, trusted_normals
 from pipeline.production.store.store import Key
 
 
@@ -62,6 +64,8 @@ class OneMesh:
     rest            (V, 3): the positions in the undeformed subject
     key             the digest of all of it
     points_at       returns the points (V, 3) of a frame, velocities_at their velocities
+    normals_at      returns normals (V, 3) at the vertices of a frame that are known, zero where none is; None
+                    where normals are those of the triangles
     longest_at      returns the maximum edge length of a frame, scene units; infinite where there is none
     colours         linear Rec.709 reflectances (V, 3); None where the look has one colour
     texture         texture coordinates (F, 3, 2) of the corners; None where the look has no textures
@@ -78,6 +82,7 @@ class OneMesh:
     key: Key
     points_at: Callable[[int], Points]
     velocities_at: Callable[[int], Vectors]
+    normals_at: Callable[[int], Vectors] | None = None
     longest_at: Callable[[int], float] = lambda number: math.inf
     colours: Floats | None = None
     texture: Floats | None = None
@@ -105,8 +110,14 @@ class OneMesh:
     def frame(self, number: int) -> OneMeshFrame:
         """Return the mesh at a frame, with normals that are smooth up to creases.
 
-        Raises FrameError where its points cannot be read.
+        Known normals are taken where the triangles agree with them. Raises FrameError where points cannot be
+        read.
         """
         points, rows = self.points_at(number), int(self.corner_normals.max()) + 1
-        normals = fan_normals(TriangleMesh(points, self.faces), self.corner_normals, rows)
+        mesh = TriangleMesh(points, self.faces, creases=self.creases)
+        normals = fan_normals(mesh, self.corner_normals, rows)
+        if self.normals_at is not None:
+            known = self.normals_at(number)
+            trusted = np.flatnonzero(trusted_normals(mesh.with_attributes(**{NORMAL: known})))
+            normals[trusted] = known[trusted]
         return OneMeshFrame(points, normals, lambda: self.velocities_at(number))

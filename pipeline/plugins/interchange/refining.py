@@ -29,12 +29,13 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from pipeline.animation.loop import blocks_of, creased, step_into
-from pipeline.arrays import AnyArray, Floats, Indices, Points
+from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError, UsageError, VertexBudgetError
 from pipeline.flow.flow_map import FlowMap
 from pipeline.mesh import TriangleMesh
+from pipeline.mesh.analytic_surfaces import AnalyticSurface
 from pipeline.mesh.halfedge_mesh import HalfedgeMesh
-from pipeline.mesh.normals import vertex_normals
+from pipeline.mesh.normals import NORMAL, vertex_normals
 from pipeline.plugins.interchange.birth_replay import mix_births, replay_births
 from pipeline.production.request.manifest import thresholds_at
 from pipeline.production.request.render_request import RenderRequest
@@ -47,6 +48,7 @@ from pipeline.resample.kernels.split import BIRTH_HALFEDGE
 from pipeline.resample.placement import REST, REST_NORMAL, column_of
 from pipeline.resample.resample_pass import ResamplePass
 from pipeline.resample.thresholds import Thresholds, TriangleShape
+from pipeline.shot.motion import Resampling
 
 KIND = "refined"
 """The kind of its files in the store."""
@@ -176,6 +178,12 @@ class Refined:
     points_at: Callable[[int], Points]
     lengths_at: Callable[[int], Floats]
 
+    def normals_at_rest(self, analytic: AnalyticSurface | None) -> Vectors:
+        """Return normals (V, 3) at rest: those of the analytic surface, if it is known."""
+        if analytic is not None:
+            return analytic.normals(np.concatenate([self.start.vertices, self.born[:, :3]]))
+        return np.concatenate([self.start.attributes[REST_NORMAL], self.born[:, 3:]])
+
     def surface(self, kept: AnyArray | None = None) -> tuple[TriangleMesh, Indices]:
         """Return the refined surface at rest, and the corners (N, 2) opposite of the births' edges.
 
@@ -259,10 +267,10 @@ class Refiner:
 
     def _lengths(self, first: _Sweep, number: int, births: Sequence[Indices]) -> Floats:
         """Return the maximum edge lengths (V,) of a frame at all vertices."""
-        limits = self._limited([first], number, births)
-        if isinstance(limits, _KnownLengths):
-            return limits.known
-        longest = math.inf if limits is None else limits.numbers[0]
+        resampling = self._motion.resampling_at(number)
+        if resampling is not None and resampling.thresholds.active:
+            return self._known(first, number, births)
+        longest = math.inf if resampling is None else resampling.thresholds.numbers[0]
         return np.full(len(self._start.vertices) + sum(map(len, births)), longest)
 
     def _swept(
@@ -285,7 +293,8 @@ class Refiner:
                     surface, history = self._built(births, born), self._history(number - 1)
                 points = self._stepped(points[held - known :], number, held, history)
                 surface.vertices[:] = np.concatenate([self._points(before, number), points])
-                entry = self._split(surface, number, history, held, self._limited(before, number, births))
+                limits = self._limits(surface, before, number, births)
+                entry = self._split(surface, number, history, held, limits)
                 write = partial(readers.write_npz, named=readers.with_key(key, entry))
                 self._store.put(KIND, key, write)
             known, points = held, entry["points"]
@@ -322,15 +331,22 @@ class Refiner:
                 )
         return moved
 
-    def _limited(self, sweeps: Sequence[_Sweep], number: int, births: Sequence[Indices]) -> Thresholds | None:
-        """Return the thresholds of a frame; lengths that vary are those which the first sweep has found."""
+    def _limits(
+        self, surface: HalfedgeMesh, sweeps: Sequence[_Sweep], number: int, births: Sequence[Indices]
+    ) -> Thresholds | None:
+        """Return the thresholds of a frame; lengths that vary are known, from the first sweep on."""
         resampling = self._motion.resampling_at(number)
-        if resampling is None:
-            return None
-        if not (sweeps and resampling.thresholds.active):
-            return resampling.thresholds
-        known = self._read(sweeps[0].keys[number])["longest"]
-        return _KnownLengths(self._mixed(known, births), resampling.thresholds.max_vertices)
+        if resampling is None or not resampling.thresholds.active:
+            return None if resampling is None else resampling.thresholds
+        if sweeps:
+            known = self._known(sweeps[0], number, births)
+        else:
+            known = resampling.thresholds.fields(_shown(surface, resampling))[:, 0]
+        return _KnownLengths(known, resampling.thresholds.max_vertices)
+
+    def _known(self, first: _Sweep, number: int, births: Sequence[Indices]) -> Floats:
+        """Return the maximum edge lengths (V,) that the first sweep has found for a frame."""
+        return self._mixed(self._read(first.keys[number])["longest"], births)
 
     def _mixed(self, values: Floats, births: Sequence[Indices]) -> Floats:
         """Return values (U,) of the first vertices, and those of all births since, mixed from parents."""
@@ -412,6 +428,16 @@ class Refiner:
     def _points(self, sweeps: Sequence[_Sweep], number: int) -> Points:
         """Return the points that sweeps have stored of a frame."""
         return np.concatenate([np.empty((0, 3)), *(self._read(s.keys[number])["points"] for s in sweeps)])
+
+
+def _shown(surface: HalfedgeMesh, resampling: Resampling) -> TriangleMesh:
+    """Return the present surface as functions of edge length take it, with smooth normals as frames have."""
+    mesh = TriangleMesh(surface.vertices, surface.faces, {}, surface.creases)
+    if resampling.placement != "exact" or resampling.normals != "carried":
+        return mesh
+    normals = vertex_normals(mesh)
+    normals[mesh.creases.ravel()] = 0.0
+    return mesh.with_attributes(**{NORMAL: normals})
 
 
 def _name(before: Sequence[_Sweep]) -> str:

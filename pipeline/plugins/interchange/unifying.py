@@ -15,9 +15,11 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.animation.frame import FrameReport, MeshFrame
+from pipeline.animation.loop import step_into
 from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.errors import UsageError
 from pipeline.mesh import TriangleMesh
+from pipeline.mesh.normals import carried_normals
 from pipeline.plugins.interchange.birth_replay import raise_to_dependents
 from pipeline.plugins.interchange.exported_frame import (
     ExportedFrame,
@@ -106,14 +108,43 @@ class Unification:
             self.request.source.subject or self.request.name,
             *(self.request.requested, motion.rate, surface, self.key, points_at, velocities_at),
         )
-        mesh = replace(
-            mesh, longest_at=lambda number: float(np.median(refined.lengths_at(number))), reduction=reduction
-        )
+        resampling = motion.resampling
+        if resampling and (resampling.placement, resampling.normals) == ("exact", "carried"):
+            whole = surface if reduction is None else refined.surface()[0]
+            mesh = replace(mesh, normals_at=lambda number: self._normals(refined, whole, number)[rows])
+        mesh = replace(mesh, longest_at=lambda number: float(np.median(refined.lengths_at(number))))
+        mesh = replace(mesh, reduction=reduction)
         return self._coloured(mesh)
 
     @cached_property
     def _refiner(self) -> Refiner:
         return Refiner(self.request, self.store)
+
+    def _normals(self, refined: Refined, whole: TriangleMesh, number: int) -> Vectors:
+        """Return the normals (V, 3) of a frame, carried from frame to frame from the last that is stored.
+
+        They are zero at creases. Each frame's are stored, float32.
+        """
+        motion = self.request.shot.motion
+        keys = {n: key_of(self._refiner.key, "normals", n) for n in range(motion.frames.first, number + 1)}
+        held = next((n for n in reversed(keys) if self.store.holds(KIND, keys[n])), None)
+        if held is None:
+            held, normals = motion.frames.first, refined.normals_at_rest(motion.analytic_surface())
+            normals[whole.creases.ravel()] = 0.0
+        else:
+            normals = self._read(keys[held])["normals"].astype(np.float64)
+        for n in range(held + 1, number + 1):
+            step = step_into(motion, motion.flow, n)
+            before, after = refined.points_at(n - 1), refined.points_at(n)
+            carried = carried_normals(step.apply, before, after, normals).astype(np.float32)
+            named = readers.with_key(keys[n], {"normals": carried})
+            self.store.put(KIND, keys[n], partial(readers.write_npz, named=named))
+            normals = carried.astype(np.float64)
+        return normals
+
+    def _read(self, key: Key) -> dict[str, AnyArray]:
+        place = self.store.path(KIND, key).relative_to(self.store.root)
+        return self.store.read(KIND, key, place, readers.arrays(key))
 
     def _coloured(self, mesh: OneMesh) -> OneMesh:
         """Return the mesh with colours, those of the first frame, and texture coordinates."""
@@ -158,8 +189,7 @@ class Unification:
         """Return the errors of births in the frames requested, from the store or computed."""
         key = key_of(self._refiner.key, "errors", self.request.requested)
         if self.store.holds(KIND, key):
-            place = self.store.path(KIND, key).relative_to(self.store.root)
-            named = self.store.read(KIND, key, place, readers.arrays(key))
+            named = self._read(key)
             return _Errors(named["errors"], named["frames"])
         passed = began("measuring", len(self.request.requested))
         a, b = refined.births.T

@@ -19,6 +19,8 @@ def main(path: str, frames: list[int], result: str) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     if path.endswith(".ply"):
         bpy.ops.wm.ply_import(filepath=path, forward_axis="NEGATIVE_Z", up_axis="Y", import_attributes=True)
+    elif path.endswith(".obj"):
+        _import_cached(path, frames[0])
     else:
         bpy.ops.wm.usd_import(filepath=path)
     scene, found = bpy.context.scene, {}
@@ -43,6 +45,15 @@ def main(path: str, frames: list[int], result: str) -> None:
     found["range"] = np.array([scene.frame_start, scene.frame_end])
     found["lights"] = np.array(sorted(each.name for each in bpy.data.objects if each.type == "LIGHT"))
     np.savez(result, **found)
+
+
+def _import_cached(path: str, first: int) -> None:
+    """Import the OBJ of a point cache, and have the cache move it, as docs/interchange.md says."""
+    bpy.ops.wm.obj_import(filepath=path)
+    modifier = bpy.context.selected_objects[0].modifiers.new("cache", "MESH_CACHE")
+    modifier.filepath = path.removesuffix(".obj")
+    modifier.cache_format = modifier.filepath[-3:].upper()
+    modifier.frame_start = first
 
 
 def _values(items: object, field: str, size: int) -> np.ndarray:

@@ -207,6 +207,19 @@ flows: [twist: {axis: y, amount: {ease: linear, keys: {1: 0, 3: 150}}}]
     assert require(at_rest(beads)).euler == 6
 
 
+def test_normals_are_carried_by_the_flow_from_the_surface_at_rest(tmp_path: Path) -> None:
+    stretch = "stretch: {axis: y, amount: {ease: linear, keys: {1: 1, 6: 2}}}"
+    request, store = request_of(tmp_path, BALL, stretch, "{max_edge_length: 0.3}"), Store(tmp_path)
+    mesh = one_mesh(request, store)
+    scale = (mesh.frame(6).points * mesh.rest).sum(axis=0) / (mesh.rest**2).sum(axis=0)
+    across = mesh.rest / scale
+    exact = across / np.linalg.norm(across, axis=1, keepdims=True)
+    assert scale[1] == pytest.approx(2.0)
+    assert np.degrees(np.arccos(np.einsum("ij,ij->i", mesh.frame(6).normals, exact).clip(-1, 1))).max() < 0.02
+    again = one_mesh(request, store)
+    assert np.array_equal(again.frame(4).normals, mesh.frame(4).normals), "stored and computed are the same"
+
+
 def test_a_subject_that_is_not_resampled_is_its_own_mesh(tmp_path: Path) -> None:
     request = request_of(tmp_path, BOX, TWIST % (6, 90), "off")
     mesh = one_mesh(request, Store(tmp_path))
