@@ -92,15 +92,15 @@ class MeshFrame:
         """Return the frame as named arrays, as ``numpy.savez(file, **arrays)`` takes them.
 
         vertices float64 (V, 3), faces int32 (F, 3), creases int32 (K, 2), `attribute:<name>` (V, …), number
-        () and report (): a string of JSON. With identities also births int64 (N, 3), identities () and
-        unsorted (). With polygons also offsets int32 (P + 1,) and corners int32 (C,). With a control net also
-        net int32 (4,): rows, columns, and 1 for each closed direction.
+        () and report (): a string of JSON. With seams also seams int32 (S, 2). With identities also births
+        int64 (N, 3), identities () and unsorted (). With polygons also offsets int32 (P + 1,) and corners
+        int32 (C,). With a control net also net int32 (4,): rows, columns, and 1 for each closed direction.
         """
         mesh, polygons = self.mesh, self.polygons
         arrays: dict[str, AnyArray] = {
             "vertices": mesh.vertices,
             "faces": mesh.faces,
-            "creases": mesh.creases,
+            **mesh.tagged_edges,
         }
         if polygons is not None:
             arrays |= {"offsets": polygons.offsets, "corners": polygons.corners}
@@ -120,7 +120,8 @@ class MeshFrame:
             raise UsageError(f"the arrays have no {' and no '.join(missing)}; they are not a stored frame")
         names = [name for name in arrays if name.startswith(_ATTRIBUTE)]
         attributes = {name.removeprefix(_ATTRIBUTE): arrays[name] for name in names}
-        mesh = TriangleMesh(arrays["vertices"], arrays["faces"], attributes, arrays.get("creases"))
+        tagged = arrays.get("creases"), arrays.get("seams")
+        mesh = TriangleMesh(arrays["vertices"], arrays["faces"], attributes, *tagged)
         return cls(
             number=int(arrays["number"]),
             mesh=mesh,

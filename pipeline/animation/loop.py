@@ -342,13 +342,14 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> MovingSurface:
                 f"frame {frame.number} has no polygons to continue with method polyhedra; resume from a "
                 "frame made with it"
             )
-        state = _state(polygons, offsets=polygons.offsets, corners=polygons.corners)
+        others = {"creases": polygons.creases, "offsets": polygons.offsets, "corners": polygons.corners}
+        state = _state(polygons, **others)
         polyhedral = PolyhedralResampler.from_state(
             state, thresholds, resampling.cutting, resampling.collapse
         )
         return PolygonSurface(motion, resampling, polyhedral, _start_vertices(motion, flow, frame))
     numbers = {"identities": np.array(frame.identities), "unsorted": np.array(frame.unsorted)}
-    state = _state(frame.mesh, faces=frame.mesh.faces, **numbers)
+    state = _state(frame.mesh, faces=frame.mesh.faces, **frame.mesh.tagged_edges, **numbers)
     if resampling.placement == "exact" and REST not in frame.mesh.attributes:
         raise UsageError(
             f"frame {frame.number} has no vertex attribute {REST!r}, which exact placement needs; resume "
@@ -374,7 +375,7 @@ def _start_vertices(motion: Motion, flow: Flow, frame: MeshFrame) -> int | None:
 def _state(mesh: TriangleMesh | PolygonMesh, **others: AnyArray) -> dict[str, AnyArray]:
     """Return the state of a resampler with this mesh."""
     attributes = {f"attribute.{name}": values for name, values in mesh.attributes.items()}
-    return {"vertices": mesh.vertices, **others, **attributes, "creases": mesh.creases}
+    return {"vertices": mesh.vertices, **others, **attributes}
 
 
 SLOW_SECONDS = 60.0  # a frame that takes longer says why

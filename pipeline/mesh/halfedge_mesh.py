@@ -32,6 +32,9 @@ IDENTITY = "identity"  # vertex attribute (V,), int64, that tells the vertices o
 _LARGEST = 1 << 53  # attributes are stored as float64, which has no larger odd integers
 _NO_BIRTHS = np.empty((0, 3), np.int64)
 
+CREASE, SEAM = 1, 2
+"""Bits of the tags of half-edges. Kernels keep both alike; they bend the surface at creases alone."""
+
 
 def with_identities(mesh: TriangleMesh) -> TriangleMesh:
     """Return the mesh with its vertices numbered from 0: the start of a film."""
@@ -319,16 +322,16 @@ class HalfedgeMesh:
         self.arrays.attributes[: self.sizes[0], start:] = fields
         return start
 
-    @property
-    def creases(self) -> Indices:
-        """(K, 2) the tagged edges, by their vertices; each may appear twice."""
-        tagged = np.flatnonzero(self.arrays.tagged[: 3 * self.sizes[1]])
+    def tagged_edges(self, tag: int) -> Indices:
+        """Return the edges (K, 2) with a tag, by their vertices; each may appear twice."""
+        tagged = np.flatnonzero(self.arrays.tagged[: 3 * self.sizes[1]] & tag)
         after = np.where(tagged % 3 == 2, tagged - 2, tagged + 1)
         return np.column_stack([self.arrays.vert[tagged], self.arrays.vert[after]])
 
     def snapshot(self) -> TriangleMesh:
         """Return the surface as a value, vertices and faces in the order of the arrays."""
-        return TriangleMesh(self.vertices, self.faces, self.attributes(), self.creases)
+        creases, seams = (self.tagged_edges(tag) for tag in (CREASE, SEAM))
+        return TriangleMesh(self.vertices, self.faces, self.attributes(), creases, seams)
 
 
 class _Columns:
@@ -382,13 +385,18 @@ class _Columns:
 
 
 def _tags_of(mesh: TriangleMesh) -> AnyArray:
-    """Return flags (3F,) uint8 of the creases' half-edges. Raises MeshError for a crease that is no edge."""
-    tagged = tagged_halfedges(mesh)
-    missing = ~np.isin(edge_keys(mesh.creases), edge_keys(mesh.ends_of(np.flatnonzero(tagged))))
-    if missing.any():
-        a, b = mesh.creases[missing][0]
-        raise MeshError(f"crease {a}-{b} is not an edge of the mesh; creases name two vertices of one edge")
-    return tagged.view(np.uint8)
+    """Return the tags (3F,) uint8 of half-edges. Raises MeshError for a crease or seam that is no edge."""
+    tags = np.zeros(mesh.faces.size, np.uint8)
+    for tag, edges, name in ((CREASE, mesh.creases, "crease"), (SEAM, mesh.seams, "seam")):
+        tagged = tagged_halfedges(mesh, edges)
+        missing = ~np.isin(edge_keys(edges), edge_keys(mesh.ends_of(np.flatnonzero(tagged))))
+        if missing.any():
+            a, b = edges[missing][0]
+            raise MeshError(
+                f"{name} {a}-{b} is not an edge of the mesh; {name}s name two vertices of one edge"
+            )
+        tags[tagged] |= tag
+    return tags
 
 
 def _width(shape: tuple[int, ...]) -> int:

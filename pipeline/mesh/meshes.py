@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,8 +26,10 @@ class TriangleMesh:
     faces       int32 (F, 3), counter-clockwise seen from outside
     attributes  by name, one row a vertex: (V,) or (V, k)
     creases     int32 (K, 2): edges, by their two vertices, that are hard whatever their angle (P31)
+    seams       int32 (S, 2): edges where texture coordinates or materials of a model end. They are kept as
+                creases are, and shaded as other edges are
 
-    Creases are sorted and unique, so that equal sets are equal arrays.
+    Creases and seams are sorted and unique, so that equal sets are equal arrays.
 
     Raises MeshError where the arrays have other shapes or a face names a missing vertex.
     `pipeline.mesh.validation` checks whether a mesh is finite, manifold and closed.
@@ -36,6 +39,7 @@ class TriangleMesh:
     faces: Faces
     attributes: Mapping[str, AnyArray] = field(default_factory=dict)
     creases: Indices = field(default_factory=lambda: np.empty((0, 2), np.int32))
+    seams: Indices = field(default_factory=lambda: np.empty((0, 2), np.int32))
 
     def __init__(
         self,
@@ -43,6 +47,7 @@ class TriangleMesh:
         faces: ArrayLike,
         attributes: Mapping[str, ArrayLike] | None = None,
         creases: ArrayLike | None = None,
+        seams: ArrayLike | None = None,
     ) -> None:
         points = frozen(vertices, np.float64)
         corners = np.asarray(faces)
@@ -59,22 +64,35 @@ class TriangleMesh:
                 raise MeshError(
                     f"attribute {name!r} has shape {values.shape}; it needs {plural(len(points), 'row')}"
                 )
-        object.__setattr__(self, "creases", frozen(_sorted_pairs(creases, len(points)), np.int32))
+        for name, pairs in (("creases", creases), ("seams", seams)):
+            object.__setattr__(self, name, frozen(_sorted_pairs(pairs, len(points)), np.int32))
         object.__setattr__(self, "vertices", points)
         object.__setattr__(self, "faces", frozen(corners, np.int32))
         object.__setattr__(self, "attributes", MappingProxyType(named))
 
     def with_vertices(self, vertices: ArrayLike) -> TriangleMesh:
         """Return the same surface with other positions."""
-        return TriangleMesh(vertices, self.faces, self.attributes, self.creases)
+        return self._with(vertices=vertices)
 
     def with_attributes(self, **attributes: ArrayLike) -> TriangleMesh:
         """Return the same surface with attributes added or replaced."""
-        return TriangleMesh(self.vertices, self.faces, {**self.attributes, **attributes}, self.creases)
+        return self._with(attributes={**self.attributes, **attributes})
 
     def with_creases(self, creases: ArrayLike) -> TriangleMesh:
         """Return the same surface with these creases only."""
-        return TriangleMesh(self.vertices, self.faces, self.attributes, creases)
+        return self._with(creases=creases)
+
+    def with_seams(self, seams: ArrayLike) -> TriangleMesh:
+        """Return the same surface with these seams only."""
+        return self._with(seams=seams)
+
+    def _with(self, **changes: Any) -> TriangleMesh:
+        return replace(self, **changes)
+
+    @property
+    def tagged_edges(self) -> dict[str, Indices]:
+        """The arrays of tagged edges as files hold them: `creases`, and `seams` where there are any."""
+        return {"creases": self.creases, **({"seams": self.seams} if len(self.seams) else {})}
 
     @property
     def halfedge_ends(self) -> Indices:

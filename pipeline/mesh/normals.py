@@ -115,7 +115,7 @@ def split_at_creases(
     """
     twin = twins_of(mesh) if twin is None else twin
     face, known = face_normals(mesh), _known(mesh)
-    trusted, hard = _trusted(mesh, known, face), tagged_halfedges(mesh)
+    trusted, hard = _trusted(mesh, known, face), tagged_halfedges(mesh, mesh.creases)
     if not isinstance(hard_angle, float):
         hard |= np.nan_to_num(_turns(face, twin)) > hard_angle[mesh.halfedge_ends].mean(axis=1)
         hard_angle = math.pi
@@ -166,16 +166,16 @@ def twins_of(mesh: TriangleMesh) -> Indices:
     return twin
 
 
-def tagged_halfedges(mesh: TriangleMesh) -> AnyArray:
-    """Return flags (3F,) of the half-edges of tagged creases."""
-    if not len(mesh.creases):
+def tagged_halfedges(mesh: TriangleMesh, edges: Indices) -> AnyArray:
+    """Return flags (3F,) of the half-edges of edges (K, 2), which are the mesh's creases or seams."""
+    if not len(edges):
         return np.zeros(mesh.faces.size, bool)
-    at_crease = np.zeros(len(mesh.vertices), bool)
-    at_crease[mesh.creases.ravel()] = True
-    corners = at_crease[mesh.faces]
+    at_edge = np.zeros(len(mesh.vertices), bool)
+    at_edge[edges.ravel()] = True
+    corners = at_edge[mesh.faces]
     near = np.flatnonzero(corners & np.roll(corners, -1, axis=1))
     tagged = np.zeros(mesh.faces.size, bool)
-    tagged[near] = np.isin(edge_keys(mesh.ends_of(near)), edge_keys(mesh.creases))
+    tagged[near] = np.isin(edge_keys(mesh.ends_of(near)), edge_keys(edges))
     return tagged
 
 

@@ -104,7 +104,8 @@ def _cut(mesh: TriangleMesh, edges: _Edges, cut: AnyArray) -> TriangleMesh:
     vertices = _mixed(mesh.vertices, ends)
     faces = _pieces(vertices, mesh.faces, middles[edges.sides])
     attributes = {name: _mixed(values, ends) for name, values in mesh.attributes.items()}
-    return TriangleMesh(vertices, faces, attributes, _halved(mesh.creases, edges, middles))
+    tagged = (_halved(pairs, edges, middles) for pairs in (mesh.creases, mesh.seams))
+    return TriangleMesh(vertices, faces, attributes, *tagged)
 
 
 def _mixed(values: AnyArray, ends: Indices) -> AnyArray:
@@ -114,13 +115,13 @@ def _mixed(values: AnyArray, ends: Indices) -> AnyArray:
     return np.concatenate([values, between])
 
 
-def _halved(creases: Indices, edges: _Edges, middles: Indices) -> Indices:
-    """Return creases (K, 2) with cut edges replaced by their halves."""
-    if not len(creases):
-        return creases
-    middle = middles[np.searchsorted(edge_keys(edges.ends), edge_keys(creases))]
-    whole, two = creases[middle < 0], middle >= 0
-    halves = [np.column_stack([end, middle[two]]) for end in creases[two].T]
+def _halved(pairs: Indices, edges: _Edges, middles: Indices) -> Indices:
+    """Return creases or seams (K, 2) with cut edges replaced by their halves."""
+    if not len(pairs):
+        return pairs
+    middle = middles[np.searchsorted(edge_keys(edges.ends), edge_keys(pairs))]
+    whole, two = pairs[middle < 0], middle >= 0
+    halves = [np.column_stack([end, middle[two]]) for end in pairs[two].T]
     return np.concatenate([whole, *halves])
 
 
@@ -274,7 +275,7 @@ class Resampler:
         mesh = self.mesh
         named = {_ATTRIBUTE + name: values for name, values in mesh.attributes.items()}
         given = {} if self._mesh.register is None else {_GIVEN: np.array(self.identities)}
-        surface = {"vertices": mesh.vertices, "faces": mesh.faces, "creases": mesh.creases}
+        surface = {"vertices": mesh.vertices, "faces": mesh.faces, **mesh.tagged_edges}
         return {**surface, **named, **given, _UNSORTED: np.array(self.unsorted)}
 
     @classmethod
@@ -295,7 +296,8 @@ class Resampler:
         attributes = {n.removeprefix(_ATTRIBUTE): state[n] for n in state if n.startswith(_ATTRIBUTE)}
         resumed = cls.__new__(cls)  # without __init__, which may reorder faces
         resumed._configure(thresholds, placement, min_roundness, splits)
-        mesh = TriangleMesh(state["vertices"], state["faces"], attributes, state.get("creases"))
+        tagged = state.get("creases"), state.get("seams")
+        mesh = TriangleMesh(state["vertices"], state["faces"], attributes, *tagged)
         resumed._mesh = HalfedgeMesh(mesh, Register.of(mesh, int(state.get(_GIVEN, 0))))
         resumed.unsorted = int(state.get(_UNSORTED, 0))
         reset(changes_of(resumed._mesh))
@@ -356,4 +358,4 @@ def in_memory_order(mesh: TriangleMesh) -> TriangleMesh:
     if len(mesh.faces) <= _CACHED:
         return mesh
     order = np.argsort(mesh.faces.min(axis=1), kind="stable")
-    return TriangleMesh(mesh.vertices, mesh.faces[order], mesh.attributes, mesh.creases)
+    return replace(mesh, faces=mesh.faces[order])

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, require, rod, sheet, torus
+from pipeline.mesh.halfedge_mesh import CREASE
 from pipeline.resample.kernels.collapse import (
     AT_END,
     AT_START,
@@ -161,7 +162,7 @@ def test_the_tip_of_a_spike_is_not_let_go_where_places_are_exact() -> None:
 
 def creases_of(live: HalfedgeMesh) -> set[frozenset[tuple[float, ...]]]:
     """Tagged edges by the places of their ends."""
-    return {frozenset(tuple(live.vertices[v]) for v in pair) for pair in live.creases.tolist()}
+    return {frozenset(tuple(live.vertices[v]) for v in pair) for pair in live.tagged_edges(CREASE).tolist()}
 
 
 def consistent(live: HalfedgeMesh) -> bool:
@@ -222,7 +223,7 @@ def test_a_collapse_joins_the_tags_of_the_edges_that_fall_together(seed: int, me
     a, b = ends_of(mesh, h)
     if can_collapse(live.arrays, h, near, far, limits(cosine=-2.0))[0] == NONE:
         return
-    before = {frozenset(pair) for pair in live.creases.tolist()}
+    before = {frozenset(pair) for pair in live.tagged_edges(CREASE).tolist()}
     expected = {frozenset(a if v == b else v for v in pair) for pair in before}
     dead = np.zeros(3, np.int32)
     collapse_edge(live.arrays, h, far, AT_START, np.array(mesh.vertices[a]), dead)
@@ -231,7 +232,7 @@ def test_a_collapse_joins_the_tags_of_the_edges_that_fall_together(seed: int, me
     new_numbers = {
         frozenset(b if v == last and b != last else v for v in pair) for pair in expected if len(pair) == 2
     }
-    assert {frozenset(pair) for pair in live.creases.tolist()} == new_numbers
+    assert {frozenset(pair) for pair in live.tagged_edges(CREASE).tolist()} == new_numbers
     assert consistent(live)
     assert require(live.snapshot(), closed=True).euler == require(mesh).euler
 

@@ -262,6 +262,7 @@ class Midpoints(NamedTuple):
 
 
 _MIDPOINTS = numba.types.NamedTuple([MATRIX, MATRIX, VECTOR], Midpoints)
+_CREASE = 1  # the bit of a tag; the surface does not bend at seams
 _LEAST_COSINE = 0.5  # a crease that turns by more than 60 degrees has a corner there
 _MOST_RISE = 0.342  # of an edge, along the normal at an end: sine of 20 degrees; with more the end is a tip
 _LEVEL = 1e-9  # the most that normals differ, and that edges rise by their length, in a plane
@@ -272,9 +273,9 @@ _MOST_UNEVEN = 3.0  # an end that rises so many times as much as the other, on a
 
 @kernel(numba.boolean(MESH_ARRAYS, numba.int64, numba.float64), **LEAN)
 def _is_hard(mesh: MeshArrays, h: int, cosine: float) -> bool:
-    """Tell whether the edge of h is tagged, a boundary, or turns by more than the angle with that cosine."""
+    """Tell whether the edge of h is a crease, a boundary, or turns by more than an angle, by its cosine."""
     back = mesh.twin[h]
-    if back < 0 or mesh.tagged[h]:
+    if back < 0 or mesh.tagged[h] & _CREASE:
         return True
     if cosine <= -1.0:
         return False
@@ -541,7 +542,7 @@ def rest_midpoints(
         a, b, new = births[i, 0], births[i, 1], births[i, BIRTH_HALFEDGE]
         h = incoming(mesh, new, a)
         middle, squares, known = vert[new], 0.0, 0.0
-        is_hard = mesh.twin[h] < 0 or mesh.tagged[h]
+        is_hard = mesh.twin[h] < 0 or mesh.tagged[h] & _CREASE
         if not is_hard and _is_level(attributes, column, normal_column, a, b):
             for k in range(3):
                 places[i, k] = 0.5 * (attributes[a, column + k] + attributes[b, column + k])
