@@ -87,6 +87,7 @@ class Plugin:
     summaries      functions of the common options and the name of a run that has ended; each returns a line
                    for the report of the run, or an empty one
     mesh_formats   `MeshFormat`s by suffix of mesh files
+    paints         `PaintReader`s by suffix of mesh files
     edits          functions by file suffix that make an edit of another program's timeline: they take the
                    file, the names of the shots and the folder of edits, and return the edit's path and text
     schemas        pydantic models of further kinds of files, by the kind's name
@@ -110,6 +111,7 @@ class Plugin:
     watchers: tuple[str, ...] = ()
     summaries: tuple[str, ...] = ()
     mesh_formats: Mapping[str, str] = field(default_factory=dict)
+    paints: Mapping[str, str] = field(default_factory=dict)
     edits: Mapping[str, str] = field(default_factory=dict)
     schemas: Mapping[str, str] = field(default_factory=dict)
     sequences: tuple[str, ...] = ()
@@ -189,6 +191,11 @@ class Plugins:
     def mesh_formats(self) -> dict[str, str]:
         """The formats of mesh files, by suffix."""
         return {suffix: form for plugin in self for suffix, form in plugin.mesh_formats.items()}
+
+    @property
+    def paints(self) -> dict[str, str]:
+        """The readers of what models have on their faces, by suffix."""
+        return {suffix: reader for plugin in self for suffix, reader in plugin.paints.items()}
 
     @property
     def edits(self) -> dict[str, str]:
@@ -388,6 +395,7 @@ def _added(plugin: Plugin) -> Iterator[str]:
         "command": plugin.commands,
         "format": plugin.exporters,
         "mesh format": plugin.mesh_formats,
+        "paint of": plugin.paints,
         "edits from": plugin.edits,
         "schema": plugin.schemas,
     }

@@ -65,7 +65,7 @@ def read_wavefront(content: bytes) -> FileSurface:
 def _read_statements(reader: _Wavefront, text: bytes, first: int) -> int:
     """Read statements that begin in line `first`; return the line after them."""
     vertex, face = reader.vertex, reader.face
-    for line, words in _statements(text, first):
+    for line, words in statements(text, first):
         try:
             match words[0]:
                 case b"v":
@@ -80,7 +80,7 @@ def _read_statements(reader: _Wavefront, text: bytes, first: int) -> int:
     return first + text.count(b"\n")
 
 
-def _statements(content: bytes, first: int) -> Iterator[tuple[int, list[bytes]]]:
+def statements(content: bytes, first: int) -> Iterator[tuple[int, list[bytes]]]:
     """Yield statements as words, with the line where each ends; backslashes continue lines, but not names."""
     words: list[bytes] = []
     number = 0

@@ -31,6 +31,7 @@ from pipeline.mesh.validation import twin_corners, validate
 from pipeline.mesh.winding import Winding, detached_corners, find_winding, link_sides
 from pipeline.plugin import named, plugins
 from render.base.input_files import digest_of_file, joint_digest, opened_input, require_input
+from render.scene.painted_faces import PaintReader
 
 _CORE = {
     "obj": MeshFormat(
@@ -193,6 +194,18 @@ def model_files(path: Path) -> ModelFiles:
     if form is None or form.files is None:
         return _own_file(path, None if form is None else form.misread)
     return read_by_suffix(path, {suffix_of(path): form.files}, "a mesh format")
+
+
+def read_paint(path: Path, read: Callable[[PaintReader], Callable[[Path], T]]) -> T:
+    """Return what one function of a model's reader of paint, which `read` picks, returns.
+
+    Raises as `read_by_suffix`, and MissingInputError where the model names a file that is not there.
+    """
+    place = plugins().paints.get(suffix_of(path))
+    if place is None:
+        known = ", ".join(plugins().paints)
+        raise MeshError(f"{path}: paint is read from {known}, not from {path.suffix}. Write paint: off.")
+    return read_by_suffix(path, {suffix_of(path): read(named(place))}, "a mesh format")
 
 
 def _own_file(path: Path, misread: re.Pattern[bytes] | None) -> ModelFiles:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Points
+from pipeline.arrays import AnyArray, Faces, Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Flow
 from pipeline.flow.flow_map import cache_data_or_failure, checked_cache_data
@@ -24,6 +24,7 @@ from pipeline.resample import Curvature, DistanceToCamera, Thresholds
 from pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Region
 from pipeline.shot.subjects import Copies, Mesh, Solid, Subject, bounding_sphere, repeated
 from render.base.serialise import OMIT_DEFAULT
+from render.scene.painted_faces import PaintedFaces
 
 _SECONDS = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*s\s*")
 
@@ -356,6 +357,11 @@ class Motion:
         The spheres around copies do not touch, and a copy at rest lies in its own.
         """
         return nearest_middles(rest, self._standing[0])
+
+    def painted(self, rest: Points, faces: Faces) -> PaintedFaces | None:
+        """Return what is painted on faces (F, 3) of vertices by their rest positions (V, 3), or None."""
+        offsets = 0.0 if self._is_at_origin else self._standing[1][self.copy_indices(rest)]
+        return self.subject.painted(rest - offsets, faces)
 
     @property
     def _is_at_origin(self) -> bool:

@@ -8,15 +8,18 @@ from typing import Any
 
 from pipeline.errors import UsageError, shortened, suggestion
 from pipeline.frames import FrameRange
+from pipeline.mesh.mesh_formats import suffix_of
+from pipeline.plugin import plugins
 from pipeline.shot.documents.field_types import is_number
 from pipeline.shot.documents.light_documents import ENVIRONMENTS, softbox_name
 from pipeline.shot.documents.look_documents import LOOKS, check_bsdf
 from pipeline.shot.yaml.yaml_source import Problem, Where, YamlSource, dotted, listed
-from render.scene.materials import Material
+from render.scene.materials import Material, Painted
 from render.scene.patterns import Measure
 from render.scene.render_camera import KINDS
 from render.scene.render_quality import MIN_ADAPTIVE_SAMPLES, QUALITIES
 from render.scene.scene_lights import BACKGROUND, LIGHTS
+from render.scene.texture_projection import MODEL
 
 ALTERNATIVES = {
     "focal_length": ("field_of_view",),
@@ -70,6 +73,22 @@ def _clear_bsdfs(bsdf: Any, where: Where) -> Iterator[tuple[Where, str]]:
             yield (*where, "type"), bsdf["type"]
         for name, part in bsdf.items():
             yield from _clear_bsdfs(part, (*where, name))
+
+
+def check_paint(source: YamlSource) -> Iterator[Problem]:
+    """Check that a look which shows the paint of a model has one, and that the model's format is read."""
+    subject, (_, look) = source.mapping("subject"), _look_at(source, "look")
+    is_painted = subject.get("paint") == "on"
+    if (
+        is_painted
+        and isinstance(model := subject.get("model"), str)
+        and suffix_of(model) not in plugins().paints
+    ):
+        known = listed(plugins().paints, "or")
+        yield ("subject", "paint"), f"paint is read from {known}; this is {shortened(model)}. Leave it out."
+    if not is_painted and (isinstance(look, Painted) or source.get("look", "projection", "kind") == MODEL):
+        shows = "look model shows" if isinstance(look, Painted) else "projection model needs"
+        yield ("look",), f"{shows} the paint of a model. Write subject: {{model: FILE.obj, paint: on}}."
 
 
 def check_measured_look(source: YamlSource) -> Iterator[Problem]:
@@ -289,7 +308,7 @@ def check_overrides(source: YamlSource) -> Iterator[Problem]:
         yield from _overridden_frames(source, index, taken)
         yield from _whole_shot_only(source, index)
         seen = _OverriddenSource(source.path, source.data, source.places, index=index)
-        for check in (check_clear_look, check_bsdf, check_dimmed_lights, check_noise_threshold):
+        for check in (check_clear_look, check_paint, check_bsdf, check_dimmed_lights, check_noise_threshold):
             for where, text in check(seen):
                 if seen.has(*where):
                     yield ("overrides", index, *where), text

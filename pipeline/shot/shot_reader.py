@@ -6,16 +6,17 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from pipeline.errors import ShotError, UsageError
+from pipeline.errors import MeshError, MissingInputError, ShotError, UsageError
 from pipeline.flow import Sequence, Streamlines
 from pipeline.flow.parameters import ORIGIN
 from pipeline.flow.streamlines import DEFAULT_TOLERANCE
 from pipeline.frames import FrameRate
 from pipeline.mesh.control_net import PIECES
+from pipeline.mesh.read import read_paint
 from pipeline.shot import motion_checks, picture_checks, subject_checks
 from pipeline.shot.camera_path import Shutter
 from pipeline.shot.documents.curves import NumberField, number
@@ -41,7 +42,8 @@ from pipeline.shot.yaml.document_validation import Checks, ParseContext, unfores
 from pipeline.shot.yaml.inheritance import inherited
 from pipeline.shot.yaml.named_files import name_fault, shown
 from pipeline.shot.yaml.yaml_source import Problem, YamlSource
-from render.scene.materials import Material
+from render.base.render_errors import BadInputError
+from render.scene.materials import Material, Painted
 from render.scene.render_quality import qualities_for
 from render.scene.scene_lights import LightRig
 from render.scene.scene_stage import STAGES, Stage
@@ -56,6 +58,7 @@ CHECKS = (
     subject_checks.check_stage,
     picture_checks.check_named_settings,
     picture_checks.check_clear_look,
+    picture_checks.check_paint,
     picture_checks.check_measured_look,
     check_bsdf,
     picture_checks.check_camera,
@@ -78,6 +81,8 @@ FILE_CHECKS = (
 
 Those of CHECKS look at a file as if each of several subjects were its only one.
 """
+
+L = TypeVar("L", Material, Material | None)
 
 _SPEED: TypeAdapter[Any] = TypeAdapter(NumberField, config=ConfigDict(strict=True, allow_inf_nan=False))
 
@@ -136,10 +141,40 @@ def _read(source: YamlSource, allow_code: bool) -> Shot:
         notes=tuple(dict.fromkeys(parse_context.notes)),
         entries=entries_of_plugins(document),
     )
+    digests = dict(parse_context.digests)
     if document.subjects is not None:
         shot = _with_subjects(shot, document, clock, source.path.parent)
         _require_room(shot, source)
-    return _with_files(shot, parse_context.digests)
+        parts = tuple(_with_materials(part, source, digests) for part in shot.subjects)
+        shot = replace(shot, subjects=parts, picture=replace(shot.picture, look=parts[0].picture.look))
+    return _with_files(_with_materials(shot, source, digests), digests)
+
+
+def _with_materials(shot: Shot, source: YamlSource, digests: dict[Path, str]) -> Shot:
+    """Return a shot of one subject whose look `model` has the materials of its model; note their files.
+
+    Raises MissingInputError for a file of them that is not there, ShotError for one that cannot be read.
+    """
+    subject, picture = shot.motion.subject, shot.picture
+    looks = [picture.look, *(each.look for each in picture.overrides)]
+    if not (
+        isinstance(subject, Model) and subject.paint and any(isinstance(look, Painted) for look in looks)
+    ):
+        return shot
+    place = source.place(("subjects", shot.subject, "model") if shot.subject else ("subject", "model"))
+    try:
+        parts, files = read_paint(subject.path, lambda reader: reader.materials)
+    except MissingInputError as error:
+        raise MissingInputError(f"{place}: {error}") from None
+    except (MeshError, BadInputError) as error:
+        raise ShotError(f"{place}: {error}") from None
+    digests.update(files)
+
+    def painted(look: L) -> L:
+        return replace(look, parts=parts) if isinstance(look, Painted) else look
+
+    overrides = tuple(replace(each, look=painted(each.look)) for each in picture.overrides)
+    return replace(shot, picture=replace(picture, look=painted(picture.look), overrides=overrides))
 
 
 def _checked(checks: Checks, clock: Clock | None) -> list[Problem]:

@@ -6,13 +6,13 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Points
+from pipeline.arrays import AnyArray, Faces, Floats, Points
 from pipeline.errors import UsageError
 from pipeline.flow.regions import Region
 from pipeline.mesh import (
@@ -37,10 +37,11 @@ from pipeline.mesh.analytic_surfaces import (
 )
 from pipeline.mesh.control_net import Lattice
 from pipeline.mesh.mesh_formats import ScenePart
-from pipeline.mesh.read import ImportedSurface, names_parts, read_surface
+from pipeline.mesh.read import ImportedSurface, names_parts, read_paint, read_surface
 from pipeline.mesh.solids import one_sided_sheet, six_sided_box
 from render.base.plural import plural
 from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
+from render.scene.painted_faces import Paint, PaintedFaces
 
 Measure = float | str | tuple[float, ...]
 
@@ -67,6 +68,10 @@ class Subject(ABC):
     def notes(self) -> tuple[str, ...]:
         """Lines to tell the user about the file of the subject; none before this process has read it."""
         return ()
+
+    def painted(self, rest: Points, faces: Faces) -> PaintedFaces | None:
+        """Return what is painted on faces (F, 3) of rest positions (V, 3); None where nothing is."""
+        return None
 
     @abstractmethod
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
@@ -276,7 +281,8 @@ def repeated(mesh: Mesh, offsets: Points) -> Mesh:
     attributes = {name: np.concatenate([values] * len(offsets)) for name, values in mesh.attributes.items()}
     creases = _shifted(mesh.creases, first)
     if isinstance(mesh, TriangleMesh):
-        return TriangleMesh(vertices, _shifted(mesh.faces, first), attributes, creases)
+        faces, seams = _shifted(mesh.faces, first), _shifted(mesh.seams, first)
+        return TriangleMesh(vertices, faces, attributes, creases, seams)
     starts = mesh.offsets[:-1] + len(mesh.corners) * np.arange(len(offsets))[:, None]
     ends = np.append(starts.reshape(-1), len(mesh.corners) * len(offsets))
     corners = (mesh.corners + first[:, None]).reshape(-1)
@@ -315,6 +321,7 @@ class Model(Subject):
     repair     True repairs what is not sound; False refuses it
     prim       path of the prim of a USD stage whose meshes are read; None for its default prim
     time_code  time of a USD stage; None for its first
+    paint      True keeps the seams of its texture coordinates, vertex colours and materials, which looks show
     """
 
     digest: str
@@ -327,10 +334,16 @@ class Model(Subject):
     repair: bool = field(default=True, metadata=OMIT_DEFAULT)
     prim: str | None = field(default=None, metadata=OMIT_DEFAULT)
     time_code: float | None = field(default=None, metadata=OMIT_DEFAULT)
+    paint: bool = field(default=False, metadata=OMIT_DEFAULT)
 
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
         mesh = self.imported().mesh.triangulated()
+        if self.paint:
+            mesh = mesh.with_seams(_paint(self).seams(mesh.vertices, mesh.halfedge_ends))
         return mesh.with_vertices(self._placed(mesh.vertices))
+
+    def painted(self, rest: Points, faces: Faces) -> PaintedFaces | None:
+        return _placed_paint(self).on_faces(rest, faces) if self.paint else None
 
     def polygons(self, max_edge_length: float | None = None) -> PolygonMesh:
         mesh = self.imported().mesh
@@ -382,16 +395,18 @@ class Model(Subject):
     def _read_from(self) -> tuple[Any, ...]:
         return self.path, self.digest, self.repair, self.prim, self.time_code
 
-    def _placed(self, points: Points) -> Points:
-        """Return points (V, 3) of the file where the shot has them."""
-        if self.up == "z":
-            points = points @ _TO_Y_UP.T
-        if any(self.rotate):
-            points = points @ self._rotation.T
+    def _placed(self, points: Points, around: Points | None = None) -> Points:
+        """Return points (V, 3) of the file where the shot has them. `fit` fits `around`, by default them."""
+        points, fitted = self._turned(points), self._turned(points if around is None else around)
         if self.fit is None:
             return self.scale * points
-        low, high = points.min(axis=0), points.max(axis=0)
+        low, high = fitted.min(axis=0), fitted.max(axis=0)
         return (points - 0.5 * (low + high)) * (self.fit / float((high - low).max()))
+
+    def _turned(self, points: Points) -> Points:
+        if self.up == "z":
+            points = points @ _TO_Y_UP.T
+        return points @ self._rotation.T if any(self.rotate) else points
 
     @cached_property
     def _rotation(self) -> AnyArray:
@@ -402,6 +417,18 @@ class Model(Subject):
         about_z[:2, :2] = z
         matrix: AnyArray = about_z @ about_y @ about_x
         return np.where(np.abs(matrix) < 1e-15, 0.0, matrix)  # of right angles
+
+
+@lru_cache(maxsize=4)
+def _paint(model: Model) -> Paint:
+    return read_paint(model.path, lambda reader: reader.paint)
+
+
+@lru_cache(maxsize=4)
+def _placed_paint(model: Model) -> Paint:
+    """Return the paint of a model where the shot has it at rest."""
+    paint = _paint(model)
+    return paint.placed(model._placed(paint.points, model.imported().mesh.vertices))
 
 
 def _distance_and_size(mesh: PolygonMesh) -> tuple[float, float]:

@@ -20,11 +20,13 @@ from render.scene.materials import (
     Material,
     Metal,
     MitsubaMaterial,
+    Painted,
     PatternedMaterial,
     Plastic,
     Satin,
     Smoke,
 )
+from render.scene.painted_faces import material_weight
 from render.scene.patterns import Measure, Pigment
 
 Description = dict[str, Any]
@@ -68,7 +70,22 @@ def surface_bsdf(
                 height = bitmap(relief.texture.numbers(), coordinates, material.projection)
                 opaque = {"type": "bumpmap", "relief": height, "scale": relief.height, "material": opaque}
             return two_sided(opaque)
+        case Painted():
+            return two_sided(_painted(material, attributes, coordinates))
     raise TypeError(f"{material.model} has no BSDF")
+
+
+def _painted(painted: Painted, attributes: Collection[str], coordinates: TextureCoordinates) -> Description:
+    """Return the materials of a model, one within the other: each vertex has the weight 1 for its own."""
+    if not painted.parts:
+        return {"type": "diffuse", "reflectance": _rgb(painted.colour)}
+    parts = [_opaque(part, _colour(part, attributes, coordinates), coordinates) for part in painted.parts]
+    whole = parts[0]
+    for number, part in enumerate(parts[1:], 1):
+        if material_weight(number) in attributes:  # others have no faces
+            weight = {"type": "mesh_attribute", "name": f"vertex_{material_weight(number)}"}
+            whole = {"type": "blendbsdf", "weight": weight, "first": whole, "second": part}
+    return whole
 
 
 def _glass(glass: Glass, size: float) -> Description:
@@ -229,11 +246,15 @@ def _opaque(material: PatternedMaterial, colour: Description, coordinates: Textu
         return rough_conductor(colour, _roughness(material, coordinates))
     if isinstance(material, Satin):
         has_texture = material.roughness_texture is not None
+        metallic: Any = material.metallic
+        if material.metallic_texture is not None:
+            numbers = np.clip(material.metallic_texture.numbers(), 0.0, 1.0)
+            metallic = bitmap(numbers, coordinates, material.projection)
         return {
             "type": "principled",
             "base_color": colour,
             "roughness": _roughness(material, coordinates) if has_texture else material.roughness,
-            "metallic": material.metallic,
+            "metallic": metallic,
             "sheen": material.sheen,
             "sheen_tint": 0.5,
             "clearcoat": material.coat,

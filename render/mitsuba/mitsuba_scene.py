@@ -142,7 +142,7 @@ def _subject_shapes(scene: Scene) -> tuple[dict[str, Any], dict[str, Any]]:
     for subject in scene.subjects:
         name, material = subject.shape_name, subject.material
         split, coordinates = texture_coordinates(subject.surface, material)
-        bsdf = materials.surface_bsdf(material, subject.surface.attributes, coordinates, size)
+        bsdf = materials.surface_bsdf(material, split.attributes, coordinates, size)
         medium = materials.interior_medium(material, size)
         shapes[name] = mesh(name, split, bsdf, coordinates.values, medium)
         if material.is_clear and not is_compiled():

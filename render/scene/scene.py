@@ -191,4 +191,7 @@ def _converted(subject: SceneSubject, space: WorkingSpace) -> SceneSubject:
     if name is not None and name in surface.attributes:
         colours = converted_pixels(surface.attributes[name], space.name)
         surface = replace(surface, attributes={**surface.attributes, name: colours})
+    if surface.paint is not None and surface.paint.colours is not None:
+        colours = converted_pixels(surface.paint.colours, space.name)
+        surface = replace(surface, paint=replace(surface.paint, colours=colours))
     return replace(subject, geometry=surface, material=material)

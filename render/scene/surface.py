@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from render.base.render_errors import BadInputError
 from render.base.serialise import Colour
+from render.scene.painted_faces import PaintedFaces
 from render.scene.render_camera import Camera
 
 INSIDE = 0.99
@@ -44,6 +45,7 @@ class Surface:
     rest        float32 (V, 3), rest positions: where the points were before any flow moved them, or None.
                 Patterns and textures need them
     edges       int32 (E, 2), edges that a wireframe shows; None for all edges of the faces
+    paint       what a model's file has on the faces, or None
     """
 
     vertices: NDArray[np.float32]
@@ -52,6 +54,7 @@ class Surface:
     attributes: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
     rest: NDArray[np.float32] | None = None
     edges: NDArray[np.int32] | None = None
+    paint: PaintedFaces | None = None
 
     @property
     def bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -7,20 +7,22 @@ seam of a cylindrical texture or where the sides of a box meet, the surface is s
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from render.base.render_errors import BadInputError
 from render.base.serialise import Triple
+from render.scene.painted_faces import PaintedFaces
 from render.scene.render_camera import unit
 from render.scene.surface import Surface
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
-PROJECTIONS = ("planar", "box", "cylindrical", "spherical")
+MODEL = "model"
+PROJECTIONS = ("planar", "box", "cylindrical", "spherical", MODEL)
 
 _WRAPPED = ("cylindrical", "spherical")
 
@@ -30,7 +32,8 @@ class TextureProjection:
     """The projection of textures onto the undeformed subject. Textures repeat.
 
     kind     "planar" (like a slide, along the axis), "box" (along x, y or z, whichever a triangle faces
-             most), "cylindrical" (around the axis), "spherical" (around it, from pole to pole)
+             most), "cylindrical" (around the axis), "spherical" (around it, from pole to pole), "model" (by
+             the texture coordinates of the model's file)
     axis     planar: the direction the texture faces; cylindrical and spherical: the axis of revolution
     centre   scene point at the middle of the texture, or on the axis
     scale    scene units: width of a planar or box texture, height of a cylindrical one
@@ -59,15 +62,26 @@ class TextureProjection:
     @property
     def keeps_shape(self) -> bool:
         """True if the height of a texture follows from its width and its pixels."""
-        return self.kind not in _WRAPPED
+        return self.kind not in (*_WRAPPED, MODEL)
 
-    def coordinates(self, points: Floats, faces: NDArray[np.int32]) -> tuple[Floats, Counts]:
+    def coordinates(
+        self, points: Floats, faces: NDArray[np.int32], paint: PaintedFaces | None = None
+    ) -> tuple[Floats, Counts]:
         """Return texture coordinates (F, 3, 2) of the corners of faces (F, 3), and group numbers (F, 3).
 
         Coordinates go right and up from the texture's middle, in widths of the texture; cylindrical and
         spherical ones in turns and heights. Corners of one vertex with the same group have the same
         coordinates.
+
+        paint  what a model has on the faces. Raises BadInputError where a projection needs it and it is None
         """
+        if self.kind == MODEL:
+            if paint is None:
+                raise BadInputError(
+                    "look takes the texture coordinates of a model, and the surface has none; add paint: on "
+                    "to its subject, a model"
+                )
+            return paint.coordinates - 0.5, paint.groups
         corners = (np.asarray(points, dtype=np.float64) - self.centre)[faces]
         if self.kind in _WRAPPED:
             return self._wrapped(corners)
@@ -116,11 +130,13 @@ def project_texture(
 
     points  (V, 3), rest positions of its vertices
     """
-    coordinates, groups = projection.coordinates(points, surface.faces)
+    coordinates, groups = projection.coordinates(points, surface.faces, surface.paint)
     code = surface.faces.astype(np.int64) * (int(groups.max(initial=0)) + 1) + groups
     _, first, corner = np.unique(code, return_index=True, return_inverse=True)
     source = surface.faces.reshape(-1)[first]
     split = surface.with_copied_vertices(source, corner.reshape(-1, 3).astype(np.int32))
+    if surface.paint is not None:
+        split = replace(split, attributes={**split.attributes, **surface.paint.attributes(first)})
     return split, coordinates.reshape(-1, 2)[first]
 
 

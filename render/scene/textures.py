@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from render.base.input_files import require_input
 from render.base.limited_process import MEMORY, ParserError, allow_memory, answer_about_content, serve
 from render.base.render_errors import BadInputError
-from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
+from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT, Triple
 from render.scene.picture_file import DEFAULT_CONFIG, OpenedPicture, Pixels, StatedSpace, opened_picture
 from render.scene.rgb_spaces import REC709, converted_pixels, linear_of_srgb
 
@@ -33,6 +33,10 @@ _LINEAR = "lin_rec709_scene"
 """The name of linear Rec.709 in OpenColorIO's own config."""
 
 
+WHOLE = (1.0, 1.0, 1.0)
+"""The factor of textures that are shown as they are."""
+
+
 @dataclass(frozen=True)
 class Texture:
     """A picture that covers a surface.
@@ -42,6 +46,8 @@ class Texture:
              states, else "linear" for floats (EXR, HDR, TIFF) and "srgb" for integers
     path     the file
     reading  what `reading_of` returns
+    factor   on red, green and blue, linear Rec.709, or on numbers
+    channel  0, 1 or 2: the one that holds numbers; None for the mean of all
 
     working_space  the space that colours are converted to
     """
@@ -51,16 +57,23 @@ class Texture:
     path: str = field(default="", metadata=NOT_PLAIN)
     working_space: str = field(default=REC709.name, metadata=NOT_PLAIN)
     reading: str = field(default="", metadata=OMIT_DEFAULT)
+    factor: Triple = field(default=WHOLE, metadata=OMIT_DEFAULT)
+    channel: int | None = field(default=None, metadata=OMIT_DEFAULT)
 
     def pixels(self) -> Pixels:
         """Return pixels (H, W, 3) of the working space from 0 to 1, or data as stored. Raises as
         `read_picture`."""
         pixels = read_picture(self.path, self.digest, self.space)
+        if self.factor != WHOLE:
+            pixels = pixels * np.array(self.factor, np.float32)
         return pixels if self.space == "data" else converted_pixels(pixels, self.working_space)
 
     def numbers(self) -> Pixels:
-        """Return the mean of the channels as stored, (H, W, 1). Raises as `read_picture`."""
-        return np.ascontiguousarray(read_picture(self.path, self.digest, "data").mean(axis=2, keepdims=True))
+        """Return the mean of the channels as stored, or one of them, (H, W, 1). Raises as `read_picture`."""
+        stored = read_picture(self.path, self.digest, "data")
+        if self.channel is None:
+            return np.ascontiguousarray(stored.mean(axis=2, keepdims=True))
+        return np.ascontiguousarray(stored[..., self.channel, None] * np.float32(self.factor[self.channel]))
 
 
 @lru_cache(maxsize=6)

@@ -5,10 +5,13 @@ The path tracer interpolates phases and looks up the colour ramp per sample (`re
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from render.scene.materials import Material, PatternedMaterial
+from render.scene.materials import Material, Painted, PatternedMaterial
+from render.scene.painted_faces import VERTEX_COLOURS
 from render.scene.patterns import Measure
 from render.scene.render_camera import Camera
 from render.scene.scene_stage import StagePlacement
@@ -42,6 +45,8 @@ def vertex_colours(surface: Surface, material: Material) -> Floats | None:
 
     Raises BadInputError where the surface lacks what the colours need.
     """
+    if isinstance(material, Painted):
+        return _painted_colours(surface, material)
     if isinstance(material, PatternedMaterial) and material.colour_texture is not None:
         return _texture_colours(surface, material, material.colour_texture)
     phases = vertex_phases(surface, material)
@@ -52,12 +57,33 @@ def vertex_colours(surface: Surface, material: Material) -> Floats | None:
     return np.asarray(ramp[np.minimum((phases * len(ramp)).astype(int), len(ramp) - 1)], dtype=np.float64)
 
 
+def _painted_colours(surface: Surface, painted: Painted) -> Floats | None:
+    """Return the colours of a model's materials at vertices; one with several takes that of some face."""
+    colours, paint = np.empty((len(surface.vertices), 3)), surface.paint
+    if paint is None:
+        return None
+    for number, part in enumerate(painted.parts):
+        which = paint.materials == number
+        if not which.any():
+            continue
+        faces, own = surface.faces[which], paint.of_faces(which)
+        if part.colour_texture is not None:
+            part_colours = _texture_colours(
+                replace(surface, faces=faces, paint=own), part, part.colour_texture
+            )
+            colours[faces] = part_colours[faces]
+        else:
+            dyed = own.colours is not None and part.colour_from == VERTEX_COLOURS
+            colours[faces] = own.colours if dyed else part.colour
+    return colours
+
+
 def _texture_colours(surface: Surface, material: PatternedMaterial, texture: Texture) -> Floats:
     """Return the texels at vertices; a vertex with two texture coordinates takes one of them."""
     rest = surface.require_rest("look has a picture")
     points = np.repeat(np.arange(len(rest), dtype=np.int32)[:, None], 3, axis=1)
     faces = surface.faces if len(surface.faces) else points
-    corners, _ = material.projection.coordinates(rest, faces)
+    corners, _ = material.projection.coordinates(rest, faces, surface.paint)
     coordinates = np.zeros((len(rest), 2))
     coordinates[faces.reshape(-1)] = corners.reshape(-1, 2)
     pixels = texture.pixels()

@@ -15,12 +15,13 @@ from pipeline.mesh import box
 from pipeline.mesh.read import mesh_suffixes, model_files, read_surface
 from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.production.execution.project import Project
-from pipeline.shot import Shot
+from pipeline.shot import Shot, read_shot
 from render.post.colour import view_exactly
 from tests.opened_files import opened_below
 from tests.plugins.interchange.fbx_writer import N, binary, box_geometry, model, scene
 from tests.plugins.interchange.gltf_scenes import box_scene
 from tests.plugins.interchange.test_collada_files import document
+from tests.plugins.interchange.test_model_paint import painted_box as paint_of_box
 from tests.plugins.interchange.test_threemf_files import corner, model_part, package
 from tests.sounds import sine, write_sound
 
@@ -112,6 +113,20 @@ def test_every_file_that_a_reader_opens_decides_the_digest_of_its_model(tmp_path
         assert model_files(path).digest != first.digest, file
     file.write_bytes(before[file])
     assert model_files(path).digest == first.digest
+
+
+def test_every_file_that_paint_is_read_from_decides_the_keys_of_its_shot(tmp_path: Path) -> None:
+    paint_of_box(tmp_path)
+    text = (
+        "title: A\nframes: 1-2\nsubject: {model: box.obj, paint: on}\nlook: model\nflows: []\nresample: off\n"
+    )
+    (tmp_path / "a.yaml").write_text(text)
+    with opened_below(tmp_path) as opened:
+        shot = read_shot(tmp_path / "a.yaml")
+        mesh = shot.motion.mesh_at_rest()
+        shot.motion.painted(mesh.vertices, mesh.faces)
+    assert opened - {tmp_path / "a.yaml"} == {path for path, _ in shot.files}
+    assert len(shot.files) == 3
 
 
 SHOT = """\

@@ -127,7 +127,7 @@ BROKEN = [
     ("camera:", "look: velvet\ncamera:",
      "a.yaml:11:1: look: 'velvet' is not a look. There are: clay, putty, glaze, ceramic, "
      "chrome, brushed, taffy, swirl, pearl, marble, cream, coffee, honey, glass, frosted, smoke, "
-     "speed, strain, symbolics_1990."),
+     "speed, strain, model, symbolics_1990."),
     ("camera:", "quality: {draught: {samples: 6}}\ncamera:",
      "a.yaml:11:11: quality.draught: unknown name. Did you mean 'draft'?"),
     ("camera:", "quality: {final: {samples: 100}}\ncamera:",

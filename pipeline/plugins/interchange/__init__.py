@@ -37,4 +37,8 @@ PLUGIN = Plugin(
         "3mf": "pipeline.plugins.interchange.threemf_files:THREEMF",
         **dict.fromkeys(("usd", "usda", "usdc", "usdz"), "pipeline.plugins.interchange.usd_files:USD"),
     },
+    paints={
+        "obj": "pipeline.plugins.interchange.obj_paint:OBJ_PAINT",
+        **dict.fromkeys(("glb", "gltf"), "pipeline.plugins.interchange.gltf_paint:GLTF_PAINT"),
+    },
 )

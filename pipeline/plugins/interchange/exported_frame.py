@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -42,10 +42,12 @@ from render.scene.materials import (
     Material,
     Metal,
     MitsubaMaterial,
+    Painted,
     PatternedMaterial,
     Satin,
     Smoke,
 )
+from render.scene.painted_faces import PaintedFaces
 from render.scene.patterns import SPEED
 from render.scene.surface import Surface
 from render.scene.textures import Texture
@@ -168,12 +170,14 @@ def exported_frame(shot: Shot, frame: MeshFrame) -> ExportedFrame:
 def _exported_mesh(shot: Shot, frame: MeshFrame, split: ShadedMesh) -> ExportedFrame:
     mesh, rest = frame.mesh, material_of(frame.mesh)
     velocities, source = vertex_motion(shot.motion, frame).velocity(), split.source_vertex
+    look = shot.picture.look
+    paint = shot.motion.painted(rest, mesh.faces) if look.shows_paint else None
     surface = rendered_surface(split.vertices, split.normals, split.faces, rest[source], velocities[source])
-    colours = vertex_colours(surface, shot.picture.look)
+    colours = vertex_colours(replace(surface, paint=paint), look)
     return ExportedFrame(
         *(mesh.vertices, mesh.faces, split.normals, split.faces, velocities, rest, mesh.creases),
         colours=None if colours is None else colours[: len(rest)],  # the mesh's own vertices come first
-        texture=texture_coordinates(shot.picture.look, rest, mesh.faces),
+        texture=texture_coordinates(look, rest, mesh.faces, paint),
         copies=_copies(shot, rest),
     )
 
@@ -223,15 +227,19 @@ def rendered_surface(
 
 def has_colours(look: Material) -> bool:
     """Tell whether the colour of a look varies over the surface, so that vertices have colours."""
-    return look.pattern is not None or colour_texture(look) is not None
+    return look.pattern is not None or colour_texture(look) is not None or isinstance(look, Painted)
 
 
 def colour_texture(look: Material) -> Texture | None:
-    """Return the picture that colours a look, or None."""
+    """Return the picture that colours a look, or None; of a model's materials, if there is one alone."""
+    if isinstance(look, Painted) and len(look.parts) == 1:
+        return look.parts[0].colour_texture
     return look.colour_texture if isinstance(look, PatternedMaterial) else None
 
 
-def texture_coordinates(look: Material, rest: Points, faces: Faces) -> Floats | None:
+def texture_coordinates(
+    look: Material, rest: Points, faces: Faces, paint: PaintedFaces | None = None
+) -> Floats | None:
     """Return texture coordinates (F, 3, 2) of the corners of faces, 0 to 1 to the right and upwards.
 
     They repeat beyond. None where the look has no textures.
@@ -239,7 +247,7 @@ def texture_coordinates(look: Material, rest: Points, faces: Faces) -> Floats | 
     projection = look.texture_projection
     if projection is None:
         return None
-    coordinates, _ = projection.coordinates(rest, faces)
+    coordinates, _ = projection.coordinates(rest, faces, paint)
     height = width = 1
     if projection.keeps_shape and (texture := colour_texture(look)) is not None:
         height, width = texture.pixels().shape[:2]
@@ -293,6 +301,8 @@ class PreviewSurface(NamedTuple):
 
 def preview_surface(look: Material) -> PreviewSurface:
     """Return the preview surface that is nearest to a look."""
+    if isinstance(look, Painted) and len(look.parts) == 1:
+        (look,) = look.parts
     if isinstance(look, Metal | BrushedMetal):
         return PreviewSurface(look.colour, math.sqrt(look.roughness), metallic=1.0)
     if isinstance(look, Satin):

@@ -47,7 +47,7 @@ def _rewritten(root: dict[str, Any]) -> dict[str, Any]:
     rewriter = _Rewriter(root, numbers)
     scenes = root.get("scenes", {}).values()
     return {
-        "asset": {"version": "2.0"},
+        "asset": {"version": "2.0", "rewritten": True},
         **({"scene": numbers["scenes"][root["scene"]]} if "scene" in root else {}),
         "scenes": [
             {"nodes": [numbers["nodes"][node] for node in scene.get("nodes", [])]} for scene in scenes
@@ -277,7 +277,7 @@ class GltfDocument:
         if file is not None:
             return read_input(file, MOST_BYTES)
         if "uri" in buffer:
-            return self._embedded(buffer)
+            return self.embedded_content(buffer)
         if index > 0 or self.binary is None:
             raise ValueError(f"{buffer.place} has no address, and is not the binary chunk of a GLB")
         offset, size = self.binary
@@ -285,7 +285,7 @@ class GltfDocument:
             opened.seek(offset)
             return opened.read(size)
 
-    def _embedded(self, buffer: JsonObject) -> bytes:
+    def embedded_content(self, buffer: JsonObject) -> bytes:
         """Return the bytes of an address with data, as base64 or with percent signs."""
         address = buffer.text("uri").encode()
         cut = address.removeprefix(b"data:")

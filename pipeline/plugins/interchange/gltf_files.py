@@ -63,10 +63,10 @@ class SceneArrays:
             corners += len(matrices) * max(own.faces.size, len(own.points))
             if corners > _MOST_CORNERS:
                 raise ValueError(f"its parts and their copies have over {_MOST_CORNERS} corners of triangles")
-            placed = _placed(own, matrices)
-            points.append(placed.points)
-            faces.append(placed.faces + first)
-            first += len(placed.points)
+            shown = placed(own, matrices)
+            points.append(shown.points)
+            faces.append(shown.faces + first)
+            first += len(shown.points)
         return Triangles(np.concatenate(points), np.concatenate(faces))
 
     def _own(self, part: PlacedPrimitive) -> Triangles:
@@ -311,16 +311,16 @@ def _fan(run: AnyArray) -> AnyArray:
     return np.stack([run[1:-1], run[2:], np.repeat(run[:1], max(len(run) - 2, 0))], axis=1)
 
 
-def _placed(triangles: Triangles, matrices: Floats) -> Triangles:
+def placed(triangles: Triangles, matrices: Floats) -> Triangles:
     """Return the triangles where matrices (N, 4, 4) take them, wound as before where one mirrors them."""
     points, faces = triangles
     if len(matrices) != 1:
-        placed = points @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
+        moved = points @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
         of_copy = np.tile(faces, (len(matrices), 1, 1))
         mirrored = np.linalg.det(matrices[:, :3, :3]) < 0.0
         of_copy[mirrored] = of_copy[mirrored, :, ::-1]
         of_copy += len(points) * np.arange(len(matrices))[:, None, None]
-        return Triangles(placed.reshape(-1, 3), of_copy.reshape(-1, 3))
+        return Triangles(moved.reshape(-1, 3), of_copy.reshape(-1, 3))
     matrix = np.ascontiguousarray(matrices[0])
     off = np.abs(matrix - np.eye(4))
     if off.max() <= 1e-8:
@@ -339,7 +339,7 @@ def read_gltf(path: Path) -> FileSurface:
     scene = DefaultScene.of(GltfDocument.read(path))
     if any(scene.draco_of(part) is not None for part in scene.distinct):
         require_package("glTF files with Draco data", "DracoPy", "DracoPy", "models")
-    _buffer_files(scene)
+    files_of_buffers(scene)
     surface = unpacked_surface(answer_of("pipeline.plugins.interchange.gltf_files", path))
     return surface._replace(notes=tuple(_notes(scene)))
 
@@ -347,12 +347,12 @@ def read_gltf(path: Path) -> FileSurface:
 def _files(path: Path) -> ModelFiles:
     """Return a file and the buffers that its surface is read from. Raises as `read_gltf`."""
     scene = DefaultScene.of(GltfDocument.read(path))
-    files = [(file, digest_of_file(file)) for file in (path, *_buffer_files(scene))]
+    files = [(file, digest_of_file(file)) for file in (path, *files_of_buffers(scene))]
     reader = ["glTF reader 2"] if scene.was_misread else []  # an earlier one read this file otherwise
     return ModelFiles(joint_digest([*reader, *(digest for _, digest in files)]), tuple(files))
 
 
-def _buffer_files(scene: DefaultScene) -> tuple[Path, ...]:
+def files_of_buffers(scene: DefaultScene) -> tuple[Path, ...]:
     """Return the files of a scene's buffers. Raises MissingInputError where one is not there."""
     document = scene.document
     files = {index: document.buffer_file(index) for index in sorted(scene.buffers)}
@@ -385,7 +385,7 @@ def _notes(scene: DefaultScene) -> Iterator[str]:
 def _answer(path: str) -> bytes:
     """Return the surface of a file, packed."""
     scene = DefaultScene.of(GltfDocument.read(Path(path)))
-    files = (Path(path), *_buffer_files(scene))
+    files = (Path(path), *files_of_buffers(scene))
     allow_memory(MEMORY + 40 * sum(require_input(file, MOST_BYTES) for file in files))
     points, faces = SceneArrays(scene).surface()
     return packed_surface(file_surface(points, faces, base=None))

@@ -24,6 +24,7 @@ from render.movie.codecs import timecode
 from render.post.colour import quantise
 from render.raster import Edges, Shape, StageSetup, preview, wide_picture, with_lines
 from render.scene.materials import Material
+from render.scene.painted_faces import PaintedFaces
 from render.scene.patterns import SPEED
 from render.scene.render_camera import Camera, WideCamera
 from render.scene.scene import stage_fades
@@ -78,7 +79,9 @@ class Sketch:
         fades = stage_fades(camera, picture.lights)
         setup = StageSetup(picture.lights, picture.stage, framing.placement, view, fades)
         first, *others = (
-            shape_of(arrays, part.picture(number).look, self.quick)._replace(closed=self.closed)
+            shape_of(arrays, part.picture(number).look, self.quick, _paint(part, number, arrays))._replace(
+                closed=self.closed
+            )
             for arrays, part in zip(surfaces, parts, strict=True)
         )
         edges = Edges() if self.edges else None
@@ -118,12 +121,22 @@ class Sketch:
         return {**facts, "quality": "preview", "key": key}
 
 
-def shape_of(arrays: Mapping[str, AnyArray], look: Material, quick: bool = False) -> Shape:
+def _paint(part: RenderRequest, number: int, arrays: Mapping[str, AnyArray]) -> PaintedFaces | None:
+    """Return what a subject's model has on its faces, where its look shows it."""
+    if not part.picture(number).look.shows_paint or "faces" not in arrays:
+        return None
+    return part.shot.motion.painted(arrays["material"].astype(np.float64), arrays["faces"])
+
+
+def shape_of(
+    arrays: Mapping[str, AnyArray], look: Material, quick: bool = False, paint: PaintedFaces | None = None
+) -> Shape:
     """Return the shape of a frame's arrays; of a cloud, a ball for each point, which is coarse if `quick`."""
     attributes = {SPEED: arrays[SPEED]} if SPEED in arrays else {}
     vertices, no_faces = arrays["vertices"], np.empty((0, 3), np.int32)
     normals, faces = arrays.get("normals", vertices), arrays.get("faces", no_faces)
-    colours = vertex_colours(Surface(vertices, normals, faces, attributes, arrays["material"]), look)
+    surface = Surface(vertices, normals, faces, attributes, arrays["material"], paint=paint)
+    colours = vertex_colours(surface, look)
     if "radii" not in arrays:
         return Shape(vertices, normals, faces, look, colours)
     step = -(-len(vertices) // MOST_BALLS)

@@ -29,6 +29,7 @@ from render.frame.render_frame import ShutterInterval, render_frame
 from render.mitsuba.engine import Engine, choose
 from render.post.image import write_exr
 from render.scene.aovs import COPY, RenderedFrame
+from render.scene.painted_faces import PaintedFaces
 from render.scene.patterns import SPEED
 from render.scene.scene import SUBJECT, Geometry, MotionSample, Scene, SceneSubject
 from render.scene.surface import Spheres, Surface, outlines
@@ -210,6 +211,14 @@ class _ShownSubject:
 
         return {**attributes, SPEED: speeds(request.shot.motion, self._shading)}
 
+    @cached_property
+    def _paint(self) -> PaintedFaces | None:
+        """What the subject's model has on its faces, where the look shows it."""
+        request, arrays = self.request, self._arrays
+        if not request.picture(self.number).look.shows_paint:
+            return None
+        return request.shot.motion.painted(arrays["material"].astype(np.float64), arrays["faces"])
+
     def _subject(self, shown: Shown) -> Geometry:
         """Return the surface, or the spheres, with these vertices and normals."""
         arrays, (points, normals) = self._arrays, shown
@@ -217,7 +226,8 @@ class _ShownSubject:
         if normals is None:
             return Spheres(vertices, arrays["radii"], self._attributes, material)
         edges, faces = arrays.get("edges"), arrays["faces"]
-        return Surface(vertices, normals.astype(np.float32), faces, self._attributes, material, edges)
+        more = self._attributes, material, edges, self._paint
+        return Surface(vertices, normals.astype(np.float32), faces, *more)
 
 
 def render(context: Context) -> bool:

@@ -41,6 +41,8 @@ from render.scene.textures import Texture, texture_of
 
 _PROJECTIONS_WITH = {
     "axis": ("planar", "cylindrical", "spherical"),
+    "centre": ("planar", "box", "cylindrical", "spherical"),
+    "turn": ("planar", "box", "cylindrical", "spherical"),
     "scale": ("planar", "box", "cylindrical"),
     "repeats": ("cylindrical", "spherical"),
 }
@@ -198,7 +200,8 @@ NumberOrPicture = Annotated[
 
 class ProjectionDocument(Document):
     kind: Annotated[str, one_of(PROJECTIONS, "projection")] = Field(
-        "box", description="planar, box, cylindrical or spherical"
+        "box",
+        description="planar, box, cylindrical, spherical, or model: the texture coordinates of its file",
     )
     axis: Axis | None = optional(
         "a planar projection's direction, or the axis that others go around: x, y, z or a vector"

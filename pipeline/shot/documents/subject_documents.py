@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field
 
 from pipeline.mesh.control_net import LEAST
-from pipeline.mesh.read import model_files
+from pipeline.mesh.read import model_files, read_paint
 from pipeline.shot.documents.field_types import (
     DEGREE,
     MAPPING_IS_SECOND,
@@ -42,7 +42,7 @@ from pipeline.shot.point_subjects import (
 )
 from pipeline.shot.subjects import MOST_COPIES, SOLIDS, Copies, Model, Solid
 from pipeline.shot.yaml.document_validation import bad_value
-from render.base.input_files import digest_of_file
+from render.base.input_files import digest_of_file, joint_digest
 
 CLOSED = {"none": (False, False), "rows": (True, False), "columns": (False, True), "both": (True, True)}
 """Ends of a net that are joined: the last row to the first, the last column to the first."""
@@ -117,21 +117,27 @@ class ModelDocument(Document):
     repair: Literal["on", "off"] = Field(
         "on", description="mends faults such as third faces on an edge; off refuses them"
     )
+    paint: Literal["on", "off"] = Field(
+        "off", description="keeps texture coordinates, vertex colours and materials for the look to show"
+    )
 
     def build(self, folder: Path) -> Model:
-        files = model_files(folder / self.model)
+        path, paint = folder / self.model, self.paint == "on"
+        files = model_files(path)
+        painted = tuple(read_paint(path, lambda reader: reader.files).items()) if paint else ()
         x, y, z = (DEGREE * angle for angle in self.rotate)
         return Model(
-            digest=files.digest,
+            digest=joint_digest([files.digest, *dict(painted).values()]) if painted else files.digest,
             scale=float(self.scale),
-            path=folder / self.model,
-            files=files.files,
+            path=path,
+            files=(*files.files, *painted),
             up=self.up or files.up or "y",
             rotate=(x, y, z),
             fit=None if self.fit is None else float(self.fit),
             repair=self.repair == "on",
             prim=self.prim,
             time_code=None if self.time_code is None else float(self.time_code),
+            paint=paint,
         )
 
 

@@ -13,7 +13,7 @@ from render.base.render_errors import BadInputError
 from render.base.serialise import Colour, Triple
 from render.scene.patterns import Measure, Pigment
 from render.scene.surface import Wireframe
-from render.scene.texture_projection import TextureProjection
+from render.scene.texture_projection import MODEL, TextureProjection
 from render.scene.textures import Texture
 
 M = TypeVar("M", bound="Material")
@@ -86,6 +86,11 @@ class Material:
         return None
 
     @property
+    def shows_paint(self) -> bool:
+        """True if the material shows what a model's file has on its faces."""
+        return self.texture_projection is not None and self.texture_projection.kind == MODEL
+
+    @property
     def scratch_axes(self) -> NDArray[np.float64] | None:
         """Unit axes (2, 3) along scratches and across them, or None for a material without scratches."""
         return None
@@ -149,7 +154,8 @@ class PatternedMaterial(Material):
     @property
     def texture_projection(self) -> TextureProjection | None:
         """Projection of the textures of colour, roughness and relief, or None if there are none."""
-        textures = (getattr(self, name, None) for name in ("colour_texture", "roughness_texture", "relief"))
+        names = ("colour_texture", "roughness_texture", "metallic_texture", "relief")
+        textures = (getattr(self, name, None) for name in names)
         return self.projection if any(textures) else None
 
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import ClassVar
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from render.base.render_errors import BadInputError
-from render.base.serialise import Triple
+from render.base.serialise import OMIT_DEFAULT, Triple
 from render.scene.materials.material import Absorption, Material, PatternedMaterial, Relief, Subsurface
 from render.scene.materials.mitsuba_bsdf import Bsdf
 from render.scene.patterns import Measure, Pigment
-from render.scene.texture_projection import TextureProjection
+from render.scene.texture_projection import MODEL, TextureProjection
 from render.scene.textures import Texture
 
 _DIM, _DARK = (0.12, 0.12, 0.123), (0.035, 0.037, 0.042)
@@ -84,11 +84,14 @@ class Satin(Glossy):
     sheen     brightening where the surface turns away, 0 … 1
     metallic  how much the highlight takes the colour, 0 … 1
     coat      strength of the clear coat, 0 … 1
+
+    metallic_texture  a texture that replaces `metallic`, or None
     """
 
     sheen: float = field(default=0.0, kw_only=True)
     metallic: float = field(default=0.0, kw_only=True)
     coat: float = field(default=0.4, kw_only=True)
+    metallic_texture: Texture | None = field(default=None, kw_only=True, metadata=OMIT_DEFAULT)
     model: str = field(default="satin", init=False)
 
     def __post_init__(self) -> None:
@@ -177,6 +180,27 @@ class Smoke(Material):
 
 
 @dataclass(frozen=True)
+class Painted(Material):
+    """The materials of a model's file, each on its own faces.
+
+    parts  by their numbers; without any, the material is matt and has one colour
+    """
+
+    parts: tuple[PatternedMaterial, ...] = field(default=(), kw_only=True)
+    model: str = field(default="painted", init=False)
+
+    @property
+    def texture_projection(self) -> TextureProjection | None:
+        return TextureProjection(MODEL) if self.parts else None
+
+    def with_values(self, **values: Any) -> Painted:
+        """Return the look with a wireframe. Raises BadInputError for other values."""
+        for name in values.keys() - {"wireframe"}:
+            raise BadInputError(f"look model has the {name} of the model's file; leave {name} out")
+        return replace(self, **values)
+
+
+@dataclass(frozen=True)
 class Gouraud(PatternedMaterial):
     """A surface drawn as in 1990, by vertex colours, without light transport (`scene.vertex_colours`)."""
 
@@ -257,5 +281,6 @@ LOOKS: dict[str, Material] = {
     "smoke": Smoke((0.95, 0.95, 0.96), density=1.6),
     "speed": Satin((0.5, 0.5, 0.5), roughness=0.6, coat=0.0, measure=Measure("speed")),
     "strain": Satin((0.5, 0.5, 0.5), roughness=0.6, coat=0.0, measure=Measure("stretch")),
+    "model": Painted((0.6, 0.6, 0.6), roughness=0.5),
     "symbolics_1990": Gouraud((0.95, 0.30, 0.03), roughness=0.3),
 }

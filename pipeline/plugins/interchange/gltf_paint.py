@@ -1,0 +1,264 @@
+"""Texture coordinates, vertex colours and materials of glTF 2.0 files: metalness and roughness (Khronos).
+
+Arrays are read in a process of its own, as those of the surface are. Pictures within a file are written to
+the user's cache, by their contents, from where they are read as others.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Floats
+from pipeline.errors import MeshError
+from pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument, JsonObject
+from pipeline.plugins.interchange.gltf_files import SceneArrays, Triangles, files_of_buffers, placed
+from pipeline.plugins.interchange.gltf_scene import DefaultScene, PlacedPrimitive
+from pipeline.plugins.interchange.model_paint import ModelPaint
+from pipeline.plugins.interchange.painted_materials import GREY, Materials, painted, picture
+from render.base.atomic_write import atomic_write
+from render.base.input_files import digest_of_file, require_input
+from render.base.limited_process import MEMORY, allow_memory, answer_of, serve
+from render.base.user_cache import writable_cache
+from render.scene.materials import PatternedMaterial
+from render.scene.painted_faces import Files, PaintReader
+from render.scene.textures import Texture
+
+_TRANSFORM = "KHR_texture_transform"
+
+
+class PaintedScene(DefaultScene):
+    """The default scene of a document, with what its parts have on their faces."""
+
+    @classmethod
+    def read(cls, path: Path) -> PaintedScene:
+        """Read a file. Raises MeshError for glTF 1.0, else as `GltfDocument.read` and `DefaultScene.of`."""
+        document = GltfDocument.read(path)
+        if "rewritten" in document.root.entry("asset"):
+            raise MeshError(
+                "it is glTF 1.0, whose paint is not read. Export it as glTF 2.0, or write paint: off."
+            )
+        scene = cls.of(document)
+        assert isinstance(scene, PaintedScene)
+        return scene
+
+    def _accessors_of(self, part: PlacedPrimitive, draco: JsonObject | None) -> Iterator[object]:
+        yield from super()._accessors_of(part, draco)
+        packed = draco.entry("attributes") if draco is not None else JsonObject({}, "")
+        attributes = part.primitive.entry("attributes").values
+        for name in (self.coordinates_of(part)[0], "COLOR_0"):
+            if name in attributes and name not in packed:
+                yield attributes[name]
+
+    def material_of(self, part: PlacedPrimitive) -> tuple[int, JsonObject]:
+        """Return the material of a part and its number, which is that after the last for the default one."""
+        number = part.primitive.values.get("material")
+        if number is None:
+            return len(self.document.root.items("materials")), JsonObject({}, "the default material")
+        return number, self.document.item("materials", number, part.place)
+
+    def coordinates_of(self, part: PlacedPrimitive) -> tuple[str, JsonObject]:
+        """Return the name of the texture coordinates of a part, and how they are transformed.
+
+        Raises MeshError where the textures of its material have different ones.
+        """
+        _, material = self.material_of(part)
+        found = [_coordinates_of(texture) for texture in _textures_of(material)]
+        if any((name, by.values) != (found[0][0], found[0][1].values) for name, by in found):
+            raise MeshError(
+                f"the textures of {material.place} have different texture coordinates, and one set is read. "
+                "Export it with one, or write paint: off."
+            )
+        return found[0] if found else ("TEXCOORD_0", JsonObject({}, material.place))
+
+
+def _coordinates_of(texture: JsonObject) -> tuple[str, JsonObject]:
+    """Return the name of the coordinates of a texture, and the extension that transforms them."""
+    transform = texture.extension(_TRANSFORM) or JsonObject({}, texture.place)
+    index = transform.whole("texCoord", texture.whole("texCoord", 0))
+    return f"TEXCOORD_{index}", transform
+
+
+def _textures_of(material: JsonObject) -> Iterator[JsonObject]:
+    """Yield the textures of a material that are shown, the colour's first."""
+    surface = material.entry("pbrMetallicRoughness")
+    for name in ("baseColorTexture", "metallicRoughnessTexture"):
+        if name in surface:
+            yield surface.entry(name)
+
+
+class PaintArrays(SceneArrays):
+    """Reads what the parts of a scene have on their faces."""
+
+    def paint(self) -> dict[str, AnyArray]:
+        """Return the arguments of `ModelPaint.of`. Raises ValueError."""
+        scene = self.scene
+        assert isinstance(scene, PaintedScene)
+        points, corners, coordinates, materials, colours, first = [], [], [], [], [], 0
+        for part in scene.parts:
+            own = self._own(part)
+            shown = placed(own, self._matrices(part))
+            faces = shown.faces % max(len(own.points), 1)
+            number, material = scene.material_of(part)
+            name, transform = scene.coordinates_of(part)
+            points.append(shown.points)
+            corners.append((shown.faces + first).reshape(-1))
+            coordinates.append(
+                _transformed(self._values(part, name, own, 2), transform)[faces].reshape(-1, 2)
+            )
+            materials.append(np.full(len(faces), number))
+            factor = _factor(material)[:3]
+            values = self._values(part, "COLOR_0", own, 3, 1.0)[:, :3] * factor
+            colours.append(np.clip(values, 0.0, 1.0)[faces].reshape(-1, 3))
+            first += len(shown.points)
+        found = {
+            "points": np.concatenate([np.empty((0, 3)), *points]),
+            "corners": np.concatenate([np.empty(0, np.int64), *corners]),
+            "coordinates": np.concatenate([np.empty((0, 2)), *coordinates]),
+            "materials": np.concatenate([np.empty(0, np.int64), *materials]),
+        }
+        if any("COLOR_0" in part.primitive.entry("attributes") for part in scene.parts):
+            found["colours"] = np.concatenate([np.empty((0, 3)), *colours])
+        return {**found, "sides": np.full(len(found["materials"]), 3)}
+
+    def _values(
+        self, part: PlacedPrimitive, name: str, own: Triangles, size: int, otherwise: float = 0.0
+    ) -> Floats:
+        """Return an attribute (V, k) of the points of a part; `otherwise` where it has none."""
+        attributes = part.primitive.entry("attributes").values
+        if name not in attributes:
+            return np.full((len(own.points), size), otherwise)
+        accessor = self.document.item("accessors", attributes[name], part.place)
+        if self.scene.draco_of(part) is not None:
+            raise ValueError(f"{part.place} has its {name} as Draco data, of which no paint is read")
+        values = self._numbers(attributes[name], part.place, accessor.text("type", "VEC2"))
+        if len(values) != len(own.points) or values.shape[1] < size:
+            raise ValueError(
+                f"{name} of {part.place} has {len(values)} values for {len(own.points)} vertices"
+            )
+        return values
+
+
+def _transformed(coordinates: Floats, transform: JsonObject) -> Floats:
+    """Return texture coordinates (V, 2) upwards, as KHR_texture_transform moves them; glTF's go down."""
+    if transform.values:
+        scale, offset = transform.numbers("scale") or [1.0, 1.0], transform.numbers("offset") or [0.0, 0.0]
+        angle = float(transform.values.get("rotation", 0.0))
+        c, s = math.cos(angle), math.sin(angle)
+        coordinates = coordinates[:, :2] * scale @ np.array([[c, -s], [s, c]]) + offset
+    return coordinates[:, :2] * (1.0, -1.0) + (0.0, 1.0)
+
+
+def _factor(material: JsonObject) -> list[float]:
+    """Return the base colour of a material, red, green, blue and alpha, linear."""
+    return [min(max(part, 0.0), 1.0) for part in _numbers_of(material, "baseColorFactor", [1.0] * 4)]
+
+
+def _numbers_of(material: JsonObject, name: str, otherwise: list[float]) -> list[float]:
+    surface = material.entry("pbrMetallicRoughness")
+    return surface.numbers(name, len(otherwise)) if name in surface else otherwise
+
+
+def _files(path: Path) -> Files:
+    return {file: digest_of_file(file) for file in files_of_buffers(PaintedScene.read(path))}
+
+
+def _materials(path: Path) -> Materials:
+    """Return the materials of a file by number, with the default one last, and the files of their pictures.
+
+    Raises MissingInputError where one is not there, MeshError for a picture that is not read.
+    """
+    scene, files = PaintedScene.read(path), dict[Path, str]()
+    count = len(scene.document.root.items("materials")) + 1
+    found: list[PatternedMaterial] = [painted(GREY, None)] * count
+    for part in scene.parts:
+        number, material = scene.material_of(part)
+        has_colours = "COLOR_0" in part.primitive.entry("attributes")
+        found[number] = _material(scene.document, material, files, has_colours)
+    is_default_used = any("material" not in part.primitive for part in scene.parts)
+    return tuple(found if is_default_used else found[:-1]), files
+
+
+def _material(
+    document: GltfDocument, material: JsonObject, files: dict[Path, str], has_colours: bool
+) -> PatternedMaterial:
+    """Return a material. Raises MeshError where vertex colours and a texture are to be multiplied."""
+    surface, texture_of = material.entry("pbrMetallicRoughness"), partial(_texture, document, files=files)
+    red, green, blue, _ = _factor(material)
+    metallic, roughness = (
+        min(max(float(surface.values.get(f"{name}Factor", 1.0)), 0.0), 1.0)
+        for name in ("metallic", "roughness")
+    )
+    colour = texture_of(surface.entry("baseColorTexture")) if "baseColorTexture" in surface else None
+    if colour is not None:
+        colour = replace(colour, factor=(red, green, blue))
+    more: dict[str, Texture | None] = {}
+    if "metallicRoughnessTexture" in surface:
+        both = texture_of(surface.entry("metallicRoughnessTexture"), space="data")
+        more["roughness_texture"] = replace(both, factor=(1.0, roughness, 1.0), channel=1)
+        more["metallic_texture"] = replace(both, factor=(1.0, 1.0, metallic), channel=2)
+    if colour is not None and has_colours:
+        raise MeshError(
+            f"{material.place} has a texture to be multiplied by the colours of its vertices, COLOR_0, "
+            "which is not read. Export it without vertex colours, or write paint: off."
+        )
+    return painted((red, green, blue), colour, roughness, metallic, has_colours, **more)
+
+
+def _texture(
+    document: GltfDocument, texture: JsonObject, files: dict[Path, str], space: str = "srgb"
+) -> Texture:
+    """Return a texture, and note its file where it has one of its own."""
+    entry = document.item("textures", texture.values.get("index"), texture.place)
+    image = document.item("images", entry.values.get("source"), entry.place)
+    address = image.values.get("uri")
+    if isinstance(address, str) and not address.startswith("data:"):
+        return picture(document.path, unquote(address), files, space)
+    content = document.embedded_content(image) if address else _content_of_view(document, image, files)
+    suffix = ".jpg" if content[:2] == b"\xff\xd8" else ".png"
+    cached = writable_cache() / "textures" / f"{hashlib.sha256(content).hexdigest()}{suffix}"
+    if not cached.is_file():
+        with atomic_write(cached, flush=False) as draft:
+            draft.write_bytes(content)
+    return picture(document.path, str(cached), {}, space)
+
+
+def _content_of_view(document: GltfDocument, image: JsonObject, files: dict[Path, str]) -> bytes:
+    view = document.item("bufferViews", image.values.get("bufferView"), image.place)
+    number = view.whole("buffer")
+    file = document.buffer_file(number)
+    if file is not None:
+        files[file] = digest_of_file(file)
+    start = view.whole("byteOffset", 0)
+    return document.buffer(number)[start : start + view.whole("byteLength")]
+
+
+def _read(path: Path) -> ModelPaint:
+    PaintedScene.read(path)  # raises in this process what users can mend
+    with np.load(io.BytesIO(answer_of("pipeline.plugins.interchange.gltf_paint", path))) as arrays:
+        return ModelPaint.of(**arrays)
+
+
+GLTF_PAINT = PaintReader(_files, _materials, _read)
+
+
+def _answer(path: str) -> bytes:
+    """Return the arrays of a file's paint."""
+    scene = PaintedScene.read(Path(path))
+    files = (Path(path), *files_of_buffers(scene))
+    allow_memory(MEMORY + 40 * sum(require_input(file, MOST_BYTES) for file in files))
+    packed = io.BytesIO()
+    np.savez(packed, allow_pickle=False, **PaintArrays(scene).paint())
+    return packed.getvalue()
+
+
+if __name__ == "__main__":
+    serve(_answer)

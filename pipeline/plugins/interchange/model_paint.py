@@ -1,0 +1,180 @@
+"""The paint of a model: what its file has on its faces, found again on a surface that has been resampled.
+
+The resampler keeps the rest position of every vertex. So texture coordinates need not be carried along: a
+corner takes those of the nearest point of the model at rest. The model is cut into charts, in each of which a
+position has one pair of texture coordinates, one colour and one material. A face belongs to the chart that is
+nearest to its middle, and its corners look for their nearest points in that chart alone, so nothing is
+smeared across a seam. Seams are the edges between charts, and the resampler keeps them.
+
+A chart that meets itself, as a map of the whole globe does at the date line, is cut in two: half way between
+the texture coordinates that one position has there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
+from pipeline.flow.regions import TriangleTree
+from pipeline.mesh.face_soup import components, first_alike
+from pipeline.mesh.meshes import edge_keys, triangulate
+from pipeline.plugins.interchange.paint_kernels import ANY, find_nearest
+from render.scene.painted_faces import PaintedFaces
+
+_STEPS = 1e-5
+"""Texture coordinates and colours that differ by less are the same."""
+
+_MOST_CUTS = 32
+
+_BLOCK = 4096  # points that a thread looks up together
+
+
+@dataclass(frozen=True, eq=False)
+class ModelPaint:
+    """The painted triangles of a model.
+
+    points       float64 (V, 3) of the file
+    corners      int64 (T, 3): the points at the corners of the triangles
+    coordinates  float64 (T, 3, 2): texture coordinates, 0 to 1 to the right and upwards
+    materials    int64 (T,): numbers of materials
+    colours      linear Rec.709 reflectances, float32 (T, 3, 3), or None
+    charts       int64 (T,)
+    place        float64 (V, 3): the points where the shot has them at rest
+    """
+
+    points: Points
+    corners: AnyArray
+    coordinates: Floats
+    materials: AnyArray
+    colours: AnyArray | None
+    charts: AnyArray
+    place: Points
+
+    @classmethod
+    def of(
+        cls,
+        points: Points,
+        sides: AnyArray,
+        corners: AnyArray,
+        coordinates: Floats,
+        materials: AnyArray,
+        colours: AnyArray | None = None,
+    ) -> ModelPaint:
+        """Cut polygons into triangles and charts.
+
+        points       (V, 3)
+        sides        (F,): numbers of corners of the polygons, 3 at least
+        corners      (C,): the points at the corners, polygon by polygon
+        coordinates  (C, 2)
+        materials    (F,)
+        colours      (C, 3) linear Rec.709, or None
+        """
+        offsets = np.concatenate([[0], np.cumsum(sides)]).astype(np.int32)
+        apart = np.arange(len(corners), dtype=np.int32)
+        triangles, _ = triangulate(np.ascontiguousarray(points[corners]), offsets, apart)
+        materials = np.repeat(materials, sides - 2).astype(np.int64)
+        rows = coordinates if colours is None else np.column_stack([coordinates, colours])
+        _, alike = np.unique(np.round(rows / _STEPS), axis=0, return_inverse=True)
+        joined = first_alike(points, np.ones(len(points), bool))[corners]
+        charts = _charts(joined[triangles], alike.reshape(-1)[triangles], coordinates[triangles], materials)
+        of_corners = None if colours is None else colours[triangles].astype(np.float32)
+        return cls(points, corners[triangles], coordinates[triangles], materials, of_corners, charts, points)
+
+    def placed(self, place: Points) -> ModelPaint:
+        """Return the paint with its points (V, 3) where a shot has them at rest."""
+        return replace(self, place=place)
+
+    def seams(self, vertices: Points, edges: Indices) -> Indices:
+        """Return those of the edges (E, 2) of a surface, whose vertices are points of the file, between charts."""
+        both = np.concatenate([self.points, vertices])
+        joined = first_alike(both, np.ones(len(both), bool))
+        keys, chart = _sides(joined[self.corners], self.charts)
+        order = np.lexsort([chart, keys])
+        differs = (np.diff(keys[order]) == 0) & (np.diff(chart[order]) != 0)
+        at_seam = keys[order][1:][differs]
+        return edges[np.isin(edge_keys(joined[len(self.points) :][edges]), at_seam)]
+
+    def on_faces(self, rest: Points, faces: Faces) -> PaintedFaces:
+        """Return the paint of faces (F, 3) of vertices with rest positions (V, 3)."""
+        middles = np.ascontiguousarray(rest[faces].mean(axis=1), np.float64)
+        triangle, _ = self._nearest(middles, np.full(len(faces), ANY))
+        chart = self.charts[triangle]
+        codes, corner = np.unique(
+            faces.astype(np.int64) * (self.charts.max() + 1) + chart[:, None], return_inverse=True
+        )
+        vertex, wanted = np.divmod(codes, self.charts.max() + 1)
+        found, shares = self._nearest(np.ascontiguousarray(rest[vertex], np.float64), wanted)
+        weights = np.column_stack([1.0 - shares.sum(axis=1), shares])
+        corner = corner.reshape(-1, 3)
+        coordinates = np.einsum("nc,ncx->nx", weights, self.coordinates[found])[corner]
+        colours = None
+        if self.colours is not None:
+            colours = np.einsum("nc,ncx->nx", weights, self.colours[found])[corner].astype(np.float32)
+        return PaintedFaces(coordinates, chart, self.materials[triangle], colours)
+
+    @cached_property
+    def _tree(self) -> TriangleTree:
+        return TriangleTree.of(self.place[self.corners])
+
+    def _nearest(self, points: Points, charts: AnyArray) -> tuple[AnyArray, Floats]:
+        """Return the nearest triangles (N,) of charts, and shares (N, 2) of their last two corners."""
+        tree, found, shares = self._tree, np.empty(len(points), np.int64), np.zeros((len(points), 2))
+        address, own = tree.memory.ctypes.data, self.charts[tree.order]
+        for first in range(0, len(points), _BLOCK):
+            part = slice(first, first + _BLOCK)
+            find_nearest(points[part], charts[part], address, tree.triangles, own, found[part], shares[part])
+        return tree.order[found], shares
+
+
+def _sides(corners: AnyArray, values: AnyArray) -> tuple[AnyArray, AnyArray]:
+    """Return the edge keys (3T,) of the sides of triangles, and the values (T,) of their triangles."""
+    ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
+    return edge_keys(ends), np.repeat(values, 3)
+
+
+def _charts(corners: AnyArray, alike: AnyArray, coordinates: Floats, materials: AnyArray) -> AnyArray:
+    """Return the charts (T,) of triangles, numbered from 0.
+
+    corners  (T, 3): positions of corners, by number
+    alike    (T, 3): what is painted there, by number
+    """
+    ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
+    paint = np.stack([alike, np.roll(alike, -1, axis=1)], axis=2).reshape(-1, 2)
+    turned = ends[:, 0] > ends[:, 1]
+    paint[turned] = paint[turned, ::-1]
+    rows = np.column_stack([edge_keys(ends), paint, np.repeat(materials, 3)])
+    order = np.lexsort(rows.T[::-1])
+    same = (np.diff(rows[order], axis=0) == 0).all(axis=1)
+    owner = order // 3
+    charts = components(len(corners), owner[:-1][same], owner[1:][same])
+    return _without_touching(charts, corners, alike, coordinates)
+
+
+def _without_touching(charts: AnyArray, corners: AnyArray, alike: AnyArray, coordinates: Floats) -> AnyArray:
+    """Cut charts in which a position is painted in several ways, until none is left."""
+    middles = coordinates.mean(axis=1)
+    for _ in range(_MOST_CUTS):
+        _, charts = np.unique(charts, return_inverse=True)
+        charts = charts.reshape(-1)
+        rows = np.column_stack([np.repeat(charts, 3), corners.reshape(-1), alike.reshape(-1)])
+        rows, first = np.unique(rows, axis=0, return_index=True)
+        again = (np.diff(rows[:, :2], axis=0) == 0).all(axis=1)
+        double = np.append(False, again) | np.append(again, False)
+        if not double.any():
+            return charts
+        chart, at = rows[double, 0], coordinates.reshape(-1, 2)[first[double]]
+        low, high = np.full((charts.max() + 1, 2), np.inf), np.full((charts.max() + 1, 2), -np.inf)
+        np.minimum.at(low, chart, at)
+        np.maximum.at(high, chart, at)
+        touches = np.isfinite(low[:, 0])
+        axis = np.argmax(np.where(touches[:, None], high - low, 0.0), axis=1)
+        cut = 0.5 * (low + high)[np.arange(len(low)), axis]
+        beyond = touches[charts] & (middles[np.arange(len(charts)), axis[charts]] > cut[charts])
+        charts = 2 * charts + beyond
+    loose = np.zeros(charts.max() + 1, bool)
+    loose[chart] = True
+    alone = loose[charts // 2]
+    return np.where(alone, charts.max() + 1 + np.arange(len(charts)), charts)

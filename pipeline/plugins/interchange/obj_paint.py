@@ -1,0 +1,214 @@
+"""Texture coordinates, vertex colours and materials of Wavefront OBJ files.
+
+Materials are those of the MTL files that the OBJ names, by its specification (Wavefront, Advanced Visualizer)
+with the roughness and metalness that Blender, Substance and others add (``Pr``, ``Pm``). Colours are sRGB.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.errors import MeshError, brief
+from pipeline.file_contents import text_content
+from pipeline.mesh.mesh_formats import MOST_BYTES
+from pipeline.mesh.obj_files import statements
+from pipeline.plugins.interchange.model_paint import ModelPaint
+from pipeline.plugins.interchange.painted_materials import GREY, Materials, file_beside, painted, picture
+from render.base.input_files import digest_of_file, read_input
+from render.scene.materials import PatternedMaterial
+from render.scene.painted_faces import Files, PaintReader
+from render.scene.rgb_spaces import linear_of_srgb
+
+_NAMES = re.compile(rb"^[ \t]*(usemtl|mtllib)[ \t]+([^\r\n]*)", re.MULTILINE)
+
+_OPTIONS = {
+    b"-blendu": 1,
+    b"-blendv": 1,
+    b"-bm": 1,
+    b"-boost": 1,
+    b"-cc": 1,
+    b"-clamp": 1,
+    b"-imfchan": 1,
+    b"-texres": 1,
+}
+"""Options of a texture that change nothing of its place, and how many words follow each."""
+
+_PLACES = {b"-o": "0", b"-s": "1", b"-t": "0"}
+"""Options of up to three numbers that move a texture, and the numbers that move nothing."""
+
+
+def _read_paint(path: Path) -> ModelPaint:
+    """Read the paint of an OBJ file. Raises ValueError, with its line, for unreadable input."""
+    reader = _Paint()
+    for line, words in statements(text_content(read_input(path, MOST_BYTES)), 1):
+        try:
+            reader.add(words)
+        except (ValueError, IndexError) as error:
+            raise ValueError(f"line {line}: {error}") from None
+    return reader.paint()
+
+
+class _Paint:
+    """What the statements of a file paint, up to a line."""
+
+    def __init__(self) -> None:
+        self._points: list[list[float]] = []
+        self._colours: list[list[float]] = []
+        self._coordinates: list[list[float]] = [[0.0, 0.0]]  # that of corners without one
+        self._corners: list[int] = []
+        self._placed: list[int] = []
+        self._sides: list[int] = []
+        self._materials: list[int] = []
+        self._numbers: dict[bytes, int] = {}
+        self._material = b""
+
+    def add(self, words: list[bytes]) -> None:
+        """Add what a statement says. Raises ValueError."""
+        match words[0]:
+            case b"v":
+                self._points.append([float(word) for word in words[1:4]])
+                self._colours.append([float(word) for word in words[4:7]] if len(words) >= 7 else [])
+            case b"vt":
+                numbers = [float(word) for word in words[1:3]]
+                self._coordinates.append([*numbers, 0.0][:2])
+            case b"f" | b"fo" if len(words) > 3:
+                self._sides.append(len(words) - 1)
+                self._materials.append(self._numbers.setdefault(self._material, len(self._numbers)))
+                for word in words[1:]:
+                    vertex, _, rest = word.partition(b"/")
+                    placed = rest.partition(b"/")[0]
+                    self._corners.append(_index(vertex, len(self._points)))
+                    self._placed.append(_index(placed, len(self._coordinates) - 1) + 1 if placed else 0)
+            case b"usemtl":
+                self._material = b" ".join(words[1:])
+
+    def paint(self) -> ModelPaint:
+        """Return the paint. Raises ValueError where a face names what is not there."""
+        corners, placed = np.array(self._corners, np.int64), np.array(self._placed, np.int64)
+        points, coordinates = np.array(self._points).reshape(-1, 3), np.array(self._coordinates)
+        for name, used, there in ("v", corners, len(points)), ("vt", placed, len(coordinates)):
+            if used.size and not 0 <= used.min() <= used.max() < there:
+                raise ValueError(f"a face names a {name} that the file does not have")
+        colours = None
+        if self._colours and all(self._colours):
+            colours = linear_of_srgb(np.clip(np.array(self._colours), 0.0, 1.0))[corners]
+        sides, materials = np.array(self._sides, np.int64), np.array(self._materials, np.int64)
+        return ModelPaint.of(points, sides, corners, coordinates[placed], materials, colours)
+
+
+def _index(word: bytes, count: int) -> int:
+    """Return the number, from 0, of what a corner names; negative numbers count back from the last."""
+    number = int(word)
+    return number - 1 if number > 0 else count + number
+
+
+def _materials(path: Path) -> Materials:
+    """Return the materials of a file in the order of its paint, and the files that they are read from.
+
+    Raises MissingInputError where one is not there.
+    """
+    content = text_content(read_input(path, MOST_BYTES))
+    used: dict[bytes, None] = {}
+    libraries: dict[bytes, None] = {}
+    current, at = b"", 0
+    faces = re.compile(rb"^[ \t]*fo?[ \t]", re.MULTILINE)
+    for match in [*_NAMES.finditer(content), None]:
+        if faces.search(content, at, match.start() if match else len(content)):
+            used[current] = None
+        if match is None:
+            break
+        at, name = match.end(), match[2].partition(b"#")[0].strip()
+        if match[1] == b"usemtl":
+            current = b" ".join(name.split())
+        else:
+            libraries[name] = None
+    known: dict[bytes, dict[bytes, list[bytes]]] = {}
+    files: dict[Path, str] = {}
+    for name in libraries:
+        library = file_beside(path, name.decode("utf-8", "replace"), "materials")
+        files[library] = digest_of_file(library)
+        for material, entries in _entries(library):
+            known.setdefault(material, entries)
+    has_colours = bool(re.search(rb"^[ \t]*v(?:[ \t]+[^\s]+){6}", content, re.MULTILINE))
+    return tuple(_material(path, known.get(name, {}), files, has_colours) for name in used), files
+
+
+def _entries(library: Path) -> Iterator[tuple[bytes, dict[bytes, list[bytes]]]]:
+    """Yield the materials of an MTL file: names, and the words of each statement by its first."""
+    entries: dict[bytes, list[bytes]] = {}
+    for _, words in statements(text_content(read_input(library, MOST_BYTES)), 1):
+        if words[0] == b"newmtl":
+            entries = {}
+            yield b" ".join(words[1:]), entries
+        else:
+            entries[words[0]] = words[1:]
+
+
+def _material(
+    path: Path, entries: dict[bytes, list[bytes]], files: dict[Path, str], has_colours: bool
+) -> PatternedMaterial:
+    """Return the material of the statements of an MTL file; note the picture that it names."""
+    colour = _colour(entries, b"Kd") or GREY
+    texture = None
+    if words := entries.get(b"map_Kd"):
+        texture = picture(path, _picture_name(words), files)
+    specular, shine = _colour(entries, b"Ks"), _number(entries, b"Ns", 0.0)
+    metallic, roughness = _number(entries, b"Pm", 0.0), _number(entries, b"Pr", -1.0)
+    if roughness < 0.0:
+        is_matt = not metallic and (not specular or not any(specular) or not shine)
+        roughness = 1.0 if is_matt else (2.0 / (max(shine, 0.0) + 2.0)) ** 0.25
+        if is_matt:
+            return painted(colour, texture, has_colours=has_colours)
+    return painted(colour, texture, min(roughness, 1.0), min(max(metallic, 0.0), 1.0), has_colours)
+
+
+def _picture_name(words: list[bytes]) -> str:
+    """Return the file that a statement names behind its options. Raises MeshError for what moves it."""
+    at = 0
+    while at < len(words) - 1 and words[at].startswith(b"-"):
+        option = words[at]
+        if option in _PLACES:
+            end = at + 1
+            while end < min(at + 4, len(words) - 1) and re.fullmatch(rb"[-+.\deE]+", words[end]):
+                end += 1
+            if any(float(word) != float(_PLACES[option]) for word in words[at + 1 : end]):
+                raise MeshError(
+                    f"a texture of its materials has the option {brief(option.decode())}, which is not read. "
+                    "Export the model with the texture coordinates that show."
+                )
+            at = end
+        else:
+            at += 1 + (2 if option == b"-mm" else _OPTIONS.get(option, 1))
+    return b" ".join(words[at:]).decode("utf-8", "replace")
+
+
+def _colour(entries: dict[bytes, list[bytes]], name: bytes) -> tuple[float, float, float] | None:
+    words = entries.get(name, [])
+    try:
+        numbers = [min(max(float(word), 0.0), 1.0) for word in words[:3]]
+    except ValueError:  # spectral, or of another program
+        return None
+    if len(numbers) not in (1, 3) or not all(map(math.isfinite, numbers)):
+        return None
+    red, green, blue = linear_of_srgb(np.array(numbers * 3)[:3]).tolist()
+    return red, green, blue
+
+
+def _number(entries: dict[bytes, list[bytes]], name: bytes, otherwise: float) -> float:
+    try:
+        number = float(entries[name][0])
+    except (KeyError, IndexError, ValueError):
+        return otherwise
+    return number if math.isfinite(number) else otherwise
+
+
+def _no_files(path: Path) -> Files:
+    return {}
+
+
+OBJ_PAINT = PaintReader(_no_files, _materials, _read_paint)

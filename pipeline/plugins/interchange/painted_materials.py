@@ -1,0 +1,63 @@
+"""Materials of model files as materials of pictures, and the pictures that they name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import MissingInputError
+from render.base.input_files import digest_of_file
+from render.base.serialise import Colour
+from render.scene.materials import Diffuse, PatternedMaterial, Satin
+from render.scene.painted_faces import VERTEX_COLOURS, Files
+from render.scene.texture_projection import MODEL, TextureProjection
+from render.scene.textures import Texture, texture_of
+
+Materials = tuple[tuple[PatternedMaterial, ...], Files]
+
+GREY = (0.604, 0.604, 0.604)
+"""The colour of what a file leaves white: linear Rec.709 of sRGB 0.8, as Blender's."""
+
+
+def painted(
+    colour: Colour,
+    texture: Texture | None,
+    roughness: float | None = None,
+    metallic: float = 0.0,
+    has_colours: bool = False,
+    **textures: Any,
+) -> PatternedMaterial:
+    """Return a material with the texture coordinates of its model.
+
+    roughness    0 to 1, as in glTF; None for a matt material
+    has_colours  True where the model has vertex colours, which replace the colour
+    textures     of roughness and metalness, by the names of `Satin`
+    """
+    placed = TextureProjection(MODEL)
+    source: dict[str, Any] = {"colour_texture": texture, "projection": placed}
+    if texture is None and has_colours:
+        source["colour_from"] = VERTEX_COLOURS
+    if roughness is None:
+        return Diffuse(colour, **source)
+    return Satin(colour, roughness=roughness, metallic=metallic, coat=0.0, **source, **textures)
+
+
+def file_beside(model: Path, name: str, kind: str) -> Path:
+    """Return the file that a model names, or the one of its name beside the model: paths of other machines
+    end there. Raises MissingInputError where there is neither."""
+    written = name.replace("\\", "/")
+    paths = [model.parent / written, model.parent / Path(written).name]
+    for path in paths:
+        if path.is_file():
+            return path
+    raise MissingInputError(
+        f"{model}: it names its {kind} {name}, which is not there; it is looked for as {paths[-1]}. Copy it "
+        "there, or write paint: off"
+    )
+
+
+def picture(model: Path, name: str, files: dict[Path, str], space: str | None = None) -> Texture:
+    """Return the picture that a model names, and note it. Raises MissingInputError, and as `read_picture`."""
+    path = file_beside(model, name, "texture")
+    files[path] = digest_of_file(path)
+    return texture_of(str(path), files[path], space)

@@ -1,0 +1,98 @@
+"""Paint: what a model's file has on its faces, as texture coordinates, vertex colours and materials."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from render.scene.materials import PatternedMaterial
+
+VERTEX_COLOURS = "vertex_colours"
+"""Name of the vertex attribute (V, 3) with the vertex colours of a model."""
+
+
+def material_weight(number: int) -> str:
+    """Return the name of the vertex attribute (V, 1) that is 1 on one of a model's materials, 0 elsewhere."""
+    return f"material_{number}"
+
+
+@dataclass(frozen=True, eq=False)
+class PaintedFaces:
+    """The paint of F faces.
+
+    coordinates  float64 (F, 3, 2) of their corners: 0 to 1 to the right and upwards in a texture, which
+                 repeats beyond
+    charts       int64 (F,): corners of one vertex in faces of the same chart are painted alike
+    materials    int64 (F,): numbers of the materials of the model
+    colours      linear Rec.709 reflectances (F, 3, 3) of their corners, or None where the model has none
+    """
+
+    coordinates: NDArray[np.float64]
+    charts: NDArray[np.int64]
+    materials: NDArray[np.int64]
+    colours: NDArray[np.float32] | None = None
+
+    def of_faces(self, which: NDArray[np.bool_]) -> PaintedFaces:
+        """Return the paint of the faces where `which` (F,) is True."""
+        colours = None if self.colours is None else self.colours[which]
+        return PaintedFaces(self.coordinates[which], self.charts[which], self.materials[which], colours)
+
+    def attributes(self, corners: NDArray[np.integer]) -> dict[str, NDArray[np.float32]]:
+        """Return the attributes of vertices that are these corners (V,), from 0 to 3F."""
+        materials = self.materials[corners // 3]
+        numbers = range(1, int(self.materials.max(initial=0)) + 1)
+        weights = {material_weight(n): (materials == n).astype(np.float32)[:, None] for n in numbers}
+        if self.colours is None:
+            return weights
+        return {**weights, VERTEX_COLOURS: self.colours.reshape(-1, 3)[corners]}
+
+    @property
+    def groups(self) -> NDArray[np.int64]:
+        """(F, 3): the charts of the corners."""
+        return np.repeat(self.charts[:, None], 3, axis=1)
+
+
+class Paint(Protocol):
+    """The paint of a model."""
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """The points (V, 3) at the corners of its faces, as the file has them."""
+
+    def placed(self, place: NDArray[np.float64]) -> Paint:
+        """Return the paint with its points (V, 3) elsewhere."""
+
+    def seams(self, vertices: NDArray[np.float64], edges: NDArray[np.int32]) -> NDArray[np.int32]:
+        """Return those of the edges (E, 2) of a surface where the paint changes.
+
+        vertices  (V, 3) of the surface, at points of the file
+        """
+
+    def on_faces(self, rest: NDArray[np.float64], faces: NDArray[np.int32]) -> PaintedFaces:
+        """Return the paint of faces (F, 3) of vertices whose rest positions are (V, 3)."""
+
+
+Files = Mapping[Path, str]
+"""SHA-256 of files, by their paths."""
+
+
+@dataclass(frozen=True)
+class PaintReader:
+    """The reader of the paint of models of a format.
+
+    files      returns the files that paint is read from besides those of the surface
+    materials  returns the materials of a model, by number, and all files that they are read from
+    paint      returns the paint
+
+    Each raises MissingInputError where a file is not there, and any error where it cannot read.
+    """
+
+    files: Callable[[Path], Files]
+    materials: Callable[[Path], tuple[tuple[PatternedMaterial, ...], Files]]
+    paint: Callable[[Path], Paint]
