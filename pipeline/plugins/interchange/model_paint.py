@@ -88,7 +88,7 @@ class ModelPaint:
         return replace(self, place=place)
 
     def seams(self, vertices: Points, edges: Indices) -> Indices:
-        """Return those of the edges (E, 2) of a surface, whose vertices are points of the file, between charts."""
+        """Return those edges (of E, 2) between charts of a surface whose vertices are points of the file."""
         both = np.concatenate([self.points, vertices])
         joined = first_alike(both, np.ones(len(both), bool))
         keys, chart = _sides(joined[self.corners], self.charts)

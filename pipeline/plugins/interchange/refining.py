@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import ClassVar, NamedTuple
 
@@ -34,7 +34,7 @@ from pipeline.errors import FrameError, UsageError, VertexBudgetError
 from pipeline.flow.flow_map import FlowMap
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.analytic_surfaces import AnalyticSurface
-from pipeline.mesh.halfedge_mesh import HalfedgeMesh
+from pipeline.mesh.halfedge_mesh import CREASE, SEAM, HalfedgeMesh
 from pipeline.mesh.normals import NORMAL, vertex_normals
 from pipeline.plugins.interchange.birth_replay import mix_births, replay_births
 from pipeline.production.request.manifest import thresholds_at
@@ -193,10 +193,11 @@ class Refined:
         if kept is not None:
             numbers = np.cumsum(np.concatenate([np.ones(len(self.start.vertices), bool), kept])) - 1
             births, rest = numbers[births[kept]].astype(np.int32), rest[kept]
-        mesh = HalfedgeMesh(TriangleMesh(self.start.vertices, self.start.faces, {}, self.start.creases))
+        mesh = HalfedgeMesh(replace(self.start, attributes={}))
         opposite = replayed(mesh, births)
         points = np.concatenate([self.start.vertices, rest])
-        return TriangleMesh(points, mesh.faces, {}, mesh.creases), opposite
+        tagged = (mesh.tagged_edges(tag) for tag in (CREASE, SEAM))
+        return TriangleMesh(points, mesh.faces, {}, *tagged), opposite
 
 
 def replayed(mesh: HalfedgeMesh, births: Indices) -> Indices:
@@ -404,7 +405,7 @@ class Refiner:
         else:
             mesh = creased(mesh, resampling, angles)
         named = {REST: mesh.vertices, REST_NORMAL: vertex_normals(mesh)}
-        return TriangleMesh(mesh.vertices, mesh.faces, named, mesh.creases)
+        return replace(mesh, attributes=named)
 
     def _rest(self, born: Sequence[Floats]) -> Points:
         """Return the positions (V, 3) at rest of the vertices born so far."""
@@ -432,7 +433,7 @@ class Refiner:
 
 def _shown(surface: HalfedgeMesh, resampling: Resampling) -> TriangleMesh:
     """Return the present surface as functions of edge length take it, with smooth normals as frames have."""
-    mesh = TriangleMesh(surface.vertices, surface.faces, {}, surface.creases)
+    mesh = TriangleMesh(surface.vertices, surface.faces, {}, surface.tagged_edges(CREASE))
     if resampling.placement != "exact" or resampling.normals != "carried":
         return mesh
     normals = vertex_normals(mesh)

@@ -154,10 +154,11 @@ class Unification:
         frame = mesh.frame(first)
         normals = frame.normals[: len(mesh.rest)]
         surface = rendered_surface(frame.points, normals, mesh.faces, mesh.rest, frame.velocities)
+        paint = self.request.shot.motion.painted(mesh.rest, mesh.faces) if look.shows_paint else None
         return replace(
             mesh,
-            colours=vertex_colours(surface, look),
-            texture=texture_coordinates(look, mesh.rest, mesh.faces),
+            colours=vertex_colours(replace(surface, paint=paint), look),
+            texture=texture_coordinates(look, mesh.rest, mesh.faces, paint),
         )
 
     def _reduced(self, refined: Refined, began: Began) -> tuple[AnyArray, Reduction | None]:
