@@ -267,9 +267,12 @@ def read_rate(source: YamlSource) -> tuple[FrameRate | None, list[Problem]]:
 def with_speed(clock: Clock, source: YamlSource) -> tuple[Clock, list[Problem]]:
     """Return the clock with the speed of the file, and the problem with it between half frames.
 
-    The keys of flows go by the speed, so it is read before the rest of the file. The document reports a speed
-    that is no valid number; the clock is returned without it.
+    The keys of flows go by the speed, so it is read before the rest of the file. The document and its checks
+    report a speed that is not valid; the clock is returned without it.
     """
+    alone = replace(source, data={"speed": source.get("speed")})
+    if any(motion_checks.check_keys(alone, clock)):
+        return clock, []
     try:
         context = {"clock": clock, "parse_context": ParseContext(source.path.parent)}
         parsed = _SPEED.validate_python(source.get("speed"), context=context)

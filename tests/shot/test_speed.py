@@ -178,6 +178,12 @@ def test_at_twice_the_speed_the_flow_has_keys_beyond_the_last_frame() -> None:
             shot(speed, **{"25: 90": f"{last}: 90"})
 
 
+@pytest.mark.parametrize("handle", ["5", "{solid: box}", "[-2, [b]]", "[]"])
+def test_a_handle_of_the_speed_that_cannot_be_is_told_at_its_place(handle: str) -> None:
+    with pytest.raises(ShotError, match=r"a\.yaml:5:\d+: left .*a handle is \[time, value\]"):
+        shot(f"{{keys: {{1: 1, 9: {{value: 2, left: {handle}}}}}}}")
+
+
 def test_a_speed_that_cannot_be_is_told_once() -> None:
     with pytest.raises(ShotError) as error:
         shot("{keys: {1: 1, 9: fast}}")
