@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+import pipeline.shot
 from pipeline.production.execution.project import Project
 from pipeline.production.request import shot_source
 from pipeline.production.request.manifest import ShotManifest, input_digests
@@ -244,6 +245,18 @@ def test_entries_of_no_root_that_nobody_asks_for_go_when_a_process_writes_one(
     PlanningCache(tmp_path).put({}, "new")
     assert not old.exists()
     assert PlanningCache(tmp_path).get(dict, "new") == {}
+
+
+def test_a_shot_is_read_once_for_its_copies_and_its_subjects(tmp_path: Path, monkeypatch) -> None:
+    read: list[str] = []
+    reader = pipeline.shot.read_shot
+    monkeypatch.setattr(pipeline.shot, "read_shot", lambda *given: read.append(given[1]) or reader(*given))
+    text = "title: A\nframes: 1-3\nsubjects: {a: {solid: box}, b: {solid: box}}\nresample: off\n"
+    source = ShotSource(text, tmp_path / "A010.yaml").with_inputs()
+    parts = [source.of_subject(name) for name in source.manifest.subjects]
+    assert [part.shot.frames for part in parts] == 2 * [source.shot.frames] and read == [text]
+    late = replace(source, text=text.replace("1-3", "1-4"), inputs=None)
+    assert late.shot.frames.last == 4 and late.manifest.frames == (1, 2, 3, 4) and len(read) == 2
 
 
 def test_work_that_was_planned_for_another_file_is_told_as_before(shot: Path) -> None:

@@ -15,8 +15,8 @@ from pathlib import Path
 from pipeline.errors import MachineError, MissingInputError, UsageError, suggestion
 from pipeline.frames import FrameRange
 from pipeline.production.planning.plan import Job, Plan, versions_here
-from pipeline.production.store.remote_store import store_url, upload_missed
-from pipeline.production.store.store import Store
+from pipeline.production.store.remote_store import store_url
+from pipeline.production.store.store import Store, upload_missed
 from render.base.plural import plural
 
 BY_FRAMES = ("render", "finish")  # the stages whose frames several workers may share out

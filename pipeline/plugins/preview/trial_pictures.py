@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
+from functools import cached_property
 from itertools import pairwise
 from threading import Lock
 from typing import Any
@@ -32,7 +33,7 @@ from pipeline.plugins.preview.shot_editor import ShotEditor
 from pipeline.plugins.preview.text_edits import ValueEdit
 from pipeline.production.request.framing import AHEAD, Framing, frame_all, with_stage_in_view
 from pipeline.production.request.manifest import thresholds_at
-from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.render_request import RenderRequest, TurntableAngle
 from pipeline.production.request.shading import STEP, Shading
 from pipeline.production.request.shot_source import NO_CACHE
 from pipeline.resample import Thresholds
@@ -384,18 +385,30 @@ def change_of(places: Sequence[Where], subject: str) -> Change:
     return max(found)
 
 
-def _with_text(request: RenderRequest, text: str) -> RenderRequest:
-    """Return a request of the same frames for another text of its shot.
+@dataclass(frozen=True)
+class _TrialRequest(RenderRequest):
+    """A request of the frames of another one, for another text of its shot.
 
-    What the request would plan is set here, for planning all frames of a long shot takes too long for a drag.
+    Its manifest is not needed: planning all frames of a long shot takes too long for a drag.
     """
-    trial = replace(request, source=replace(request.source, text=text, inputs=None, cache=NO_CACHE))
-    subjects = trial.shot.subjects
-    parts = [replace(trial, source=trial.source.of_subject(part.subject)) for part in subjects]
-    for each in (trial, *parts):
-        vars(each)["angles"] = request.angles
-    vars(trial)["parts"] = tuple(parts) or (trial,)
-    return trial
+
+    before: RenderRequest | None = None
+
+    @cached_property
+    def parts(self) -> tuple[RenderRequest, ...]:
+        names = [part.subject for part in self.shot.subjects]
+        return tuple(replace(self, source=self.source.of_subject(name)) for name in names) or (self,)
+
+    @cached_property
+    def angles(self) -> dict[int, TurntableAngle]:
+        return self.before.angles if self.before is not None else super().angles
+
+
+def _with_text(request: RenderRequest, text: str) -> RenderRequest:
+    """Return a request of the same frames for another text of its shot."""
+    source = replace(request.source, text=text, inputs=None, cache=NO_CACHE)
+    own = {each.name: getattr(request, each.name) for each in fields(RenderRequest)}
+    return _TrialRequest(**{**own, "source": source}, before=request)
 
 
 def _corrected(

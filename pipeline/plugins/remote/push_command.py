@@ -8,8 +8,8 @@ from pipeline.cli.options import Common
 from pipeline.cli.output import exit_with, print_result
 from pipeline.errors import MachineError, UsageError
 from pipeline.production.store.locks import writing
-from pipeline.production.store.remote_store import VARIABLE, Name, Uploaded, missed_uploads, upload_all
-from pipeline.production.store.store import Store
+from pipeline.production.store.remote_store import VARIABLE
+from pipeline.production.store.store import Name, Store, Uploaded, missed_uploads, upload_all
 from render.base.plural import plural
 
 

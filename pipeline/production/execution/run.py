@@ -26,8 +26,7 @@ from pipeline.production.store.event_log import Event, EventLog, EventReader, po
 from pipeline.production.store.history import summarise
 from pipeline.production.store.locks import is_at_work, making, start_of, writing
 from pipeline.production.store.paths import EVENTS
-from pipeline.production.store.remote_store import upload_missed
-from pipeline.production.store.store import Store, remove_checkpoints, sweep
+from pipeline.production.store.store import Store, remove_checkpoints, sweep, upload_missed
 from render.base.atomic_write import disk_errors
 from render.base.work_clock import cpu_seconds
 

@@ -32,8 +32,7 @@ from pipeline.production.request.lookup import FILM, find_edit, find_shot, today
 from pipeline.production.stages import PLUGIN_STAGES, STAGES, forced_with
 from pipeline.production.store.history import summarise
 from pipeline.production.store.locks import making, writing
-from pipeline.production.store.remote_store import upload_missed
-from pipeline.production.store.store import Store
+from pipeline.production.store.store import Store, upload_missed
 from render.base.atomic_write import atomic_write
 from render.base.python_process import command, command_line, distrust_working_folder
 from render.scene.render_quality import DEFAULT_QUALITY

@@ -176,6 +176,7 @@ class ShotSource:
     inputs      digests of the other files that it reads; None before the work is planned
     subject     the one of several subjects that it has alone; empty for all
     cache       holds its manifest; no part of what it is read from
+    origin      the source that it is a copy or a part of, which reads the shot for both; no part of it either
     """
 
     text: str
@@ -186,6 +187,7 @@ class ShotSource:
     inputs: InputDigests | None = None
     subject: str = ""
     cache: PlanningCache = field(default=NO_CACHE, compare=False, repr=False, metadata=NOT_PLAIN)
+    origin: ShotSource | None = field(default=None, compare=False, repr=False, metadata=NOT_PLAIN)
 
     @property
     def name(self) -> str:
@@ -195,34 +197,36 @@ class ShotSource:
     @cached_property
     def shot(self) -> Shot:
         """The shot. Raises UsageError where a file that it reads was changed since the work was planned."""
-        from pipeline.shot import read_shot
-
-        spare_modules()
         try:
-            shot = read_shot(self.path, self.text, self.settings, dict(self.beside), self.allow_code)
+            whole = self._whole
         except FlowsculptError:
             if (changed := next(changed_inputs(self.inputs or ()), None)) is not None:
                 raise _changed_since(changed) from None
             raise
-        if self.inputs is not None and (other := set(self.inputs) ^ set(input_digests(shot.files))):
+        if self.inputs is not None and (other := set(self.inputs) ^ set(input_digests(whole.files))):
             raise _changed_since(min(other)[0])
-        return shot.of_subject(self.subject) if self.subject else shot
+        return whole.of_subject(self.subject) if self.subject else whole
+
+    @cached_property
+    def _whole(self) -> Shot:
+        """The shot with all its subjects, which the origin reads if its text and settings are the same."""
+        if self.origin is not None and self.origin._file == self._file:
+            return self.origin._whole
+        from pipeline.shot import read_shot
+
+        spare_modules()
+        return read_shot(self.path, self.text, self.settings, dict(self.beside), self.allow_code)
 
     def of_subject(self, name: str) -> ShotSource:
         """Return the source of the shot with one of its subjects alone.
 
-        Raises what `Shot.of_subject` raises, here or once the shot is read.
+        What `Shot.of_subject` raises is raised once the shot is read.
         """
-        source = replace(self, subject=name)
-        if "shot" in vars(self):  # spares reading it again
-            vars(source)["shot"] = self.shot.of_subject(name)
-        return source
+        return replace(self, subject=name, origin=self)
 
     def with_inputs(self) -> ShotSource:
         """Return the source with the digests of the files that its shot reads."""
-        source = replace(self, inputs=self.manifest.inputs)
-        vars(source).update({name: vars(self)[name] for name in ("manifest", "shot") if name in vars(self)})
-        return source
+        return replace(self, inputs=self.manifest.inputs, origin=self)
 
     @cached_property
     def manifest(self) -> ShotManifest:
@@ -230,6 +234,9 @@ class ShotSource:
 
         Raises what `shot` raises.
         """
+        origin = self.origin
+        if origin and origin.read_from == self.read_from and self.inputs in (None, origin.manifest.inputs):
+            return origin.manifest
         known = self.cache.get(ShotManifest, "manifest", *self.read_from)
         if known is not None and self.inputs in (None, known.inputs) and known.is_current:
             return known
@@ -270,8 +277,11 @@ class ShotSource:
     @property
     def read_from(self) -> tuple[Any, ...]:
         """All but the other files, which only reading the shot tells."""
-        read_from = self.text, str(self.path), self.settings, self.beside, self.allow_code
-        return (*read_from, self.subject) if self.subject else read_from
+        return (*self._file, self.subject) if self.subject else self._file
+
+    @property
+    def _file(self) -> tuple[Any, ...]:
+        return self.text, str(self.path), self.settings, self.beside, self.allow_code
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,6 @@
 """The remote store as the core sees it: files of many roots under their keys, on another machine.
 
 The plug-in that adds it knows addresses and file systems. Without an address nothing of it is loaded.
-
-A file is marked in `.flowsculpt/uploads/` before it is sent, and the mark goes once the remote store has it.
-So the next run knows what is still to be sent without comparing two stores, also after a process was killed.
 """
 
 from __future__ import annotations
@@ -11,21 +8,15 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import Protocol
 
 from pipeline.errors import UsageError
 from pipeline.plugin import named, plugins
-from pipeline.production.store.digests import DIGITS, digest_of
-from pipeline.production.store.paths import STATE
-from render.base.atomic_write import atomic_write, disk_errors
+from pipeline.production.store.digests import DIGITS
+from render.base.atomic_write import atomic_write
 from render.base.user_cache import kernel_homes
-
-if TYPE_CHECKING:
-    from pipeline.production.store.store import Key, Store
-
 
 VARIABLE = "FLOWSCULPT_STORE"
 """The environment variable that holds the address. Processes and farms pass it on to their jobs."""
@@ -110,80 +101,6 @@ def remote_stores() -> RemoteStores:
         raise UsageError(f"no plug-in knows remote stores; leave out --store, and {VARIABLE} empty")
     stores: RemoteStores = named(place)
     return stores
-
-
-UPLOADS = STATE / "uploads"
-
-Name = tuple[str, "Key"]
-"""The kind and the key of a stored file."""
-
-
-class Uploaded(NamedTuple):
-    """The outcome of uploads.
-
-    sent    files that the remote store has now
-    unsent  files that it did not accept
-    """
-
-    sent: int
-    unsent: int
-
-
-def upload(store: Store, name: Name, digest: str, replace: bool = False) -> bool:
-    """Send a stored file to the remote store; return whether that has it now. Without one, do nothing.
-
-    replace  remove other files of the key there
-
-    Raises MachineError where the disk refuses the mark.
-    """
-    if store.remote is None:
-        return False
-    mark = _mark(store.root, name)
-    with disk_errors(mark):
-        mark.parent.mkdir(parents=True, exist_ok=True)
-        mark.touch()
-    sent = store.remote.send(*name, store.path(*name), digest, replace)
-    if sent:
-        mark.unlink(missing_ok=True)
-    return sent
-
-
-def missed_uploads(root: Path) -> list[Name]:
-    """Return the files that are marked, and so were not sent to their end."""
-    folder = root / UPLOADS
-    if not folder.is_dir():
-        return []
-    names = (path.name.partition(".") for path in sorted(folder.iterdir()))
-    return [(kind, key) for kind, _, key in names]
-
-
-def upload_missed(store: Store) -> Uploaded:
-    """Send the files that are marked. One that is gone or damaged meanwhile loses its mark."""
-    return upload_all(store, missed_uploads(store.root)) if store.remote else Uploaded(0, 0)
-
-
-def upload_all(store: Store, names: Iterable[Name]) -> Uploaded:
-    """Send stored files. One that is gone or damaged meanwhile loses its mark."""
-
-    def upload_one(name: Name) -> bool | None:
-        """Return None for a file that is gone, damaged, or of unknown digest."""
-        path = store.path(*name)
-        try:
-            digest = digest_of(path)
-        except OSError:
-            digest = ""
-        if digest not in store.digests.known(path):
-            _mark(store.root, name).unlink(missing_ok=True)
-            return None
-        return upload(store, name, digest)
-
-    with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
-        outcomes = list(pool.map(upload_one, names))
-    return Uploaded(outcomes.count(True), outcomes.count(False))
-
-
-def _mark(root: Path, name: Name) -> Path:
-    return root / UPLOADS / ".".join(name)
 
 
 def has_kernels(key: str) -> bool:

@@ -10,7 +10,9 @@ in the store's `tmp/`, flushed, made read-only and renamed into place. Its diges
 compared whenever the file is read: `digests.py`.
 
 Where a remote store is named, which several roots share, files that it has count as held, and are fetched
-when they are needed (`bring`); what is put here is uploaded: `remote_store.py`.
+when they are needed (`bring`); what is put here is uploaded: `remote_store.py`. A file is marked in
+`.flowsculpt/uploads/` before it is sent, and the mark goes once the remote store has it. So the next run
+knows what is still to be sent without comparing two stores, also after a process was killed.
 
 Unfinished files are drafts in `tmp/`, of the root and of the store, and checkpoints, which hold the sums of
 samples of unfinished pictures. A checkpoint is named after the place and the key of its picture, so one of
@@ -34,10 +36,10 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from pipeline.errors import FrameError, MachineError
-from pipeline.production.store.digests import CorruptFileError, Digests
+from pipeline.production.store.digests import CorruptFileError, Digests, digest_of
 from pipeline.production.store.locks import is_at_work
 from pipeline.production.store.paths import CHECKPOINTS, STATE, STORE, SUFFIXES
 from pipeline.production.store.remote_store import (
@@ -46,7 +48,6 @@ from pipeline.production.store.remote_store import (
     RemoteStore,
     remote_stores,
     store_url,
-    upload,
 )
 from render.base.atomic_write import atomic_write, disk_errors
 from render.base.plural import plural
@@ -60,6 +61,12 @@ T = TypeVar("T")
 
 Key = str
 """The SHA-256 of canonical JSON (sorted names, shortest round-trip numbers), cut to 128 bits."""
+
+Name = tuple[str, Key]
+"""The kind and the key of a stored file."""
+
+UPLOADS = STATE / "uploads"
+"""The folder of marks of files that are sent to the remote store."""
 
 _CANONICAL = json.JSONEncoder(sort_keys=True, separators=(",", ":"), allow_nan=False)
 
@@ -422,3 +429,71 @@ def _left_behind(draft: Path, now: float) -> bool:
     if host == platform.node() and number.isdecimal():
         return int(number) == os.getpid() or not is_at_work(int(number))
     return not number or now - draft.stat().st_mtime > OLD_DRAFT
+
+
+class Uploaded(NamedTuple):
+    """The outcome of uploads.
+
+    sent    files that the remote store has now
+    unsent  files that it did not accept
+    """
+
+    sent: int
+    unsent: int
+
+
+def upload(store: Store, name: Name, digest: str, replace: bool = False) -> bool:
+    """Send a stored file to the remote store; return whether that has it now. Without one, do nothing.
+
+    replace  remove other files of the key there
+
+    Raises MachineError where the disk refuses the mark.
+    """
+    if store.remote is None:
+        return False
+    mark = _mark(store.root, name)
+    with disk_errors(mark):
+        mark.parent.mkdir(parents=True, exist_ok=True)
+        mark.touch()
+    sent = store.remote.send(*name, store.path(*name), digest, replace)
+    if sent:
+        mark.unlink(missing_ok=True)
+    return sent
+
+
+def missed_uploads(root: Path) -> list[Name]:
+    """Return the files that are marked, and so were not sent to their end."""
+    folder = root / UPLOADS
+    if not folder.is_dir():
+        return []
+    names = (path.name.partition(".") for path in sorted(folder.iterdir()))
+    return [(kind, key) for kind, _, key in names]
+
+
+def upload_missed(store: Store) -> Uploaded:
+    """Send the files that are marked. One that is gone or damaged meanwhile loses its mark."""
+    return upload_all(store, missed_uploads(store.root)) if store.remote else Uploaded(0, 0)
+
+
+def upload_all(store: Store, names: Iterable[Name]) -> Uploaded:
+    """Send stored files. One that is gone or damaged meanwhile loses its mark."""
+
+    def upload_one(name: Name) -> bool | None:
+        """Return None for a file that is gone, damaged, or of unknown digest."""
+        path = store.path(*name)
+        try:
+            digest = digest_of(path)
+        except OSError:
+            digest = ""
+        if digest not in store.digests.known(path):
+            _mark(store.root, name).unlink(missing_ok=True)
+            return None
+        return upload(store, name, digest)
+
+    with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
+        outcomes = list(pool.map(upload_one, names))
+    return Uploaded(outcomes.count(True), outcomes.count(False))
+
+
+def _mark(root: Path, name: Name) -> Path:
+    return root / UPLOADS / ".".join(name)

@@ -11,12 +11,8 @@ from pipeline.errors import FrameError, MachineError, UsageError
 from pipeline.plugins.remote import remote_files, remote_requests
 from pipeline.plugins.remote.push_command import lacking_names, upload_lacking
 from pipeline.plugins.remote.remote_files import RemoteFiles
-from pipeline.production.store.remote_store import (
-    VARIABLE,
-    missed_uploads,
-    upload_missed,
-)
-from pipeline.production.store.store import Store
+from pipeline.production.store.remote_store import VARIABLE
+from pipeline.production.store.store import Store, missed_uploads, upload_missed
 
 KEY = "ab" * 16
 OTHER = "cd" * 16

@@ -9,7 +9,8 @@ import uuid
 
 import pytest
 
-from pipeline.production.store.remote_store import VARIABLE, missed_uploads
+from pipeline.production.store.remote_store import VARIABLE
+from pipeline.production.store.store import missed_uploads
 from tests.conftest import QUALITY, commanded
 from tests.plugins.remote.s3 import BUCKET
 from tests.production.snakemake import snakemake

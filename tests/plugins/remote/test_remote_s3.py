@@ -9,8 +9,7 @@ import pytest
 
 from pipeline.plugins.remote import remote_files, remote_requests
 from pipeline.plugins.remote.remote_files import RemoteFiles
-from pipeline.production.store.remote_store import missed_uploads, upload_missed
-from pipeline.production.store.store import Store
+from pipeline.production.store.store import Store, missed_uploads, upload_missed
 from tests.plugins.remote.s3 import BUCKET, CREDENTIALS, Proxy
 
 KEYS = [f"{number:032x}" for number in range(40)]

@@ -13,7 +13,7 @@ import pytest
 
 from pipeline.production.execution.project import Project
 from pipeline.production.store.paths import STATE
-from pipeline.production.store.remote_store import missed_uploads
+from pipeline.production.store.store import missed_uploads
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.surfaces import simulate
 from tests.production.snakemake import snakemake
