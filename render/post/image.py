@@ -35,10 +35,10 @@ Header = Mapping[str, Any]
 Displayed = NDArray[np.uint8] | NDArray[np.uint16]
 
 PREFIX = "flowsculpt:"
-CHUNK = 16
-"""Rows that ZIP compresses together."""
+_ROWS = {b"\1": 1, b"\3": 16}
+"""Rows of a chunk by the compression of an EXR, RLE or ZIP, as its header has it."""
 
-BAND = 4 * CHUNK
+BAND = 64
 """Rows that OpenImageIO reads at a time."""
 
 _STARTS = (b"v/1\x01\2\0\0\0", b"v/1\x01\2\4\0\0")
@@ -57,6 +57,7 @@ def write_exr(
     attributes: ExrAttributes | None = None,
     standard: Mapping[str, str] | None = None,
     convention: str | None = None,
+    is_raw: bool = False,
 ) -> None:
     """Write a frame's AOVs to one EXR; `header` becomes `flowsculpt:` entries besides the frame's own facts.
 
@@ -64,6 +65,7 @@ def write_exr(
     attributes  attributes of the OpenEXR standard; those of its colours are written always
     standard    more entries of the header by their whole names
     convention  channel names, one of `quality.CONVENTIONS`, or None for our own
+    is_raw      for the next stage: compress by RLE, a fifth larger than by ZIP, in a third of the time
 
     Header values are JSON: strings, numbers, lists (matrices), dicts. Our own channel names are R, G, B for
     the beauty, A for `alpha`, and otherwise like albedo.R or position.X. Half floats end at 65504: a
@@ -73,7 +75,7 @@ def write_exr(
     size = layers.size
     space = WORKING_SPACES[{**layers.facts, **header}.get("working_space", REC709.name)]
     written: dict[str, Any] = {
-        "compression": OpenEXR.ZIP_COMPRESSION,
+        "compression": OpenEXR.RLE_COMPRESSION if is_raw else OpenEXR.ZIP_COMPRESSION,
         "chromaticities": space.chromaticities,
         "colorInteropID": space.interop_id,
         **(attributes or ExrAttributes()).entries(size),
@@ -324,7 +326,7 @@ def _joined(planes: Sequence[NDArray[Any]]) -> Pixels:
 
 
 def _has_all_chunks(content: Path) -> bool:
-    """Tell whether an EXR that ZIP compressed ends where its last chunk does.
+    """Tell whether an EXR that RLE or ZIP compressed ends where its last chunk does.
 
     OpenEXR prints what it finds wrong with a truncated file.
     Source: https://openexr.com/en/latest/OpenEXRFileLayout.html
@@ -341,10 +343,10 @@ def _has_all_chunks(content: Path) -> bool:
             (size,) = struct.unpack_from("<I", data, first - 4)
             attributes[data[at : kind - 1]], at = data[first : first + size], first + size
         _, top, _, bottom = struct.unpack("<4i", attributes[b"dataWindow"])
-        places = struct.unpack_from(f"<{len(range(top, bottom + 1, CHUNK))}Q", data, at + 1)
+        chunks = range(top, bottom + 1, _ROWS[attributes[b"compression"]])
+        places = struct.unpack_from(f"<{len(chunks)}Q", data, at + 1)
         ends = [place + 8 + struct.unpack_from("<i", data, place + 4)[0] for place in places]
-        is_known = data[:8] in _STARTS and attributes[b"compression"] == b"\3"
-        return is_known and [at + 1 + 8 * len(places), *ends] == [*places, len(data)]
+        return data[:8] in _STARTS and [at + 1 + 8 * len(places), *ends] == [*places, len(data)]
     return False
 
 

@@ -106,12 +106,13 @@ def test_the_same_picture_is_the_same_file_whenever_it_is_written(
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
 
 
+@pytest.mark.parametrize("is_raw", [False, True])
 @pytest.mark.parametrize("share", [0.99, 0.5, 0.01])
 def test_a_truncated_picture_is_reported_in_one_line(
-    share: float, layers: RenderedFrame, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    share: float, is_raw: bool, layers: RenderedFrame, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "a.0007.exr"
-    write_exr(path, layers, {})
+    write_exr(path, layers, {}, is_raw=is_raw)
     whole = path.read_bytes()
     path.write_bytes(whole[: int(len(whole) * share)])
     with pytest.raises(CorruptImageError, match=r"a\.0007\.exr") as raised:
@@ -129,6 +130,16 @@ def test_a_picture_with_a_changed_byte_is_reported(layers: RenderedFrame, tmp_pa
     path.write_bytes(content)
     with pytest.raises(CorruptImageError, match="cannot be read to its end"):
         read_exr(path)
+
+
+def test_a_raw_picture_holds_what_a_finished_one_does(layers: RenderedFrame, tmp_path: Path) -> None:
+    read = []
+    for is_raw in (False, True):
+        write_exr(path := tmp_path / f"{is_raw}.exr", layers, {"frame": 3}, is_raw=is_raw)
+        read.append(read_exr(path))
+    (finished, header), (raw, raw_header) = read
+    assert raw_header == header and raw.arrays.keys() == finished.arrays.keys()
+    assert all(np.array_equal(raw[name], finished[name]) for name in finished.arrays)
 
 
 def test_pictures_of_other_programs_are_read(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ import numba
 from numba.core import base, codegen, event, ir, transforms
 from numba.core.annotations.type_annotations import TypeAnnotation
 from numba.core.compiler import CompileResult
+from numba.core.compiler_machinery import PassManager, _pass_registry
 from numba.core.cpu import CPUContext
 from numba.core.dispatcher import Dispatcher
 from numba.core.postproc import PostProcessor, VariableLifetime
@@ -41,6 +42,7 @@ def take_shortcuts(inner: Collection[tuple[str, str]] = ()) -> None:
     if not numba.__version__.startswith(VERSIONS):
         return
     event.start_event = event.end_event = _send_no_event
+    PassManager._runPass = _run_pass
     TypeAnnotation.__str__ = _no_listing
     _change(ir.Inst, "_rec_list_vars", _without_plain_values)
     _change(PostProcessor, "run", _without_entry_variables)
@@ -61,7 +63,7 @@ def _change(owner: type, method: str, change: Callable[[Any], Any]) -> None:
 
 
 class _Library(codegen.JITCodeLibrary):  # type: ignore[misc]  # numba has no types
-    """Compiled code, optimised and made machine code once the address of one of its functions is asked for."""
+    """Compiled code, optimised and made machine code once the address of a function is asked for."""
 
     _has_code = False
 
@@ -163,8 +165,21 @@ def _without_plain_values(list_variables: Callable[[Any, Any], list[Any]]) -> Ca
     return quick
 
 
+def _run_pass(manager: Any, _: int, step: Any, state: Any) -> None:
+    """Run a pass, which numba also times, describes for messages and searches for faults."""
+    step.analysis = manager._analysis
+    has_changed = step.run_initialization(state)
+    has_changed |= step.run_pass(state)
+    has_changed |= step.run_finalizer(state)
+    if _pass_registry.get(step.__class__).mutates_CFG:
+        if has_changed:
+            PostProcessor(state.func_ir).run()
+        else:
+            state.func_ir.blocks = transforms.canonicalize_cfg(state.func_ir.blocks)
+
+
 def _without_entry_variables(run: Callable[..., None]) -> Callable[..., None]:
-    """Return numba's last step of each pass, without the variables at the entry of blocks, which generators need."""
+    """Return numba's last step of each pass, which lists variables that generators alone need."""
 
     def quick(step: Any, emit_dels: bool = False, extend_lifetimes: bool = False) -> None:
         function = step.func_ir

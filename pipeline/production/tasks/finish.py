@@ -75,7 +75,7 @@ def plugin_stage(context: Context) -> bool:
             header |= {"stages": {**header.get("stages", {}), stage.name: stage.recipe}}
             header |= {"entries": {**header.get("entries", {}), stage.name: request.stages[stage.name]}}
             attributes = raw_attributes(request, framings[number])
-            write_exr(path, made, header, dict(request.aovs.precision), attributes=attributes)
+            write_exr(path, made, header, dict(request.aovs.precision), attributes=attributes, is_raw=True)
 
         return context.make("raw", keys[number].staged[stage.name], request.place(stage.name, number), write)
 

@@ -294,7 +294,7 @@ class _Renderer:
             context.write("resumed", number, passes=checkpoint.resumed)
         header = raw_header(request, number, self.framings[number], self.keys[number])
         attributes = raw_attributes(request, self.framings[number])
-        write_exr(path, layers, header, dict(request.aovs.precision), attributes=attributes)
+        write_exr(path, layers, header, dict(request.aovs.precision), attributes=attributes, is_raw=True)
         _write_statistics(context, number, self.keys[number].raw, layers, clock.lap(), checkpoint.resumed)
 
     def _passed(self, number: int, done: int, most: int) -> None:
