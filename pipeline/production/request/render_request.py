@@ -151,7 +151,7 @@ class RenderRequest:
         """The shot. Raises what `ShotSource.shot` raises."""
         return self.source.shot
 
-    @property
+    @cached_property
     def manifest(self) -> ShotManifest:
         """The manifest of the shot, known without reading it where the planning cache has it."""
         return self.source.manifest
@@ -357,7 +357,7 @@ class RenderRequest:
     def _time(self, number: int) -> float:
         return self.shot.motion.clock.time(self.angles[number].mesh)
 
-    @property
+    @cached_property
     def reach(self) -> int:
         """Frames to either side that the temporal denoiser reads; none without denoising."""
         return 0 if self.quality.denoise == "off" else self.quality.temporal_denoise
@@ -385,7 +385,7 @@ class RenderRequest:
         """True if the colours of its pictures, or of one of its subjects, are the speed of the flow."""
         return measures_speed(self.shot)
 
-    @property
+    @cached_property
     def _needs_offsets(self) -> bool:
         """True if temporal denoising or motion vectors need where the surface is at other frames."""
         return bool(self.reach or self.manifest.layers)
