@@ -45,7 +45,7 @@ def _between(mesh: MeshArrays, start: int, b: int) -> int:
 def replay_births(mesh: MeshArrays, sizes: AnyArray, births: Indices, opposite: Indices) -> int:
     """Split the edges of births (N, 2), parents a and b of each; return how many of them were edges.
 
-    opposite  (N, 2) receives the corners opposite of each edge, c left of a→b and d right of it; -1 at a
+    opposite  (N, 2) receives the corners opposite each edge, c left of a→b and d right of it; -1 at a
               boundary
 
     The arrays must have room. Positions and attributes of the new vertices are left to the caller. It ends at
@@ -80,7 +80,7 @@ def replay_births(mesh: MeshArrays, sizes: AnyArray, births: Indices, opposite: 
 def raise_to_dependents(births: Indices, opposite: Indices, first: int, errors: Floats) -> None:
     """Raise the errors (V,) of vertices to those of the births that need them, from the last birth on.
 
-    A birth needs its parents and the corners opposite of its edge; `first` is the vertex of the first birth.
+    A birth needs its parents and the corners opposite its edge; `first` is the vertex of the first birth.
     """
     for i in range(len(births) - 1, -1, -1):
         for pair in (births, opposite):

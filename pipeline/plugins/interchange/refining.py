@@ -64,10 +64,10 @@ UNIFY = PipelineStage(
 )
 
 MOST_SWEEPS = 20
-"""Sweeps after which a surface counts as one that cannot be refined; most take three."""
+"""Sweeps after which a surface counts as one that cannot be refined; most take two or three."""
 
 _TESTED = 8  # rounds of splits in one frame after which the longest edge is tested for a tear, and again
-_SHORTEST = 1e-12  # sizes of the surface: an edge as short at rest that is still too long shows a tear
+_SHORTEST = 1e-12  # of the largest coordinate: an edge as short at rest that is still too long shows a tear
 
 
 class _Refining(ResamplePass):
@@ -124,8 +124,8 @@ class _OnSurface(Exact):
         """Raise FrameError where the flow tears the longest edge: no part of it at rest is short enough."""
         a, b = _longest_edge(mesh)
         column = column_of(mesh, REST)
-        ends = mesh.arrays.attributes[[a, b], column : column + 3]
-        shortest = _SHORTEST * float(np.ptp(mesh.arrays.attributes[: mesh.sizes[0], column : column + 3]))
+        rest = mesh.arrays.attributes[: mesh.sizes[0], column : column + 3]
+        ends, shortest = rest[[a, b]], _SHORTEST * float(np.abs(rest).max())
         while np.linalg.norm(ends[1] - ends[0]) > shortest:
             three = np.stack([ends[0], 0.5 * (ends[0] + ends[1]), ends[1]])
             lengths = np.linalg.norm(np.diff(self._carry(three), axis=0), axis=1)
@@ -185,7 +185,7 @@ class Refined:
         return np.concatenate([self.start.attributes[REST_NORMAL], self.born[:, 3:]])
 
     def surface(self, kept: AnyArray | None = None) -> tuple[TriangleMesh, Indices]:
-        """Return the refined surface at rest, and the corners (N, 2) opposite of the births' edges.
+        """Return the refined surface at rest, and the corners (N, 2) opposite the births' edges.
 
         kept  flags (N,) of births: those that all kept ones need must be among them
         """
@@ -201,7 +201,7 @@ class Refined:
 
 
 def replayed(mesh: HalfedgeMesh, births: Indices) -> Indices:
-    """Split the edges of births (N, 2) of a mesh; return the corners (N, 2) opposite of each."""
+    """Split the edges of births (N, 2) of a mesh; return the corners (N, 2) opposite each."""
     opposite = np.empty((len(births), 2), np.int32)
     mesh.reserve(len(births), 2 * len(births))
     done = replay_births(mesh.arrays, mesh.sizes, np.ascontiguousarray(births, np.int32), opposite)

@@ -2,7 +2,7 @@
 
 Reducing leaves out births, the vertices of splits. The error of a birth is the largest distance of its vertex
 from the middle of the edge that it splits, over all frames, in maximum edge lengths of each. A birth needs
-its parents and the two corners opposite of its edge, so their errors count at least as much as its own. Then
+its parents and the two corners opposite its edge, so their errors count at least as much as its own. Then
 the births with the largest errors, replayed in order, find each edge that they split and both its faces.
 """
 

@@ -23,7 +23,7 @@ from pipeline.plugins.interchange.refining import KIND, Refined, Refiner
 from pipeline.plugins.interchange.unifying import Unification, one_mesh
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Store
-from tests.plugins.interchange.unified_shots import BALL, BOX, TWIST, of_text, request_of, up_to
+from tests.plugins.interchange.unified_shots import BALL, BOX, SHEET, TWIST, of_text, request_of, up_to
 
 SLACK = 1.0 + 1e-9
 
@@ -48,17 +48,18 @@ def require_fine(request: RenderRequest, refined: Refined) -> None:
         assert (lengths <= SLACK * np.sqrt(longest[ends[:, 0]] * longest[ends[:, 1]])).all(), number
 
 
-@settings(max_examples=12, deadline=None)
-@given(st.floats(100.0, 400.0), st.sampled_from([0.4, 0.55, 0.8]))
-def test_a_refined_box_is_the_same_surface_at_rest_with_no_long_edge_in_any_frame(
-    turn: float, longest: float
+@settings(max_examples=8, deadline=None)
+@given(st.floats(100.0, 400.0), st.sampled_from([0.4, 0.55, 0.8]), st.sampled_from([BOX, SHEET]))
+def test_a_refined_flat_surface_is_the_same_surface_at_rest_with_no_long_edge_in_any_frame(
+    turn: float, longest: float, subject: str
 ) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        request = request_of(Path(folder), BOX, TWIST % (6, turn), f"{{max_edge_length: {longest}}}")
+        request = request_of(Path(folder), subject, TWIST % (6, turn), f"{{max_edge_length: {longest}}}")
         refined = Refiner(request, Store(Path(folder))).refined()
         surface, _ = refined.surface()
         assert np.array_equal(surface.vertices[: len(refined.start.vertices)], refined.start.vertices)
-        assert require(surface).euler == require(refined.start).euler == 2
+        assert require(surface).euler == require(refined.start).euler
+        assert require(surface).boundary_edges >= require(refined.start).boundary_edges
         assert area(surface) == pytest.approx(area(refined.start), rel=1e-12)
         assert crease_length(surface) == pytest.approx(crease_length(refined.start), rel=1e-12)
         require_fine(request, refined)
@@ -147,7 +148,7 @@ def test_fewer_frames_take_the_first_vertices_of_more(tmp_path: Path) -> None:
     assert 0 < len(part.births) < len(whole.births)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.integers(0, 100), st.sampled_from([BOX, BALL]))
 def test_a_reduced_mesh_is_a_sound_surface_with_the_vertices_asked_for(share: int, subject: str) -> None:
     with tempfile.TemporaryDirectory() as folder:

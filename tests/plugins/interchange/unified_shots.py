@@ -9,6 +9,7 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 
 BOX = "{solid: box, size: [2, 2, 2]}"
+SHEET = "{solid: sheet, size: [2, 2]}"
 BALL = "{solid: icosphere, radius: 1}"
 TWIST = "twist: {axis: y, amount: {ease: linear, keys: {1: 0, %d: %g}}}"
 
