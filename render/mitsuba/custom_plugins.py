@@ -41,6 +41,9 @@ from render.scene.render_camera import Projection
 BRUSHED, SUBSURFACE = "flowsculpt_brushed", "flowsculpt_subsurface"
 """Names of BSDFs: brushed metal around a nested `metal`, subsurface scattering in a nested `body`."""
 
+PAINTED = "flowsculpt_painted"
+"""Name of the texture of a model with several materials."""
+
 WIDE = "flowsculpt_wide"
 """Name of the sensor of wide cameras."""
 
@@ -128,6 +131,47 @@ class Absorbing(mi.Texture):
 
     def to_string(self) -> str:
         return f"Absorbing[rate={self.rate}, tint={self.tint}]"
+
+
+class PaintedTexture(mi.Texture):
+    """Return the nested texture of the material of a model's face: one BSDF then shows all its materials.
+
+    A nested texture is named after the vertex attribute that is 1 on its material, and one "otherwise".
+    """
+
+    def __init__(self, properties: Any) -> None:
+        super().__init__(properties)
+        self.parts = {name: properties[name] for name in properties if name != "otherwise"}
+        self.otherwise = properties["otherwise"]
+
+    def traverse(self, callback: Any) -> None:
+        for name, part in {**self.parts, "otherwise": self.otherwise}.items():
+            callback.put(name, part, mi.ParamFlags.Differentiable)
+
+    def _selected(self, method: str, si: Any, active: Any) -> Any:
+        found = getattr(self.otherwise, method)(si, active)
+        for name, part in self.parts.items():
+            here = active & (si.shape.eval_attribute_1(f"vertex_{name}", si, active) > 0.5)
+            found = dr.select(here, getattr(part, method)(si, here), found)
+        return found
+
+    def eval(self, si: Any, active: Any = True) -> Any:
+        return self._selected("eval", si, active)
+
+    def eval_1(self, si: Any, active: Any = True) -> Any:
+        return self._selected("eval_1", si, active)
+
+    def eval_3(self, si: Any, active: Any = True) -> Any:
+        return self._selected("eval_3", si, active)
+
+    def mean(self) -> Any:
+        return self.otherwise.mean()
+
+    def is_spatially_varying(self) -> bool:
+        return True
+
+    def to_string(self) -> str:
+        return f"PaintedTexture[{', '.join(self.parts)}]"
 
 
 class Brushed(mi.BSDF):
@@ -278,6 +322,7 @@ class WideSensor(mi.Sensor):
 
 
 mi.register_texture("flowsculpt_absorbing", Absorbing)
+mi.register_texture(PAINTED, PaintedTexture)
 mi.register_bsdf(BRUSHED, Brushed)
 mi.register_bsdf(SUBSURFACE, SubsurfaceBSDF)
 mi.register_sensor(WIDE, WideSensor)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -76,16 +76,55 @@ def surface_bsdf(
 
 
 def _painted(painted: Painted, attributes: Collection[str], coordinates: TextureCoordinates) -> Description:
-    """Return the materials of a model, one within the other: each vertex has the weight 1 for its own."""
+    """Return the materials of a model. Each vertex has the weight 1 for its own, by `material_weight`.
+
+    In compiled variants one BSDF shows all glossy materials and one all matt ones, since each takes time at
+    every vertex of a path. The scalar variant nests them.
+    """
     if not painted.parts:
         return {"type": "diffuse", "reflectance": _rgb(painted.colour)}
-    parts = [_opaque(part, _colour(part, attributes, coordinates), coordinates) for part in painted.parts]
-    whole = parts[0]
-    for number, part in enumerate(parts[1:], 1):
-        if material_weight(number) in attributes:  # others have no faces
-            weight = {"type": "mesh_attribute", "name": f"vertex_{material_weight(number)}"}
-            whole = {"type": "blendbsdf", "weight": weight, "first": whole, "second": part}
-    return whole
+    first, *others = painted.parts
+    weights = [material_weight(number) for number in range(1, len(painted.parts))]
+    shown = {name: part for name, part in zip(weights, others, strict=True) if name in attributes}
+    if not shown or not is_compiled():
+        whole = _opaque(first, _colour(first, attributes, coordinates), coordinates)
+        for name, part in shown.items():
+            second = _opaque(part, _colour(part, attributes, coordinates), coordinates)
+            weight = {"type": "mesh_attribute", "name": f"vertex_{name}"}
+            whole = {"type": "blendbsdf", "weight": weight, "first": whole, "second": second}
+        return whole
+    from render.mitsuba.custom_plugins import PAINTED  # needs a compiled variant
+
+    def of_each(value: Callable[[PatternedMaterial], Any]) -> Description:
+        return {"type": PAINTED, "otherwise": value(first), **{name: value(p) for name, p in shown.items()}}
+
+    def colour_of(part: PatternedMaterial) -> Description:
+        colour = _colour(part, attributes, coordinates)
+        is_constant = colour["type"] == "rgb"  # which a plug-in of ours would get as a number
+        return {"type": "srgb", "color": colour["value"]} if is_constant else colour
+
+    colour = of_each(colour_of)
+    matt = {"type": "diffuse", "reflectance": colour}
+    glossy = {
+        "type": "principled",
+        "base_color": colour,
+        "roughness": of_each(lambda part: _number(part, "roughness", coordinates)),
+        "metallic": of_each(lambda part: _number(part, "metallic", coordinates)),
+        "specular": 0.5,
+    }
+    kinds = {isinstance(part, Glossy) for part in (first, *shown.values())}
+    if len(kinds) == 1:
+        return glossy if kinds == {True} else matt
+    weight = of_each(lambda part: {"type": "uniform", "value": float(isinstance(part, Glossy))})
+    return {"type": "blendbsdf", "weight": weight, "first": matt, "second": glossy}
+
+
+def _number(part: PatternedMaterial, name: str, coordinates: TextureCoordinates) -> Description:
+    """Return the roughness or metalness of a model's material as a texture."""
+    texture = getattr(part, f"{name}_texture", None)
+    if texture is not None:
+        return bitmap(np.clip(texture.numbers(), _MIN_ROUGHNESS, 1.0), coordinates, part.projection)
+    return {"type": "uniform", "value": float(getattr(part, name, 0.0))}
 
 
 def _glass(glass: Glass, size: float) -> Description:

@@ -52,6 +52,15 @@ class PaintedFaces:
             return weights
         return {**weights, VERTEX_COLOURS: self.colours.reshape(-1, 3)[corners]}
 
+    def near_origin(self) -> NDArray[np.float64]:
+        """Return the coordinates, each chart moved by whole textures to begin in the first one.
+
+        Renderers hold coordinates in single precision, and textures repeat.
+        """
+        low = np.full((int(self.charts.max(initial=0)) + 1, 2), np.inf)
+        np.minimum.at(low, self.charts, self.coordinates.min(axis=1))
+        return self.coordinates - np.floor(low + 1e-6)[self.charts][:, None]
+
     @property
     def groups(self) -> NDArray[np.int64]:
         """(F, 3): the charts of the corners."""

@@ -81,7 +81,7 @@ class TextureProjection:
                     "look takes the texture coordinates of a model, and the surface has none; add paint: on "
                     "to its subject, a model"
                 )
-            return paint.coordinates - 0.5, paint.groups
+            return paint.near_origin() - 0.5, paint.groups
         corners = (np.asarray(points, dtype=np.float64) - self.centre)[faces]
         if self.kind in _WRAPPED:
             return self._wrapped(corners)

@@ -70,3 +70,10 @@ def test_a_surface_without_paint_is_refused_by_name(tmp_path: Path, rendered: Re
     look = Diffuse(WHITE, colour_texture=quarters(tmp_path / "a.exr"), projection=PLACED)
     with pytest.raises(BadInputError, match="add paint: on"):
         rendered(surface=replace(square((0, 0)), paint=None), look=look)
+
+
+def test_a_chart_begins_in_the_first_of_repeated_textures() -> None:
+    paint = square((0, 1)).paint
+    assert paint is not None
+    far = replace(paint, coordinates=paint.coordinates + np.float64([[[7, -3]], [[0, 12]]]))
+    assert far.near_origin() == pytest.approx(paint.coordinates)
