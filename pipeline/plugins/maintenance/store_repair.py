@@ -55,7 +55,8 @@ def begun_requests(project: Project, warn: Callable[[str], object]) -> Iterator[
         except FlowsculptError as error:
             warn(str(error))
             continue
-        for each in _crops_and_scales(project.root / RENDERS / name):
+        crops_and_scales = {*_qualities(project.root / RENDERS / name)} - {*QUALITIES}
+        for each in sorted(crops_and_scales):
             with suppress(UsageError):  # a crop of pictures that had another shape
                 request = replace(read[0], quality_name=each)
                 _ = request.quality  # raises it
@@ -91,10 +92,6 @@ def last_requests(root: Path, count: int) -> Iterator[RenderRequest]:
 def _qualities(folder: Path) -> list[str]:
     """Return the qualities that a folder has folders of."""
     return sorted(path.name for path in folder.glob("*") if path.is_dir() and is_quality(path.name))
-
-
-def _crops_and_scales(folder: Path) -> list[str]:
-    return [name for name in _qualities(folder) if name not in QUALITIES]
 
 
 Names = Collection[tuple[str, Key]]

@@ -264,8 +264,10 @@ class _Frame:
         """Yield what differs, from the mesh to the picture; what follows from another reason is left out."""
         request = self.request
         yield from self._stage_reasons(header)
-        for name in _changed_files(header.get("inputs", {}), picture_header(request, self.number)["inputs"]):
-            yield f"file {name} changed since it was made"
+        inputs = picture_header(request, self.number)["inputs"]
+        for name, digest in header.get("inputs", {}).items():
+            if inputs.get(name, digest) != digest:
+                yield f"file {name} changed since it was made"
         mesh_differs = header.get("mesh_key") != request.mesh_key(self._mesh)
         if mesh_differs:
             first = self._first_changed()
@@ -358,11 +360,6 @@ class _Frame:
         history = History.of(self.store.root)
         made = history.stage("finish", request.folders.name, request.quality_name).made.get(self.number)
         return None if made is None else _source_in(self.store.root / PLANS / f"{made.run}.json", request)
-
-
-def _changed_files(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
-    """Return the names of files that both have, with other contents."""
-    return [name for name, digest in before.items() if now.get(name, digest) != digest]
 
 
 def _version(value: Any) -> str:
