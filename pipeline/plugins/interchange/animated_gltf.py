@@ -18,7 +18,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
 from pipeline.errors import UsageError
-from pipeline.plugins.interchange.drawn_mesh import Keyframes
+from pipeline.plugins.interchange.drawn_mesh import KeyPoses
 from pipeline.plugins.interchange.exported_frame import preview_surface
 from pipeline.plugins.interchange.meshopt_encoder import (
     encode_attributes,
@@ -45,7 +45,7 @@ class Moving(NamedTuple):
     """
 
     name: str
-    keyframes: Keyframes
+    keyframes: KeyPoses
     look: Material
     second: Floats | None = None
 
@@ -121,7 +121,7 @@ class _Content:
         if count:
             self._animate(len(self._lists["nodes"]) - 1, keys)
 
-    def _animate(self, node: int, keys: Keyframes) -> None:
+    def _animate(self, node: int, keys: KeyPoses) -> None:
         """Add a channel that blends from each pose to the next one; at the first all weights are 0."""
         numbers, mesh = np.array(keys.numbers), keys.drawn.mesh
         times = ((numbers - mesh.frames[0]) / float(mesh.rate.fps)).astype("<f4")
@@ -156,7 +156,7 @@ class _Content:
             document["animations"] = [animation]
         return document
 
-    def _pose(self, place: AnyArray, normal: AnyArray, keys: Keyframes, base: bool) -> dict[str, int]:
+    def _pose(self, place: AnyArray, normal: AnyArray, keys: KeyPoses, base: bool) -> dict[str, int]:
         """Add positions and normals of a pose, or of the difference between two."""
         if self._plain:
             offset = keys.centre if base else 0.0
@@ -287,6 +287,6 @@ class _Content:
         return len(self._lists[kind]) - 1
 
 
-def closes(keyframes: Iterable[Keyframes]) -> bool:
+def closes(keyframes: Iterable[KeyPoses]) -> bool:
     """Tell whether the last pose is the first one, so that a clip repeats without a jump."""
     return all((keys.places[0] == keys.places[-1]).all() for keys in keyframes)

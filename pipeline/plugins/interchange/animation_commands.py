@@ -79,6 +79,8 @@ def web(common: Common, shot: Shot, options: OneMeshOptions) -> None:
     parts = tuple(Unification(part, project.store, options.vertices, options.until) for part in asked.parts)
     if common.dry_run:
         report_plan(common, project.geometry(asked))
+        if not common.json:
+            report_unifying(common, list(parts), str(folder))
         return
     outcome = execute(common, lambda: project.geometry(asked))
     _export(common, [WebExport(asked, project.store, folder, parts)])

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 from pipeline.errors import FrameError
 from pipeline.plugins.interchange.animated_gltf import Moving, write_animated_gltf
-from pipeline.plugins.interchange.drawn_mesh import DrawnMesh, Keyframes
+from pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
 from pipeline.plugins.interchange.exported_frame import KeyedFiles
 from pipeline.plugins.interchange.one_mesh import OneMesh
 from pipeline.plugins.interchange.point_caches import even_step
@@ -52,7 +52,7 @@ class AnimationExport(ABC):
 
     @property
     def facts(self) -> list[Any]:
-        """What decides the content besides meshes and looks, as JSON data."""
+        """JSON data that the content depends on besides meshes and looks."""
         return []
 
     @abstractmethod
@@ -117,8 +117,8 @@ class AnimationExport(ABC):
         ]
 
 
-def _keyframes(mesh: OneMesh, began: Began) -> Keyframes:
-    return Keyframes.of(DrawnMesh.of(mesh), began("exporting", len(mesh.frames)))
+def _keyframes(mesh: OneMesh, began: Began) -> KeyPoses:
+    return KeyPoses.of(DrawnMesh.of(mesh), began("exporting", len(mesh.frames)))
 
 
 def _keys_in_words(parts: list[Moving]) -> str:

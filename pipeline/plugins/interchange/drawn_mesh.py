@@ -109,7 +109,7 @@ class DrawnMesh:
 
 
 @dataclass(frozen=True, eq=False)
-class Keyframes:
+class KeyPoses:
     """The motion of a drawn mesh as K poses, between which vertices move on straight lines.
 
     numbers  the frames of the poses, ascending
@@ -128,7 +128,7 @@ class Keyframes:
     error: float
 
     @classmethod
-    def of(cls, drawn: DrawnMesh, passed: Callable[[], None] = lambda: None) -> Keyframes:
+    def of(cls, drawn: DrawnMesh, passed: Callable[[], None] = lambda: None) -> KeyPoses:
         """Choose the fewest poses that keep every frame within MOST_ERROR; `passed` is called by frame."""
         low, high = drawn.bounds
         edges = {n: drawn.edge_at(n, drawn.mesh.points_at(n)) for n in drawn.mesh.frames}

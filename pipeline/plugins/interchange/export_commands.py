@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pipeline.plugins.interchange.usd_export import UsdExport
 
 Folder = Annotated[
-    Path | None, output_option("Write to this folder. Default: usd or models in renders/SHOT.", "DIR")
+    Path | None, output_option("Write to this folder. Default: a folder in renders/SHOT.", "DIR")
 ]
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats
 from pipeline.errors import UsageError
 from pipeline.plugins.interchange.animated_gltf import Moving, write_animated_gltf
-from pipeline.plugins.interchange.drawn_mesh import DrawnMesh, Keyframes
+from pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
 from pipeline.plugins.interchange.point_caches import even_step
 from render.base.atomic_write import disk_errors
 from render.post.image import write_exr, write_png
@@ -43,14 +43,14 @@ _HALF = 2.0**-12  # largest rounding of a half between -1 and 1
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where the vertices and frames of a mesh are in a texture."""
+    """The places of vertices and frames in a texture."""
 
     vertices: int
     frames: int
 
     @property
     def blocks(self) -> int:
-        """How many blocks of rows there are."""
+        """The number of blocks of rows."""
         return -(-self.vertices // LARGEST)
 
     @property
@@ -163,7 +163,7 @@ class VertexTextures:
         """Write the mesh at the first frame. Raises MachineError where the disk refuses."""
         mesh = self.drawn.mesh
         still = replace(self.drawn, mesh=replace(mesh, frames=mesh.frames[:1]))
-        part = Moving(mesh.name, Keyframes.of(still), look, self.layout.addresses())
+        part = Moving(mesh.name, KeyPoses.of(still), look, self.layout.addresses())
         write_animated_gltf(path, mesh.name, [part], plain=True)
 
     def write_facts(self, path: Path, names: dict[str, str]) -> None:

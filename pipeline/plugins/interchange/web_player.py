@@ -51,7 +51,7 @@ def require_three_js() -> str:
 
 @dataclass(frozen=True, eq=False)
 class WebPage:
-    """What a page shows.
+    """A page that plays sculptures.
 
     parts     the sculptures
     framings  camera and stage by frame number

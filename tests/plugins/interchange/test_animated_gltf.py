@@ -15,7 +15,7 @@ from playwright.sync_api import Browser
 
 from pipeline.arrays import AnyArray, Floats
 from pipeline.plugins.interchange.animated_gltf import Moving, closes, write_animated_gltf
-from pipeline.plugins.interchange.drawn_mesh import MOST_ERROR, DrawnMesh, Keyframes
+from pipeline.plugins.interchange.drawn_mesh import MOST_ERROR, DrawnMesh, KeyPoses
 from pipeline.plugins.interchange.gltf_document import GltfDocument
 from pipeline.plugins.interchange.meshopt import FILTERS, MODES, decode_attributes, decode_indices
 from pipeline.plugins.interchange.meshopt_encoder import encode_attributes, encode_indices
@@ -91,7 +91,7 @@ class Player:
 
 def written(place: Path, drawn: DrawnMesh, look: str = "clay", plain: bool = False) -> Path:
     path = place / f"{look}.{plain}.{len(list(place.iterdir()))}.glb"
-    write_animated_gltf(path, "clip", [Moving("twisted", Keyframes.of(drawn), LOOKS[look])], plain)
+    write_animated_gltf(path, "clip", [Moving("twisted", KeyPoses.of(drawn), LOOKS[look])], plain)
     return path
 
 
@@ -101,7 +101,7 @@ def written(place: Path, drawn: DrawnMesh, look: str = "clay", plain: bool = Fal
 )
 def test_every_frame_is_within_a_quarter_of_an_edge(tmp_path: Path, drawn: Any, plain: bool) -> None:
     moving = drawn()
-    keys, player = Keyframes.of(moving), Player(written(tmp_path, moving, plain=plain))
+    keys, player = KeyPoses.of(moving), Player(written(tmp_path, moving, plain=plain))
     assert (len(keys.numbers) < len(moving.mesh.frames)) or len(keys.numbers) == 1
     errors = []
     for number in moving.mesh.frames:
@@ -149,7 +149,7 @@ def test_faces_colours_and_texture_coordinates_are_those_of_the_mesh(tmp_path: P
 
 
 def test_a_clip_closes_only_where_its_last_frame_is_its_first() -> None:
-    assert closes([Keyframes.of(ball(there_and_back=True))]) and not closes([Keyframes.of(ball())])
+    assert closes([KeyPoses.of(ball(there_and_back=True))]) and not closes([KeyPoses.of(ball())])
 
 
 def test_the_validator_of_khronos_finds_no_fault(tmp_path: Path) -> None:

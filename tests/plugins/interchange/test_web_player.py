@@ -14,7 +14,7 @@ from playwright.sync_api import Page as Tab
 
 from pipeline.mesh import icosphere
 from pipeline.plugins.interchange.animated_gltf import Moving
-from pipeline.plugins.interchange.drawn_mesh import DrawnMesh, Keyframes
+from pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
 from pipeline.plugins.interchange.web_player import WebPage, differences, irradiance, planes
 from pipeline.production.request.framing import Framing
 from pipeline.shot import read_shot
@@ -63,7 +63,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("web")
     shot = read_shot(place / "a.yaml", SHOT)
     mesh = painted(moving(icosphere(8)))
-    part = Moving("ball", Keyframes.of(DrawnMesh.of(mesh)), shot.picture.look)
+    part = Moving("ball", KeyPoses.of(DrawnMesh.of(mesh)), shot.picture.look)
     camera = Camera((1.5, 0.5, 12.0), (1.5, 0.0, 0.0))
     framing = Framing(camera, StagePlacement((1.5, -1.0, 0.0), 1.5))
     WebPage(shot, [part], dict.fromkeys(mesh.frames, framing), 16 / 9).write(place / "page.html")
@@ -112,7 +112,7 @@ def test_the_page_shows_the_sculpture_where_each_frame_has_it(tab: Tab, tmp_path
 
 def test_positions_on_the_page_are_those_of_the_keyframes(tab: Tab) -> None:
     mesh = moving(icosphere(8))
-    keys = Keyframes.of(DrawnMesh.of(mesh))
+    keys = KeyPoses.of(DrawnMesh.of(mesh))
     for index, places in enumerate(keys.places):
         rows = tab.evaluate(
             "(pose) => Array.from(flowsculpt.player.sculptures[0].positions[pose].data.array)", index
