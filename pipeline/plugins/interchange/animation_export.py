@@ -25,6 +25,7 @@ from pipeline.production.request.framing import Framing
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import EXPORT
 from pipeline.production.store.store import Key, Store, key_of
+from render.base.plural import plural
 from render.base.serialise import to_plain
 
 _VERSION = 1  # of the formats as they are written here
@@ -122,8 +123,8 @@ def _keyframes(mesh: OneMesh, began: Began) -> KeyPoses:
 
 
 def _keys_in_words(parts: list[Moving]) -> str:
-    counts = " and ".join(str(len(part.keyframes.numbers)) for part in parts)
-    return f"{counts} keyframes, at most {max(part.keyframes.error for part in parts):.2f} edges off"
+    counts = " and ".join(plural(len(part.keyframes.numbers), "keyframe") for part in parts)
+    return f"{counts}, at most {max(part.keyframes.error for part in parts):.2f} edges off"
 
 
 @dataclass(frozen=True, eq=False)
