@@ -183,6 +183,7 @@ def test_a_shot_whose_plug_in_is_missing_or_broken_is_refused_with_its_name(marb
     assert f"look.material: 'marbling.ink' is not a look. {needs}" in refused.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "wrong", "fault"),
     [
@@ -203,6 +204,7 @@ def test_an_error_in_the_code_of_a_flow_is_told_in_a_line_with_its_place(marblin
         assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_a_flow_that_lacks_a_method_is_left_out_with_the_name_of_the_method(marbling):
     (marbling.folder / "marbling_parts.py").write_text(PARTS.replace("def length_scale", "def scale"))
     told = marbling.run("validate").stderr

@@ -39,6 +39,7 @@ def thickness_of(shape, camera, outwards=1):
     return thickness, layers
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=30)
 @given(st.floats(-3.0, 3.0), st.floats(-1.4, 1.4), st.floats(3.0, 9.0))
 def test_a_ball_is_as_thick_as_its_chords_from_wherever_it_is_seen(azimuth, elevation, distance):
@@ -70,6 +71,7 @@ def test_what_is_inside_out_is_as_thick():
     np.testing.assert_array_equal(thickness_of(shape, CAMERA)[0], thickness_of(turned, CAMERA, -1)[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "look", [LOOKS["glass"], LOOKS["frosted"], LOOKS["honey"], Smoke((0.2, 0.2, 0.2), density=0.3)]
 )
