@@ -171,7 +171,8 @@ def _of_model(model: Path, source: str, name: str) -> _NewShot:
         )
     beside = dict(_of_source(source, name).beside)
     place = model.resolve()
-    if place.is_relative_to(Path.cwd().resolve()):
+    is_copy = not place.is_relative_to(Path.cwd().resolve())
+    if not is_copy:
         reference = Path(os.path.relpath(place, SHOTS.resolve())).as_posix()
         where = f"{model} stays where it is; the shot names it {reference}"
     else:
@@ -180,7 +181,7 @@ def _of_model(model: Path, source: str, name: str) -> _NewShot:
         where = f"{model} lies outside this folder; the shot shows its copy {copied}"
         if not _same_contents(model, copied):
             beside[copied] = partial(shutil.copyfile, place)
-    template = model_template(place, reference)
+    template = model_template(place, reference, is_copy)
     text = without_shared(shot_of_flow(source, name, template), defaults_of(SHOTS))
     return _NewShot(text, beside, [where, *template.notes])
 

@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.errors import FlowsculptError
 from pipeline.mesh import PolygonMesh
-from pipeline.mesh.read import names_parts, states_up, usual_up
+from pipeline.mesh.read import names_parts, read_paint, states_up, usual_up
 from pipeline.plugins.authoring.first_frame import small_parts
 from pipeline.plugins.authoring.shot_schemas import default_text, facts
 from pipeline.shot.documents.look_documents import LOOKS
@@ -55,7 +56,7 @@ flows:
 {flows}
 
 # Looks: {looks}.
-look: {look}  # or {{material: {look}, colour: [0.6, 0.5, 0.4]}}
+look: {look}  # or {{material: {coloured}, colour: [0.6, 0.5, 0.4]}}
 # Degrees. The set turns along with azimuth; orbit: 20 moves the camera around a set that stands still.
 camera: {{azimuth: {{keys: {{1: {left:g}, {last}: {right:g}}}}}, elevation: 14}}
 lights: {lights}
@@ -226,6 +227,7 @@ class ModelTemplate:
     facts    comments above it, a line each
     edges    a comment above the edge length
     notes    lines to tell: what was repaired in the file, and small parts that decide its size
+    look     the look that replaces the flow's own, or None
     """
 
     subject: str
@@ -233,10 +235,23 @@ class ModelTemplate:
     edges: str
     max_edge_length: float
     notes: tuple[str, ...]
+    look: str | None = None
 
 
-def model_template(file: Path, reference: str) -> ModelTemplate:
+def _is_painted(file: Path, is_copy: bool) -> bool:
+    """Tell whether a shot can show a model's paint: a copy of the file alone lacks those that it names."""
+    try:
+        materials, files = read_paint(file, lambda reader: reader.materials)
+    except FlowsculptError:
+        return False
+    has_textures = any(each.colour_texture or each.colour_from for each in materials)
+    return (has_textures or len({each.colour for each in materials}) > 1) and not (files and is_copy)
+
+
+def model_template(file: Path, reference: str, is_copy: bool = False) -> ModelTemplate:
     """Return the text for a new shot of a model file, which the shot names by `reference`.
+
+    is_copy  True where the shot names a copy of the file alone
 
     Raises MissingInputError or MeshError for a file that is not a model.
     """
@@ -263,8 +278,13 @@ def model_template(file: Path, reference: str) -> ModelTemplate:
         facts.append(
             "If the model lies on its face, its file has z up: add up: z. rotate: [0, 30, 0] turns it."
         )
+    is_painted = _is_painted(file, is_copy)
+    if is_painted:
+        facts.append("paint: on keeps its texture coordinates, colours and materials for look: model.")
+    up_and_paint = ", up: z" * is_z_up + ", paint: on" * is_painted
     return ModelTemplate(
-        subject=f"{{model: {word}, fit: {FIT:g}{', up: z' if is_z_up else ''}}}",
+        look="model" if is_painted else None,
+        subject=f"{{model: {word}, fit: {FIT:g}{up_and_paint}}}",
         facts=tuple(facts),
         edges=_about_edges(usual, length),
         max_edge_length=length,
@@ -312,6 +332,7 @@ def shot_of_flow(flow: str, name: str, model: ModelTemplate | None = None) -> st
         values = {**preset.values, **GENTLE.get(flow, {})}
         edge = model.max_edge_length
         preset = replace(preset, subject=model.subject, max_edge_length=edge, finest=None, values=values)
+        preset = replace(preset, look=model.look or preset.look)
     text = SHOT.format(
         title=title_of(name),
         last=FRAMES,
@@ -321,6 +342,7 @@ def shot_of_flow(flow: str, name: str, model: ModelTemplate | None = None) -> st
         edge=preset.edge_length,
         flows="\n".join(_entry(flow, preset)).replace("NAME", name),
         look=preset.look,
+        coloured="clay" if preset.look == "model" else preset.look,
         looks=", ".join(LOOKS),
         left=preset.azimuth[0],
         right=preset.azimuth[1],

@@ -124,7 +124,8 @@ class TurntableRequest:
         up = self.up or usual_up(mesh)
         if of_file:
             path = mesh.absolute().with_name(re.sub(r"[^\w.-]", "_", mesh.stem) + ".yaml")
-            self.project.use_text(path, _shot_around(mesh, up, self._named_looks))
+            shot = _shot_around(mesh, up, self._named_looks, PAINTED in self.looks)
+            self.project.use_text(path, shot)
         else:
             path = find_shot(self.subject)
         return [self._take(path, of_file, look) for look in self.looks or (None,)]
@@ -194,6 +195,9 @@ def turn_and_angle(table: Turntable, number: int) -> tuple[str, str]:
     turn, numbers = next((t, table.numbers(t)) for t in ("object", "lights") if number in table.numbers(t))
     return turn, f"{round(360.0 * (number - numbers[0]) / table.frames, 1):g}°"
 
+
+PAINTED = "model"
+"""The look that shows the paint of a model."""
 
 ROW = 4  # most looks in one row; with as many looks or more, each has its own row of key angles
 
@@ -398,10 +402,11 @@ def _with_absolute_files(settings: Any, folder: Path) -> Any:
     return str((folder / settings).absolute()) if is_file else settings
 
 
-def _shot_around(mesh: Path, up: str, looks: Mapping[str, Any]) -> str:
+def _shot_around(mesh: Path, up: str, looks: Mapping[str, Any], is_painted: bool) -> str:
     """Return the text of a shot that shows a mesh file as it is, and may have one of the looks of a show.
 
-    up  the axis, y or z, that points up
+    up          the axis, y or z, that points up
+    is_painted  True where one of its looks shows the paint of the model
 
     Raises MissingInputError.
     """
@@ -411,7 +416,7 @@ def _shot_around(mesh: Path, up: str, looks: Mapping[str, Any]) -> str:
     shot = {
         "title": mesh.stem,
         "frames": "1-1",
-        "subject": {"model": str(mesh.absolute()), "up": up},
+        "subject": {"model": str(mesh.absolute()), "up": up, **({"paint": "on"} if is_painted else {})},
         "resample": "off",
         **({"looks": looks} if looks else {}),
     }

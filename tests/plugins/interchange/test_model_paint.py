@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from pipeline.animation import MeshFrame, animate, material_of
 from pipeline.arrays import AnyArray
 from pipeline.errors import MeshError, MissingInputError, ShotError
 from pipeline.mesh import TriangleMesh, box
+from pipeline.plugins.authoring.shot_templates import model_template, shot_of_flow
 from pipeline.plugins.interchange.exported_frame import exported_frame
 from pipeline.plugins.interchange.model_paint import ModelPaint
 from pipeline.production.request.shading import Shading
@@ -385,3 +387,13 @@ def test_every_position_of_a_chart_is_painted_in_one_way() -> None:
     assert len(np.unique(rows, axis=0)) == len(np.unique(both, axis=0))
     of_charts = np.unique(np.column_stack([paint.charts, paint.materials]), axis=0)
     assert len(np.unique(of_charts[:, 0])) == len(of_charts)
+
+
+def test_a_new_shot_of_a_painted_model_shows_its_paint(tmp_path: Path) -> None:
+    model = painted_box(tmp_path)
+    assert ", paint: on}" in (text := shot_of_flow("twist", "A", model_template(model, "box.obj")))
+    assert re.search("\nlook: model +# or {material: clay", text)
+    copied = model_template(model, "models/box.obj", is_copy=True)  # of the file alone, without its pictures
+    assert "paint" not in copied.subject and copied.look is None
+    (tmp_path / "atlas.png").unlink()
+    assert "paint" not in model_template(model, "box.obj").subject
