@@ -78,8 +78,9 @@ wheel: .venv/ready
 setup: .venv/ready
 
 # The pip of old Pythons takes 6 CPU seconds more to find packages; the one that $(PYTHON) has, if any, installs ours,
-# because a venv's own takes 2 seconds to make. Tests of packages, and packages of set-up alone, are not compiled.
-UNCOMPILED := /tests?/|/site-packages/(docutils|fontTools|hatchling|mpl_toolkits|pip|pkg_resources|setuptools)/
+# because a venv's own takes 2 seconds to make. What renders no film is compiled once it is imported, if ever.
+UNCOMPILED := /tests?/|/numba/cuda/|/numpy/(distutils|f2py)/
+UNCOMPILED := $(UNCOMPILED)|/(docutils|fontTools|hatchling|matplotlib|mpl_toolkits|pip|pkg_resources|pygments|setuptools)/
 PIP := --quiet --no-compile --require-hashes -r requirements-pip.lock
 
 .venv/ready: requirements-pip.lock requirements.lock pyproject.toml
