@@ -78,7 +78,7 @@ wheel: .venv/ready
 setup: .venv/ready
 
 # The pip of old Pythons takes 6 CPU seconds more to find packages; the one that $(PYTHON) has, if any, installs ours,
-# because a venv's own takes 2 seconds to make. What renders no film is compiled once it is imported, if ever.
+# because a venv's own takes 2 seconds to make. What films do not need is compiled when it is first imported.
 UNCOMPILED := /tests?/|/numba/cuda/|/numpy/(distutils|f2py)/
 UNCOMPILED := $(UNCOMPILED)|/(docutils|fontTools|hatchling|matplotlib|mpl_toolkits|pip|pkg_resources|pygments|setuptools)/
 PIP := --quiet --no-compile --require-hashes -r requirements-pip.lock
