@@ -116,6 +116,30 @@ SHOWN = {
         "other extensions": ["gltf:extensions_that_are_required_and_unknown"],
         "glTF 1.0": ["gltf:version_1_is_read", "gltf:what_is_not_read_of_version_1"],
     },
+    "OBJ with MTL": {
+        "texture coordinates": ["model_paint:corners_take_the_texture_coordinates"],
+        "vertex colours": ["model_paint:vertex_colours_of_an_obj_are_srgb"],
+        "colour": ["model_paint:materials_of_an_obj_are_read"],
+        "roughness, metalness": ["model_paint:roughness_and_metalness_of_an_obj"],
+        "files": ["model_paint:a_path_of_another_machine", "model_paint:pictures_lie_beside_the_materials"],
+        "not shown": ["model_paint:roughness_and_metalness_of_an_obj"],
+        "refused": ["model_paint:a_moved_texture_of_an_obj"],
+    },
+    "glTF 2.0": {
+        "texture coordinates": [
+            "model_paint:a_transformed_texture",
+            "model_paint:what_is_not_read_of_a_gltf",
+        ],
+        "vertex colours": [
+            "model_paint:vertex_colours_of_a_gltf_file",
+            "model_paint:what_is_not_read_of_a_gltf",
+        ],
+        "colour": ["model_paint:a_picture_within_a_gltf_file"],
+        "roughness, metalness": ["model_paint:a_picture_within_a_gltf_file"],
+        "files": ["model_paint:a_picture_within_a_gltf_file"],
+        "not shown": ["model_paint:maps_of_normals_and_light_of_a_gltf_file"],
+        "refused": ["model_paint:paint_of_gltf_1_is_refused"],
+    },
 }
 """By format and row, the tests that show a cell: `module:beginning of the name`."""
 
@@ -142,9 +166,10 @@ def test_every_cell_of_the_tables_is_shown_by_tests_and_no_other_is_claimed() ->
 
 @pytest.mark.parametrize("format", SHOWN)
 def test_the_tests_that_show_a_format_are_there(format: str) -> None:
-    for row, names in SHOWN[format].items():
-        for name in names:
+    for row, shown in SHOWN[format].items():
+        for name in shown:
             module, _, beginning = name.partition(":")
-            (file,) = (ROOT / "tests").glob(f"**/test_{module}_files.py")
+            files = (f"test_{module}_files.py", f"test_{module}.py")
+            file = next(found for file in files for found in (ROOT / "tests").glob(f"**/{file}"))
             text = file.read_text(encoding="utf-8")
             assert f"def test_{beginning}" in text, f"{row}: {name}"

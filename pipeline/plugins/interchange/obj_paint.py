@@ -127,15 +127,15 @@ def _materials(path: Path) -> Materials:
             current = b" ".join(name.split())
         else:
             libraries[name] = None
-    known: dict[bytes, dict[bytes, list[bytes]]] = {}
+    known: dict[bytes, tuple[Path, dict[bytes, list[bytes]]]] = {}
     files: dict[Path, str] = {}
     for name in libraries:
         library = file_beside(path, name.decode("utf-8", "replace"), "materials")
         files[library] = digest_of_file(library)
         for material, entries in _entries(library):
-            known.setdefault(material, entries)
+            known.setdefault(material, (library, entries))
     has_colours = bool(re.search(rb"^[ \t]*v(?:[ \t]+[^\s]+){6}", content, re.MULTILINE))
-    return tuple(_material(path, known.get(name, {}), files, has_colours) for name in used), files
+    return tuple(_material(*known.get(name, (path, {})), files, has_colours) for name in used), files
 
 
 def _entries(library: Path) -> Iterator[tuple[bytes, dict[bytes, list[bytes]]]]:
@@ -150,13 +150,13 @@ def _entries(library: Path) -> Iterator[tuple[bytes, dict[bytes, list[bytes]]]]:
 
 
 def _material(
-    path: Path, entries: dict[bytes, list[bytes]], files: dict[Path, str], has_colours: bool
+    library: Path, entries: dict[bytes, list[bytes]], files: dict[Path, str], has_colours: bool
 ) -> PatternedMaterial:
     """Return the material of the statements of an MTL file; note the picture that it names."""
     colour = _colour(entries, b"Kd") or GREY
     texture = None
     if words := entries.get(b"map_Kd"):
-        texture = picture(path, _picture_name(words), files)
+        texture = picture(library, _picture_name(words), files)
     specular, shine = _colour(entries, b"Ks"), _number(entries, b"Ns", 0.0)
     metallic, roughness = _number(entries, b"Pm", 0.0), _number(entries, b"Pr", -1.0)
     if roughness < 0.0:

@@ -26,6 +26,7 @@ from render.scene.painted_faces import PaintedFaces
 from render.scene.surface import Surface
 from render.scene.vertex_colours import vertex_colours
 from tests.plugins.interchange.gltf_scenes import GltfScene
+from tests.plugins.interchange.test_gltf_files import version_1
 
 SHOT = """\
 title: Painted
@@ -208,6 +209,38 @@ def test_materials_of_an_obj_are_read(tmp_path: Path) -> None:
     assert other.roughness == pytest.approx((2 / 100) ** 0.25)
 
 
+def test_roughness_and_metalness_of_an_obj_are_read_and_its_bumps_and_glow_are_not(tmp_path: Path) -> None:
+    model = painted_box(tmp_path)
+    (tmp_path / "box.mtl").write_text(
+        "newmtl one\nKd 1 1 1\nPr 0.3\nPm 0.8\nmap_Bump dents.png\nmap_Ks shine.png\nmap_d holes.png\nd 0.5\n"
+        "Ke 1 1 1\nnewmtl other\nKd 1 0 0\n"
+    )
+    look = shot_of(model).picture.look
+    assert isinstance(look, Painted)
+    one, other = look.parts
+    assert isinstance(one, Satin) and (one.roughness, one.metallic) == (0.3, 0.8)
+    assert isinstance(other, Diffuse)
+
+
+def test_vertex_colours_of_an_obj_are_srgb(tmp_path: Path) -> None:
+    lines = [f"v {x} {y} {z} 0.5 0.5 1" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    lines += ["f " + " ".join(str(corner + 1) for corner in side) for side in SIDES]
+    (tmp_path / "box.obj").write_text("\n".join(lines))
+    shot = shot_of(tmp_path / "box.obj", last=1)
+    colours = paint_of(shot, next(animate(shot))).colours
+    assert colours is not None
+    assert colours == pytest.approx(np.broadcast_to([0.21404, 0.21404, 1.0], colours.shape), abs=1e-4)
+
+
+def test_pictures_lie_beside_the_materials_that_name_them(tmp_path: Path) -> None:
+    model = painted_box(tmp_path)
+    (tmp_path / "parts").mkdir()
+    for name in ("box.mtl", "atlas.png"):
+        (tmp_path / name).rename(tmp_path / "parts" / name)
+    model.write_text(model.read_text().replace("mtllib box.mtl", "mtllib parts/box.mtl"))
+    assert {path.name for path, _ in shot_of(model).files} == {"box.obj", "box.mtl", "atlas.png"}
+
+
 def test_a_texture_of_a_look_takes_the_texture_coordinates_of_the_model(tmp_path: Path) -> None:
     model = painted_box(tmp_path)
     shot = shot_of(model, look="{material: clay, colour: atlas.png, projection: {kind: model}}", last=1)
@@ -304,6 +337,23 @@ def test_a_transformed_texture_is_where_the_extension_puts_it(tmp_path: Path) ->
     rest = material_of(frame.mesh)[frame.mesh.faces]
     right = 0.5 * rest[..., 0] + 0.5 + 0.5 * (rest[..., 0].mean(axis=1) < 0)[:, None]
     assert paint_of(shot, frame).coordinates[..., 0] == pytest.approx(0.5 * right + 0.25, abs=1e-6)
+
+
+def test_maps_of_normals_and_light_of_a_gltf_file_change_nothing(tmp_path: Path) -> None:
+    surface = {"baseColorTexture": {"index": 0}}
+    plain = gltf_box(tmp_path, pbrMetallicRoughness=surface).glb(tmp_path / "side.glb")
+    look = to_plain(shot_of(plain).picture.look)
+    maps = {name: {"index": 0} for name in ("normalTexture", "occlusionTexture", "emissiveTexture")}
+    coated = {"KHR_materials_clearcoat": {"clearcoatFactor": 1}}
+    more = gltf_box(tmp_path, pbrMetallicRoughness=surface, **maps, alphaMode="BLEND", extensions=coated)
+    assert re.sub(r"'digest': '\w+'", "", str(to_plain(shot_of(more.glb(plain)).picture.look))) == re.sub(
+        r"'digest': '\w+'", "", str(look)
+    )
+
+
+def test_paint_of_gltf_1_is_refused(tmp_path: Path) -> None:
+    with pytest.raises((ShotError, MeshError), match=r"old.glb: .*glTF 1\.0, whose paint is not read"):
+        shot_of(version_1(tmp_path / "old.glb"))
 
 
 @pytest.mark.parametrize(
