@@ -107,7 +107,7 @@ def deliver(
         require_one_of(slate, SLATES, f"--slate {slate}: a slate goes at the head or apart.")
     words = words_of(forms, f"--as {forms!r} is not a deliverable. There are: {', '.join(DELIVERABLES)}.")
     for word in words:
-        if needed := plugins().lacking(word):
+        if word not in DELIVERABLES and (needed := plugins().lacking(word)):
             raise UsageError(f"{word!r} is not a deliverable. {needed}")
     order = DeliveryOptions(
         encodes=tuple(encode_named(word, DELIVERABLES) for word in words),

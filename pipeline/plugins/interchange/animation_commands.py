@@ -72,7 +72,7 @@ def web(common: Common, shot: Shot, options: OneMeshOptions) -> None:
 
     `flowsculpt export web A010_cube` writes renders/A010_cube/web/A010_cube.html, with orbit, scrubbing, the
     shot's camera, light and look. The frames are simulated first where their cameras are missing. Put it in a
-    page of your own with <iframe src="A010_cube.html#bare">, without the bar.
+    page of your own by an iframe of `A010_cube.html#bare`, without the bar.
     """
     require_three_js()
     project, asked, folder = asked_for(common, shot, options, DEFAULT_QUALITY, "web")
