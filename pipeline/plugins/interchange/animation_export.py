@@ -14,6 +14,7 @@ from pipeline.errors import FrameError
 from pipeline.plugins.interchange.animated_gltf import Moving, write_animated_gltf
 from pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
 from pipeline.plugins.interchange.exported_frame import KeyedFiles
+from pipeline.plugins.interchange.exported_materials import pictures_recipe
 from pipeline.plugins.interchange.one_mesh import OneMesh
 from pipeline.plugins.interchange.point_caches import even_step
 from pipeline.plugins.interchange.refining import Began
@@ -78,10 +79,10 @@ class AnimationExport(ABC):
     @cached_property
     def key(self) -> Key:
         """The key of the files."""
-        looks = [to_plain(part.request.shot.picture.look) for part in self.parts]
-        return key_of(
-            EXPORT.recipe, self.form, _VERSION, [part.key for part in self.parts], looks, self.facts
-        )
+        looks = [part.request.shot.picture.look for part in self.parts]
+        keys, plain = [part.key for part in self.parts], [to_plain(look) for look in looks]
+        pictures = [name for look in looks for name in pictures_recipe(look)]
+        return key_of(EXPORT.recipe, self.form, _VERSION, keys, plain, self.facts, *pictures)
 
     @property
     def is_current(self) -> bool:

@@ -27,17 +27,21 @@ _STEPS = 512
 _LARGEST = 32767  # of int16
 
 
-def split_corners(corner_normals: Faces, texture: Floats | None) -> tuple[Indices, Faces]:
+def split_corners(
+    corner_normals: Faces, texture: Floats | None, colours: AnyArray | None = None
+) -> tuple[Indices, Faces]:
     """Return vertices (W,), each a corner of a face, and faces (F, 3) of them.
 
-    Corners with the same normal, and so the same vertex, and the same texture coordinates are one vertex.
+    Corners with the same normal, and so the same vertex, the same texture coordinates and the same colour
+    (F, 3, 3), where there are any, are one vertex.
     """
     normals = corner_normals.reshape(-1)
-    if texture is None:
+    held = [values for values in (texture, colours) if values is not None]
+    if not held:
         some_corner: Indices = np.zeros(int(normals.max()) + 1, np.int32)
         some_corner[normals] = np.arange(len(normals), dtype=np.int32)
         return some_corner, corner_normals
-    rows = np.column_stack([normals, texture.reshape(-1, 2)])
+    rows = np.column_stack([normals, *(values.reshape(len(normals), -1) for values in held)])
     _, corner, vertex = np.unique(rows, axis=0, return_index=True, return_inverse=True)
     return corner.astype(np.int32), vertex.astype(np.int32).reshape(-1, 3)
 
@@ -46,10 +50,12 @@ def split_corners(corner_normals: Faces, texture: Floats | None) -> tuple[Indice
 class DrawnMesh:
     """One mesh with W vertices of one normal each.
 
-    source  (W,): the vertex of one mesh that each is
-    row     (W,): the row of its normal in the normals of a frame
-    faces   (F, 3) into the W vertices
-    texture coordinates (W, 2), to the right and upwards; None where the look has no textures
+    source     (W,): the vertex of one mesh that each is
+    row        (W,): the row of its normal in the normals of a frame
+    faces      (F, 3) into the W vertices
+    texture    coordinates (W, 2), to the right and upwards; None where the look has no textures
+    painted    linear Rec.709 reflectances (W, 3) that a model's file has; None where it has none
+    materials  (F,): numbers of a model's materials, ascending; None of other looks
     """
 
     mesh: OneMesh
@@ -57,11 +63,14 @@ class DrawnMesh:
     row: Indices
     faces: Faces
     texture: Floats | None
+    painted: AnyArray | None = None
+    materials: AnyArray | None = None
 
     @classmethod
     def of(cls, mesh: OneMesh) -> DrawnMesh:
         """Split the vertices of a mesh, and order vertices and faces for drawing."""
-        corner, faces = split_corners(mesh.corner_normals, mesh.texture)
+        painted = None if mesh.paint is None else mesh.paint.colours
+        corner, faces = split_corners(mesh.corner_normals, mesh.texture, painted)
         source = mesh.faces.reshape(-1)[corner]
         order = morton_order(mesh.rest[source])
         place = np.empty(len(order), np.int32)
@@ -71,11 +80,19 @@ class DrawnMesh:
         faces = np.take_along_axis(faces, turned, axis=1)
         texture = None if mesh.texture is None else mesh.texture.reshape(-1, 2)[corner[order]]
         row = mesh.corner_normals.reshape(-1)[corner[order]]
-        return cls(mesh, source[order], row, faces[np.lexsort(faces.T[::-1])], texture)
+        if painted is not None:
+            painted = painted.reshape(-1, 3)[corner[order]]
+        materials = None if mesh.paint is None else mesh.paint.materials
+        drawn = np.lexsort((*faces.T[::-1], *([] if materials is None else [materials])))
+        if materials is not None:
+            materials = materials[drawn]
+        return cls(mesh, source[order], row, faces[drawn], texture, painted, materials)
 
     @property
     def colours(self) -> Floats | None:
         """Linear Rec.709 reflectances (W, 3); None where the look has one colour."""
+        if self.painted is not None:
+            return self.painted
         return None if self.mesh.colours is None else self.mesh.colours[self.source]
 
     @cached_property

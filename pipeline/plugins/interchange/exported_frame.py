@@ -127,6 +127,7 @@ class ExportedFrame:
     creases         (K, 2): the edges that are tagged as creases, of two vertices each
     colours         linear Rec.709 reflectances (V, 3); None where the look has one colour
     texture         texture coordinates (F, 3, 2) of the corners of faces; None where the look has no textures
+    paint           what a model's file has on the faces, where the look shows its materials, or None
     radii           (V,) of a point cloud's spheres, scene units; None of a surface
     numbers         (V,): what tells the points of a cloud apart; None of a surface
     copies          int32 (V,): the number of the copy, from 1 on, as in mattes; None without copies
@@ -141,6 +142,7 @@ class ExportedFrame:
     creases: Indices = field(default_factory=lambda: np.empty((0, 2), np.int32))
     colours: Floats | None = None
     texture: Floats | None = None
+    paint: PaintedFaces | None = None
     radii: Floats | None = None
     numbers: AnyArray | None = None
     copies: AnyArray | None = None
@@ -178,6 +180,7 @@ def _exported_mesh(shot: Shot, frame: MeshFrame, split: ShadedMesh) -> ExportedF
         *(mesh.vertices, mesh.faces, split.normals, split.faces, velocities, rest, mesh.creases),
         colours=None if colours is None else colours[: len(rest)],  # the mesh's own vertices come first
         texture=texture_coordinates(look, rest, mesh.faces, paint),
+        paint=paint if isinstance(look, Painted) else None,
         copies=_copies(shot, rest),
     )
 

@@ -29,9 +29,10 @@ from pipeline.plugins.interchange.exported_frame import (
     ExportedFrame,
     KeyedFiles,
     frame_key,
-    preview_surface,
     stored_frame,
 )
+from pipeline.plugins.interchange.exported_materials import pictures_recipe
+from pipeline.plugins.interchange.gltf_content import GltfContent
 from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Key, Store, key_of
@@ -244,47 +245,36 @@ def write_obj(path: Path, frame: ExportedFrame) -> None:
 
 
 def write_glb(path: Path, frame: ExportedFrame, look: Material) -> None:
-    """Write a surface with normals, material, texture coordinates, colours, _VELOCITY and _REST, all float32.
+    """Write a surface with normals, texture coordinates, colours, _VELOCITY and _REST, all float32, and its
+    materials with their pictures.
 
     Vertices are split at creases and at seams of texture coordinates, for glTF has one normal and one pair of
     coordinates a vertex. Raises MachineError where the disk refuses.
     """
-    import trimesh
-
-    corner, faces = split_corners(frame.corner_normals, frame.texture)
+    paint = frame.paint
+    painted = None if paint is None else paint.colours
+    corner, faces = split_corners(frame.corner_normals, frame.texture, painted)
     source, normal = frame.faces.reshape(-1)[corner], frame.corner_normals.reshape(-1)[corner]
-    surface = preview_surface(look)
-    material = trimesh.visual.material.PBRMaterial(
-        baseColorFactor=[*(surface.colour if frame.colours is None else (1.0, 1.0, 1.0)), surface.opacity],
-        metallicFactor=surface.metallic,
-        roughnessFactor=surface.roughness,
-        alphaMode=None if surface.opacity == 1.0 else "BLEND",
-    )
-    attributes = {"_VELOCITY": frame.velocities[source], "_REST": frame.rest[source]}
-    if frame.colours is not None:
-        attributes["_COLOR_0"] = np.hstack([frame.colours[source], np.ones((len(source), 1))])
+    content = GltfContent(plain=True)
+    attributes = {
+        "POSITION": content.floats(frame.points[source], "VEC3", bounded=True),
+        "NORMAL": content.floats(frame.normals[normal], "VEC3"),
+        "_VELOCITY": content.floats(frame.velocities[source], "VEC3"),
+        "_REST": content.floats(frame.rest[source], "VEC3"),
+    }
+    colours: AnyArray | None = None if frame.colours is None else frame.colours[source]
+    if painted is not None:
+        colours = painted.reshape(-1, 3)[corner]
+    if colours is not None:
+        opaque = np.hstack([colours, np.ones((len(source), 1))])
+        attributes["COLOR_0"] = content.floats(opaque, "VEC4")
     if frame.texture is not None:  # glTF counts downwards
-        attributes["_TEXCOORD_0"] = frame.texture.reshape(-1, 2)[corner] * (1.0, -1.0) + (0.0, 1.0)
-    model = trimesh.Trimesh(
-        frame.points[source],
-        faces,
-        vertex_normals=frame.normals[normal],
-        visual=trimesh.visual.TextureVisuals(material=material),
-        vertex_attributes={name: values.astype(np.float32) for name, values in attributes.items()},
-        process=False,
-    )
-    content = model.export(file_type="glb", include_normals=True, tree_postprocessor=_name_attributes)
-    with disk_errors(path):
-        path.write_bytes(bytes(content))
-
-
-def _name_attributes(tree: dict[str, Any]) -> None:
-    """Give colours and texture coordinates their names in glTF; trimesh rounds what it knows to 8 bits."""
-    for mesh in tree["meshes"]:
-        for primitive in mesh["primitives"]:
-            for name in ("COLOR_0", "TEXCOORD_0"):
-                if f"_{name}" in primitive["attributes"]:
-                    primitive["attributes"][name] = primitive["attributes"].pop(f"_{name}")
+        downwards = frame.texture.reshape(-1, 2)[corner] * (1.0, -1.0) + (0.0, 1.0)
+        attributes["TEXCOORD_0"] = content.floats(downwards, "VEC2")
+    primitives = content.primitives(attributes, faces, None if paint is None else paint.materials, look)
+    mesh = content.append("meshes", {"name": "sculpture", "primitives": primitives})
+    content.append("nodes", {"name": "sculpture", "mesh": mesh})
+    content.write(path, "sculpture")
 
 
 def point_normals(frame: ExportedFrame) -> Vectors:
@@ -393,8 +383,10 @@ class ModelExport:
         return lambda path: write(path, frame)
 
     def _key(self, number: int) -> Key:
-        more = {"stl": self.longest, "glb": to_plain(self.request.shot.picture.look)}.get(self.form)
-        return key_of(frame_key(self.request, number), self.form, more)
+        look = self.request.shot.picture.look
+        more = {"stl": self.longest, "glb": to_plain(look)}.get(self.form)
+        pictures = pictures_recipe(look) if self.form == "glb" else []
+        return key_of(frame_key(self.request, number), self.form, more, *pictures)
 
     def _file(self, number: int) -> str:
         return f"{self._name}.{number:04d}.{self.form}"

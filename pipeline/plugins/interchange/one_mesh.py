@@ -17,6 +17,7 @@ from pipeline.frames import FrameRate
 from pipeline.mesh.meshes import TriangleMesh
 from pipeline.mesh.normals import NORMAL, fan_normals, split_at_creases, trusted_normals
 from pipeline.production.store.store import Key
+from render.scene.painted_faces import PaintedFaces
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +70,7 @@ class OneMesh:
     longest_at      returns the maximum edge length of a frame, scene units; infinite where there is none
     colours         linear Rec.709 reflectances (V, 3); None where the look has one colour
     texture         texture coordinates (F, 3, 2) of the corners; None where the look has no textures
+    paint           what a model's file has on the faces, where the look shows its materials, or None
     reduction       None where no vertices were left out
     """
 
@@ -86,6 +88,7 @@ class OneMesh:
     longest_at: Callable[[int], float] = lambda number: math.inf
     colours: Floats | None = None
     texture: Floats | None = None
+    paint: PaintedFaces | None = None
     reduction: Reduction | None = None
 
     @classmethod

@@ -35,6 +35,7 @@ from pipeline.production.store import readers
 from pipeline.production.store.store import Key, Store, key_of
 from pipeline.shot import Motion
 from render.base.serialise import to_plain
+from render.scene.materials import Painted
 from render.scene.vertex_colours import vertex_colours
 
 
@@ -159,6 +160,7 @@ class Unification:
             mesh,
             colours=vertex_colours(replace(surface, paint=paint), look),
             texture=texture_coordinates(look, mesh.rest, mesh.faces, paint),
+            paint=paint if isinstance(look, Painted) else None,
         )
 
     def _reduced(self, refined: Refined, began: Began) -> tuple[AnyArray, Reduction | None]:

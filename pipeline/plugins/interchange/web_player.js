@@ -30,6 +30,15 @@ function summed(bytes, count, Kind) {
   return series;
 }
 
+/** Pairs of floats, whose bytes are stored plane by plane. */
+function pairs(bytes, count) {
+  const rows = new Uint8Array(8 * count);
+  for (let plane = 0; plane < 8; plane++) {
+    for (let k = 0; k < count; k++) rows[8 * k + plane] = bytes[plane * count + k];
+  }
+  return new Float32Array(rows.buffer);
+}
+
 /** Poses of three components a vertex, in rows of `stride`: each is the one before it plus its differences. */
 function poses(bytes, count, Kind) {
   const series = summed(bytes, count, Kind), all = [];
@@ -74,6 +83,7 @@ class Player {
     this.scene.add(this.set);
     this.camera = new THREE.PerspectiveCamera(26, 1, 0.01, 10000);
     this.blend = { value: 0 };
+    this.images = new Map(); // decoded pictures, by the number of their blob
     this.follows = facts.cameras.every(Boolean);
   }
 
@@ -247,8 +257,15 @@ class Player {
       const colours = new Uint16Array((await bytesOf(part.colours)).buffer);
       geometry.setAttribute("color", new THREE.BufferAttribute(colours, 3, true));
     }
-    const material = this.#moving(this.#lit(this.#material(part.material, part.colours !== null), part.closed), part.closed);
-    const mesh = new THREE.Mesh(geometry, material);
+    if (part.texture !== null) {
+      geometry.setAttribute("uv", new THREE.BufferAttribute(pairs(await bytesOf(part.texture), count), 2));
+    }
+    const materials = [];
+    for (const look of part.materials) {
+      materials.push(this.#moving(this.#lit(await this.#material(look), part.closed), part.closed));
+    }
+    for (const [start, indices, number] of part.groups) geometry.addGroup(start, indices, number);
+    const mesh = new THREE.Mesh(geometry, part.groups.length ? materials : materials[0]);
     mesh.customDepthMaterial = this.#moving(new THREE.MeshDepthMaterial({ depthPacking: THREE.RGBADepthPacking, side: THREE.DoubleSide }));
     Object.assign(mesh, { castShadow: true, receiveShadow: true, frustumCulled: false });
     mesh.position.set(...part.centre);
@@ -261,10 +278,28 @@ class Player {
     };
   }
 
-  #material(look, hasColours) {
+  /** A picture that covers a surface, and repeats. */
+  async #picture([type, number], colorSpace) {
     const { THREE } = this;
+    if (!this.images.has(number)) {
+      const content = new Blob([await bytesOf(number)], { type });
+      const asStored = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
+      this.images.set(number, await createImageBitmap(content, asStored));
+    }
+    const texture = new THREE.Texture(this.images.get(number));
+    const anisotropy = this.renderer.capabilities.getMaxAnisotropy();
+    return Object.assign(texture, {
+      wrapS: THREE.RepeatWrapping, wrapT: THREE.RepeatWrapping, flipY: false, colorSpace, anisotropy, needsUpdate: true,
+    });
+  }
+
+  async #material(look) {
+    const { THREE } = this;
+    const map = look.map && (await this.#picture(look.map, THREE.SRGBColorSpace));
+    const numbers = look.numbers && (await this.#picture(look.numbers, THREE.NoColorSpace));
     const material = new THREE.MeshPhysicalMaterial({
-      color: new THREE.Color(...look.colour), vertexColors: hasColours, roughness: look.roughness, metalness: look.metallic,
+      map, roughnessMap: numbers, metalnessMap: numbers,
+      color: new THREE.Color(...look.colour), vertexColors: look.is_coloured, roughness: look.roughness, metalness: look.metallic,
       clearcoat: look.clearcoat, clearcoatRoughness: 0.03, ior: Math.max(look.refraction, 1), specularIntensity: look.is_matt ? 0 : 1,
       side: THREE.DoubleSide, shadowSide: THREE.DoubleSide,
     });

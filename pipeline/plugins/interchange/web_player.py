@@ -23,12 +23,13 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats
 from pipeline.errors import MissingInputError
 from pipeline.plugins.interchange.animated_gltf import Moving, closes
-from pipeline.plugins.interchange.exported_frame import preview_surface
+from pipeline.plugins.interchange.exported_materials import COMPACT, ExportedMaterial, exported_materials
 from pipeline.production.request.framing import Framing
 from pipeline.shot import Picture, Shot
 from render.base.atomic_write import disk_errors
 from render.graphics.three_js import FETCH, three_js
 from render.post.colour import view_table
+from render.post.embedded_textures import EmbeddedPicture
 from render.scene.materials import Glass, Material, Smoke
 from render.scene.render_camera import Camera
 from render.scene.scene_lights import LightRig, Softbox
@@ -114,6 +115,15 @@ class _Blobs:
 
     def __init__(self) -> None:
         self.packed: list[str] = []
+        self._pictures: dict[EmbeddedPicture, int] = {}
+
+    def picture(self, picture: EmbeddedPicture | None) -> tuple[str, int] | None:
+        """Add a picture, unless it is there; return its media type and its number."""
+        if picture is None:
+            return None
+        if picture not in self._pictures:
+            self._pictures[picture] = self.add(picture.content)
+        return picture.kind, self._pictures[picture]
 
     def add(self, content: AnyArray | bytes) -> int:
         """Add an array, little-endian, or text; return its number."""
@@ -136,7 +146,12 @@ def _camera(framing: Framing) -> list[float] | None:
 
 def _sculpture(part: Moving, blobs: _Blobs) -> dict[str, Any]:
     keys, drawn = part.keyframes, part.keyframes.drawn
-    colours = drawn.colours
+    colours, texture = drawn.colours, drawn.texture
+    materials = [
+        _material(each, part.look, colours is not None, blobs)
+        for each in exported_materials(part.look, COMPACT)
+    ]
+    has_pictures = any(each["map"] or each["numbers"] for each in materials)
     return {
         "name": part.name,
         "numbers": list(keys.numbers),
@@ -152,7 +167,11 @@ def _sculpture(part: Moving, blobs: _Blobs) -> dict[str, Any]:
         "colours": None
         if colours is None
         else blobs.add(np.rint(65535.0 * np.clip(colours, 0.0, 1.0)).astype("<u2")),
-        "material": _material(part.look, colours is not None),
+        "texture": None
+        if texture is None or not has_pictures
+        else blobs.add(planes((texture * (1.0, -1.0) + (0.0, 1.0)).astype("<f4"))),
+        "materials": materials,
+        "groups": [] if drawn.materials is None else _groups(drawn.materials),
         "closed": drawn.is_closed,
     }
 
@@ -175,11 +194,20 @@ def planes(values: AnyArray) -> AnyArray:
     return np.ascontiguousarray(np.moveaxis(parts, -1, -2))
 
 
-def _material(look: Material, has_colours: bool) -> dict[str, Any]:
-    surface = preview_surface(look)
+def _groups(materials: AnyArray) -> list[tuple[int, int, int]]:
+    """Return runs of faces of one material (F,), ascending: first index, number of indices and material."""
+    numbers, first, counts = np.unique(materials, return_index=True, return_counts=True)
+    return [(3 * start, 3 * count, n) for n, start, count in np.stack([numbers, first, counts], 1).tolist()]
+
+
+def _material(part: ExportedMaterial, look: Material, has_colours: bool, blobs: _Blobs) -> dict[str, Any]:
+    is_coloured = part.is_coloured and has_colours
     return {
-        **surface._asdict(),
-        "colour": (1.0, 1.0, 1.0) if has_colours else surface.colour,
+        **part.surface._asdict(),
+        "colour": (1.0, 1.0, 1.0) if is_coloured else part.surface.colour,
+        "is_coloured": is_coloured,
+        "map": blobs.picture(part.colour),
+        "numbers": blobs.picture(part.numbers),
         "is_clear": isinstance(look, Glass),
         "is_smoke": isinstance(look, Smoke),
     }

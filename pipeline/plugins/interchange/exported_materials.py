@@ -1,0 +1,102 @@
+"""Materials of exported files: the preview surfaces of a look, with the pictures that glTF and pages hold.
+
+A picture of numbers has roughness in green and metalness in blue, as glTF has them.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.plugins.interchange.exported_frame import PreviewSurface, preview_surface
+from render.post.embedded_textures import EmbeddedPicture, embedded, embedded_numbers
+from render.scene.materials import Material, Painted, Satin
+from render.scene.painted_faces import VERTEX_COLOURS
+from render.scene.textures import WIDEST, Texture
+
+COMPACT = 2048
+"""The most pixels along a side of pictures in compressed files; finer ones are averaged."""
+
+
+class ExportedMaterial(NamedTuple):
+    """A material of a file.
+
+    surface      its colour, roughness and metalness are factors on the pictures
+    colour       the picture of its colour, or None
+    numbers      the picture of roughness and metalness, or None
+    is_coloured  True if the colours of vertices, where there are any, take the place of the surface's
+    """
+
+    surface: PreviewSurface
+    colour: EmbeddedPicture | None
+    numbers: EmbeddedPicture | None
+    is_coloured: bool
+
+
+def exported_materials(look: Material, widest: int = WIDEST) -> tuple[ExportedMaterial, ...]:
+    """Return the materials of a look: those of a model by their numbers, of other looks one.
+
+    widest  the most pixels along a side of a picture
+
+    Raises as `read_picture`.
+    """
+    return tuple(_exported(part, isinstance(look, Painted), widest) for part in _parts(look))
+
+
+def pictures_recipe(look: Material) -> list[str]:
+    """Return what keys of files with pictures, or several materials, hold; nothing for other looks."""
+    names = ("colour_texture", "roughness_texture", "metallic_texture")
+    parts = _parts(look)
+    held = len(parts) > 1 or any(getattr(part, name, None) for part in parts for name in names)
+    return ["pictures"] if held else []
+
+
+def _parts(look: Material) -> tuple[Material, ...]:
+    return look.parts or (look,) if isinstance(look, Painted) else (look,)
+
+
+def _exported(part: Material, is_of_model: bool, widest: int) -> ExportedMaterial:
+    numbers, surface = _numbers(part, preview_surface(part), widest)
+    texture: Texture | None = getattr(part, "colour_texture", None)
+    if texture is not None:
+        picture = embedded(texture, widest, is_colour=True)
+        return ExportedMaterial(surface._replace(colour=texture.factor), picture, numbers, False)
+    is_coloured = not is_of_model or getattr(part, "colour_from", None) == VERTEX_COLOURS
+    return ExportedMaterial(surface, None, numbers, is_coloured)
+
+
+def _numbers(
+    part: Material, surface: PreviewSurface, widest: int
+) -> tuple[EmbeddedPicture | None, PreviewSurface]:
+    """Return the picture of roughness and metalness, if there is one, and the surface with factors on it."""
+    rough: Texture | None = getattr(part, "roughness_texture", None)
+    metal: Texture | None = getattr(part, "metallic_texture", None)
+    if (rough is None and metal is None) or not _fits(part):
+        return None, surface
+    if rough and metal and (rough.digest, rough.channel, metal.channel) == (metal.digest, 1, 2):
+        factors = surface._replace(roughness=rough.factor[1], metallic=metal.factor[2])
+        return embedded(rough, widest, is_colour=False), factors
+    planes = [None if texture is None else texture.numbers() for texture in (rough, metal)]
+    if planes[0] is not None:
+        surface = surface._replace(roughness=1.0)
+        if not isinstance(part, Satin):  # the roughness of others is the width of the lobe
+            planes[0] = np.sqrt(np.clip(planes[0], 0.0, 1.0))
+    if metal is not None:
+        surface = surface._replace(metallic=1.0)
+    return embedded_numbers([None, *planes], widest), surface
+
+
+def _fits(part: Material) -> bool:
+    """Tell whether pictures of roughness and metalness cover a surface by the coordinates of its colours.
+
+    Where a projection keeps their shape, those of another shape than the colours would need others.
+    """
+    projection = part.texture_projection
+    if projection is None or not projection.keeps_shape:
+        return True
+    colour: Texture | None = getattr(part, "colour_texture", None)
+    shape = (1, 1) if colour is None else colour.pixels().shape[:2]
+    held = (getattr(part, name, None) for name in ("roughness_texture", "metallic_texture"))
+    shapes = [texture.numbers().shape[:2] for texture in held if texture is not None]
+    return all(shape[0] * width == shape[1] * height for height, width in shapes)

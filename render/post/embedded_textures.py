@@ -1,0 +1,104 @@
+"""Textures as PNG or JPEG within other files, as glTF and pages hold them: sRGB colours, or numbers.
+
+A PNG or JPEG is taken as the file is, where readers see in it what we render; other pictures, and those that
+are too large, are encoded again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.post.image import jpeg_bytes
+from render.scene.rgb_spaces import srgb_of_linear
+from render.scene.textures import Texture, read_picture
+
+Levels = NDArray[np.uint8]
+
+_KINDS = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
+
+
+class EmbeddedPicture(NamedTuple):
+    """A PNG or a JPEG: its media type and its bytes."""
+
+    kind: str
+    content: bytes
+
+
+def embedded(texture: Texture, widest: int, is_colour: bool) -> EmbeddedPicture:
+    """Return the picture of a texture, without its factor. Raises as `read_picture`.
+
+    widest     the most pixels along a side; finer ones are averaged
+    is_colour  True for colours, linear Rec.709 to sRGB; False for numbers as stored
+    """
+    encode: Callable[[Any], Any] = srgb_of_linear if is_colour else np.asarray
+    pixels = read_picture(texture.path, texture.digest, texture.space if is_colour else "data")
+    content = Path(texture.path).read_bytes()
+    kind = next((kind for start, kind in _KINDS.items() if content.startswith(start)), None)
+    if kind is not None and max(pixels.shape[:2]) <= widest:
+        is_same = hashlib.sha256(content).hexdigest() == texture.digest
+        if is_same and _shows(texture.path, _levels(encode(pixels))):
+            return EmbeddedPicture(kind, content)
+    shown = _levels(encode(_at_most(pixels, widest)))
+    if kind == "image/jpeg" and is_colour:
+        return EmbeddedPicture(kind, jpeg_bytes(shown))
+    return _png(shown)
+
+
+def embedded_numbers(planes: Sequence[NDArray[np.float32] | None], widest: int) -> EmbeddedPicture:
+    """Return a picture of up to three planes (H, W, 1) of numbers from 0 to 1; one that is None is white.
+
+    The planes may differ in size: smaller ones are repeated.
+    """
+    reduced = [None if plane is None else _at_most(plane, widest) for plane in planes]
+    height, width = np.max([plane.shape[:2] for plane in reduced if plane is not None], axis=0)
+    pixels = np.ones((height, width, 3), np.float32)
+    for channel, plane in enumerate(reduced):
+        if plane is not None:
+            rows = np.arange(height) * plane.shape[0] // height
+            columns = np.arange(width) * plane.shape[1] // width
+            pixels[..., channel] = plane[rows[:, None], columns, 0]
+    return _png(_levels(pixels))
+
+
+def _shows(path: str, shown: Levels) -> bool:
+    """Tell whether readers that follow no header see these pixels (H, W, 3) in a PNG or JPEG."""
+    import OpenImageIO as oiio
+
+    wanted = oiio.ImageSpec()
+    wanted["oiio:UnassociatedAlpha"] = 1
+    file = oiio.ImageInput.open(path, wanted)
+    if file is None:
+        return False
+    spec, stored = file.spec(), file.read_image(oiio.UINT8)
+    followed = spec.get_int_attribute("Orientation", 1) != 1 or spec.getattribute("ICCProfile") is not None
+    if followed or stored is None or spec.nchannels > 4 or stored.shape[:2] != shown.shape[:2]:
+        return False
+    colours = stored[..., :3] if spec.nchannels > 2 else stored[..., :1]
+    return bool((np.abs(colours.astype(np.int16) - shown) <= 1).all())
+
+
+def _at_most(pixels: NDArray[np.float32], widest: int) -> NDArray[np.float32]:
+    """Return pixels (H, W, C), averaged down to at most so many a side."""
+    while max(pixels.shape[:2]) > widest:
+        down, across = (2 if side > 1 else 1 for side in pixels.shape[:2])
+        height, width = pixels.shape[0] // down, pixels.shape[1] // across
+        cut = pixels[: height * down, : width * across]
+        pixels = cut.reshape(height, down, width, across, -1).mean(axis=(1, 3))
+    return pixels
+
+
+def _levels(pixels: NDArray[np.floating]) -> Levels:
+    return np.rint(255.0 * np.clip(pixels, 0.0, 1.0)).astype(np.uint8)
+
+
+def _png(levels: Levels) -> EmbeddedPicture:
+    import imageio.v3 as iio  # takes a moment
+
+    content: bytes = iio.imwrite("<bytes>", levels, extension=".png", plugin="pillow")
+    return EmbeddedPicture("image/png", content)
