@@ -42,7 +42,8 @@ def gltf(common: Common, shot: Shot, options: OneMeshOptions, plain: Plain = Fal
     `flowsculpt export gltf A010_cube` writes renders/A010_cube/models/A010_cube.glb: one mesh, with morph
     targets at as few keyframes as keep each frame within a quarter of an edge. It is compressed with
     EXT_meshopt_compression, which three.js, Babylon.js and model-viewer read; `--plain` writes a larger file
-    that every program reads.
+    that every program reads. Pictures of the look are in the file, compressed ones with at most 2048 pixels
+    on a side.
     """
     project, asked, folder = asked_for(common, shot, options, DEFAULT_QUALITY, "models")
     parts = tuple(Unification(part, project.store, options.vertices, options.until) for part in asked.parts)

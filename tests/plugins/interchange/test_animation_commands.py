@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.plugins.interchange import animated_gltf, vertex_textures, web_player
+from pipeline.plugins.interchange import gltf_content, vertex_textures, web_player
 from pipeline.plugins.interchange.gltf_document import GltfDocument
 from pipeline.plugins.interchange.web_player import three_js
 from tests.conftest import commanded
@@ -103,7 +103,7 @@ def test_several_subjects_are_one_file_for_players_and_textures_for_each(tmp_pat
 
 def test_what_a_format_cannot_hold_is_refused_in_a_line(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     there = ("-o", str(root / "refused"))
-    monkeypatch.setattr(animated_gltf, "_LARGEST_FILE", 1000)
+    monkeypatch.setattr(gltf_content, "_LARGEST_FILE", 1000)
     assert "GB; use fewer frames, or --vertices" in refused(root, "gltf", NAME, *there)
     monkeypatch.setattr(vertex_textures, "LARGEST", 16)
     assert "rows of 16, and engines read" in refused(root, "vat", NAME, *there)

@@ -115,8 +115,10 @@ def picture_of(document: GltfDocument, material: dict[str, Any], slot: str) -> A
     root = document.root.values
     entry = root["textures"][material["pbrMetallicRoughness"][slot]["index"]]
     assert root["samplers"][entry["sampler"]] == {
-        "magFilter": LINEAR, "minFilter": MIPMAPS,
-        "wrapS": REPEAT, "wrapT": REPEAT,
+        "magFilter": LINEAR,
+        "minFilter": MIPMAPS,
+        "wrapS": REPEAT,
+        "wrapT": REPEAT,
     }
     view = root["bufferViews"][root["images"][entry["source"]]["bufferView"]]
     content = document.buffer(0)[view["byteOffset"] :][: view["byteLength"]]

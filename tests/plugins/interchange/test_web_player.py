@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +20,16 @@ from pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
 from pipeline.plugins.interchange.web_player import WebPage, differences, irradiance, planes
 from pipeline.production.request.framing import Framing
 from pipeline.shot import read_shot
+from render.base.input_files import digest_of_file
 from render.graphics.three_js import three_js
-from render.post.image import read_png
+from render.post.image import read_png, write_png
+from render.scene.materials import Diffuse, Painted
+from render.scene.painted_faces import PaintedFaces
 from render.scene.render_camera import Camera
 from render.scene.scene_lights import LightRig, Sky, Softbox
 from render.scene.scene_stage import StagePlacement
+from render.scene.texture_projection import TextureProjection
+from render.scene.textures import texture_of
 from tests.plugins.interchange.moving_meshes import moving, painted
 from tests.plugins.review.chromium import wait_for
 from tests.plugins.review.conftest import browser
@@ -72,6 +79,13 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def tab(browser: Browser, page: Path) -> Iterator[Tab]:
+    with opened(browser, page) as tab:
+        yield tab
+
+
+@contextmanager
+def opened(browser: Browser, page: Path) -> Iterator[Tab]:
+    """A page without a network; it must neither complain nor ask for anything."""
     context = browser.new_context(
         viewport={"width": SIZE[0], "height": SIZE[1]}, reduced_motion="reduce", offline=True
     )
@@ -141,3 +155,32 @@ def test_keys_and_the_bar_move_through_time_and_dragging_leaves_the_shots_camera
     tab.keyboard.press("c")
     wait_for(tab, "flowsculpt.player.follows", 5.0)
     assert np.allclose(tab.evaluate("flowsculpt.player.camera.position.toArray()"), before, atol=1e-6)
+
+
+def test_each_material_of_a_model_shows_its_picture_or_colour(browser: Browser, tmp_path: Path) -> None:
+    if three_js() is None:
+        pytest.skip("three.js is not set up here")
+    pixels = np.zeros((16, 16, 3), np.uint8)
+    pixels[:8], pixels[8:] = (0, 200, 0), (0, 0, 200)  # green above blue
+    write_png(tmp_path / "a.png", pixels)
+    texture = texture_of(str(tmp_path / "a.png"), digest_of_file(tmp_path / "a.png"), None)
+    pictured = Diffuse((1, 1, 1), colour_texture=texture, projection=TextureProjection("model"))
+    look = Painted((1, 1, 1), parts=(pictured, Diffuse((0.6, 0.0, 0.0))))
+    mesh = painted(moving(icosphere(8), frames=range(1, 3)))
+    assert mesh.texture is not None
+    is_right = (mesh.rest[mesh.faces].mean(axis=1)[:, 0] > 0.0).astype(np.int64)
+    mesh = replace(mesh, paint=PaintedFaces(mesh.texture, 0 * is_right, is_right))
+    shot = read_shot(tmp_path / "a.yaml", SHOT)
+    framing = Framing(Camera((0.0, 0.0, 6.0), (0.0, 0.0, 0.0)), StagePlacement((0.0, -1.0, 0.0), 1.0))
+    part = Moving("ball", KeyPoses.of(DrawnMesh.of(mesh)), look)
+    WebPage(shot, [part], dict.fromkeys(mesh.frames, framing), 16 / 9).write(tmp_path / "page.html")
+    with opened(browser, tmp_path / "page.html") as tab:
+        colours = picture(tab, tmp_path, 1)
+    red, green, blue = (
+        np.argwhere((colours[..., k] > 60) & (colours[..., k] > 1.5 * np.delete(colours, k, 2).max(axis=2)))
+        for k in range(3)
+    )
+    middle = SIZE[0] / 2
+    assert min(map(len, (red, green, blue))) > 500
+    assert red[:, 1].min() > middle - 20 and max(green[:, 1].max(), blue[:, 1].max()) < middle + 20
+    assert green[:, 0].mean() < blue[:, 0].mean()
