@@ -1,4 +1,5 @@
-"""Our plug-ins for Mitsuba: absorption in clear bodies, brushed metal, subsurface scattering, wide cameras.
+"""Our plug-ins for Mitsuba: absorption in clear bodies, brushed metal, subsurface scattering, painted models,
+wide cameras.
 
 Importing this imports Mitsuba, so an engine of a compiled variant must have been started; the scalar variant
 would call Python for every ray.
@@ -19,6 +20,9 @@ The surface over subsurface scattering is a BSDF that lets light in where the bo
 tracer takes a sample of DiffuseTransmission as the start of a random walk
 (`render.integrator.subsurface_paths`). In the scalar variant, without our path tracer, the body reflects.
 
+Mitsuba's normal maps take tangents that are constant on each triangle and cannot be mirrored. Ours are turned
+to the tangents that vertices have (`render.mitsuba.texture_coordinates`) before its `normalmap` reads them.
+
 The sensor of wide cameras is there since Mitsuba has no fisheye and no stereo camera.
 """
 
@@ -34,7 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.mitsuba.loading import RATE
-from render.mitsuba.texture_coordinates import SCRATCH_TANGENT
+from render.mitsuba.texture_coordinates import MIRRORED, SCRATCH_TANGENT, TEXTURE_TANGENT
 from render.scene.materials import Glass
 from render.scene.render_camera import Projection
 
@@ -43,6 +47,9 @@ BRUSHED, SUBSURFACE = "flowsculpt_brushed", "flowsculpt_subsurface"
 
 PAINTED = "flowsculpt_painted"
 """Name of the texture of a model with several materials."""
+
+NORMALS = "flowsculpt_normals"
+"""Name of the texture that a `normalmap` reads, around a nested tangent-space `map`."""
 
 WIDE = "flowsculpt_wide"
 """Name of the sensor of wide cameras."""
@@ -172,6 +179,33 @@ class PaintedTexture(mi.Texture):
 
     def to_string(self) -> str:
         return f"PaintedTexture[{', '.join(self.parts)}]"
+
+
+class Normals(mi.Texture):
+    """Return the normals of the nested map in the frame of the surface, as colours from 0 to 1."""
+
+    def __init__(self, properties: Any) -> None:
+        super().__init__(properties)
+        self.map = properties["map"]
+
+    def traverse(self, callback: Any) -> None:
+        callback.put("map", self.map, mi.ParamFlags.Differentiable)
+
+    def eval_3(self, si: Any, active: Any = True) -> Any:
+        normal = self.map.eval_3(si, active)
+        right = si.to_local(mi.Vector3f(si.shape.eval_attribute_3(f"vertex_{TEXTURE_TANGENT}", si, active)))
+        length = dr.norm(mi.Vector2f(right.x, right.y))
+        x, y = (dr.select(length > 1e-6, part / length, 0.0) for part in (right.x, right.y))
+        is_mirrored = si.shape.eval_attribute_1(f"vertex_{MIRRORED}", si, active) > 0.5
+        up = dr.select(is_mirrored, -normal.y, normal.y)
+        turned = mi.Color3f(normal.x * x - up * y, normal.x * y + up * x, normal.z)
+        return 0.5 * turned + 0.5
+
+    def is_spatially_varying(self) -> bool:
+        return True
+
+    def to_string(self) -> str:
+        return f"Normals[{self.map}]"
 
 
 class Brushed(mi.BSDF):
@@ -323,6 +357,7 @@ class WideSensor(mi.Sensor):
 
 mi.register_texture("flowsculpt_absorbing", Absorbing)
 mi.register_texture(PAINTED, PaintedTexture)
+mi.register_texture(NORMALS, Normals)
 mi.register_bsdf(BRUSHED, Brushed)
 mi.register_bsdf(SUBSURFACE, SubsurfaceBSDF)
 mi.register_sensor(WIDE, WideSensor)

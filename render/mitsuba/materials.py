@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from render.base.render_errors import BadInputError
 from render.mitsuba import bsdf_plugins as bsdf
 from render.mitsuba.engine import is_compiled
-from render.mitsuba.texture_coordinates import TextureCoordinates, bitmap
+from render.mitsuba.texture_coordinates import MIRRORED, TextureCoordinates, bitmap
 from render.scene.materials import (
     BrushedMetal,
     Diffuse,
@@ -69,9 +69,10 @@ def surface_bsdf(
                 relief = material.relief
                 height = bitmap(relief.texture.numbers(), coordinates, material.projection)
                 opaque = {"type": "bumpmap", "relief": height, "scale": relief.height, "material": opaque}
-            return two_sided(opaque)
+            return _with_normals((material,), two_sided(opaque), attributes, coordinates)
         case Painted():
-            return two_sided(_painted(material, attributes, coordinates))
+            body = two_sided(_painted(material, attributes, coordinates))
+            return _with_normals(material.parts, body, attributes, coordinates)
     raise TypeError(f"{material.model} has no BSDF")
 
 
@@ -90,8 +91,7 @@ def _painted(painted: Painted, attributes: Collection[str], coordinates: Texture
         whole = _opaque(first, _colour(first, attributes, coordinates), coordinates)
         for name, part in shown.items():
             second = _opaque(part, _colour(part, attributes, coordinates), coordinates)
-            weight = {"type": "mesh_attribute", "name": f"vertex_{name}"}
-            whole = {"type": "blendbsdf", "weight": weight, "first": whole, "second": second}
+            whole = _blend(name, whole, second)
         return whole
     from render.mitsuba.custom_plugins import PAINTED  # needs a compiled variant
 
@@ -117,6 +117,53 @@ def _painted(painted: Painted, attributes: Collection[str], coordinates: Texture
         return glossy if kinds == {True} else matt
     weight = of_each(lambda part: {"type": "uniform", "value": float(isinstance(part, Glossy))})
     return {"type": "blendbsdf", "weight": weight, "first": matt, "second": glossy}
+
+
+def _with_normals(
+    parts: Sequence[PatternedMaterial],
+    body: Description,
+    attributes: Collection[str],
+    coordinates: TextureCoordinates,
+) -> Description:
+    """Return the BSDF of a two-sided body with the normal maps of its materials, each on its own faces.
+
+    Normals of the back are those of the front, turned round. The scalar variant nests two BSDFs for each map,
+    with tangents that are constant on each triangle.
+    """
+    others = {material_weight(number): part for number, part in enumerate(parts) if number}
+    shown = {name: part for name, part in others.items() if name in attributes}
+    if not any(part.has_normal_map for part in (*parts[:1], *shown.values())):
+        return body
+
+    if is_compiled():
+        from render.mitsuba.custom_plugins import NORMALS, PAINTED  # needs a compiled variant
+
+        def mapped(part: PatternedMaterial) -> Description:
+            if part.normal_texture is None:
+                return {"type": "srgb", "color": [0.0, 0.0, 1.0]}
+            return bitmap(part.normal_texture.normals(), coordinates, part.projection)
+
+        maps = {"otherwise": mapped(parts[0]), **{name: mapped(part) for name, part in shown.items()}}
+        normals = {"type": NORMALS, "map": {"type": PAINTED, **maps}}
+        return {"type": "normalmap", "normalmap": normals, "body": body}
+
+    def turned(part: PatternedMaterial) -> Description:
+        if part.normal_texture is None:
+            return body
+        colours = [0.5 + 0.5 * part.normal_texture.normals() * (1.0, up, 1.0) for up in (1.0, -1.0)]
+        maps = (bitmap(each, coordinates, part.projection) for each in colours)
+        return _blend(MIRRORED, *({"type": "normalmap", "normalmap": each, "body": body} for each in maps))
+
+    whole = turned(parts[0])
+    for name, part in shown.items():
+        whole = _blend(name, whole, turned(part))
+    return whole
+
+
+def _blend(attribute: str, first: Description, second: Description) -> Description:
+    """Return the second BSDF where a vertex attribute is 1, and the first where it is 0."""
+    weight = {"type": "mesh_attribute", "name": f"vertex_{attribute}"}
+    return {"type": "blendbsdf", "weight": weight, "first": first, "second": second}
 
 
 def _number(part: PatternedMaterial, name: str, coordinates: TextureCoordinates) -> Description:

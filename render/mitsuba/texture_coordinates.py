@@ -12,6 +12,10 @@ direction; there scratches are parallel to one fixed direction. Lines have no si
 averaged as tensors d dᵀ (Zhang, Hays and Turk, *Interactive tensor field design and visualization on
 surfaces*, 2007): over the triangles around each vertex, several times. Triangles weigh by the squared
 gradient of the coordinate, so that those without a clear direction take that of their neighbours.
+
+Normal maps need the direction in which a texture goes right, at every vertex: the mean over its triangles,
+weighted by their angles there (Mikkelsen, *Simulation of wrinkled surfaces revisited*, 2008). Textures go up
+at a right angle to it, on the left or, where the texture is mirrored, on the right.
 """
 
 from __future__ import annotations
@@ -39,6 +43,10 @@ _SCRATCH_RANGE = 2.0**-10
 SCRATCH_TANGENT = "scratch_tangent"
 """Name of the vertex attribute (V, 3) of unit tangents along scratches."""
 
+TEXTURE_TANGENT, MIRRORED = "texture_tangent", "texture_is_mirrored"
+"""Names of the vertex attributes with the direction in which a texture goes right (V, 3), a unit vector or 0
+where it has none, and 1 where the texture is mirrored, else 0 (V, 1)."""
+
 _TEXTURE_RANGE = 2.0**-8
 """Range above 1 that textures use: 32000 steps, and a matte clipped at 1 is correct within 0.2%."""
 
@@ -64,7 +72,7 @@ def texture_coordinates(surface: Surface, material: Material) -> tuple[Surface, 
     if axes is not None:
         return _along_scratches(surface, axes)
     if material.texture_projection is not None:
-        return _projected(surface, material.texture_projection)
+        return _projected(surface, material.texture_projection, material.has_normal_map)
     phases = vertex_phases(surface, material)
     first = np.zeros(len(surface.vertices)) if phases is None else phases
     return surface, TextureCoordinates(np.stack([first, np.full(len(first), SUBJECT)], axis=1))
@@ -86,13 +94,53 @@ def _along_scratches(surface: Surface, axes: Floats) -> tuple[Surface, TextureCo
     return replace(split, attributes=attributes), TextureCoordinates(values)
 
 
-def _projected(surface: Surface, projection: TextureProjection) -> tuple[Surface, TextureCoordinates]:
+def _projected(
+    surface: Surface, projection: TextureProjection, has_normal_map: bool
+) -> tuple[Surface, TextureCoordinates]:
     split, coordinates = project_texture(surface, surface.require_rest("look has a picture"), projection)
+    if has_normal_map:
+        split, coordinates = with_texture_tangents(split, coordinates)
     right, up = coordinates.T
     reach = 2.0 ** math.ceil(math.log2(max(float(np.abs(up).max(initial=0.0)), 1.0)))
     scale = 2.0 * reach / _TEXTURE_RANGE
     values = np.stack([right, SUBJECT + (up + reach) / scale], axis=1)
     return split, TextureCoordinates(values, scale, -scale * SUBJECT - reach)
+
+
+def with_texture_tangents(surface: Surface, coordinates: Floats) -> tuple[Surface, Floats]:
+    """Return the surface with the attributes TEXTURE_TANGENT and MIRRORED, and its coordinates (V, 2).
+
+    It is split where mirrored faces meet others.
+    """
+    corners = surface.vertices.astype(np.float64)[surface.faces]
+    sides, steps = (np.roll(values, -1, axis=1) - values for values in (corners, coordinates[surface.faces]))
+    area = steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0]
+    across = np.cross(sides[:, 0], sides[:, 1])
+    outside = np.einsum("fx,fcx->f", across, surface.normals[surface.faces])
+    is_mirrored = area * outside < 0.0
+    right = sides[:, 0] * steps[:, 1, 1, None] - sides[:, 1] * steps[:, 0, 1, None]
+    right = _unit(right * np.sign(area)[:, None])
+    away = _unit(sides)
+    angles = np.arccos(np.clip(-np.einsum("fcx,fcx->fc", away, np.roll(away, 1, axis=1)), -1.0, 1.0))
+    vertices, corner = np.unique(
+        2 * surface.faces.astype(np.int64) + is_mirrored[:, None], return_inverse=True
+    )
+    faces = corner.reshape(-1, 3).astype(np.int32)
+    tangents = np.zeros((len(vertices), 3))
+    np.add.at(tangents, faces, angles[..., None] * right[:, None])
+    split = surface.with_copied_vertices(vertices // 2, faces)
+    attributes = {
+        **split.attributes,
+        TEXTURE_TANGENT: _unit(tangents).astype(np.float32),
+        MIRRORED: (vertices % 2).astype(np.float32)[:, None],
+    }
+    return replace(split, attributes=attributes), coordinates[vertices // 2]
+
+
+def _unit(vectors: Floats) -> Floats:
+    """Return vectors (..., 3) of length 1; those without a direction are 0."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.where(length > 1e-30, vectors / np.maximum(length, 1e-30), 0.0)
 
 
 def bitmap(

@@ -46,7 +46,7 @@ class Texture:
              states, else "linear" for floats (EXR, HDR, TIFF) and "srgb" for integers
     path     the file
     reading  what `reading_of` returns
-    factor   on red, green and blue, linear Rec.709, or on numbers
+    factor   on red, green and blue, linear Rec.709, or on numbers, or on right, up and out of normals
     channel  0, 1 or 2: the one that holds numbers; None for the mean of all
 
     working_space  the space that colours are converted to
@@ -74,6 +74,13 @@ class Texture:
         if self.channel is None:
             return np.ascontiguousarray(stored.mean(axis=2, keepdims=True))
         return np.ascontiguousarray(stored[..., self.channel, None] * np.float32(self.factor[self.channel]))
+
+    def normals(self) -> Pixels:
+        """Return the normals of a tangent-space map, right, up and out, (H, W, 3), of any length; none points
+        inwards. Raises as `read_picture`."""
+        stored = read_picture(self.path, self.digest, "data")
+        normals = (2.0 * stored - 1.0) * np.array(self.factor, np.float32)
+        return np.maximum(normals, (-np.inf, -np.inf, 1e-3), dtype=np.float32)
 
 
 @lru_cache(maxsize=6)

@@ -121,6 +121,7 @@ SHOWN = {
         "vertex colours": ["model_paint:vertex_colours_of_an_obj_are_srgb"],
         "colour": ["model_paint:materials_of_an_obj_are_read"],
         "roughness, metalness": ["model_paint:roughness_and_metalness_of_an_obj"],
+        "normals": ["model_paint:a_normal_map_of_an_obj"],
         "files": ["model_paint:a_path_of_another_machine", "model_paint:pictures_lie_beside_the_materials"],
         "not shown": ["model_paint:roughness_and_metalness_of_an_obj"],
         "refused": ["model_paint:a_moved_texture_of_an_obj"],
@@ -136,8 +137,9 @@ SHOWN = {
         ],
         "colour": ["model_paint:a_picture_within_a_gltf_file"],
         "roughness, metalness": ["model_paint:a_picture_within_a_gltf_file"],
+        "normals": ["model_paint:a_normal_map_of_a_gltf_file"],
         "files": ["model_paint:a_picture_within_a_gltf_file"],
-        "not shown": ["model_paint:maps_of_normals_and_light_of_a_gltf_file"],
+        "not shown": ["model_paint:maps_of_light_and_opacity_of_a_gltf_file"],
         "refused": ["model_paint:paint_of_gltf_1_is_refused"],
     },
 }

@@ -93,6 +93,8 @@ def _textures_of(material: JsonObject) -> Iterator[JsonObject]:
     for name in ("baseColorTexture", "metallicRoughnessTexture"):
         if name in surface:
             yield surface.entry(name)
+    if "normalTexture" in material:
+        yield material.entry("normalTexture")
 
 
 class PaintArrays(SceneArrays):
@@ -205,6 +207,10 @@ def _material(
         both = texture_of(surface.entry("metallicRoughnessTexture"), space="data")
         more["roughness_texture"] = replace(both, factor=(1.0, roughness, 1.0), channel=1)
         more["metallic_texture"] = replace(both, factor=(1.0, 1.0, metallic), channel=2)
+    if "normalTexture" in material:
+        normals = material.entry("normalTexture")
+        (scale,) = JsonObject({"scale": [normals.values.get("scale", 1.0)]}, normals.place).numbers("scale")
+        more["normal_texture"] = replace(texture_of(normals, space="data"), factor=(scale, scale, 1.0))
     if colour is not None and has_colours:
         raise MeshError(
             f"{material.place} has a texture to be multiplied by the colours of its vertices, COLOR_0, "

@@ -1,7 +1,8 @@
 """Texture coordinates, vertex colours and materials of Wavefront OBJ files.
 
 Materials are those of the MTL files that the OBJ names, by its specification (Wavefront, Advanced Visualizer)
-with the roughness and metalness that Blender, Substance and others add (``Pr``, ``Pm``). Colours are sRGB.
+with the roughness, metalness and normal map that Blender, Substance and others add (``Pr``, ``Pm``,
+``norm``). Colours are sRGB.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -152,19 +154,25 @@ def _entries(library: Path) -> Iterator[tuple[bytes, dict[bytes, list[bytes]]]]:
 def _material(
     library: Path, entries: dict[bytes, list[bytes]], files: dict[Path, str], has_colours: bool
 ) -> PatternedMaterial:
-    """Return the material of the statements of an MTL file; note the picture that it names."""
+    """Return the material of the statements of an MTL file; note the pictures that it names."""
     colour = _colour(entries, b"Kd") or GREY
-    texture = None
+    texture = normals = None
     if words := entries.get(b"map_Kd"):
         texture = picture(library, _picture_name(words), files)
+    if words := entries.get(b"norm"):
+        normals = picture(library, _picture_name(words), files, "data")
+        strength = {b"-bm": words[words.index(b"-bm") + 1 :]} if b"-bm" in words else {}
+        scale = _number(strength, b"-bm", 1.0)
+        normals = replace(normals, factor=(scale, scale, 1.0))
     specular, shine = _colour(entries, b"Ks"), _number(entries, b"Ns", 0.0)
     metallic, roughness = _number(entries, b"Pm", 0.0), _number(entries, b"Pr", -1.0)
     if roughness < 0.0:
         is_matt = not metallic and (not specular or not any(specular) or not shine)
         roughness = 1.0 if is_matt else (2.0 / (max(shine, 0.0) + 2.0)) ** 0.25
         if is_matt:
-            return painted(colour, texture, has_colours=has_colours)
-    return painted(colour, texture, min(roughness, 1.0), min(max(metallic, 0.0), 1.0), has_colours)
+            return painted(colour, texture, has_colours=has_colours, normal_texture=normals)
+    roughness, metallic = min(roughness, 1.0), min(max(metallic, 0.0), 1.0)
+    return painted(colour, texture, roughness, metallic, has_colours, normal_texture=normals)
 
 
 def _picture_name(words: list[bytes]) -> str:

@@ -31,14 +31,14 @@ def painted(
 
     roughness    0 to 1, as in glTF; None for a matt material
     has_colours  True where the model has vertex colours, which replace the colour
-    textures     of roughness and metalness, by the names of `Satin`
+    textures     of normals, roughness and metalness, by the names of `Satin`
     """
     placed = TextureProjection(MODEL)
     source: dict[str, Any] = {"colour_texture": texture, "projection": placed}
     if texture is None and has_colours:
         source["colour_from"] = VERTEX_COLOURS
     if roughness is None:
-        return Diffuse(colour, **source)
+        return Diffuse(colour, **source, **textures)
     return Satin(colour, roughness=roughness, metallic=metallic, coat=0.0, **source, **textures)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.render_errors import BadInputError
-from render.base.serialise import Colour, Triple
+from render.base.serialise import OMIT_DEFAULT, Colour, Triple
 from render.scene.patterns import Measure, Pigment
 from render.scene.surface import Wireframe
 from render.scene.texture_projection import MODEL, TextureProjection
@@ -86,6 +86,11 @@ class Material:
         return None
 
     @property
+    def has_normal_map(self) -> bool:
+        """True if a texture turns the normals of the surface."""
+        return False
+
+    @property
     def shows_paint(self) -> bool:
         """True if the material shows what a model's file has on its faces."""
         return self.texture_projection is not None and self.texture_projection.kind == MODEL
@@ -122,6 +127,8 @@ class PatternedMaterial(Material):
     measure         a measured number shown by a colour map, or None
     colour_texture  a texture, or None
     projection      the projection of textures
+
+    normal_texture  a tangent-space normal map, or None
     """
 
     colour_from: str | None = field(default=None, kw_only=True)
@@ -129,6 +136,7 @@ class PatternedMaterial(Material):
     measure: Measure | None = field(default=None, kw_only=True)
     colour_texture: Texture | None = field(default=None, kw_only=True)
     projection: TextureProjection = field(default_factory=TextureProjection, kw_only=True)
+    normal_texture: Texture | None = field(default=None, kw_only=True, metadata=OMIT_DEFAULT)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -152,9 +160,13 @@ class PatternedMaterial(Material):
         return self.pigment or self.measure
 
     @property
+    def has_normal_map(self) -> bool:
+        return self.normal_texture is not None
+
+    @property
     def texture_projection(self) -> TextureProjection | None:
-        """Projection of the textures of colour, roughness and relief, or None if there are none."""
-        names = ("colour_texture", "roughness_texture", "metallic_texture", "relief")
+        """Projection of the textures, or None if there are none."""
+        names = ("colour_texture", "roughness_texture", "metallic_texture", "relief", "normal_texture")
         textures = (getattr(self, name, None) for name in names)
         return self.projection if any(textures) else None
 

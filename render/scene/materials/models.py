@@ -193,6 +193,10 @@ class Painted(Material):
     def texture_projection(self) -> TextureProjection | None:
         return TextureProjection(MODEL) if self.parts else None
 
+    @property
+    def has_normal_map(self) -> bool:
+        return any(part.has_normal_map for part in self.parts)
+
     def with_values(self, **values: Any) -> Painted:
         """Return the look with a wireframe. Raises BadInputError for other values."""
         for name in values.keys() - {"wireframe"}:

@@ -222,6 +222,26 @@ def test_roughness_and_metalness_of_an_obj_are_read_and_its_bumps_and_glow_are_n
     assert isinstance(other, Diffuse)
 
 
+def test_a_normal_map_of_an_obj_is_read_with_its_strength(tmp_path: Path) -> None:
+    model = painted_box(tmp_path)
+    dents = picture(tmp_path / "dents.png", (1.0, 0.6, 0.8))
+    (tmp_path / "box.mtl").write_text(
+        "newmtl one\nnorm -bm 0.5 dents.png\nnewmtl other\nPr 0.3\nnorm dents.png\n"
+    )
+    shot = shot_of(model)
+    look = shot.picture.look
+    assert isinstance(look, Painted)
+    one, other = (part.normal_texture for part in look.parts)
+    assert one is not None and one.normals()[0, 0] == pytest.approx((0.5, 0.1, 0.6), abs=4e-3)
+    assert other is not None and other.normals()[0, 0] == pytest.approx((1.0, 0.2, 0.6), abs=4e-3)
+    assert dents in (path for path, _ in shot.files)
+    picture(dents, (0.0, 0.6, 0.8))
+    assert to_plain(shot_of(model).picture.look) != to_plain(look)
+    dents.unlink()
+    with pytest.raises(MissingInputError, match=r"names its texture dents\.png"):
+        shot_of(model)
+
+
 def test_vertex_colours_of_an_obj_are_srgb(tmp_path: Path) -> None:
     lines = [f"v {x} {y} {z} 0.5 0.5 1" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
     lines += ["f " + " ".join(str(corner + 1) for corner in side) for side in SIDES]
@@ -314,6 +334,17 @@ def test_a_picture_within_a_gltf_file_is_read(tmp_path: Path) -> None:
     assert paint_of(shot, frame).coordinates == pytest.approx(expected, abs=1e-6)
 
 
+def test_a_normal_map_of_a_gltf_file_is_read_with_its_scale(tmp_path: Path) -> None:
+    model = gltf_box(tmp_path, normalTexture={"index": 0, "scale": -2}).glb(tmp_path / "side.glb")
+    shot = shot_of(model, last=1)
+    look = shot.picture.look
+    assert isinstance(look, Painted) and look.parts[0].normal_texture is not None
+    found = look.parts[0].normal_texture.normals()
+    assert found[0, 0] == pytest.approx((1.2, 0.4, 0.2), abs=2e-2)
+    plain = shot_of(gltf_box(tmp_path).glb(tmp_path / "plain.glb"), last=1)
+    assert "normal_texture" not in str(to_plain(plain.picture.look))
+
+
 def test_vertex_colours_of_a_gltf_file_are_linear_and_multiply_its_factor(tmp_path: Path) -> None:
     scene = gltf_box(tmp_path, pbrMetallicRoughness={"baseColorFactor": [0.5, 0.5, 1, 1]})
     primitive = scene.json["meshes"][0]["primitives"][0]
@@ -339,11 +370,11 @@ def test_a_transformed_texture_is_where_the_extension_puts_it(tmp_path: Path) ->
     assert paint_of(shot, frame).coordinates[..., 0] == pytest.approx(0.5 * right + 0.25, abs=1e-6)
 
 
-def test_maps_of_normals_and_light_of_a_gltf_file_change_nothing(tmp_path: Path) -> None:
+def test_maps_of_light_and_opacity_of_a_gltf_file_change_nothing(tmp_path: Path) -> None:
     surface = {"baseColorTexture": {"index": 0}}
     plain = gltf_box(tmp_path, pbrMetallicRoughness=surface).glb(tmp_path / "side.glb")
     look = to_plain(shot_of(plain).picture.look)
-    maps = {name: {"index": 0} for name in ("normalTexture", "occlusionTexture", "emissiveTexture")}
+    maps = {name: {"index": 0} for name in ("occlusionTexture", "emissiveTexture")}
     coated = {"KHR_materials_clearcoat": {"clearcoatFactor": 1}}
     more = gltf_box(tmp_path, pbrMetallicRoughness=surface, **maps, alphaMode="BLEND", extensions=coated)
     assert re.sub(r"'digest': '\w+'", "", str(to_plain(shot_of(more.glb(plain)).picture.look))) == re.sub(
@@ -364,12 +395,18 @@ def test_paint_of_gltf_1_is_refused(tmp_path: Path) -> None:
             "different texture coordinates",
         ),
         ({"baseColorTexture": {"index": 3}}, "names texture 3; there are 1"),
+        ({"normalTexture": {"index": 0, "scale": "strong"}}, "scale of normalTexture.* must be finite"),
+        (
+            {"baseColorTexture": {"index": 0}, "normalTexture": {"index": 0, "texCoord": 1}},
+            "different texture coordinates",
+        ),
     ],
 )
 def test_what_is_not_read_of_a_gltf_file_is_refused(
     tmp_path: Path, surface: dict[str, Any], fact: str
 ) -> None:
-    model = gltf_box(tmp_path, pbrMetallicRoughness=surface).glb(tmp_path / "side.glb")
+    material = {name: surface.pop(name) for name in ("normalTexture",) if name in surface}
+    model = gltf_box(tmp_path, pbrMetallicRoughness=surface, **material).glb(tmp_path / "side.glb")
     with pytest.raises((ShotError, MeshError), match=f"side.glb: .*{fact}"):
         shot_of(model)
 
