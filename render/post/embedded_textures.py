@@ -77,6 +77,7 @@ def _shows(path: str, shown: Levels) -> bool:
         return False
     spec, stored = file.spec(), file.read_image(oiio.UINT8)
     followed = spec.get_int_attribute("Orientation", 1) != 1 or spec.getattribute("ICCProfile") is not None
+    followed |= spec.get_float_attribute("PixelAspectRatio", 1.0) != 1.0  # glTF has square pixels
     if followed or stored is None or spec.nchannels > 4 or stored.shape[:2] != shown.shape[:2]:
         return False
     colours = stored[..., :3] if spec.nchannels > 2 else stored[..., :1]

@@ -26,12 +26,21 @@ class ExportedMaterial(NamedTuple):
     colour       the picture of its colour, or None
     numbers      the picture of roughness and metalness, or None
     is_coloured  True if the colours of vertices, where there are any, take the place of the surface's
+    normals      the picture of normals in the space of tangents, green up, or None
+    bump         the factor on the slope of its normals
     """
 
     surface: PreviewSurface
     colour: EmbeddedPicture | None
     numbers: EmbeddedPicture | None
     is_coloured: bool
+    normals: EmbeddedPicture | None = None
+    bump: float = 1.0
+
+    @property
+    def has_pictures(self) -> bool:
+        """True if faces need texture coordinates."""
+        return any((self.colour, self.numbers, self.normals))
 
 
 def exported_materials(look: Material, widest: int = WIDEST) -> tuple[ExportedMaterial, ...]:
@@ -46,7 +55,7 @@ def exported_materials(look: Material, widest: int = WIDEST) -> tuple[ExportedMa
 
 def pictures_recipe(look: Material) -> list[str]:
     """Return what keys of files with pictures, or several materials, hold; nothing for other looks."""
-    names = ("colour_texture", "roughness_texture", "metallic_texture")
+    names = ("colour_texture", "roughness_texture", "metallic_texture", "normal_texture")
     parts = _parts(look)
     held = len(parts) > 1 or any(getattr(part, name, None) for part in parts for name in names)
     return ["pictures"] if held else []
@@ -59,11 +68,16 @@ def _parts(look: Material) -> tuple[Material, ...]:
 def _exported(part: Material, is_of_model: bool, widest: int) -> ExportedMaterial:
     numbers, surface = _numbers(part, preview_surface(part), widest)
     texture: Texture | None = getattr(part, "colour_texture", None)
-    if texture is not None:
-        picture = embedded(texture, widest, is_colour=True)
-        return ExportedMaterial(surface._replace(colour=texture.factor), picture, numbers, False)
+    bumps: Texture | None = getattr(part, "normal_texture", None)
+    picture = normals = None
     is_coloured = not is_of_model or getattr(part, "colour_from", None) == VERTEX_COLOURS
-    return ExportedMaterial(surface, None, numbers, is_coloured)
+    if texture is not None:
+        picture, is_coloured = embedded(texture, widest, is_colour=True), False
+        surface = surface._replace(colour=texture.factor)
+    if bumps is not None:
+        normals = embedded(bumps, widest, is_colour=False)
+    bump = 1.0 if bumps is None else bumps.factor[0]
+    return ExportedMaterial(surface, picture, numbers, is_coloured, normals, bump)
 
 
 def _numbers(

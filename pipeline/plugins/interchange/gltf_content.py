@@ -226,6 +226,8 @@ class GltfContent:
             **({} if is_closed is None else {"doubleSided": not is_closed}),
             "alphaMode": "OPAQUE" if surface.opacity == 1.0 else "BLEND",
         }
+        if part.normals is not None:
+            material["normalTexture"] = {"index": self._texture(part.normals), "scale": part.bump}
         extensions = {}
         if surface.clearcoat:
             extensions["KHR_materials_clearcoat"] = {"clearcoatFactor": surface.clearcoat}

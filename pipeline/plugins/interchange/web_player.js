@@ -297,8 +297,10 @@ class Player {
     const { THREE } = this;
     const map = look.map && (await this.#picture(look.map, THREE.SRGBColorSpace));
     const numbers = look.numbers && (await this.#picture(look.numbers, THREE.NoColorSpace));
+    const normals = look.normals && (await this.#picture(look.normals, THREE.NoColorSpace));
     const material = new THREE.MeshPhysicalMaterial({
-      map, roughnessMap: numbers, metalnessMap: numbers,
+      map, roughnessMap: numbers, metalnessMap: numbers, normalMap: normals,
+      normalScale: new THREE.Vector2(look.bump, -look.bump), // its green is up, and coordinates go down
       color: new THREE.Color(...look.colour), vertexColors: look.is_coloured, roughness: look.roughness, metalness: look.metallic,
       clearcoat: look.clearcoat, clearcoatRoughness: 0.03, ior: Math.max(look.refraction, 1), specularIntensity: look.is_matt ? 0 : 1,
       side: THREE.DoubleSide, shadowSide: THREE.DoubleSide,
@@ -317,8 +319,13 @@ class Player {
       .replace("reflectedLight.directSpecular += irradiance * BRDF_GGX(", "reflectedLight.directSpecular += 0.0 * BRDF_GGX(")
       .replace("clearcoatSpecularDirect += ccIrradiance * ", "clearcoatSpecularDirect += 0.0 * ");
     const around = THREE.ShaderChunk.lights_fragment_maps.replace("iblIrradiance += getIBLIrradiance( geometryNormal );", "");
+    // Normal maps are made for unit tangents along the texture's rows, however it is stretched.
+    const tangents = THREE.ShaderChunk.normalmap_pars_fragment.replace(/float det = max[^]*?return mat3[^;]*;/, `
+      vec3 right = normalize(cross(B, N) + 1e-20), up = cross(N, right);
+      return mat3(dot(right, T) < 0.0 ? -right : right, dot(up, B) < 0.0 ? -up : up, N);`);
     material.onBeforeCompile = (shader) => {
       shader.fragmentShader = shader.fragmentShader
+        .replace("#include <normalmap_pars_fragment>", tangents)
         .replace("#include <lights_physical_pars_fragment>", direct)
         .replace("#include <lights_fragment_maps>", around);
       if (closed) shader.fragmentShader = shader.fragmentShader.replace("#include <normal_fragment_begin>", normal);

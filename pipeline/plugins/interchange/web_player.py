@@ -147,11 +147,8 @@ def _camera(framing: Framing) -> list[float] | None:
 def _sculpture(part: Moving, blobs: _Blobs) -> dict[str, Any]:
     keys, drawn = part.keyframes, part.keyframes.drawn
     colours, texture = drawn.colours, drawn.texture
-    materials = [
-        _material(each, part.look, colours is not None, blobs)
-        for each in exported_materials(part.look, COMPACT)
-    ]
-    has_pictures = any(each["map"] or each["numbers"] for each in materials)
+    materials = exported_materials(part.look, COMPACT)
+    has_pictures = any(material.has_pictures for material in materials)
     return {
         "name": part.name,
         "numbers": list(keys.numbers),
@@ -170,7 +167,7 @@ def _sculpture(part: Moving, blobs: _Blobs) -> dict[str, Any]:
         "texture": None
         if texture is None or not has_pictures
         else blobs.add(planes((texture * (1.0, -1.0) + (0.0, 1.0)).astype("<f4"))),
-        "materials": materials,
+        "materials": [_material(each, part.look, colours is not None, blobs) for each in materials],
         "groups": [] if drawn.materials is None else _groups(drawn.materials),
         "closed": drawn.is_closed,
     }
@@ -208,6 +205,8 @@ def _material(part: ExportedMaterial, look: Material, has_colours: bool, blobs: 
         "is_coloured": is_coloured,
         "map": blobs.picture(part.colour),
         "numbers": blobs.picture(part.numbers),
+        "normals": blobs.picture(part.normals),
+        "bump": part.bump,
         "is_clear": isinstance(look, Glass),
         "is_smoke": isinstance(look, Smoke),
     }

@@ -165,15 +165,16 @@ def test_vertex_colours_at_the_border_of_a_material_are_its_own(tmp_path: Path) 
     assert {tuple(row) for row in np.round(shown, 2).tolist()} == {(0.25, 0.5, 1.0), (1.0, 0.0, 0.0)}
 
 
-def test_roughness_and_metalness_of_a_gltf_file_are_its_own_picture(tmp_path: Path) -> None:
+def test_maps_of_a_gltf_file_are_its_own_pictures(tmp_path: Path) -> None:
     surface = {
         "baseColorTexture": {"index": 0},
         "baseColorFactor": [0.5, 1, 1, 1],
         "metallicRoughnessTexture": {"index": 0},
         "roughnessFactor": 0.5,
     }
-    shot = shot_of(gltf_box(tmp_path, pbrMetallicRoughness=surface).glb(tmp_path / "side.glb"), last=1)
-    path = tmp_path / "a.glb"
+    bumps = {"index": 0, "scale": 0.25}
+    model = gltf_box(tmp_path, pbrMetallicRoughness=surface, normalTexture=bumps).glb(tmp_path / "side.glb")
+    shot, path = shot_of(model, last=1), tmp_path / "a.glb"
     write_glb(path, exported_frame(shot, next(animate(shot))), shot.picture.look)
     assert gltf_messages(path) == []
     document = GltfDocument.read(path)
@@ -181,8 +182,9 @@ def test_roughness_and_metalness_of_a_gltf_file_are_its_own_picture(tmp_path: Pa
     found = material["pbrMetallicRoughness"]
     assert found["baseColorFactor"] == [0.5, 1.0, 1.0, 1.0]
     assert (found["roughnessFactor"], found["metallicFactor"]) == (0.5, 1.0)
-    assert len(document.root.values["images"]) == 1
+    assert len(document.root.values["images"]) == 1 and material["normalTexture"] == bumps
     for slot in ("baseColorTexture", "metallicRoughnessTexture"):
         assert picture_of(document, material, slot)[0, 0].tolist() == [51, 102, 153]
     again = shot_of(path, last=1).picture.look  # our own reader finds what was written
     assert isinstance(again, Painted) and again.parts[0].colour_texture.factor == (0.5, 1.0, 1.0)
+    assert again.parts[0].normal_texture.factor == (0.25, 0.25, 1.0)

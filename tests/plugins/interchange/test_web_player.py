@@ -163,8 +163,13 @@ def test_each_material_of_a_model_shows_its_picture_or_colour(browser: Browser, 
     pixels = np.zeros((16, 16, 3), np.uint8)
     pixels[:8], pixels[8:] = (0, 200, 0), (0, 0, 200)  # green above blue
     write_png(tmp_path / "a.png", pixels)
-    texture = texture_of(str(tmp_path / "a.png"), digest_of_file(tmp_path / "a.png"), None)
-    pictured = Diffuse((1, 1, 1), colour_texture=texture, projection=TextureProjection("model"))
+    write_png(tmp_path / "flat.png", np.full((4, 4, 3), (128, 128, 255), np.uint8))
+    texture, flat = (
+        texture_of(str(path), digest_of_file(path), space)
+        for path, space in ((tmp_path / "a.png", None), (tmp_path / "flat.png", "data"))
+    )
+    more = {"normal_texture": flat, "projection": TextureProjection("model")}
+    pictured = Diffuse((1, 1, 1), colour_texture=texture, **more)
     look = Painted((1, 1, 1), parts=(pictured, Diffuse((0.6, 0.0, 0.0))))
     mesh = painted(moving(icosphere(8), frames=range(1, 3)))
     assert mesh.texture is not None
