@@ -23,6 +23,7 @@ PLUGIN = Plugin(
         "glb": Command(f"{_COMMANDS}:glb", "A mesh file of one frame, for the web."),
         "stl": Command(f"{_COMMANDS}:stl", "A mesh file of one frame, to be printed."),
         "gltf": Command(f"{_ANIMATIONS}:gltf", "One mesh that moves, for pages, viewers and DCC programs."),
+        "abc": Command(f"{_ANIMATIONS}:abc", "One mesh that moves, as Alembic, for DCC programs."),
         "vat": Command(f"{_ANIMATIONS}:vat", "One mesh that moves, as textures for game engines."),
         "web": Command(f"{_ANIMATIONS}:web", "A page that plays the sculpture."),
         "pc2": Command(f"{_ONE_MESH}:pc2", "One mesh that moves, for Blender and Maya."),

@@ -1,4 +1,4 @@
-"""The formats `gltf`, `vat` and `web` of the command `export`: animations with one mesh."""
+"""The formats `gltf`, `abc`, `vat` and `web` of the command `export`: animations with one mesh."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import typer
 from pipeline.cli.execution import execute, report_plan
 from pipeline.cli.options import Common, Shot
 from pipeline.cli.output import exit_with, print_result, progress_bars, size
+from pipeline.plugins.interchange.alembic_export import require_alembic
 from pipeline.plugins.interchange.animation_export import (
+    AlembicExport,
     AnimationExport,
     GltfExport,
     VertexTextureExport,
@@ -48,6 +50,18 @@ def gltf(common: Common, shot: Shot, options: OneMeshOptions, plain: Plain = Fal
     project, asked, folder = asked_for(common, shot, options, DEFAULT_QUALITY, "models")
     parts = tuple(Unification(part, project.store, options.vertices, options.until) for part in asked.parts)
     _export(common, [GltfExport(asked, project.store, folder, parts, plain)])
+
+
+def abc(common: Common, shot: Shot, options: OneMeshOptions) -> None:
+    """Write the sculpture with its motion as one Alembic file, for Blender, Maya, Houdini and Cinema 4D.
+
+    `flowsculpt export abc A010_cube` writes renders/A010_cube/models/A010_cube.abc: one mesh of each subject,
+    with its normals and texture coordinates, at each frame. It needs the package alembic3d.
+    """
+    require_alembic()
+    project, asked, folder = asked_for(common, shot, options, DEFAULT_QUALITY, "models")
+    parts = tuple(Unification(part, project.store, options.vertices, options.until) for part in asked.parts)
+    _export(common, [AlembicExport(asked, project.store, folder, parts)])
 
 
 def vat(common: Common, shot: Shot, options: OneMeshOptions) -> None:

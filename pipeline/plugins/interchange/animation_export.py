@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from pipeline.errors import FrameError
+from pipeline.plugins.interchange.alembic_export import write_alembic
 from pipeline.plugins.interchange.animated_gltf import Moving, write_animated_gltf
 from pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
 from pipeline.plugins.interchange.exported_frame import KeyedFiles
@@ -152,6 +153,26 @@ class GltfExport(AnimationExport):
             lambda draft: write_animated_gltf(draft, self.request.name, parts, self.plain),
         )
         return _keys_in_words(parts)
+
+
+@dataclass(frozen=True, eq=False)
+class AlembicExport(AnimationExport):
+    """An Alembic file of all subjects."""
+
+    form = "abc"
+
+    def __post_init__(self) -> None:
+        """Raise UsageError for frames that are not evenly spaced."""
+        even_step(self.request.requested)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (f"{self.name}.abc",)
+
+    def write_files(self, meshes: list[OneMesh], began: Began) -> str:
+        title = self.request.shot.title or self.name
+        self.files.write(self.names[0], self.key, lambda draft: write_alembic(draft, title, meshes, began))
+        return "points and normals of each frame"
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,8 @@ def main(path: str, frames: list[int], result: str) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     if path.endswith(".ply"):
         bpy.ops.wm.ply_import(filepath=path, forward_axis="NEGATIVE_Z", up_axis="Y", import_attributes=True)
+    elif path.endswith(".abc"):
+        bpy.ops.wm.alembic_import(filepath=path, as_background_job=False)
     elif path.endswith(".obj"):
         _import_cached(path, frames[0])
     else:

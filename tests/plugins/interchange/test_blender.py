@@ -92,6 +92,26 @@ def test_blender_moves_the_mesh_of_a_point_cache_to_the_points_of_every_frame(
         assert np.array_equal(read[f"{number}.points"], np.float32(mesh.frame(number).points)), number
 
 
+def test_blender_reads_every_frame_of_an_alembic_file(root, tmp_path, monkeypatch):
+    monkeypatch.chdir(root)
+    code, words = commanded(root, "export", "abc", NAME, "-f", "5-40")
+    assert code == 0, words
+    file, frames = root / "renders" / NAME / "models" / f"{NAME}.abc", list(range(5, 41))
+    read = read_by_blender(file, frames, tmp_path / "read.npz")
+    assert read["range"].tolist() == [5, 40]
+    mesh = one_mesh(Project(root, 1).request(root / "shots" / f"{NAME}.yaml", "draft", "5-40"), Store(root))
+    upright = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], np.float32)  # Blender has z up
+    for number in frames:
+        points = np.float32(mesh.frame(number).points) @ upright.T
+        assert np.array_equal(read[f"{number}.points"], points), number
+        turned, faces = read[f"{number}.faces"].reshape(-1, 3), mesh.faces
+        starts = np.array(
+            [np.flatnonzero(row == face[0])[0] for row, face in zip(turned, faces, strict=True)]
+        )
+        same = turned[np.arange(len(faces))[:, None], (starts[:, None] + np.arange(3)) % 3]
+        assert np.array_equal(same, faces), "faces are counter-clockwise again"
+
+
 def test_blender_reads_every_frame_of_a_stage_whose_topology_changes(root, tmp_path, monkeypatch):
     monkeypatch.chdir(root)
     code, words = commanded(root, "export", "usd", NAME)
