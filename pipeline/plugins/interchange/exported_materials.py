@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pipeline.arrays import AnyArray
 from pipeline.plugins.interchange.exported_frame import PreviewSurface, preview_surface
 from render.post.embedded_textures import EmbeddedPicture, embedded, embedded_numbers
 from render.scene.materials import Material, Painted, Satin
@@ -50,18 +51,32 @@ def exported_materials(look: Material, widest: int = WIDEST) -> tuple[ExportedMa
 
     Raises as `read_picture`.
     """
-    return tuple(_exported(part, isinstance(look, Painted), widest) for part in _parts(look))
+    return tuple(_exported(part, isinstance(look, Painted), widest) for part in parts_of(look))
 
 
 def pictures_recipe(look: Material) -> list[str]:
     """Return what keys of files with pictures, or several materials, hold; nothing for other looks."""
     names = ("colour_texture", "roughness_texture", "metallic_texture", "normal_texture")
-    parts = _parts(look)
+    parts = parts_of(look)
     held = len(parts) > 1 or any(getattr(part, name, None) for part in parts for name in names)
     return ["pictures"] if held else []
 
 
-def _parts(look: Material) -> tuple[Material, ...]:
+def number_planes(part: Material) -> dict[str, AnyArray]:
+    """Return the pictures (H, W, 1) of roughness and metalness of a material as preview surfaces have them,
+    by name. Raises as `read_picture`."""
+    planes: dict[str, AnyArray] = {}
+    for name in ("roughness", "metallic"):
+        texture: Texture | None = getattr(part, f"{name}_texture", None)
+        if texture is not None and _fits(part):
+            planes[name] = np.clip(texture.numbers(), 0.0, 1.0)
+    if "roughness" in planes and not isinstance(part, Satin):  # that of others is the width of the lobe
+        planes["roughness"] = np.sqrt(planes["roughness"])
+    return planes
+
+
+def parts_of(look: Material) -> tuple[Material, ...]:
+    """Return the materials of a model by their numbers; of other looks, the look."""
     return look.parts or (look,) if isinstance(look, Painted) else (look,)
 
 
@@ -86,19 +101,16 @@ def _numbers(
     """Return the picture of roughness and metalness, if there is one, and the surface with factors on it."""
     rough: Texture | None = getattr(part, "roughness_texture", None)
     metal: Texture | None = getattr(part, "metallic_texture", None)
-    if (rough is None and metal is None) or not _fits(part):
+    planes = number_planes(part)
+    if not planes:
         return None, surface
     if rough and metal and (rough.digest, rough.channel, metal.channel) == (metal.digest, 1, 2):
         factors = surface._replace(roughness=rough.factor[1], metallic=metal.factor[2])
         return embedded(rough, widest, is_colour=False), factors
-    planes = [None if texture is None else texture.numbers() for texture in (rough, metal)]
-    if planes[0] is not None:
-        surface = surface._replace(roughness=1.0)
-        if not isinstance(part, Satin):  # the roughness of others is the width of the lobe
-            planes[0] = np.sqrt(np.clip(planes[0], 0.0, 1.0))
-    if metal is not None:
-        surface = surface._replace(metallic=1.0)
-    return embedded_numbers([None, *planes], widest), surface
+    held = [None, planes.get("roughness"), planes.get("metallic")]
+    roughness = 1.0 if "roughness" in planes else surface.roughness
+    metallic = 1.0 if "metallic" in planes else surface.metallic
+    return embedded_numbers(held, widest), surface._replace(roughness=roughness, metallic=metallic)
 
 
 def _fits(part: Material) -> bool:

@@ -5,9 +5,10 @@ renders/<shot>/usd/<shot>.manifest.usda   the attributes that clips hold
 renders/<shot>/usd/<shot>.0001.usdc       the clip of a frame
 renders/<shot>/usd/<shot>.sky.exr         what surrounds the scene, where it is not of one colour
 renders/<shot>/usd/<shot>.colour.exr      the picture that colours the sculpture, where its look has one
+renders/<shot>/usd/<shot>.roughness.exr   that of its roughness, and .metallic.exr of its metalness
 renders/<shot>/usd/<shot>.keys.json       what each file was made from
 
-Of several subjects, manifest, clips and colour are <shot>.<subject>.manifest.usda and so on, for each.
+Of several subjects, manifest, clips and pictures are <shot>.<subject>.manifest.usda and so on, for each.
 
 A stage reads the clip of a frame only while it shows that frame, so a frame that changes rewrites one file.
 """
@@ -16,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -33,6 +34,7 @@ from pipeline.plugins.interchange.exported_frame import (
     has_colours,
     stored_frame,
 )
+from pipeline.plugins.interchange.exported_materials import number_planes, parts_of
 from pipeline.plugins.interchange.usd_prims import (
     CameraSettings,
     add_camera,
@@ -236,9 +238,27 @@ class SculptureFiles:
         return f"{self._name}.manifest.usda"
 
     @property
-    def texture(self) -> str:
-        """The name of the picture that colours it."""
-        return f"{self._name}.colour.exr"
+    def parts(self) -> tuple[Material, ...]:
+        """The materials that have pictures of their own: one, or none where a model has several."""
+        found = parts_of(self.look)
+        return found if len(found) == 1 else ()
+
+    def pictures(self, number: int = 0) -> dict[str, str]:
+        """Return the names of the pictures of a material by the inputs of its preview surface."""
+        part, between = self.parts[number], f".{number}" if len(self.parts) > 1 else ""
+        inputs = {} if colour_texture(part) is None else {"diffuseColor": "colour"}
+        inputs |= {name: name for name in number_planes(part)}
+        return {name: f"{self._name}{between}.{word}.exr" for name, word in inputs.items()}
+
+    @property
+    def recipe(self) -> list[str]:
+        """What the key of a stage holds of the materials besides the look."""
+        return [name for name in (self.pictures() if self.parts else ()) if name != "diffuseColor"]
+
+    def add_materials(self, stage: Usd.Stage, place: str) -> UsdShade.Material:
+        """Add the material of the sculpture to a stage, and return it."""
+        pictures = self.pictures() if self.parts else {}
+        return add_material(stage, place, self.look, pictures, has_colours(self.look))
 
     def stale(self, numbers: Iterable[int]) -> list[int]:
         """Return the frames whose clips are missing, damaged, or of an earlier shot."""
@@ -262,14 +282,20 @@ class SculptureFiles:
         """Write the manifest and the picture that colours the sculpture, each if it has changed."""
         key = key_of(EXPORT.recipe, self.prim, [attribute.name for attribute in self.attributes])
         self.files.update(self.manifest, key, lambda draft: write_manifest(draft, self.prim, self.attributes))
-        self.write_texture()
+        self.write_pictures()
 
-    def write_texture(self) -> None:
-        """Write the picture that colours the sculpture, if there is one and it has changed."""
-        texture = colour_texture(self.look)
-        if texture is not None:
-            key = key_of(EXPORT.recipe, to_plain(texture))
-            self.files.update(self.texture, key, lambda draft: write_picture(draft, texture.pixels()))
+    def write_pictures(self) -> None:
+        """Write the pictures of the materials that have changed."""
+        for number, part in enumerate(self.parts):
+            names, planes = self.pictures(number), number_planes(part)
+            texture = colour_texture(part)
+            if texture is not None:
+                key, pixels = key_of(EXPORT.recipe, to_plain(texture)), texture.pixels()
+                self.files.update(names["diffuseColor"], key, partial(write_picture, pixels=pixels))
+            for name, plane in planes.items():
+                key = key_of(EXPORT.recipe, name, to_plain(part))
+                pixels = np.repeat(plane, 3, axis=2)
+                self.files.update(names[name], key, partial(write_picture, pixels=pixels))
 
     def refer(self, prim: Sdf.PrimSpec, numbers: tuple[int, ...]) -> None:
         """Name the clips at the prim of the stage, and say which is shown when."""
@@ -331,7 +357,7 @@ def write_root(
         UsdGeom.Xform.Define(stage, f"{home}/{SCULPTURE}")
     for sculpture in sculptures:
         place = f"{home}/materials/{sculpture.material}"
-        _add_sculpture(stage, sculpture, add_material(stage, place, sculpture.look, sculpture.texture))
+        _add_sculpture(stage, sculpture, sculpture.add_materials(stage, place))
     if shot.picture.look.is_lit:
         _add_set(stage, home, shot.picture, framings, sky)
     if not camera.projection.is_wide:  # UsdGeomCamera has no such projection
@@ -482,4 +508,5 @@ class UsdExport:
             {str(number): to_plain(framing) for number, framing in framings.items()},
             {str(number): self.request.open_at(number) for number in framings},
             *([several] if shot.subjects else []),
+            *(name for each in self._sculptures for name in each.recipe),
         )

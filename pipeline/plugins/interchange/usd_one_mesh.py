@@ -13,9 +13,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from pxr import Sdf
+import numpy as np
+from pxr import Sdf, Usd, UsdShade
 
 from pipeline.plugins.interchange.exported_frame import KeyedFiles
+from pipeline.plugins.interchange.exported_materials import parts_of
 from pipeline.plugins.interchange.one_mesh import OneMesh
 from pipeline.plugins.interchange.refining import Began
 from pipeline.plugins.interchange.unifying import Unification, exported
@@ -27,8 +29,11 @@ from pipeline.plugins.interchange.usd_export import (
     usd_array,
     write_layer,
 )
+from pipeline.plugins.interchange.usd_prims import add_material, bind
 from pipeline.production.stages import EXPORT
 from pipeline.production.store.store import key_of
+from render.scene.materials import Material
+from render.scene.painted_faces import VERTEX_COLOURS
 
 _SAMPLED = ("points", "primvars:normals", "extent")  # what differs from frame to frame
 
@@ -54,6 +59,7 @@ def write_one_mesh(path: Path, prim: str, mesh: OneMesh, passed: Callable[[], No
         for attribute in attributes:
             if attribute.interpolation:
                 declared[attribute.name].SetInfo("interpolation", attribute.interpolation)
+    _add_subsets(layer, prim, mesh)
     for number in mesh.frames:
         frame = exported(mesh, number, has_velocities=False)
         for attribute in attributes:
@@ -69,10 +75,40 @@ def write_one_mesh(path: Path, prim: str, mesh: OneMesh, passed: Callable[[], No
     write_layer(path, layer)
 
 
+def subset(number: int) -> str:
+    """Return the name of the prim of a model's faces of one material."""
+    return f"material_{number}"
+
+
+def _add_subsets(layer: Sdf.Layer, prim: str, mesh: OneMesh) -> None:
+    """Add the faces of each material of a model with several; a face belongs to one of them."""
+    materials = np.zeros(0, np.int64) if mesh.paint is None else mesh.paint.materials
+    if not materials.any():
+        return
+    _set_token(layer.GetPrimAtPath(prim), "subsetFamily:materialBind:familyType", "nonOverlapping")
+    for number in np.unique(materials).tolist():
+        spec = Sdf.CreatePrimInLayer(layer, f"{prim}/{subset(number)}")
+        spec.specifier, spec.typeName = Sdf.SpecifierDef, "GeomSubset"
+        _set_token(spec, "elementType", "face")
+        _set_token(spec, "familyName", "materialBind")
+        own = Sdf.AttributeSpec(spec, "indices", Sdf.ValueTypeNames.IntArray)
+        own.default = usd_array("IntArray", np.flatnonzero(materials == number))
+
+
+def _set_token(spec: Sdf.PrimSpec, name: str, value: str) -> None:
+    Sdf.AttributeSpec(spec, name, Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform).default = value
+
+
 def _attributes(mesh: OneMesh) -> tuple[SampledAttribute, ...]:
     """Return the attributes of one mesh: those of clips, without velocities and numbers of copies."""
     attributes = sampled_attributes(False, mesh.colours is not None, mesh.texture is not None)
-    return tuple(attribute for attribute in attributes if attribute.name != "velocities")
+    kept = tuple(attribute for attribute in attributes if attribute.name != "velocities")
+    if mesh.paint is None or (painted := mesh.paint.colours) is None:
+        return kept
+    by_corner = SampledAttribute(
+        "primvars:displayColor", "Color3fArray", lambda _: painted.reshape(-1, 3), "faceVarying"
+    )
+    return tuple(by_corner if each.name == by_corner.name else each for each in kept)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +123,26 @@ class OneMeshFile(SculptureFiles):
         return f"{self.request.motion_folders.part_name}.one_mesh.usdc"
 
     @property
+    def parts(self) -> tuple[Material, ...]:
+        """All materials: the faces of each are a subset of the mesh."""
+        return parts_of(self.look)
+
+    @property
+    def recipe(self) -> list[str]:
+        """What the key of the stage holds of the materials besides the look."""
+        return ["subsets"] if len(self.parts) > 1 else super().recipe
+
+    def add_materials(self, stage: Usd.Stage, place: str) -> UsdShade.Material:
+        """Add the materials of a model and bind the subsets; return that of the sculpture."""
+        if len(self.parts) > 1:
+            for number, part in enumerate(self.parts):
+                is_dyed = getattr(part, "colour_from", None) == VERTEX_COLOURS
+                own = add_material(stage, f"{place}_{number}", part, self.pictures(number), is_dyed)
+                bind(stage.OverridePrim(f"{self.prim}/{subset(number)}"), own)
+            return add_material(stage, place, self.look, is_coloured=True)
+        return super().add_materials(stage, place)
+
+    @property
     def attributes(self) -> tuple[SampledAttribute, ...]:
         """The attributes that the stage itself declares: none, for the layer does."""
         return ()
@@ -94,7 +150,8 @@ class OneMeshFile(SculptureFiles):
     @property
     def key(self) -> str:
         """The key of the file."""
-        return key_of(EXPORT.recipe, "one mesh", self.prim, self.unification.key)
+        subsets = ["subsets"] if len(self.parts) > 1 else []
+        return key_of(EXPORT.recipe, "one mesh", self.prim, self.unification.key, *subsets)
 
     def is_current(self) -> bool:
         """Tell whether the file is there, whole, and of this mesh."""
@@ -105,8 +162,8 @@ class OneMeshFile(SculptureFiles):
         prim.referenceList.Prepend(Sdf.Reference(f"./{self.name}", self.prim))
 
     def write_others(self) -> None:
-        """Write the picture that colours the sculpture, if it has changed."""
-        self.write_texture()
+        """Write the pictures of the materials that have changed."""
+        self.write_pictures()
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.plugins.interchange.exported_frame import colour_texture, has_colours, preview_surface
+from pipeline.plugins.interchange.exported_frame import preview_surface
 from render.base.serialise import Colour, Triple
 from render.mitsuba.emitters import gradient_map
 from render.post.image import write_exr
@@ -210,8 +210,19 @@ def _free(name: str, taken: set[str]) -> str:
     return str(valid)
 
 
-def add_material(stage: Usd.Stage, path: str, look: Material, picture: str = "") -> UsdShade.Material:
-    """Add the material of a look; colours that vary are of vertices, or of a picture beside the stage."""
+def add_material(
+    stage: Usd.Stage,
+    path: str,
+    look: Material,
+    pictures: Mapping[str, str] | None = None,
+    is_coloured: bool = False,
+) -> UsdShade.Material:
+    """Add the material of a look.
+
+    pictures     files beside the stage by the input of the preview surface that they are for
+    is_coloured  True if its colours are those of vertices, where no picture has them
+    """
+    pictures = pictures or {}
     material = UsdShade.Material.Define(stage, path)
     shader = _shader(stage, f"{path}/surface", "UsdPreviewSurface")
     surface = preview_surface(look)
@@ -227,29 +238,31 @@ def add_material(stage: Usd.Stage, path: str, look: Material, picture: str = "")
     if surface.is_matt:
         _set(shader, "useSpecularWorkflow", "Int", 1)
         _set(shader, "specularColor", "Color3f", (0.0, 0.0, 0.0))
-    if colour_texture(look) is not None:
-        reader, output = _picture_reader(stage, path, picture), "rgb"
-    elif has_colours(look):
-        reader, output = _primvar_reader(stage, f"{path}/colour", 3, "displayColor"), "result"
-    else:
-        reader = None
-    if reader is not None:
-        shader.GetInput("diffuseColor").ConnectToSource(reader.ConnectableAPI(), output)
+    for name, file in pictures.items():
+        is_colour = name == "diffuseColor"
+        reader = _picture_reader(
+            stage, path, file, "picture" if is_colour else name, "rgb" if is_colour else "r"
+        )
+        shader.GetInput(name).ConnectToSource(reader.ConnectableAPI(), "rgb" if is_colour else "r")
+    if is_coloured and "diffuseColor" not in pictures:
+        reader = _primvar_reader(stage, f"{path}/colour", 3, "displayColor")
+        shader.GetInput("diffuseColor").ConnectToSource(reader.ConnectableAPI(), "result")
     shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
     material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
     return material
 
 
-def _picture_reader(stage: Usd.Stage, path: str, picture: str) -> UsdShade.Shader:
-    """Add the shader that reads a picture of linear colours, which repeats, by texture coordinates."""
+def _picture_reader(stage: Usd.Stage, path: str, picture: str, name: str, output: str) -> UsdShade.Shader:
+    """Add the shader that reads a linear picture, which repeats, by texture coordinates: its colours, `rgb`,
+    or numbers, `r`."""
     coordinates = _primvar_reader(stage, f"{path}/coordinates", 2, "st")
-    reader = _shader(stage, f"{path}/picture", "UsdUVTexture")
+    reader = _shader(stage, f"{path}/{name}", "UsdUVTexture")
     _set(reader, "file", "Asset", Sdf.AssetPath(f"./{picture}"))
-    for name, value in (("wrapS", "repeat"), ("wrapT", "repeat"), ("sourceColorSpace", "raw")):
-        _set(reader, name, "Token", value)
+    for setting, value in (("wrapS", "repeat"), ("wrapT", "repeat"), ("sourceColorSpace", "raw")):
+        _set(reader, setting, "Token", value)
     coordinate = reader.CreateInput("st", Sdf.ValueTypeNames.Float2)
     coordinate.ConnectToSource(coordinates.ConnectableAPI(), "result")
-    reader.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
+    reader.CreateOutput(output, Sdf.ValueTypeNames.Float3 if output == "rgb" else Sdf.ValueTypeNames.Float)
     return reader
 
 

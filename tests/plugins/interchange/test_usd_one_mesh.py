@@ -12,9 +12,14 @@ from pxr import Usd, UsdGeom, UsdShade
 from pipeline.plugins.interchange.one_mesh import OneMesh
 from pipeline.plugins.interchange.unifying import one_mesh
 from pipeline.plugins.interchange.usd_one_mesh import write_one_mesh
+from pipeline.plugins.interchange.usd_prims import add_material
 from pipeline.production.execution.project import Project
+from render.post.image import read_exr, write_png
+from render.scene.materials import LOOKS
+from render.scene.rgb_spaces import srgb_of_linear
 from tests.conftest import commanded
 from tests.plugins.interchange.moving_meshes import RATE, painted_box
+from tests.plugins.interchange.test_model_paint import painted_box as painted_model
 from tests.plugins.interchange.test_usd import NAME, findings
 from tests.plugins.review.studio import simulated
 
@@ -120,3 +125,41 @@ def test_fewer_vertices_are_another_mesh_and_need_the_option(root: Path, stage: 
         patch.chdir(root)
         code, said = commanded(root, "export", "usd", NAME, "--vertices", "320")
     assert (code, said) == (2, "--vertices and --until reduce one mesh; add --one-mesh")
+
+
+def test_faces_of_each_material_of_a_model_are_a_subset_with_its_picture(tmp_path: Path) -> None:
+    simulated(tmp_path, SHOT)  # a project, whose shot becomes that of a model
+    shots = tmp_path / "shots"
+    painted_model(shots)
+    pixels = np.random.default_rng(3).integers(0, 256, (48, 8, 3)).astype(np.uint8)
+    write_png(shots / "atlas.png", pixels)
+    text = SHOT.replace("{solid: box, size: [2, 2, 2]}", "{model: box.obj, paint: on}")
+    (shots / f"{NAME}.yaml").write_text(text.replace("look: speed", "look: model"))
+    stage = tmp_path / "renders" / NAME / "usd" / f"{NAME}.one_mesh.usda"
+    assert f"{NAME}.0.colour.exr" in exported(tmp_path)
+    assert findings(stage) == []
+    opened = Usd.Stage.Open(str(stage))
+    sculpture = UsdGeom.Mesh(opened.GetPrimAtPath(f"/{NAME}/sculpture"))
+    subsets = UsdGeom.Subset.GetGeomSubsets(sculpture, "face", "materialBind")
+    count = len(sculpture.GetFaceVertexCountsAttr().Get())
+    assert UsdGeom.Subset.ValidateFamily(sculpture, "face", "materialBind")[0]
+    faces = [np.array(each.GetIndicesAttr().Get()) for each in subsets]
+    assert np.array_equal(np.sort(np.concatenate(faces)), np.arange(count))
+    st = np.array(UsdGeom.PrimvarsAPI(sculpture).GetPrimvar("st").Get()).reshape(-1, 3, 2)
+    assert (st[faces[0], :, 1] < 5 / 6 + 1e-6).all() and (st[faces[1], :, 1] > 5 / 6 - 1e-6).all()
+    bound = [UsdShade.MaterialBindingAPI(each.GetPrim()).ComputeBoundMaterial()[0] for each in subsets]
+    pictured, red = (each.ComputeSurfaceSource("")[0] for each in bound)
+    assert red.GetInput("diffuseColor").Get() == (1.0, 0.0, 0.0)
+    (source,), _ = pictured.GetInput("diffuseColor").GetConnectedSources()
+    picture = UsdShade.Shader(source.source.GetPrim()).GetInput("file").Get()
+    held, _ = read_exr(stage.parent / picture.path)
+    assert np.abs(srgb_of_linear(held.arrays["beauty"]) * 255.0 - pixels).max() < 0.1
+
+
+def test_a_picture_of_roughness_is_connected_as_a_number() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    add_material(stage, "/look", LOOKS["glaze"], {"roughness": "a.roughness.exr"})
+    surface = UsdShade.Shader(stage.GetPrimAtPath("/look/surface"))
+    (source,), _ = surface.GetInput("roughness").GetConnectedSources()
+    assert (source.sourceName, source.source.GetPath()) == ("r", "/look/roughness")
+    assert not surface.GetInput("diffuseColor").HasConnectedSource()
