@@ -1,4 +1,4 @@
-"""The command `flowsculpt`. A fault is told in one line, and its kind by the exit code.
+"""The command `flowsculpt`. A fault is one line, and the exit code says of which kind it is.
 
 The module of a command is imported when the command is called. Help lists commands by the table below.
 """

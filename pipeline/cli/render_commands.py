@@ -117,7 +117,7 @@ def simulate(common: Common, shots: Shots, options: ShotOptions, frames: Frames 
     of the shot, the simulation resumes at the last frame that is still valid.
 
     Vertices keep their numbers through the whole shot, and new vertices name their parents; method polyhedra
-    numbers them anew.
+    renumbers them.
     """
     project = options.project(common)
     execute_and_report(common, lambda: project.meshes(shots, frames))

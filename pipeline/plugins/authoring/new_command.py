@@ -84,7 +84,7 @@ def new(
 
     `flowsculpt new A030_bunny --model bunny.obj` writes a shot of a model under a gentle twist, or under the
     flow that `--from` names. A model outside the project's folder is copied to shots/models; one inside stays
-    where it is. What had to be repaired is told.
+    where it is. It says what had to be repaired.
 
     The schemas by which editors complete and check shot files are written to shots/.schema, and a file that
     the flow reads beside the shot.

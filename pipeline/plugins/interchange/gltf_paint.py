@@ -140,7 +140,7 @@ class PaintArrays(SceneArrays):
             return np.full((len(own.points), size), otherwise)
         accessor = self.document.item("accessors", attributes[name], part.place)
         if self.scene.draco_of(part) is not None:
-            raise ValueError(f"{part.place} has its {name} as Draco data, of which no paint is read")
+            raise ValueError(f"{part.place} has its {name} as Draco data, and paint is not read from that")
         values = self._numbers(attributes[name], part.place, accessor.text("type", "VEC2"))
         if len(values) != len(own.points) or values.shape[1] < size:
             raise ValueError(

@@ -207,7 +207,7 @@ def replayed(mesh: HalfedgeMesh, births: Indices) -> Indices:
     done = replay_births(mesh.arrays, mesh.sizes, np.ascontiguousarray(births, np.int32), opposite)
     if done < len(births):
         a, b = births[done]
-        raise FrameError(f"birth {done} splits {a}-{b}, which is no edge of the refined surface")
+        raise FrameError(f"birth {done} splits {a}-{b}, but the refined surface has no such edge")
     return opposite
 
 
@@ -454,7 +454,7 @@ def require_surface(request: RenderRequest) -> None:
         raise UsageError(f"{name}: points and control nets have no triangles to refine; export usd instead")
     if resampling is not None and resampling.method == "polyhedra":
         raise UsageError(
-            f"{name}: resample.method polyhedra cuts faces anew in each frame; write method: triangles"
+            f"{name}: resample.method polyhedra cuts other faces in each frame; write method: triangles"
         )
     if resampling is not None and resampling.placement == "chord":
         raise UsageError(
