@@ -142,6 +142,21 @@ SHOWN = {
         "not shown": ["model_paint:maps_of_light_and_opacity_of_a_gltf_file"],
         "refused": ["model_paint:paint_of_gltf_1_is_refused"],
     },
+    "FBX with materials": {
+        "texture coordinates": [
+            "fbx_paint:corners_of_an_fbx_take",
+            "fbx_paint:the_texture_coordinates_that_a_picture_names",
+        ],
+        "vertex colours": ["fbx_paint:vertex_colours_of_an_fbx_are_srgb"],
+        "colour": ["fbx_paint:corners_of_an_fbx_take", "fbx_paint:metalness_and_roughness_of_3ds_max"],
+        "roughness, metalness": [
+            "fbx_paint:roughness_and_metalness_of_blender",
+            "fbx_paint:metalness_and_roughness_of_3ds_max",
+        ],
+        "files": ["fbx_paint:a_picture_within_an_fbx", "fbx_paint:a_missing_picture_of_an_fbx"],
+        "not shown": ["fbx_paint:maps_of_bumps_opacity_and_light"],
+        "refused": ["fbx_paint:what_is_not_read_of_an_fbx"],
+    },
 }
 """By format and row, the tests that show a cell: `module:beginning of the name`."""
 

@@ -41,5 +41,6 @@ PLUGIN = Plugin(
     paints={
         "obj": "pipeline.plugins.interchange.obj_paint:OBJ_PAINT",
         **dict.fromkeys(("glb", "gltf"), "pipeline.plugins.interchange.gltf_paint:GLTF_PAINT"),
+        "fbx": "pipeline.plugins.interchange.fbx_paint:FBX_PAINT",
     },
 )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import gc
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -50,17 +51,17 @@ def read_fbx(path: Path) -> FileSurface:
     Axes other than y up and z up, both right-handed, are turned to y up. Raises MachineError without ufbx,
     ParserError or MeshError where it cannot be read.
     """
-    _require_ufbx()
+    require_ufbx()
     return unpacked_surface(asked(_MODULE, path, "surface"))
 
 
 def _up_of(path: Path, digest: str) -> str:
     """Return the axis that points up in the coordinates of `read_fbx`; the disk cache stores it by digest."""
-    _require_ufbx()
+    require_ufbx()
     return answer_about_content(_MODULE, path, digest, "ufbx", "up")
 
 
-def _require_ufbx() -> None:
+def require_ufbx() -> None:
     require_package("FBX files", "ufbx", "ufbx (4 MB)", "models")
 
 
@@ -76,14 +77,14 @@ _DIRECTIONS = np.concatenate([np.eye(3), -np.eye(3)])[[0, 3, 1, 4, 2, 5]]
 _SCENES: list[Any] = []  # the scenes that were read, which ufbx 0.0.5 cannot free without a crash
 
 
-def _counted(element: Any) -> Any:
-    """Return a node or mesh of ufbx, which every access must pass: 0.0.5 counts one reference too few."""
+def counted(element: Any) -> Any:
+    """Return an object of ufbx, which every access must pass: 0.0.5 counts one reference too few."""
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(element))
     return element
 
 
 @contextmanager
-def _uncollected() -> Iterator[None]:
+def uncollected() -> Iterator[None]:
     """Keep the garbage collector from the objects of ufbx, whose references it would miscount."""
     gc.disable()
     try:
@@ -102,14 +103,14 @@ def answer(path: str, question: str) -> bytes:
     return answered(lambda: packed_surface(visible_surface(content)))
 
 
-@_uncollected()
+@uncollected()
 def up_axis(content: bytes) -> str:
     """Return the axis that points up in the coordinates of `visible_surface`: y or z."""
-    axes = _axes(_loaded(content, ignore_all_content=True))
+    axes = _axes(loaded_scene(content, ignore_all_content=True))
     return "z" if axes is not None and axes[1, 2] == 1.0 and np.linalg.det(axes) > 0.0 else "y"
 
 
-def _loaded(content: bytes, **options: bool) -> ufbx.Scene:
+def loaded_scene(content: bytes, *, ignore_embedded: bool = True, **options: bool) -> ufbx.Scene:
     """Return the scene of a file. Raises UfbxError or ValueError where it cannot be read."""
     import ufbx
 
@@ -118,7 +119,8 @@ def _loaded(content: bytes, **options: bool) -> ufbx.Scene:
             content if content.startswith(_BINARY) else text_content(content),
             file_format=ufbx.FileFormat.FBX,  # it would read OBJ too
             ignore_animation=True,
-            ignore_embedded=True,
+            ignore_embedded=ignore_embedded,
+            use_blender_pbr_material=True,  # as metalness and roughness, as Blender reads them
             skip_mesh_parts=True,
             skip_skin_vertices=True,
             index_error_handling=ufbx.IndexErrorHandling.NO_INDEX,
@@ -128,7 +130,7 @@ def _loaded(content: bytes, **options: bool) -> ufbx.Scene:
         if str(error) != "Failed to load":
             raise
         raise ValueError("its numbers contradict each other, or it ends early") from None
-    _SCENES.append(scene)
+    _SCENES.append(counted(scene))
     return scene
 
 
@@ -141,29 +143,18 @@ def _axes(scene: ufbx.Scene) -> Floats | None:
     return _DIRECTIONS[numbers]
 
 
-@_uncollected()
+@uncollected()
 def visible_surface(content: bytes) -> FileSurface:
     """Return the visible meshes of a file as one surface. Raises MeshError where there is none."""
-    scene = _loaded(content)
+    scene = loaded_scene(content)
     meshes, cages, bound = PlacedMeshes(), 0, 0
     read: dict[int, Polygons] = {}
-    axes, turn = _axes(scene), np.eye(4)
-    if axes is not None and not (np.linalg.det(axes) > 0.0 and max(axes[1, 1], axes[1, 2]) == 1.0):
-        turn[:3, :3] = axes.T  # to y up, as row vectors
-    for node, is_shown in _nodes(scene):
-        mesh = _counted(node.mesh)
-        kind = _SHAPES.get(int(node.attrib_type), "") if mesh is None else "" if is_shown else "hidden mesh"
-        if kind:
-            meshes.left_out[kind] += 1
-        if kind or mesh is None:
-            continue
+    for node, mesh, matrix in shown_meshes(scene, meshes.left_out):
         if mesh.element_id not in read:
             read[mesh.element_id] = _polygons(mesh, shortened(node.name or mesh.name))
         bound += len(mesh.skin_deformers) + len(mesh.blend_deformers) > 0
         cages += int(mesh.subdivision_display_mode) != 0
-        matrix = np.eye(4)
-        matrix[:, :3] = node.geometry_to_world  # with its pivots and geometric transform
-        meshes.add(read[mesh.element_id], matrix @ turn)
+        meshes.add(read[mesh.element_id], matrix)
     others = meshes.left_out_words
     if not meshes.parts:
         raise MeshError(
@@ -187,43 +178,68 @@ _SHAPES = {7: "curve", 8: "curve", 9: "NURBS surface", 10: "trimmed NURBS surfac
 _LOD_GROUP = 16
 
 
+def shown_meshes(scene: ufbx.Scene, left_out: Counter[str]) -> Iterator[tuple[ufbx.Node, ufbx.Mesh, Floats]]:
+    """Yield the visible meshes with their nodes, and matrices (4, 4) of row vectors; count the others."""
+    axes, turn = _axes(scene), np.eye(4)
+    if axes is not None and not (np.linalg.det(axes) > 0.0 and max(axes[1, 1], axes[1, 2]) == 1.0):
+        turn[:3, :3] = axes.T  # to y up, as row vectors
+    for node, is_shown in _nodes(scene):
+        mesh = counted(node.mesh)
+        kind = _SHAPES.get(int(node.attrib_type), "") if mesh is None else "" if is_shown else "hidden mesh"
+        if kind:
+            left_out[kind] += 1
+        elif mesh is not None:
+            matrix = np.eye(4)
+            matrix[:, :3] = node.geometry_to_world  # with its pivots and geometric transform
+            yield node, mesh, matrix @ turn
+
+
 def _nodes(scene: ufbx.Scene) -> Iterator[tuple[ufbx.Node, bool]]:
     """Yield the nodes of a scene, each with whether it is shown; of levels of detail, the first alone."""
     import ufbx
 
-    waiting = [(_counted(scene.root_node), True)]
+    waiting = [(counted(scene.root_node), True)]
     while waiting:
         node, parent_shown = waiting.pop()
         inherits = ufbx.find_bool(node.props, "Visibility Inheritance", True)
         is_shown = node.visible and (parent_shown or not inherits)
         yield node, is_shown
-        children = [_counted(child) for child in node.children]
+        children = [counted(child) for child in node.children]
         if int(node.attrib_type) == _LOD_GROUP:
             children = children[:1]
         waiting += [(child, is_shown) for child in reversed(children)]
 
 
 def _polygons(mesh: ufbx.Mesh, name: str) -> Polygons:
-    """Return the faces of a mesh in its own coordinates, without holes. Raises MeshError, with its name."""
-    points = _numbers(mesh.vertices, np.float64, 3)
-    first, sides = _numbers(mesh.faces, np.uint32, 2).astype(np.int64).T
-    corners = _numbers(mesh.vertex_indices, np.uint32).astype(np.int64)
+    """Return the faces of a mesh in its own coordinates, without holes. Raises as `faces_of`."""
+    points, sides, corners = faces_of(mesh, name)
+    polygons = Polygons(
+        points, sides, corners, _creases(mesh, points, corners, sides), _groups(mesh, len(sides))
+    )
+    holes = numbers_of(mesh.face_hole, np.bool_)
+    return polygons.without(holes) if holes.any() else polygons
+
+
+def faces_of(mesh: ufbx.Mesh, name: str) -> tuple[Points, AnyArray, AnyArray]:
+    """Return the points (V, 3), numbers of corners (F,) and corners (C,) of a mesh, in its coordinates.
+
+    Raises MeshError, with its name, where they contradict each other.
+    """
+    points = numbers_of(mesh.vertices, np.float64, 3)
+    first, sides = numbers_of(mesh.faces, np.uint32, 2).astype(np.int64).T
+    corners = numbers_of(mesh.vertex_indices, np.uint32).astype(np.int64)
     if not np.array_equal(first, np.cumsum(sides) - sides) or sides.sum() != len(corners):
         raise MeshError(f"{name}: its faces do not fit its corners")
     wrong = np.flatnonzero(corners >= len(points))
     if len(wrong):
         face = int(np.searchsorted(np.cumsum(sides), wrong[0], side="right"))
         raise MeshError(f"{name}: face {face} names a vertex that is not there; it has {len(points)}")
-    polygons = Polygons(
-        points, sides, corners, _creases(mesh, points, corners, sides), _groups(mesh, len(sides))
-    )
-    holes = _numbers(mesh.face_hole, np.bool_)
-    return polygons.without(holes) if holes.any() else polygons
+    return points, sides, corners
 
 
 def _groups(mesh: ufbx.Mesh, faces: int) -> AnyArray:
     """Return a number (F,) for each face: those of one material and smoothing have the same."""
-    columns = [_numbers(mesh.face_material, np.uint32), _numbers(mesh.face_smoothing, np.bool_)]
+    columns = [numbers_of(mesh.face_material, np.uint32), numbers_of(mesh.face_smoothing, np.bool_)]
     known = [column.astype(np.int64) for column in columns if len(column) == faces]
     if not known:
         return np.zeros(faces, np.int64)
@@ -235,10 +251,10 @@ def _creases(mesh: ufbx.Mesh, points: Points, corners: AnyArray, sides: AnyArray
 
     Which are hard is said by smoothing of edges, or where a file has none, by its normals.
     """
-    edges = corners[_numbers(mesh.edges, np.uint32, 2).astype(np.int64)]
-    weights = _numbers(mesh.edge_crease, np.float64)
+    edges = corners[numbers_of(mesh.edges, np.uint32, 2).astype(np.int64)]
+    weights = numbers_of(mesh.edge_crease, np.float64)
     weighted = edges[weights > 0.0] if len(weights) == len(edges) else edges[:0]
-    smooth = _numbers(mesh.edge_smoothing, np.bool_)
+    smooth = numbers_of(mesh.edge_smoothing, np.bool_)
     if len(smooth) == len(edges) and len(edges):
         hard = edges[~smooth] if smooth.any() else edges[:0]
     else:
@@ -252,7 +268,7 @@ _SAME_NORMAL = 0.999  # cosine between normals, from which they are the same: 2.
 def _parted_edges(mesh: ufbx.Mesh, points: Points, corners: AnyArray, sides: AnyArray) -> AnyArray:
     """Return the edges (K, 2) where the normals of two faces differ; none of a mesh that is shaded flat."""
     given = mesh.vertex_normal
-    values, index = _numbers(given.values, np.float64, 3), _numbers(given.indices, np.uint32)
+    values, index = numbers_of(given.values, np.float64, 3), numbers_of(given.indices, np.uint32)
     none = np.empty((0, 2), np.int64)
     if len(index) != len(corners) or not len(values) or index.max() >= len(values) or sides.min() < 3:
         return none
@@ -284,7 +300,7 @@ def _dot(a: Points, b: Points) -> AnyArray:
     return np.einsum("ij,ij->i", a, b)
 
 
-def _numbers(values: Any, kind: Any, columns: int = 1) -> AnyArray:
+def numbers_of(values: Any, kind: Any, columns: int = 1) -> AnyArray:
     """Return a list of ufbx as an array (N,) or (N, columns). Its lists of uint32 have no buffers."""
     if kind is np.uint32 and columns == 1:
         return np.fromiter(values, kind, len(values))

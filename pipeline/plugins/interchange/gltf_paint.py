@@ -23,11 +23,9 @@ from pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument,
 from pipeline.plugins.interchange.gltf_files import SceneArrays, Triangles, files_of_buffers, placed
 from pipeline.plugins.interchange.gltf_scene import DefaultScene, PlacedPrimitive
 from pipeline.plugins.interchange.model_paint import ModelPaint
-from pipeline.plugins.interchange.painted_materials import GREY, Materials, painted, picture
-from render.base.atomic_write import atomic_write
+from pipeline.plugins.interchange.painted_materials import GREY, Materials, painted, picture, picture_within
 from render.base.input_files import digest_of_file, require_input
 from render.base.limited_process import MEMORY, allow_memory, answer_of, serve
-from render.base.user_cache import writable_cache
 from render.scene.materials import PatternedMaterial
 from render.scene.painted_faces import Files, PaintReader
 from render.scene.textures import Texture
@@ -229,12 +227,9 @@ def _texture(
     if isinstance(address, str) and not address.startswith("data:"):
         return picture(document.path, unquote(address), files, space)
     content = document.embedded_content(image) if address else _content_of_view(document, image, files)
+    digest = hashlib.sha256(content).hexdigest()
     suffix = ".jpg" if content[:2] == b"\xff\xd8" else ".png"
-    cached = writable_cache() / "textures" / f"{hashlib.sha256(content).hexdigest()}{suffix}"
-    if not cached.is_file():
-        with atomic_write(cached, flush=False) as draft:
-            draft.write_bytes(content)
-    return picture(document.path, str(cached), {}, space)
+    return picture_within(document.path, digest, suffix, lambda: content, space)
 
 
 def _content_of_view(document: GltfDocument, image: JsonObject, files: dict[Path, str]) -> bytes:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from pipeline.errors import MissingInputError
+from render.base.atomic_write import atomic_write
 from render.base.input_files import digest_of_file
 from render.base.serialise import Colour
+from render.base.user_cache import writable_cache
 from render.scene.materials import Diffuse, PatternedMaterial, Satin
 from render.scene.painted_faces import VERTEX_COLOURS, Files
 from render.scene.texture_projection import MODEL, TextureProjection
@@ -61,3 +64,20 @@ def picture(model: Path, name: str, files: dict[Path, str], space: str | None = 
     path = file_beside(model, name, "texture")
     files[path] = digest_of_file(path)
     return texture_of(str(path), files[path], space)
+
+
+def picture_within(
+    model: Path, digest: str, suffix: str, content: Callable[[], bytes], space: str | None
+) -> Texture:
+    """Return a picture that a model contains. It is written to the user's cache, and read from there.
+
+    digest   SHA-256 of its content
+    content  returns it; called where the cache does not have it
+
+    Raises as `read_picture`.
+    """
+    cached = writable_cache() / "textures" / f"{digest}{suffix}"
+    if not cached.is_file():
+        with atomic_write(cached, flush=False) as draft:
+            draft.write_bytes(content())
+    return picture(model, str(cached), {}, space)

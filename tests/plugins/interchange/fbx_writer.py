@@ -14,7 +14,7 @@ SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (
 
 @dataclass
 class N:
-    """A node of FBX; values are integers, floats, text, or lists of integers or floats."""
+    """A node of FBX; values are integers, floats, text, bytes, or lists of integers or floats."""
 
     name: str
     values: Sequence[Any] = ()
@@ -45,22 +45,50 @@ def layer(kind: str, mapping: str, name: str, values: list[Any]) -> N:
     return N(kind, (0,), [*children, N(name, (values,))])
 
 
+def coordinates(name: str, values: Sequence[float], index: int = 0) -> N:
+    """Return texture coordinates (C, 2) of the corners of a geometry, which may have several sets."""
+    element = layer("LayerElementUV", "ByPolygonVertex", "UV", list(values))
+    return N("LayerElementUV", (index,), [N("Name", (name,)), *element.children])
+
+
+def material(number: int, kind: str = "Lambert", **given: Any) -> N:
+    """Return a material; `kind` is its shading model."""
+    children = [N("ShadingModel", (kind,)), properties(**given)]
+    return N("Material", (number, f"Material::{number}", ""), children)
+
+
+def texture(number: int, name: str, uv_set: str = "default", **given: Any) -> N:
+    """Return a texture of a picture's file."""
+    rows = [*properties(**given).children, N("P", ("UVSet", "KString", "", "", uv_set))]
+    children = [N("Type", ("TextureVideoClip",)), N("FileName", (name,)), N("RelativeFilename", (name,))]
+    return N("Texture", (number, f"Texture::{number}", ""), [*children, N("Properties70", (), rows)])
+
+
+def video(number: int, name: str, content: bytes) -> N:
+    """Return a picture within a file."""
+    children = [N("Type", ("Clip",)), N("Filename", (name,)), N("Content", (content,))]
+    return N("Video", (number, f"Video::{number}", "Clip"), children)
+
+
 def model(number: int, name: str, kind: str = "Mesh", **given: Any) -> N:
     """Return a node of the scene."""
     return N("Model", (number, f"Model::{name}", kind), [properties(**given)])
 
 
-def scene(objects: Iterable[N], links: Iterable[tuple[int, int]], **settings: Any) -> list[N]:
+def scene(
+    objects: Iterable[N], links: Iterable[tuple[Any, ...]], creator: str = "", **settings: Any
+) -> list[N]:
     """Return a scene.
 
-    links     child and parent by number; 0 is the root
+    links     child and parent by number, and the property of the parent if it is one; 0 is the root
+    creator   the program that wrote it
     settings  global ones, as UpAxis
     """
     return [
-        N("FBXHeaderExtension", (), [N("FBXVersion", (7400,))]),
+        N("FBXHeaderExtension", (), [N("FBXVersion", (7400,)), N("Creator", (creator,))]),
         N("GlobalSettings", (), [properties(**settings)]),
         N("Objects", (), list(objects)),
-        N("Connections", (), [N("C", ("OO", child, parent)) for child, parent in links]),
+        N("Connections", (), [N("C", ("OP" if link[2:] else "OO", *link)) for link in links]),
     ]
 
 
@@ -106,6 +134,8 @@ def _value(value: Any) -> bytes:
             return b"L" + struct.pack("<q", value)
         case float():
             return b"D" + struct.pack("<d", value)
+        case bytes():
+            return b"R" + struct.pack("<I", len(value)) + value
         case str():
             name, _, kind = value.partition("::")  # binary files have name, then class
             word = (f"{kind}\x00\x01{name}" if kind or "::" in value else value).encode()

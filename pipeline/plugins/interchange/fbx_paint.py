@@ -1,0 +1,368 @@
+"""Texture coordinates, vertex colours and materials of FBX files, which ufbx reads in a process of its own.
+
+ufbx states the materials of every program as metalness and roughness; `fbx_files` says how it is called.
+Colours of materials are linear, as Blender and Maya write them, and those of vertices sRGB, as Blender does.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Floats
+from pipeline.errors import MeshError, brief, shortened
+from pipeline.plugins.interchange.fbx_files import (
+    MOST_BYTES,
+    counted,
+    faces_of,
+    loaded_scene,
+    numbers_of,
+    require_ufbx,
+    shown_meshes,
+    uncollected,
+)
+from pipeline.plugins.interchange.model_paint import ModelPaint
+from pipeline.plugins.interchange.painted_materials import (
+    GREY,
+    Materials,
+    painted,
+    picture,
+    picture_within,
+)
+from pipeline.plugins.interchange.scene_readers import PlacedMeshes, Polygons, answered, asked, content_of
+from render.base.input_files import digest_of_file, read_input, require_input
+from render.base.limited_process import MEMORY, allow_memory, answer_about_content, serve
+from render.scene.materials import PatternedMaterial
+from render.scene.painted_faces import Files, PaintReader
+from render.scene.rgb_spaces import linear_of_srgb
+from render.scene.textures import Texture
+
+if TYPE_CHECKING:
+    import ufbx
+
+_MODULE = "pipeline.plugins.interchange.fbx_paint"
+MATERIALS = "materials 1"
+"""The question for materials, with the version of the answers, which are stored by it."""
+
+_SHOWN = {"base_color": "colour", "roughness": "roughness", "metalness": "metalness"}
+"""What of a material is shown: ufbx's names, and those of messages."""
+
+_UNKNOWN, _SPECULAR_GLOSSINESS = 0, 7
+"""Kinds of materials by ufbx's ShaderType: those of other programs, and one without metalness."""
+
+_FILE = 0  # by ufbx's TextureType
+_NO_INDEX = 0xFFFFFFFF
+_FIRST_SET = ("", "default")
+"""Names of texture coordinates that stand for the first."""
+
+
+def _no_files(path: Path) -> Files:
+    return {}
+
+
+def _materials(path: Path) -> Materials:
+    """Return the materials of a file in the order of its paint, and the files of their pictures.
+
+    Raises MissingInputError where one is not there, MeshError for what is not read.
+    """
+    require_ufbx()
+    answer = answer_about_content(_MODULE, path, digest_of_file(path), "ufbx", MATERIALS)
+    files: dict[Path, str] = {}
+    return tuple(
+        _material(path, facts, files) for facts in json.loads(content_of(answer.encode(), path))
+    ), files
+
+
+def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> PatternedMaterial:
+    """Return the material of what `_facts_of` found; note the files of its pictures."""
+    textures = {
+        name: _texture(path, found, files, None if name == "base_color" else "data")
+        for name, found in facts["pictures"].items()
+    }
+    colour = textures.pop("base_color", None)
+    if colour is not None:
+        colour = replace(colour, factor=(facts["factor"],) * 3)
+    more = {"roughness": "roughness_texture", "metalness": "metallic_texture"}
+    return painted(
+        tuple(facts["colour"]),
+        colour,
+        facts["roughness"],
+        facts["metalness"],
+        facts["has_colours"],
+        **{more[name]: texture for name, texture in textures.items()},
+    )
+
+
+def _texture(path: Path, found: dict[str, Any], files: dict[Path, str], space: str | None) -> Texture:
+    """Return the picture within a file, or the one that it names."""
+    if found["digest"]:
+        digest = found["digest"]
+        return picture_within(path, digest, found["suffix"], lambda: asked(_MODULE, path, digest), space)
+    relative, absolute = found["names"]
+    is_there = Path(absolute).is_file() and not (path.parent / relative.replace("\\", "/")).is_file()
+    return picture(path, absolute if is_there else relative, files, space)
+
+
+def _read(path: Path) -> ModelPaint:
+    require_ufbx()
+    with np.load(io.BytesIO(asked(_MODULE, path, "paint"))) as arrays:
+        return ModelPaint.of(**arrays)
+
+
+FBX_PAINT = PaintReader(_no_files, _materials, _read)
+
+
+def answer(path: str, question: str) -> bytes:
+    """Return the answer to `paint`, to the question for materials, or the picture with a SHA-256."""
+    allow_memory(MEMORY + 40 * require_input(Path(path), MOST_BYTES))
+    content = read_input(Path(path), MOST_BYTES)
+    if question == "paint":
+        return answered(lambda: _packed_paint(content))
+    if question == MATERIALS:
+        return answered(lambda: json.dumps(_material_facts(content)).encode())
+    return answered(lambda: _picture_within(content, question))
+
+
+@uncollected()
+def _packed_paint(content: bytes) -> bytes:
+    packed = io.BytesIO()
+    np.savez(packed, allow_pickle=False, **_PaintedScene.of(loaded_scene(content)).arrays())
+    return packed.getvalue()
+
+
+@uncollected()
+def _material_facts(content: bytes) -> list[dict[str, Any]]:
+    """Return the facts about each material of a file, by number. Raises MeshError for what is not read."""
+    scene = _PaintedScene.of(loaded_scene(content, ignore_embedded=False))
+    has_colours = any(part.colours is not None for part in scene.parts)
+    return [_facts_of(material) | {"has_colours": has_colours} for material in scene.materials]
+
+
+@uncollected()
+def _picture_within(content: bytes, digest: str) -> bytes:
+    scene = loaded_scene(content, ignore_embedded=False)
+    pictures = (_content_of(counted(texture)) for texture in scene.textures)
+    return next(found for found in pictures if hashlib.sha256(found).hexdigest() == digest)
+
+
+@dataclass
+class _Part:
+    """The faces of a placed mesh, and what is on them.
+
+    materials    int64 (F,): numbers of materials
+    coordinates  (C, 2)
+    colours      (C, 3) linear, or None
+    """
+
+    polygons: Polygons
+    materials: AnyArray
+    coordinates: Floats
+    colours: Floats | None
+
+
+@dataclass
+class _PaintedScene:
+    """The visible meshes of a scene, and the materials that their faces have, None for faces without one."""
+
+    parts: list[_Part]
+    materials: list[ufbx.Material | None]
+
+    @classmethod
+    def of(cls, scene: ufbx.Scene) -> _PaintedScene:
+        """Read the paint of a scene. Raises MeshError, with the mesh or material, for what is not read."""
+        found, placed = cls([], []), PlacedMeshes()
+        numbers: dict[int, int] = {}
+        for node, mesh, matrix in shown_meshes(scene, Counter()):
+            name = shortened(node.name or mesh.name)
+            points, sides, corners = faces_of(mesh, name)
+            listed = [counted(material) for material in node.materials or mesh.materials]
+            own = numbers_of(mesh.face_material, np.uint32).astype(np.int64)
+            own = np.minimum(own if len(own) == len(sides) else np.zeros(len(sides), np.int64), len(listed))
+            holes = numbers_of(mesh.face_hole, np.bool_)
+            dropped = (sides < 3) | (holes if len(holes) == len(sides) else False)
+            placed.add(Polygons(points, sides, np.arange(len(corners))).without(dropped), matrix)
+            polygons, own = placed.parts[-1], own[~dropped]
+            order = polygons.corners  # a mirror turns faces over
+            materials, coordinates = np.empty_like(own), np.zeros((len(order), 2))
+            for place in np.unique(own).tolist():
+                material = listed[place] if place < len(listed) else None
+                number = numbers.setdefault(-1 if material is None else material.element_id, len(numbers))
+                if number == len(found.materials):
+                    found.materials.append(material)
+                materials[own == place] = number
+                at = np.repeat(own == place, polygons.sides)
+                coordinates[at] = _coordinates(mesh, material, order[at], name)
+            polygons = polygons._replace(corners=corners[order])
+            found.parts.append(_Part(polygons, materials, coordinates, _colours(mesh, order, name)))
+        return found
+
+    def arrays(self) -> dict[str, AnyArray]:
+        """Return the arguments of `ModelPaint.of`."""
+        meshes = [part.polygons for part in self.parts]
+        firsts = np.cumsum([0, *(len(mesh.points) for mesh in meshes)])
+        found = {
+            "points": np.concatenate([np.empty((0, 3)), *(mesh.points for mesh in meshes)]),
+            "sides": np.concatenate([np.empty(0, np.int64), *(mesh.sides for mesh in meshes)]),
+            "corners": np.concatenate(
+                [np.empty(0, np.int64), *(m.corners + k for m, k in zip(meshes, firsts, strict=False))]
+            ),
+            "coordinates": np.concatenate([np.empty((0, 2)), *(part.coordinates for part in self.parts)]),
+            "materials": np.concatenate([np.empty(0, np.int64), *(part.materials for part in self.parts)]),
+        }
+        if any(part.colours is not None for part in self.parts):
+            plain = np.array([_facts_of(material)["colour"] for material in self.materials])
+            found["colours"] = np.concatenate(
+                [
+                    plain[np.repeat(part.materials, part.polygons.sides)]
+                    if part.colours is None
+                    else part.colours
+                    for part in self.parts
+                ]
+            )
+        return found
+
+
+def _colours(mesh: ufbx.Mesh, corners: AnyArray, name: str) -> Floats | None:
+    """Return the linear colours (K, 3) of corners of a mesh from its first set; None where it has none."""
+    given = counted(mesh.vertex_color)
+    if not given.exists:
+        return None
+    return linear_of_srgb(np.clip(_values(given, 4, corners, f"{name}: its vertex colours")[:, :3], 0.0, 1.0))
+
+
+def _coordinates(mesh: ufbx.Mesh, material: ufbx.Material | None, corners: AnyArray, name: str) -> Floats:
+    """Return the coordinates (K, 2) of corners of a mesh in the pictures of a material."""
+    sets = [counted(given) for given in mesh.uv_sets]
+    if not sets:
+        return np.zeros((len(corners), 2))
+    names = [given.name for given in sets]
+    wanted = {texture.uv_set for texture in _pictures_of(material).values()} if material else set()
+    unknown = wanted - {*names, *_FIRST_SET}
+    if unknown and len(sets) > 1:
+        raise MeshError(
+            f"{name} does not have the texture coordinates {brief(min(unknown))} that its material "
+            "names. Export it with them, or write paint: off."
+        )
+    used = {names.index(word) if word in names else 0 for word in wanted} or {0}
+    if len(used) > 1:
+        raise MeshError(
+            f"{name} has a material whose textures have different texture coordinates, and one set is read. "
+            "Export it with one, or write paint: off."
+        )
+    given = counted(sets[used.pop()].vertex_uv)
+    return _values(given, 2, corners, f"{name}: its texture coordinates", otherwise=0.0)
+
+
+def _values(
+    given: Any, columns: int, corners: AnyArray, place: str, otherwise: float | None = None
+) -> Floats:
+    """Return the values (K, columns) of an attribute at corners; `otherwise` where a corner has none."""
+    values, index = numbers_of(given.values, np.float64, columns), numbers_of(given.indices, np.uint32)
+    if len(index) <= corners.max(initial=-1):
+        raise MeshError(f"{place} do not fit its corners")
+    index = index[corners].astype(np.int64)
+    if otherwise is not None:
+        index[index == _NO_INDEX] = len(values)
+        values = np.concatenate([values, np.full((1, columns), otherwise)])
+    if index.max(initial=-1) >= len(values) or not np.isfinite(values[index]).all():
+        raise MeshError(f"{place} do not fit its corners")
+    return values[index]
+
+
+def _pictures_of(material: ufbx.Material) -> dict[str, ufbx.Texture]:
+    """Return the textures of a material that are shown, by ufbx's names of its inputs.
+
+    Raises MeshError for those that are made of several pictures, or moved.
+    """
+    maps, found = counted(material.pbr), {}
+    for name, word in _SHOWN.items():
+        given = counted(getattr(maps, name))
+        texture = counted(given.texture)
+        if texture is None or not given.texture_enabled:
+            continue
+        place = f"the {word} of the material {brief(material.name)}"
+        if int(texture.type) != _FILE or not texture.has_file:
+            raise MeshError(
+                f"{place} is computed from several pictures or without one, which is not read. Bake it to "
+                "one picture in the program that made the file, or write paint: off."
+            )
+        if texture.has_uv_transform:
+            raise MeshError(
+                f"{place} has a texture that is moved, turned or scaled, which is not read. Export the model "
+                "with the texture coordinates that show, or write paint: off."
+            )
+        found[name] = texture
+    return found
+
+
+def _facts_of(material: ufbx.Material | None) -> dict[str, Any]:
+    """Return colour, factor on its picture, roughness (None for matt), metalness and pictures."""
+    if material is None:
+        return {"colour": GREY, "factor": 1.0, "roughness": None, "metalness": 0.0, "pictures": {}}
+    features, maps, textures = counted(material.features), counted(material.pbr), _pictures_of(material)
+    place, kind, colour = (
+        f"the material {brief(material.name)}",
+        int(material.shader_type),
+        counted(maps.base_color),
+    )
+    if kind == _SPECULAR_GLOSSINESS:
+        raise MeshError(
+            f"{place} has specular colour and glossiness, which are not read. Export it with metalness and "
+            "roughness, or write paint: off."
+        )
+    is_physical = counted(features.pbr).enabled
+    needed = ("base_color", "roughness") if is_physical else ("base_color",) if kind == _UNKNOWN else ()
+    if any(name not in textures and not counted(getattr(maps, name)).has_value for name in needed):
+        raise MeshError(
+            f"{place} is of a kind whose colour and roughness are not read. Export it as a Phong or physical "
+            "material, or write paint: off."
+        )
+    if ("roughness" in textures and not is_physical) or counted(counted(maps.glossiness).texture) is not None:
+        raise MeshError(
+            f"{place} has a picture of its shininess, which is not read. Export it with roughness, or write "
+            "paint: off."
+        )
+    factor = min(max(_number(maps, "base_factor", 1.0), 0.0), 1.0)
+    own = tuple(min(max(part, 0.0), 1.0) for part in colour.value_vec4[:3]) if colour.has_value else GREY
+    shine = _number(maps, "specular_factor", 1.0) * max(counted(maps.specular_color).value_vec4[:3])
+    is_matt = not is_physical and "roughness" not in textures and not shine
+    return {
+        "colour": tuple(factor * part for part in own),
+        "factor": factor,
+        "roughness": None if is_matt else min(max(_number(maps, "roughness", 0.5), 0.0), 1.0),
+        "metalness": min(max(_number(maps, "metalness", 0.0), 0.0), 1.0),
+        "pictures": {name: _picture_facts(texture) for name, texture in textures.items()},
+    }
+
+
+def _number(maps: Any, name: str, otherwise: float) -> float:
+    given = counted(getattr(maps, name))
+    return float(given.value_vec4[0]) if given.has_value else otherwise
+
+
+def _picture_facts(texture: ufbx.Texture) -> dict[str, Any]:
+    """Return the names of a picture's file, and of a picture within the file SHA-256 and suffix."""
+    content = _content_of(texture)
+    relative = texture.relative_filename or texture.filename
+    absolute = texture.absolute_filename or relative
+    suffix = Path(relative.replace("\\", "/")).suffix.lower()
+    return {
+        "names": [relative or absolute, absolute],
+        "digest": hashlib.sha256(content).hexdigest() if content else "",
+        "suffix": suffix if suffix[1:].isalnum() else ".png",
+    }
+
+
+def _content_of(texture: ufbx.Texture) -> bytes:
+    return bytes(counted(texture.content))
+
+
+if __name__ == "__main__":
+    serve(answer)
