@@ -46,7 +46,7 @@ def main(names: list[str]) -> list[Target]:
     """Measure the shots of these names, by default all with a surface; return the targets."""
     rows: list[Row] = []
     if not peers.found("igl"):
-        print("one_mesh is left out: there is no module igl; make bench installs it")
+        print("one_mesh is left out: it needs the module igl, which make bench installs")
         return []
     for name in names or sorted(file.stem for file in SHOTS.glob("[AB]*.yaml")):
         for request in _parts(name):

@@ -385,7 +385,7 @@ class _Columns:
 
 
 def _tags_of(mesh: TriangleMesh) -> AnyArray:
-    """Return the tags (3F,) uint8 of half-edges. Raises MeshError for a crease or seam that is no edge."""
+    """Return the tags (3F,) uint8 of half-edges. Raises MeshError for a crease or seam off the edges."""
     tags = np.zeros(mesh.faces.size, np.uint8)
     for tag, edges, name in ((CREASE, mesh.creases, "crease"), (SEAM, mesh.seams, "seam")):
         tagged = tagged_halfedges(mesh, edges)

@@ -1,4 +1,4 @@
-"""Exports of animations with one mesh of each subject: glTF, vertex animation textures, and pages."""
+"""Exports of one mesh of each subject with its motion: glTF, Alembic, vertex animation textures, pages."""
 
 from __future__ import annotations
 

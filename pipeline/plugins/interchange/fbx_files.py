@@ -130,7 +130,7 @@ def loaded_scene(content: bytes, *, ignore_embedded: bool = True, **options: boo
         if str(error) != "Failed to load":
             raise
         raise ValueError("its numbers contradict each other, or it ends early") from None
-    _SCENES.append(counted(scene))
+    _SCENES.append(scene)
     return scene
 
 

@@ -52,7 +52,7 @@ MATERIALS = "materials 1"
 """The question for materials, with the version of the answers, which are stored by it."""
 
 _SHOWN = {"base_color": "colour", "roughness": "roughness", "metalness": "metalness"}
-"""What of a material is shown: ufbx's names, and those of messages."""
+"""The parts of a material that are shown: their names in ufbx, and in messages."""
 
 _UNKNOWN, _SPECULAR_GLOSSINESS = 0, 7
 """Kinds of materials by ufbx's ShaderType: those of other programs, and one without metalness."""

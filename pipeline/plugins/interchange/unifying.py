@@ -63,7 +63,7 @@ class Unification:
     until: float | None = None
 
     def __post_init__(self) -> None:
-        self._refiner  # noqa: B018  # says what cannot be refined before anything is computed
+        _ = self._refiner  # raises before anything is computed
 
     @property
     def name(self) -> str:
