@@ -14,9 +14,8 @@ from pipeline.errors import MeshError, suggestion
 from pipeline.file_contents import Archive, number_fault, text_content
 from pipeline.mesh.mesh_formats import LARGEST_COORDINATE, reader_of
 from pipeline.mesh.meshes import TriangleMesh
-from pipeline.mesh.obj_files import read_wavefront
 from pipeline.mesh.ply_files import read_elements, vertex_positions
-from pipeline.mesh.read import read_by_suffix
+from pipeline.mesh.read import format_of, read_by_suffix
 from render.base.plural import plural
 
 _POINTS = ("points", "vertices")
@@ -143,11 +142,19 @@ def _arrays(content: bytes) -> PointSet:
     return PointSet(points, {n.removeprefix(_ATTRIBUTE): archive.array(n) for n in one_each})
 
 
+def _vertices(path: Path) -> PointSet:
+    """Return the vertices of a file of a plug-in's mesh format."""
+    form = format_of(path)
+    if form is None:
+        raise MeshError("the plug-in that reads it is missing. Install flowsculpt again.")
+    return PointSet(form.read(path).points, {})
+
+
 _READERS: Mapping[str, Callable[[Path], PointSet]] = {
     "ply": reader_of(_polygon_file),
     "xyz": reader_of(_xyz),
     "npz": reader_of(_arrays),
-    "obj": reader_of(lambda content: PointSet(read_wavefront(content).points, {})),
+    "obj": _vertices,
 }
 
 

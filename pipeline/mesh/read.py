@@ -24,40 +24,28 @@ from pipeline.errors import FlowsculptError, MeshError, reason_of
 from pipeline.mesh.face_soup import FaceSoup, MergedSurface, cut_repeats, find_duplicates, merge_coincident
 from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, ModelFiles, ScenePart, reader_of, suffix_of
 from pipeline.mesh.meshes import PolygonMesh, TriangleMesh, edge_keys
-from pipeline.mesh.obj_files import read_wavefront
 from pipeline.mesh.ply_files import read_polygon_file
-from pipeline.mesh.stl_files import read_stl
 from pipeline.mesh.validation import twin_corners, validate
 from pipeline.mesh.winding import Winding, detached_corners, find_winding, link_sides
 from pipeline.plugin import named, plugins
 from render.base.input_files import digest_of_file, joint_digest, opened_input, require_input
 from render.scene.painted_faces import PaintReader
 
-_CORE = {
-    "obj": MeshFormat(
-        reader_of(read_wavefront),
-        # a reader lost the first vertex after a byte order mark, and statements after names that end in \
-        misread=re.compile(
-            rb"\A\xef\xbb\xbf|^[ \t]*(?:o|g|usemtl|mtllib)[ \t][^\r\n]*\\[ \t]*[\r\n]", re.MULTILINE
-        ),
-    ),
-    "ply": MeshFormat(  # a reader left out strips of triangles
-        reader_of(read_polygon_file), misread=re.compile(rb"[\r\n]element[ \t]+tristrips[ \t]")
-    ),
-    "stl": MeshFormat(reader_of(read_stl), usual_up="z"),  # most come from printing and construction
-}
+_PLY = MeshFormat(  # a reader left out strips of triangles
+    reader_of(read_polygon_file), misread=re.compile(rb"[\r\n]element[ \t]+tristrips[ \t]")
+)
 
 
 def mesh_suffixes() -> tuple[str, ...]:
     """Return the suffixes of readable mesh files."""
-    return (*_CORE, *plugins().mesh_formats)
+    return ("ply", *plugins().mesh_formats)
 
 
 def format_of(path: str | Path) -> MeshFormat | None:
     """Return the format of a file by its suffix; None where nothing reads it."""
     suffix = suffix_of(path)
     place = plugins().mesh_formats.get(suffix)
-    found: MeshFormat | None = _CORE.get(suffix) or (named(place) if place else None)
+    found: MeshFormat | None = _PLY if suffix == "ply" else named(place) if place else None
     return found
 
 

@@ -30,6 +30,8 @@ PLUGIN = Plugin(
         "mdd": Command(f"{_ONE_MESH}:mdd", "One mesh that moves, for Blender and Cinema 4D."),
     },
     mesh_formats={
+        "obj": "pipeline.plugins.interchange.obj_files:OBJ",
+        "stl": "pipeline.plugins.interchange.stl_files:STL",
         "off": "pipeline.plugins.interchange.off_files:OFF",
         "glb": "pipeline.plugins.interchange.gltf_files:GLTF",
         "gltf": "pipeline.plugins.interchange.gltf_files:GLTF",

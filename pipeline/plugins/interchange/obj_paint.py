@@ -18,8 +18,8 @@ import numpy as np
 from pipeline.errors import MeshError, brief
 from pipeline.file_contents import text_content
 from pipeline.mesh.mesh_formats import MOST_BYTES
-from pipeline.mesh.obj_files import statements
 from pipeline.plugins.interchange.model_paint import ModelPaint
+from pipeline.plugins.interchange.obj_files import statements
 from pipeline.plugins.interchange.painted_materials import GREY, Materials, file_beside, painted, picture
 from render.base.input_files import digest_of_file, read_input
 from render.scene.materials import PatternedMaterial

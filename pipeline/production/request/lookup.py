@@ -173,9 +173,6 @@ def _pixels(text: str, width: int, height: int) -> Crop:
 
 SHOTS = Path("shots")
 FILM = SHOTS / "film.yaml"
-CORE_MODELS = ("obj", "ply", "stl")
-"""Suffixes of models that the core reads, as in `pipeline.mesh.read`, which takes long to import."""
-
 OTHER_MODELS = (
     ".3ds",
     ".abc",
@@ -200,7 +197,7 @@ NO_SHOTS = (
 
 
 def _is_model(name: str) -> bool:
-    return Path(name).suffix.lower().lstrip(".") in (*CORE_MODELS, *plugins().mesh_formats)
+    return Path(name).suffix.lower().lstrip(".") in ("ply", *plugins().mesh_formats)
 
 
 def find_shot(name: str) -> Path:

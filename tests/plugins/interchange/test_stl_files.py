@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import MeshError
-from pipeline.mesh import stl_files
+from pipeline.plugins.interchange import stl_files
 from tests.mesh.brick import POINTS, TRIANGLES, read, require_brick
 
 FACETS = [

@@ -16,7 +16,7 @@ import numpy as np
 
 from pipeline.errors import MeshError
 from pipeline.file_contents import number_fault, text_content
-from pipeline.mesh.mesh_formats import FileSurface, offsets_of, polygon_surface
+from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, offsets_of, polygon_surface, reader_of
 from render.base.plural import plural
 
 _PARTING = (b"o", b"g", b"s", b"usemtl")
@@ -226,3 +226,12 @@ def _creases(words: list[bytes]) -> list[tuple[int, int]]:
     chain = [int(word) for word in words[3 : 3 + count]]
     sharpness = [float(word) for word in words[3 + count :]]
     return list(pairwise(chain)) if any(sharpness) else []
+
+
+OBJ = MeshFormat(
+    reader_of(read_wavefront),
+    # a reader lost the first vertex after a byte order mark, and statements after names that end in \
+    misread=re.compile(
+        rb"\A\xef\xbb\xbf|^[ \t]*(?:o|g|usemtl|mtllib)[ \t][^\r\n]*\\[ \t]*[\r\n]", re.MULTILINE
+    ),
+)

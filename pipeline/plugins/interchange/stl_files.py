@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.file_contents import as_utf8, number_fault, text_content
-from pipeline.mesh.mesh_formats import FileSurface, early_end, file_surface
+from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, early_end, file_surface, reader_of
 from render.base.plural import plural
 
 _HEADER = 84  # bytes before the triangles of a binary file; the last four are their number
@@ -151,3 +151,6 @@ def _regular(words: list[bytes], first: int) -> list[bytes]:
     if corners:
         raise ValueError(f"facet {first + len(regular) // len(_FACET)} has no endfacet")
     return regular
+
+
+STL = MeshFormat(reader_of(read_stl), usual_up="z")  # most come from printing and construction
