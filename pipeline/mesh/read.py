@@ -184,8 +184,10 @@ def model_files(path: Path) -> ModelFiles:
     return read_by_suffix(path, {suffix_of(path): form.files}, "a mesh format")
 
 
-def read_paint(path: Path, read: Callable[[PaintReader], Callable[[Path], T]]) -> T:
-    """Return what one function of a model's reader of paint, which `read` picks, returns.
+def read_paint(
+    path: Path, read: Callable[[PaintReader], Callable[[Path], T]], part: ScenePart | None = None
+) -> T:
+    """Return what one function of the reader of paint of a model, or a part, which `read` picks, returns.
 
     Raises as `read_by_suffix`, and MissingInputError where the model names a file that is not there.
     """
@@ -193,7 +195,10 @@ def read_paint(path: Path, read: Callable[[PaintReader], Callable[[Path], T]]) -
     if place is None:
         known = ", ".join(plugins().paints)
         raise MeshError(f"{path}: paint is read from {known}, not from {path.suffix}. Write paint: off.")
-    return read_by_suffix(path, {suffix_of(path): read(named(place))}, "a mesh format")
+    reader: PaintReader = named(place)
+    if part is not None and reader.of_part is not None:
+        reader = reader.of_part(part)
+    return read_by_suffix(path, {suffix_of(path): read(reader)}, "a mesh format")
 
 
 def _own_file(path: Path, misread: re.Pattern[bytes] | None) -> ModelFiles:

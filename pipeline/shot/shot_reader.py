@@ -163,7 +163,7 @@ def _with_materials(shot: Shot, source: YamlSource, digests: dict[Path, str]) ->
         return shot
     place = source.place(("subjects", shot.subject, "model") if shot.subject else ("subject", "model"))
     try:
-        parts, files = read_paint(subject.path, lambda reader: reader.materials)
+        parts, files = read_paint(subject.path, lambda reader: reader.materials, subject.part)
     except MissingInputError as error:
         raise MissingInputError(f"{place}: {error}") from None
     except (MeshError, BadInputError) as error:

@@ -385,11 +385,15 @@ class Model(Subject):
     def imported(self) -> ImportedSurface:
         """Return the surface as its file says. Raises MissingInputError or MeshError."""
         if self._read_from not in _latest:
-            part = ScenePart(self.prim, self.time_code) if names_parts(self.path) else None
-            surface = read_surface(self.path, self.repair, part)
+            surface = read_surface(self.path, self.repair, self.part)
             _latest.clear()
             _latest[self._read_from] = surface
         return _latest[self._read_from]
+
+    @property
+    def part(self) -> ScenePart | None:
+        """The part of its scene that it is; None in formats whose parts have no names."""
+        return ScenePart(self.prim, self.time_code) if names_parts(self.path) else None
 
     @property
     def _read_from(self) -> tuple[Any, ...]:
@@ -421,7 +425,7 @@ class Model(Subject):
 
 @lru_cache(maxsize=4)
 def _paint(model: Model) -> Paint:
-    return read_paint(model.path, lambda reader: reader.paint)
+    return read_paint(model.path, lambda reader: reader.paint, model.part)
 
 
 @lru_cache(maxsize=4)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,10 +98,12 @@ class PaintReader:
     files      returns the files that paint is read from besides those of the surface
     materials  returns the materials of a model, by number, and all files that they are read from
     paint      returns the paint
+    of_part    returns the reader of a `ScenePart` of scenes; None where parts have no names
 
-    Each raises MissingInputError where a file is not there, and any error where it cannot read.
+    They raise MissingInputError where a file is not there, and any error where it cannot read.
     """
 
     files: Callable[[Path], Files]
     materials: Callable[[Path], tuple[tuple[PatternedMaterial, ...], Files]]
     paint: Callable[[Path], Paint]
+    of_part: Callable[[Any], PaintReader] | None = None

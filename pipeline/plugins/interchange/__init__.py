@@ -44,5 +44,6 @@ PLUGIN = Plugin(
         "obj": "pipeline.plugins.interchange.obj_paint:OBJ_PAINT",
         **dict.fromkeys(("glb", "gltf"), "pipeline.plugins.interchange.gltf_paint:GLTF_PAINT"),
         "fbx": "pipeline.plugins.interchange.fbx_paint:FBX_PAINT",
+        **dict.fromkeys(("usd", "usda", "usdc", "usdz"), "pipeline.plugins.interchange.usd_files:USD_PAINT"),
     },
 )

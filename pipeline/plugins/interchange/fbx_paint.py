@@ -57,6 +57,9 @@ _SHOWN = {"base_color": "colour", "roughness": "roughness", "metalness": "metaln
 _UNKNOWN, _SPECULAR_GLOSSINESS = 0, 7
 """Kinds of materials by ufbx's ShaderType: those of other programs, and one without metalness."""
 
+_MAX_COLOUR = "3dsMax|main|basecolor"
+"""The colour of a PBR material of 3ds Max, whose name ufbx does not have."""
+
 _FILE = 0  # by ufbx's TextureType
 _NO_INDEX = 0xFFFFFFFF
 _FIRST_SET = ("", "default")
@@ -102,10 +105,10 @@ def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> Patt
 
 def _texture(path: Path, found: dict[str, Any], files: dict[Path, str], space: str | None) -> Texture:
     """Return the picture within a file, or the one that it names."""
+    relative, absolute = found["names"]
     if found["digest"]:
         digest = found["digest"]
-        return picture_within(path, digest, found["suffix"], lambda: asked(_MODULE, path, digest), space)
-    relative, absolute = found["names"]
+        return picture_within(path, relative, digest, lambda: asked(_MODULE, path, digest), space)
     is_there = Path(absolute).is_file() and not (path.parent / relative.replace("\\", "/")).is_file()
     return picture(path, absolute if is_there else relative, files, space)
 
@@ -307,11 +310,8 @@ def _facts_of(material: ufbx.Material | None) -> dict[str, Any]:
     if material is None:
         return {"colour": GREY, "factor": 1.0, "roughness": None, "metalness": 0.0, "pictures": {}}
     features, maps, textures = counted(material.features), counted(material.pbr), _pictures_of(material)
-    place, kind, colour = (
-        f"the material {brief(material.name)}",
-        int(material.shader_type),
-        counted(maps.base_color),
-    )
+    place, kind = f"the material {brief(material.name)}", int(material.shader_type)
+    colour = _base_colour(material)
     if kind == _SPECULAR_GLOSSINESS:
         raise MeshError(
             f"{place} has specular colour and glossiness, which are not read. Export it with metalness and "
@@ -319,7 +319,9 @@ def _facts_of(material: ufbx.Material | None) -> dict[str, Any]:
         )
     is_physical = counted(features.pbr).enabled
     needed = ("base_color", "roughness") if is_physical else ("base_color",) if kind == _UNKNOWN else ()
-    if any(name not in textures and not counted(getattr(maps, name)).has_value for name in needed):
+    has_values = {name: counted(getattr(maps, name)).has_value for name in needed}
+    has_values["base_color"] = colour is not None
+    if any(name not in textures and not has_values[name] for name in needed):
         raise MeshError(
             f"{place} is of a kind whose colour and roughness are not read. Export it as a Phong or physical "
             "material, or write paint: off."
@@ -330,7 +332,7 @@ def _facts_of(material: ufbx.Material | None) -> dict[str, Any]:
             "paint: off."
         )
     factor = min(max(_number(maps, "base_factor", 1.0), 0.0), 1.0)
-    own = tuple(min(max(part, 0.0), 1.0) for part in colour.value_vec4[:3]) if colour.has_value else GREY
+    own = GREY if colour is None else tuple(min(max(part, 0.0), 1.0) for part in colour)
     shine = _number(maps, "specular_factor", 1.0) * max(counted(maps.specular_color).value_vec4[:3])
     is_matt = not is_physical and "roughness" not in textures and not shine
     return {
@@ -342,21 +344,28 @@ def _facts_of(material: ufbx.Material | None) -> dict[str, Any]:
     }
 
 
+def _base_colour(material: ufbx.Material) -> tuple[float, ...] | None:
+    """Return the colour of a material; None where it has none that is known."""
+    known = counted(counted(material.pbr).base_color)
+    if known.has_value:
+        return tuple(known.value_vec4[:3])
+    given = counted(material.props).find_prop(_MAX_COLOUR)
+    return None if given is None else tuple(counted(given).value_vec4[:3])
+
+
 def _number(maps: Any, name: str, otherwise: float) -> float:
     given = counted(getattr(maps, name))
     return float(given.value_vec4[0]) if given.has_value else otherwise
 
 
 def _picture_facts(texture: ufbx.Texture) -> dict[str, Any]:
-    """Return the names of a picture's file, and of a picture within the file SHA-256 and suffix."""
+    """Return the names of a picture's file, and the SHA-256 of a picture within the file."""
     content = _content_of(texture)
     relative = texture.relative_filename or texture.filename
     absolute = texture.absolute_filename or relative
-    suffix = Path(relative.replace("\\", "/")).suffix.lower()
     return {
         "names": [relative or absolute, absolute],
         "digest": hashlib.sha256(content).hexdigest() if content else "",
-        "suffix": suffix if suffix[1:].isalnum() else ".png",
     }
 
 

@@ -229,7 +229,8 @@ def _texture(
     content = document.embedded_content(image) if address else _content_of_view(document, image, files)
     digest = hashlib.sha256(content).hexdigest()
     suffix = ".jpg" if content[:2] == b"\xff\xd8" else ".png"
-    return picture_within(document.path, digest, suffix, lambda: content, space)
+    name = f"image {entry.values['source']}{suffix}"
+    return picture_within(document.path, name, digest, lambda: content, space)
 
 
 def _content_of_view(document: GltfDocument, image: JsonObject, files: dict[Path, str]) -> bytes:

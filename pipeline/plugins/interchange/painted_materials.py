@@ -6,9 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import MissingInputError
+from pipeline.errors import MissingInputError, brief
 from render.base.atomic_write import atomic_write
 from render.base.input_files import digest_of_file
+from render.base.render_errors import BadInputError
 from render.base.serialise import Colour
 from render.base.user_cache import writable_cache
 from render.scene.materials import Diffuse, PatternedMaterial, Satin
@@ -67,17 +68,22 @@ def picture(model: Path, name: str, files: dict[Path, str], space: str | None = 
 
 
 def picture_within(
-    model: Path, digest: str, suffix: str, content: Callable[[], bytes], space: str | None
+    model: Path, name: str, digest: str, content: Callable[[], bytes], space: str | None
 ) -> Texture:
     """Return a picture that a model contains. It is written to the user's cache, and read from there.
 
+    name     of the picture in the model
     digest   SHA-256 of its content
     content  returns it; called where the cache does not have it
 
-    Raises as `read_picture`.
+    Raises as `read_picture`, with the model and the name.
     """
-    cached = writable_cache() / "textures" / f"{digest}{suffix}"
+    suffix = Path(name.replace("\\", "/")).suffix.lower()
+    cached = writable_cache() / "textures" / f"{digest}{suffix if suffix[1:].isalnum() else '.png'}"
     if not cached.is_file():
         with atomic_write(cached, flush=False) as draft:
             draft.write_bytes(content())
-    return picture(model, str(cached), {}, space)
+    try:
+        return picture(model, str(cached), {}, space)
+    except BadInputError as error:
+        raise BadInputError(str(error).replace(str(cached), f"{model}: its picture {brief(name)}")) from None

@@ -1,4 +1,4 @@
-"""Models in USD stages (.usd, .usda, .usdc, .usdz), which usd-core reads in a process of its own.
+"""Models in USD stages (.usd, .usda, .usdc, .usdz), and their paint, which usd-core reads in a process.
 
 USD is C++ that may crash on a damaged file, and it prints what it warns of. The process answers with a line
 of JSON, and for a surface with arrays as npz. Layers are looked for, and checked to be regular files, before
@@ -7,21 +7,34 @@ USD opens any.
 
 from __future__ import annotations
 
+import io
 import json
 import os
+from dataclasses import astuple, replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from pipeline.errors import MissingInputError
 from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, ModelFiles, ScenePart
+from pipeline.plugins.interchange.model_paint import ModelPaint
+from pipeline.plugins.interchange.painted_materials import Materials, painted, picture, picture_within
 from pipeline.plugins.interchange.scene_readers import answered, asked, require_package, unpacked_surface
 from render.base.input_files import digest_of_file, joint_digest
 from render.base.limited_process import allow_memory, serve
 from render.base.user_cache import cache_path, load_answer, store_answer
+from render.scene.materials import PatternedMaterial
+from render.scene.painted_faces import Files, PaintReader
+from render.scene.textures import Texture
 
 _MODULE = "pipeline.plugins.interchange.usd_files"
 
 _VERSION = 1  # goes up when the process answers otherwise about the same files
+
+_PAINT_VERSION = 1  # the same for answers about materials
 
 _WHOLE = ScenePart()
 
@@ -64,6 +77,70 @@ def read_usd(path: Path, part: ScenePart = _WHOLE) -> FileSurface:
 USD = MeshFormat(read_usd, stage_files, states_up=True, read_part=read_usd)
 
 
+def _no_files(path: Path) -> Files:
+    return {}  # layers are files of the surface
+
+
+def _materials(path: Path, part: ScenePart = _WHOLE) -> Materials:
+    """Return the materials of a part of a stage in the order of its paint, and the files of their pictures.
+
+    Raises MissingInputError where one is not there, MeshError for what is not read.
+    """
+    depends_on = [
+        version("usd-core"),
+        str(path.absolute()),
+        stage_files(path).digest,
+        *map(str, astuple(part)),
+    ]
+    cached = cache_path("parsed", ["usd paint", str(_PAINT_VERSION), *depends_on])
+    known = load_answer(cached)
+    if known is None:
+        known = {"materials": json.loads(_asked("materials", path, part))}
+        store_answer(cached, known)
+    files: dict[Path, str] = {}
+    return tuple(_material(path, facts, files) for facts in known["materials"]), files
+
+
+def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> PatternedMaterial:
+    """Return the material of what the process found; note the files of its pictures."""
+    textures = {name: _texture(path, found, files) for name, found in facts["pictures"].items()}
+    colour, roughness = textures.get("diffuseColor"), facts["roughness"]
+    more = {"normal_texture": textures.get("normal")}
+    if roughness is not None:
+        more |= {f"{name}_texture": textures.get(name) for name in ("roughness", "metallic")}
+    return painted(
+        tuple(facts["colour"]), colour, roughness, facts["metalness"], facts["has_colours"], **more
+    )
+
+
+def _texture(path: Path, found: dict[str, Any], files: dict[Path, str]) -> Texture:
+    """Return a picture with the factor and the channel that show."""
+    if found["digest"]:
+        texture = picture_within(
+            path,
+            found["name"],
+            found["digest"],
+            lambda: asked(_MODULE, path, "picture", json.dumps([found["path"], None])),
+            found["space"],
+        )
+    else:
+        texture = picture(path, found["path"], files, found["space"])
+    return replace(texture, factor=tuple(found["factor"]), channel=found["channel"])
+
+
+def _paint(path: Path, part: ScenePart = _WHOLE) -> ModelPaint:
+    require_usd()
+    with np.load(io.BytesIO(_asked("paint", path, part))) as arrays:
+        return ModelPaint.of(**arrays)
+
+
+def _paint_of_part(part: ScenePart) -> PaintReader:
+    return PaintReader(_no_files, partial(_materials, part=part), partial(_paint, part=part))
+
+
+USD_PAINT = PaintReader(_no_files, _materials, _paint, _paint_of_part)
+
+
 def _digest(path: Path) -> str:
     """Return the digest of a file; empty where it cannot be read."""
     try:
@@ -81,13 +158,18 @@ _ADDRESSES = 16 << 30  # bytes of addresses that USD may reserve on starting; it
 
 
 def answer(path: str, question: str, options: str) -> bytes:
-    """Return the answer to `facts` or `surface` about a stage; `options` are prim and time code as JSON."""
+    """Return the answer to a question about a stage; `options` are prim and time code as JSON.
+
+    To `picture` it is the content of the picture at the path that is the first option.
+    """
     _load_usd()
     from pxr import Tf
 
-    from pipeline.plugins.interchange.usd_reader import answer_about, one_line
+    from pipeline.plugins.interchange.usd_reader import answer_about, content_of_picture, one_line
 
     try:
+        if question == "picture":
+            return answered(lambda: content_of_picture(json.loads(options)[0]))
         return answered(lambda: answer_about(path, question, *json.loads(options)))
     except Tf.ErrorException as error:
         first = next((part.commentary for part in error.args if hasattr(part, "commentary")), str(error))

@@ -104,7 +104,7 @@ class StageMeshes:
         path = str(source.GetPath())
         if path not in self._read:
             mesh = UsdGeom.Mesh(source)
-            self._read[path] = _polygons(mesh, self.time, brief(prim.GetPath()))
+            self._read[path] = polygons_of(mesh, self.time, brief(prim.GetPath()))
             scheme = mesh.GetSubdivisionSchemeAttr()
             self.cages += scheme.HasAuthoredValue() and scheme.Get() != UsdGeom.Tokens.none
         return self._read[path]
@@ -157,29 +157,33 @@ class StageMeshes:
         return lines
 
 
-def _polygons(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str) -> Polygons:
-    """Return the faces of a mesh in its own coordinates, without holes. Raises MeshError, with its path."""
-    points = _numbers(mesh.GetPointsAttr(), time, path, "f", 3).astype(np.float64)
-    sides = _numbers(mesh.GetFaceVertexCountsAttr(), time, path, "iu").astype(np.int64)
-    corners = _numbers(mesh.GetFaceVertexIndicesAttr(), time, path, "iu").astype(np.int64)
+def polygons_of(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, are_numbered: bool = False) -> Polygons:
+    """Return the faces of a mesh in its own coordinates, without holes. Raises MeshError, with its path.
+
+    are_numbered  True for the number of each corner in the file, in place of its point
+    """
+    points = numbers_at(mesh.GetPointsAttr(), time, path, "f", 3).astype(np.float64)
+    sides = numbers_at(mesh.GetFaceVertexCountsAttr(), time, path, "iu").astype(np.int64)
+    corners = numbers_at(mesh.GetFaceVertexIndicesAttr(), time, path, "iu").astype(np.int64)
     if (sides < 0).any() or sides.sum() != len(corners):
         raise MeshError(
             f"{path}: its faceVertexCounts ask for {sides.sum()} corners, and faceVertexIndices has "
             f"{len(corners)}"
         )
     require_vertices(corners, sides, len(points), path)
+    corners = np.arange(len(corners)) if are_numbered else corners
     if mesh.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
         corners = reversed_faces(corners, sides)
     polygons = Polygons(points, sides, corners, _creases(mesh, time, path, len(points)))
-    holes = _numbers(mesh.GetHoleIndicesAttr(), time, path, "iu").astype(np.int64)
+    holes = numbers_at(mesh.GetHoleIndicesAttr(), time, path, "iu").astype(np.int64)
     return polygons.without(np.isin(np.arange(len(sides)), holes)) if len(holes) else polygons
 
 
 def _creases(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, points: int) -> AnyArray:
     """Return the edges (K, 2) of a mesh that have a sharpness. Raises MeshError."""
-    chain = _numbers(mesh.GetCreaseIndicesAttr(), time, path, "iu").astype(np.int64)
-    lengths = _numbers(mesh.GetCreaseLengthsAttr(), time, path, "iu").astype(np.int64)
-    sharpness = _numbers(mesh.GetCreaseSharpnessesAttr(), time, path, "f")
+    chain = numbers_at(mesh.GetCreaseIndicesAttr(), time, path, "iu").astype(np.int64)
+    lengths = numbers_at(mesh.GetCreaseLengthsAttr(), time, path, "iu").astype(np.int64)
+    sharpness = numbers_at(mesh.GetCreaseSharpnessesAttr(), time, path, "f")
     edges = lengths.sum() - len(lengths)
     fits = (lengths >= 2).all() and lengths.sum() == len(chain) and len(sharpness) in (len(lengths), edges)
     if not fits or ((chain < 0) | (chain >= points)).any():
@@ -193,7 +197,7 @@ def _creases(mesh: UsdGeom.Mesh, time: Usd.TimeCode, path: str, points: int) -> 
     return np.column_stack([chain[starts], chain[starts + 1]])[each > 0.0]
 
 
-def _numbers(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, columns: int = 1) -> AnyArray:
+def numbers_at(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, columns: int = 1) -> AnyArray:
     """Return the values (N,) or (N, columns) of an attribute; none where it has no value.
 
     Raises MeshError for values of another type; `kinds` are the letters of numpy for the right ones.
@@ -208,16 +212,28 @@ def _numbers(attribute: Any, time: Usd.TimeCode, path: str, kinds: str, columns:
 
 
 def answer_about(path: str, question: str, prim: str | None, time_code: float | None) -> bytes:
-    """Return the answer to `facts` or `surface` about a stage. Raises MissingInputError or MeshError."""
+    """Return the answer to `facts`, `surface`, `paint` or `materials` about a stage.
+
+    Raises MissingInputError or MeshError.
+    """
     allow_memory(MEMORY // 4 + 40 * require_input(Path(path), MOST_BYTES))
     layers = StageLayers(path)
     layers.open_all()
     allow_memory(MEMORY + 40 * layers.size)
     stage = _opened(path)
+    if question in ("paint", "materials"):
+        from pipeline.plugins.interchange.usd_paint import answer_about_paint
+
+        return answer_about_paint(stage, question, prim, time_code)
     if question == "facts":
         up = "z" if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else "y"
         return json.dumps({"up": up, "files": list(layers.files)}).encode()
-    return _surface(stage, prim, time_code)
+    return _surface(start_of(stage, prim), StageMeshes(time_of(stage, time_code)))
+
+
+def content_of_picture(path: str) -> bytes:
+    """Return the content of a picture within a package, `model.usdz[picture.png]`."""
+    return bytes(Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path)).GetBuffer())
 
 
 @dataclass
@@ -297,16 +313,16 @@ def _opened(path: str) -> Usd.Stage:
     return stage
 
 
-def _surface(stage: Usd.Stage, prim: str | None, time_code: float | None) -> bytes:
-    """Return the meshes of a prim as one surface, packed."""
-    start = _start(stage, prim)
+def time_of(stage: Usd.Stage, time_code: float | None) -> Usd.TimeCode:
+    """Return the time at which a stage is read: by default its start."""
     if time_code is not None:
-        time = Usd.TimeCode(time_code)
-    elif stage.HasAuthoredTimeCodeRange():
-        time = Usd.TimeCode(stage.GetStartTimeCode())
-    else:
-        time = Usd.TimeCode.EarliestTime()
-    meshes = StageMeshes(time)
+        return Usd.TimeCode(time_code)
+    has_range = stage.HasAuthoredTimeCodeRange()
+    return Usd.TimeCode(stage.GetStartTimeCode()) if has_range else Usd.TimeCode.EarliestTime()
+
+
+def _surface(start: Usd.Prim, meshes: StageMeshes) -> bytes:
+    """Return the meshes of a prim as one surface, packed."""
     meshes.add(start)
     if not meshes.placed.parts:
         where = "it" if start.IsPseudoRoot() else f"its prim {start.GetPath()}"
@@ -314,12 +330,12 @@ def _surface(stage: Usd.Stage, prim: str | None, time_code: float | None) -> byt
         others = f" Left out: {words}." if words else ""
         raise MeshError(
             f"{where} holds no mesh that is active, visible and of purpose default or render.{others} "
-            f"{_remedy(stage)}"
+            f"{_remedy(start.GetStage())}"
         )
     return packed_surface(joined(meshes.placed.parts, meshes.notes()))
 
 
-def _start(stage: Usd.Stage, prim: str | None) -> Usd.Prim:
+def start_of(stage: Usd.Stage, prim: str | None) -> Usd.Prim:
     """Return the prim whose meshes are read. Raises MeshError where there is none of that path."""
     if prim is None:
         default = stage.GetDefaultPrim()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -15,6 +16,7 @@ from pipeline.errors import MeshError, MissingInputError
 from pipeline.plugins.authoring.shot_templates import model_template
 from pipeline.plugins.interchange.fbx_paint import FBX_PAINT, MATERIALS
 from pipeline.plugins.interchange.scene_readers import asked
+from render.base.render_errors import BadInputError
 from render.scene.materials import Diffuse, Painted, Satin
 from render.scene.painted_faces import VERTEX_COLOURS
 from tests.plugins.interchange.fbx_writer import (
@@ -115,6 +117,13 @@ def test_a_picture_within_an_fbx_file_is_read(tmp_path: Path) -> None:
     assert Path(atlas.colour_texture.path).read_bytes() == content
 
 
+def test_a_damaged_picture_within_an_fbx_file_is_named_with_the_file(tmp_path: Path) -> None:
+    within = video(6, "atlas.png", picture(tmp_path / "atlas.png").read_bytes()[:60])
+    path = write(tmp_path / "box.fbx", painted_box(within), [*LINKS, (6, 5)])
+    with pytest.raises(BadInputError, match=re.escape(f"{path}: its picture atlas.png: ")):
+        FBX_PAINT.materials(path)
+
+
 def test_roughness_and_metalness_of_blender_and_their_pictures_are_read(tmp_path: Path) -> None:
     picture(tmp_path / "rough.png", (0.25, 0.25, 0.25))
     metal = material(3, "Phong", DiffuseColor=(0.5, 0.5, 0.5), Shininess=49.0, ShininessExponent=49.0,
@@ -147,6 +156,15 @@ def test_metalness_and_roughness_of_3ds_max_are_read() -> None:
     found, _ = facts(painted_box(first=metal), links)
     assert found["colour"] == pytest.approx((0.25, 0.125, 0.5)) and found["metalness"] == 0.25
     assert found["roughness"] == pytest.approx(0.4) and list(found["pictures"]) == ["roughness"]
+
+
+def test_the_colour_of_a_pbr_material_of_3ds_max_is_read() -> None:
+    class_of = {"3dsMax|ClassIDa": 0xD00F1E00 - 2**32, "3dsMax|ClassIDb": 0xBE77E500 - 2**32}
+    values = {"basecolor": (0.5, 0.25, 1.0), "roughness": 0.4, "metalness": 0.25}
+    own = {f"3dsMax|main|{name}": value for name, value in values.items()}
+    found, _ = facts(painted_box(first=material(3, "unknown", **class_of, **own)), LINKS[:4])
+    assert (found["colour"], found["metalness"]) == ([0.5, 0.25, 1.0], 0.25)
+    assert found["roughness"] == pytest.approx(0.4)
 
 
 def test_maps_of_bumps_opacity_and_light_of_an_fbx_are_not_opened() -> None:
