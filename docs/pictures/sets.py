@@ -1,4 +1,4 @@
-"""The sheet of rigs and stages in docs/rendering.md, of a frame that `make film` has made: `make pictures`.
+"""The sheets of rigs and stages in docs/rendering.md, of a frame that `make film` has made: `make pictures`.
 
 `--root` says where that is.
 """
@@ -21,7 +21,7 @@ from render.frame.render_frame import render_frame
 from render.mitsuba.engine import choose
 from render.post.colour import quantise, to_display
 from render.post.denoise import denoise
-from render.scene.materials import LOOKS
+from render.scene.materials import LOOKS, Material
 from render.scene.render_quality import QUALITIES
 from render.scene.scene import Scene
 from render.scene.scene_lights import LIGHTS, LightRig
@@ -29,21 +29,39 @@ from render.scene.scene_stage import STAGES, Stage
 from render.scene.sky import Daylight
 from render.scene.surface import Surface
 
-OUT = Path(__file__).parent / "sets.webp"
+OUT = Path(__file__).parent
 SHOT, FRAME = "A010_cube", 44
 COLUMNS = 2
 _EVENING = LightRig(daylight=Daylight(math.radians(14.0), math.radians(-95.0)))
+_MIRRORING = replace(STAGES["cyclorama"], roughness=0.12, colour=(0.06, 0.06, 0.065))
 
-SHEET: tuple[tuple[LightRig, Stage, str], ...] = (
-    (LIGHTS["studio"], STAGES["cyclorama"], "clay"),
-    (LIGHTS["three_point"], STAGES["cyclorama"], "clay"),
-    (LIGHTS["softbox"], STAGES["cyclorama"], "clay"),
-    (LIGHTS["daylight"], STAGES["cyclorama"], "clay"),
-    (LIGHTS["three_point"], STAGES["plinth"], "glaze"),
-    (LIGHTS["studio"], STAGES["turntable"], "clay"),
-    (_EVENING, STAGES["ground"], "taffy"),
-    (LIGHTS["gallery"], replace(STAGES["cyclorama"], roughness=0.12, colour=(0.06, 0.06, 0.065)), "chrome"),
+SETS: tuple[tuple[LightRig, Stage, Material], ...] = (
+    (LIGHTS["studio"], STAGES["cyclorama"], LOOKS["clay"]),
+    (LIGHTS["three_point"], STAGES["cyclorama"], LOOKS["clay"]),
+    (LIGHTS["softbox"], STAGES["cyclorama"], LOOKS["clay"]),
+    (LIGHTS["daylight"], STAGES["cyclorama"], LOOKS["clay"]),
+    (LIGHTS["three_point"], STAGES["plinth"], LOOKS["glaze"]),
+    (LIGHTS["studio"], STAGES["turntable"], LOOKS["clay"]),
+    (_EVENING, STAGES["ground"], LOOKS["taffy"]),
+    (
+        LIGHTS["gallery"],
+        replace(STAGES["cyclorama"], roughness=0.12, colour=(0.06, 0.06, 0.065)),
+        LOOKS["chrome"],
+    ),
 )
+
+_LACQUER = LOOKS["ceramic"].with_values(colour=(0.006, 0.006, 0.008), roughness=0.06)
+_NIGHT = replace(STAGES["cyclorama"], colour=(0.012, 0.012, 0.016), roughness=0.15)
+_WET = replace(STAGES["ground"], colour=(0.02, 0.012, 0.01), roughness=0.08)
+DARK_SETS: tuple[tuple[LightRig, Stage, Material], ...] = (
+    (LIGHTS["porcelain"], replace(STAGES["cyclorama"], colour=(0.02, 0.03, 0.045)), LOOKS["ceramic"]),
+    (LIGHTS["duotone"], _NIGHT, LOOKS["chrome"]),
+    (LIGHTS["lacquer"], replace(STAGES["cyclorama"], colour=(0.55, 0.03, 0.012)), _LACQUER),
+    (LIGHTS["macro"], replace(STAGES["cyclorama"], colour=(0.02, 0.02, 0.02)), LOOKS["cream"]),
+    (LIGHTS["bright_field"], _WET, LOOKS["glass"]),
+    (LIGHTS["monument"], replace(STAGES["ground"], colour=(0.42, 0.36, 0.3)), LOOKS["taffy"]),
+)
+"""The rigs with few and strong lights, each with a set and a look that suit it."""
 
 
 def main() -> None:
@@ -53,19 +71,22 @@ def main() -> None:
     arrays = np.load(folder / "normals" / f"{SHOT}.{FRAME:04d}.npz")
     surface = Surface(arrays["vertices"], arrays["normals"], arrays["faces"])
     framing = from_plain(Framing, json.loads((folder / f"{SHOT}.cameras.json").read_text())[str(FRAME)])
-    pictures = [_picture(surface, framing, *each) for each in SHEET]
-    width, height = pictures[0].size
-    sheet = Image.new("RGB", (COLUMNS * width, -(-len(pictures) // COLUMNS) * height))
-    for i, picture in enumerate(pictures):
-        sheet.paste(picture, (i % COLUMNS * width, i // COLUMNS * height))
-    sheet.save(OUT, quality=86, method=6)
+    for name, sets in (("sets", SETS), ("dark_sets", DARK_SETS)):
+        pictures = [_picture(surface, framing, *each) for each in sets]
+        width, height = pictures[0].size
+        sheet = Image.new("RGB", (COLUMNS * width, -(-len(pictures) // COLUMNS) * height))
+        for i, picture in enumerate(pictures):
+            sheet.paste(picture, (i % COLUMNS * width, i // COLUMNS * height))
+        sheet.save(OUT / f"{name}.webp", quality=86, method=6)
 
 
-def _picture(surface: Surface, framing: Framing, lights: LightRig, stage: Stage, look: str) -> Image.Image:
+def _picture(
+    surface: Surface, framing: Framing, lights: LightRig, stage: Stage, look: Material
+) -> Image.Image:
     quality = QUALITIES["draft"]
     there = with_stage_in_view(framing, stage, quality.aspect)
     seed = seed_of("sets", stage.kind)
-    scene = Scene(surface, LOOKS[look], lights, stage, there.placement, there.camera)
+    scene = Scene(surface, look, lights, stage, there.placement, there.camera)
     layers = render_frame(scene, quality, seed, choose())
     return Image.fromarray(quantise(to_display(denoise(layers), lights.exposure, "srgb")))
 

@@ -242,6 +242,53 @@ LIGHTS = {
         sky=Sky((0.2, 0.22, 0.26), (0.2, 0.22, 0.26), (0.2, 0.22, 0.26)),
     ),
     "daylight": LightRig(daylight=Daylight()),
+    # A hard key from behind the side, a blue edge: pale glazed forms on dark or saturated sets.
+    "porcelain": LightRig(
+        (
+            Softbox((-5.0, 4.2, 1.2), 1.3, 1.3, (560.0, 489.0, 392.0), name="key"),
+            Softbox((4.0, 2.5, -3.0), 0.6, 3.2, (56.0, 131.0, 317.0), name="edge"),
+            Softbox((-1.0, 6.0, -2.5), 1.5, 0.8, (112.0, 112.0, 112.0), name="top"),
+        ),
+        sky=Sky((0.11, 0.11, 0.11), (0.056, 0.056, 0.056), (0.056, 0.056, 0.056)),
+    ),
+    # A red and a blue panel face each other, and mirrors take their halves from both.
+    "duotone": LightRig(
+        (
+            Softbox((-5.0, 2.5, 0.5), 2.2, 5.0, (130.0, 22.0, 8.0), name="red"),
+            Softbox((5.0, 2.5, 0.0), 2.2, 5.0, (14.0, 50.0, 150.0), name="blue"),
+            Softbox((0.0, 6.0, -2.0), 3.0, 1.4, (110.0, 106.0, 100.0), name="top"),
+        ),
+        sky=Sky((0.02, 0.02, 0.02), (0.01, 0.01, 0.01), (0.01, 0.01, 0.01)),
+    ),
+    # Wide panels behind both sides: black lacquer is drawn by what it mirrors.
+    "lacquer": LightRig(
+        (
+            Softbox((4.5, 2.5, -2.5), 1.6, 5.0, (60.0, 54.0, 46.0), name="rim"),
+            Softbox((-4.5, 2.0, -3.0), 1.2, 5.0, (6.0, 16.0, 36.0), name="back"),
+            Softbox((0.5, 6.0, -1.0), 3.0, 0.8, (60.0, 60.0, 60.0), name="top"),
+            Softbox((-3.2, 2.2, 4.5), 0.9, 4.0, (14.0, 13.5, 13.0), name="front"),
+        ),
+        sky=Sky((0.12, 0.12, 0.12), (0.1, 0.1, 0.1), (0.1, 0.1, 0.1)),
+    ),
+    # A low window behind and a warm slit: relief and gloss of a surface that fills the picture.
+    "macro": LightRig(
+        (
+            Softbox((-1.2, 2.2, -4.5), 2.4, 1.2, (93.0, 90.0, 82.0), name="window"),
+            Softbox((3.5, 1.8, -1.0), 0.25, 2.5, (243.0, 177.0, 112.0), name="slit"),
+        ),
+        sky=Sky((0.19, 0.19, 0.19), (0.056, 0.056, 0.056), (0.056, 0.056, 0.056)),
+    ),
+    # A bright horizon behind, for the stage `ground`: glass draws its edges in black before it.
+    "bright_field": LightRig(
+        (Softbox((4.0, 3.0, 1.0), 0.5, 3.0, (179.0, 187.0, 195.0), name="kick"),),
+        sky=Sky((0.016, 0.024, 0.049), (5.5, 4.06, 2.76), (0.032, 0.032, 0.032), visible=True),
+    ),
+    # A low evening sun from the side, for the stage `ground` and lenses of 74 to 88 degrees.
+    "monument": LightRig(
+        daylight=Daylight(
+            elevation=math.radians(17.0), azimuth=math.radians(-62.0), turbidity=3.0, sun=4.1, sky=0.75
+        )
+    ),
 }
 
 
