@@ -237,4 +237,5 @@ def exported(mesh: OneMesh, number: int, has_velocities: bool = True) -> Exporte
         creases=mesh.creases,
         colours=mesh.colours,
         texture=mesh.texture,
+        paint=mesh.paint,
     )

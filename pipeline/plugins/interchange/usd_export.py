@@ -5,7 +5,7 @@ renders/<shot>/usd/<shot>.manifest.usda   the attributes that clips hold
 renders/<shot>/usd/<shot>.0001.usdc       the clip of a frame
 renders/<shot>/usd/<shot>.sky.exr         what surrounds the scene, where it is not of one colour
 renders/<shot>/usd/<shot>.colour.exr      the picture that colours the sculpture, where its look has one
-renders/<shot>/usd/<shot>.roughness.exr   that of its roughness, and .metallic.exr of its metalness
+renders/<shot>/usd/<shot>.roughness.exr   those of its roughness, .metallic.exr and .normal.exr
 renders/<shot>/usd/<shot>.keys.json       what each file was made from
 
 Of several subjects, manifest, clips and pictures are <shot>.<subject>.manifest.usda and so on, for each.
@@ -54,6 +54,7 @@ from pipeline.shot import Picture, Shot
 from render.base.atomic_write import cannot_write
 from render.base.serialise import to_plain
 from render.scene.materials import Diffuse, Material, Satin
+from render.scene.painted_faces import VERTEX_COLOURS
 from render.scene.scene_stage import Stage
 
 if TYPE_CHECKING:
@@ -74,12 +75,22 @@ class SampledAttribute(NamedTuple):
     kind           its value type, as `Sdf.ValueTypeNames` calls it
     values         returns the array of a frame; None where frames of its kind lack it
     interpolation  of a primvar: vertex or faceVarying
+    subset         name of the subset of its faces that has the attribute; empty for its own
     """
 
     name: str
     kind: str
     values: Callable[[ExportedFrame], AnyArray | None]
     interpolation: str = ""
+    subset: str = ""
+
+    def spec(self, layer: Sdf.Layer, prim: str) -> Sdf.AttributeSpec:
+        """Declare it at the prim of the sculpture, without a value: one would hide those of the clips."""
+        owner = Sdf.CreatePrimInLayer(layer, f"{prim}/{self.subset}" if self.subset else prim)
+        declared = Sdf.AttributeSpec(owner, self.name, getattr(Sdf.ValueTypeNames, self.kind))
+        if self.interpolation:
+            declared.SetInfo("interpolation", self.interpolation)
+        return declared
 
 
 _SHARED = (
@@ -114,16 +125,51 @@ _OF_CLOUDS = (
 
 
 def sampled_attributes(
-    is_cloud: bool, has_colours: bool, has_texture: bool, has_copies: bool = False
+    is_cloud: bool, has_colours: bool, has_texture: bool, has_copies: bool = False, materials: int = 1
 ) -> tuple[SampledAttribute, ...]:
-    """Return the attributes that every clip of a shot has; texture coordinates are of corners of faces."""
+    """Return the attributes that every clip of a shot has; texture coordinates are of corners of faces.
+
+    materials  of a model; the faces of each of several are a subset
+    """
     left_out = {
         *(() if has_colours else ("primvars:displayColor",)),
         *(() if has_texture else ("primvars:st",)),
         *(() if has_copies else ("primvars:copy",)),
     }
     attributes = (*_SHARED, *(_OF_CLOUDS if is_cloud else _OF_MESHES))
-    return tuple(attribute for attribute in attributes if attribute.name not in left_out)
+    subsets = (_faces_of(number) for number in range(materials) if materials > 1)
+    return (*(attribute for attribute in attributes if attribute.name not in left_out), *subsets)
+
+
+def subset_name(number: int) -> str:
+    """Return the name of the prim of a model's faces of one material."""
+    return f"material_{number}"
+
+
+def _faces_of(number: int) -> SampledAttribute:
+    """Return the faces of one material of a model, by their numbers."""
+
+    def faces(frame: ExportedFrame) -> AnyArray:
+        assert frame.paint is not None, "a model of several materials is painted"
+        return np.flatnonzero(frame.paint.materials == number)
+
+    return SampledAttribute("indices", "IntArray", faces, subset=subset_name(number))
+
+
+def add_subsets(layer: Sdf.Layer, prim: str, attributes: Iterable[SampledAttribute]) -> None:
+    """Define the subsets that attributes belong to; a face belongs to one of them."""
+    names = [attribute.subset for attribute in attributes if attribute.subset]
+    if names:
+        _set_token(layer.GetPrimAtPath(prim), "subsetFamily:materialBind:familyType", "nonOverlapping")
+    for name in names:
+        spec = Sdf.CreatePrimInLayer(layer, f"{prim}/{name}")
+        spec.specifier, spec.typeName = Sdf.SpecifierDef, "GeomSubset"
+        _set_token(spec, "elementType", "face")
+        _set_token(spec, "familyName", "materialBind")
+
+
+def _set_token(spec: Sdf.PrimSpec, name: str, value: str) -> None:
+    Sdf.AttributeSpec(spec, name, Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform).default = value
 
 
 def write_clip(
@@ -135,11 +181,10 @@ def write_clip(
     """
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     with Sdf.ChangeBlock():
-        spec = Sdf.CreatePrimInLayer(layer, prim)
         for attribute in attributes:
             values = attribute.values(frame)
             assert values is not None, f"all frames of a shot have {attribute.name}"
-            sampled = Sdf.AttributeSpec(spec, attribute.name, getattr(Sdf.ValueTypeNames, attribute.kind))
+            sampled = attribute._replace(interpolation="").spec(layer, prim)
             layer.SetTimeSample(sampled.path, float(number), usd_array(attribute.kind, values))
     write_layer(path, layer)
 
@@ -147,16 +192,9 @@ def write_clip(
 def write_manifest(path: Path, prim: str, attributes: tuple[SampledAttribute, ...]) -> None:
     """Write the layer that declares the attributes of the clips. Raises MachineError."""
     layer = Sdf.Layer.CreateAnonymous(".usda")
-    declare(Sdf.CreatePrimInLayer(layer, prim), attributes)
-    write_layer(path, layer)
-
-
-def declare(spec: Sdf.PrimSpec, attributes: tuple[SampledAttribute, ...]) -> None:
-    """Declare attributes at a prim, without values: a value would hide those of the clips."""
     for attribute in attributes:
-        declared = Sdf.AttributeSpec(spec, attribute.name, getattr(Sdf.ValueTypeNames, attribute.kind))
-        if attribute.interpolation:
-            declared.SetInfo("interpolation", attribute.interpolation)
+        attribute.spec(layer, prim)
+    write_layer(path, layer)
 
 
 def clip_times(numbers: tuple[int, ...]) -> Iterator[tuple[float, float]]:
@@ -226,7 +264,9 @@ class SculptureFiles:
     def attributes(self) -> tuple[SampledAttribute, ...]:
         """The attributes of its clips."""
         has_texture, copies = self.look.texture_projection is not None, self.request.shot.motion.copies
-        return sampled_attributes(self.is_cloud, has_colours(self.look), has_texture, copies is not None)
+        return sampled_attributes(
+            self.is_cloud, has_colours(self.look), has_texture, copies is not None, len(self.parts)
+        )
 
     def clip(self, number: int) -> str:
         """Return the name of the clip of a frame."""
@@ -239,26 +279,40 @@ class SculptureFiles:
 
     @property
     def parts(self) -> tuple[Material, ...]:
-        """The materials that have pictures of their own: one, or none where a model has several."""
-        found = parts_of(self.look)
-        return found if len(found) == 1 else ()
+        """The materials: of a model, by their numbers."""
+        return parts_of(self.look)
 
-    def pictures(self, number: int = 0) -> dict[str, str]:
+    def pictures(self, number: int) -> dict[str, str]:
         """Return the names of the pictures of a material by the inputs of its preview surface."""
-        part, between = self.parts[number], f".{number}" if len(self.parts) > 1 else ""
-        inputs = {} if colour_texture(part) is None else {"diffuseColor": "colour"}
-        inputs |= {name: name for name in number_planes(part)}
-        return {name: f"{self._name}{between}.{word}.exr" for name, word in inputs.items()}
+        between = f".{number}" if len(self.parts) > 1 else ""
+        words = {name: "colour" if name == "diffuseColor" else name for name in self._pixels(number)}
+        return {name: f"{self._name}{between}.{word}.exr" for name, word in words.items()}
+
+    def _pixels(self, number: int) -> dict[str, Callable[[], AnyArray]]:
+        """Return what reads the pictures (H, W, 3) of a material, by the inputs of its preview surface."""
+        part = self.parts[number]
+        texture, bumps = colour_texture(part), getattr(part, "normal_texture", None)
+        found = {} if texture is None else {"diffuseColor": texture.pixels}
+        for name, plane in number_planes(part).items():
+            found[name] = partial(np.repeat, plane, 3, axis=2)
+        return found if bumps is None else found | {"normal": lambda: 0.5 + 0.5 * bumps.normals()}
 
     @property
     def recipe(self) -> list[str]:
         """What the key of a stage holds of the materials besides the look."""
-        return [name for name in (self.pictures() if self.parts else ()) if name != "diffuseColor"]
+        several = ["subsets"] if len(self.parts) > 1 else []
+        names = dict.fromkeys(name for number in range(len(self.parts)) for name in self.pictures(number))
+        return several + [name for name in names if name != "diffuseColor"]
 
     def add_materials(self, stage: Usd.Stage, place: str) -> UsdShade.Material:
-        """Add the material of the sculpture to a stage, and return it."""
-        pictures = self.pictures() if self.parts else {}
-        return add_material(stage, place, self.look, pictures, has_colours(self.look))
+        """Add the materials of a model and bind their faces; return that of the sculpture."""
+        if len(self.parts) == 1:
+            return add_material(stage, place, self.look, self.pictures(0), has_colours(self.look))
+        for number, part in enumerate(self.parts):
+            is_dyed = getattr(part, "colour_from", None) == VERTEX_COLOURS
+            own = add_material(stage, f"{place}_{number}", part, self.pictures(number), is_dyed)
+            bind(stage.OverridePrim(f"{self.prim}/{subset_name(number)}"), own)
+        return add_material(stage, place, self.look, is_coloured=True)
 
     def stale(self, numbers: Iterable[int]) -> list[int]:
         """Return the frames whose clips are missing, damaged, or of an earlier shot."""
@@ -280,22 +334,21 @@ class SculptureFiles:
 
     def write_others(self) -> None:
         """Write the manifest and the picture that colours the sculpture, each if it has changed."""
-        key = key_of(EXPORT.recipe, self.prim, [attribute.name for attribute in self.attributes])
+        names = [attribute.subset + attribute.name for attribute in self.attributes]
+        key = key_of(EXPORT.recipe, self.prim, names)
         self.files.update(self.manifest, key, lambda draft: write_manifest(draft, self.prim, self.attributes))
         self.write_pictures()
 
     def write_pictures(self) -> None:
         """Write the pictures of the materials that have changed."""
         for number, part in enumerate(self.parts):
-            names, planes = self.pictures(number), number_planes(part)
-            texture = colour_texture(part)
-            if texture is not None:
-                key, pixels = key_of(EXPORT.recipe, to_plain(texture)), texture.pixels()
-                self.files.update(names["diffuseColor"], key, partial(write_picture, pixels=pixels))
-            for name, plane in planes.items():
-                key = key_of(EXPORT.recipe, name, to_plain(part))
-                pixels = np.repeat(plane, 3, axis=2)
-                self.files.update(names[name], key, partial(write_picture, pixels=pixels))
+            names = self.pictures(number)
+            for name, pixels in self._pixels(number).items():
+                recipe = (
+                    [to_plain(colour_texture(part))] if name == "diffuseColor" else [name, to_plain(part)]
+                )
+                key = key_of(EXPORT.recipe, *recipe)
+                self.files.update(names[name], key, partial(_write_pixels, read=pixels))
 
     def refer(self, prim: Sdf.PrimSpec, numbers: tuple[int, ...]) -> None:
         """Name the clips at the prim of the stage, and say which is shown when."""
@@ -310,7 +363,8 @@ class SculptureFiles:
 
     def _key(self, number: int) -> Key:
         if number not in self._keys:
-            self._keys[number] = frame_key(self.request, number)
+            key = frame_key(self.request, number)
+            self._keys[number] = key_of(key, "subsets") if len(self.parts) > 1 else key
         return self._keys[number]
 
     @cached_property
@@ -320,6 +374,10 @@ class SculptureFiles:
     @property
     def _name(self) -> str:
         return self.request.motion_folders.part_name
+
+
+def _write_pixels(path: Path, read: Callable[[], AnyArray]) -> None:
+    write_picture(path, read())
 
 
 def root_prim(shot: Shot) -> str:
@@ -368,6 +426,9 @@ def write_root(
     layer = Sdf.Layer.CreateAnonymous(".usda")  # without a stage, which would look for the clips
     layer.TransferContent(stage.GetRootLayer())
     for sculpture in sculptures:
+        for attribute in sculpture.attributes:
+            attribute.spec(layer, sculpture.prim)
+        add_subsets(layer, sculpture.prim, sculpture.attributes)
         sculpture.refer(layer.GetPrimAtPath(sculpture.prim), numbers)
     write_layer(path, layer)
 
@@ -375,7 +436,6 @@ def write_root(
 def _add_sculpture(stage: Usd.Stage, content: SculptureFiles, material: UsdShade.Material) -> None:
     schema: Any = UsdGeom.Points if content.is_cloud else UsdGeom.Mesh
     sculpture = schema.Define(stage, content.prim)
-    declare(stage.GetRootLayer().GetPrimAtPath(content.prim), content.attributes)
     if not content.is_cloud:
         sculpture.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
         sculpture.CreateDoubleSidedAttr(True)

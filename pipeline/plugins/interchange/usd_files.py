@@ -34,7 +34,7 @@ _MODULE = "pipeline.plugins.interchange.usd_files"
 
 _VERSION = 1  # goes up when the process answers otherwise about the same files
 
-_PAINT_VERSION = 1  # the same for answers about materials
+_PAINT_VERSION = 2  # the same for answers about materials
 
 _WHOLE = ScenePart()
 

@@ -13,11 +13,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-from pxr import Sdf, Usd, UsdShade
+from pxr import Sdf
 
 from pipeline.plugins.interchange.exported_frame import KeyedFiles
-from pipeline.plugins.interchange.exported_materials import parts_of
 from pipeline.plugins.interchange.one_mesh import OneMesh
 from pipeline.plugins.interchange.refining import Began
 from pipeline.plugins.interchange.unifying import Unification, exported
@@ -25,15 +23,13 @@ from pipeline.plugins.interchange.usd_export import (
     SampledAttribute,
     SculptureFiles,
     UsdExport,
+    add_subsets,
     sampled_attributes,
     usd_array,
     write_layer,
 )
-from pipeline.plugins.interchange.usd_prims import add_material, bind
 from pipeline.production.stages import EXPORT
 from pipeline.production.store.store import key_of
-from render.scene.materials import Material
-from render.scene.painted_faces import VERTEX_COLOURS
 
 _SAMPLED = ("points", "primvars:normals", "extent")  # what differs from frame to frame
 
@@ -47,61 +43,31 @@ def write_one_mesh(path: Path, prim: str, mesh: OneMesh, passed: Callable[[], No
     layer.timeCodesPerSecond = layer.framesPerSecond = float(mesh.rate.fps)
     layer.startTimeCode, layer.endTimeCode = float(mesh.frames[0]), float(mesh.frames[-1])
     attributes = _attributes(mesh)
-    with Sdf.ChangeBlock():
-        spec = Sdf.CreatePrimInLayer(layer, prim)
-        spec.specifier, spec.typeName = Sdf.SpecifierDef, "Mesh"
-        declared = {
-            attribute.name: Sdf.AttributeSpec(
-                spec, attribute.name, getattr(Sdf.ValueTypeNames, attribute.kind)
-            )
-            for attribute in attributes
-        }
-        for attribute in attributes:
-            if attribute.interpolation:
-                declared[attribute.name].SetInfo("interpolation", attribute.interpolation)
-    _add_subsets(layer, prim, mesh)
+    spec = Sdf.CreatePrimInLayer(layer, prim)
+    spec.specifier, spec.typeName = Sdf.SpecifierDef, "Mesh"
+    declared = [attribute.spec(layer, prim) for attribute in attributes]
+    add_subsets(layer, prim, attributes)
     for number in mesh.frames:
         frame = exported(mesh, number, has_velocities=False)
-        for attribute in attributes:
+        for attribute, own in zip(attributes, declared, strict=True):
             if attribute.name in _SAMPLED or number == mesh.frames[0]:
                 values = attribute.values(frame)
                 assert values is not None, f"the mesh has {attribute.name}"
                 held = usd_array(attribute.kind, values)
                 if attribute.name in _SAMPLED:
-                    layer.SetTimeSample(declared[attribute.name].path, float(number), held)
+                    layer.SetTimeSample(own.path, float(number), held)
                 else:
-                    declared[attribute.name].default = held
+                    own.default = held
         passed()
     write_layer(path, layer)
 
 
-def subset(number: int) -> str:
-    """Return the name of the prim of a model's faces of one material."""
-    return f"material_{number}"
-
-
-def _add_subsets(layer: Sdf.Layer, prim: str, mesh: OneMesh) -> None:
-    """Add the faces of each material of a model with several; a face belongs to one of them."""
-    materials = np.zeros(0, np.int64) if mesh.paint is None else mesh.paint.materials
-    if not materials.any():
-        return
-    _set_token(layer.GetPrimAtPath(prim), "subsetFamily:materialBind:familyType", "nonOverlapping")
-    for number in np.unique(materials).tolist():
-        spec = Sdf.CreatePrimInLayer(layer, f"{prim}/{subset(number)}")
-        spec.specifier, spec.typeName = Sdf.SpecifierDef, "GeomSubset"
-        _set_token(spec, "elementType", "face")
-        _set_token(spec, "familyName", "materialBind")
-        own = Sdf.AttributeSpec(spec, "indices", Sdf.ValueTypeNames.IntArray)
-        own.default = usd_array("IntArray", np.flatnonzero(materials == number))
-
-
-def _set_token(spec: Sdf.PrimSpec, name: str, value: str) -> None:
-    Sdf.AttributeSpec(spec, name, Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform).default = value
-
-
 def _attributes(mesh: OneMesh) -> tuple[SampledAttribute, ...]:
     """Return the attributes of one mesh: those of clips, without velocities and numbers of copies."""
-    attributes = sampled_attributes(False, mesh.colours is not None, mesh.texture is not None)
+    materials = 1 if mesh.paint is None else int(mesh.paint.materials.max(initial=0)) + 1
+    attributes = sampled_attributes(
+        False, mesh.colours is not None, mesh.texture is not None, materials=materials
+    )
     kept = tuple(attribute for attribute in attributes if attribute.name != "velocities")
     if mesh.paint is None or (painted := mesh.paint.colours) is None:
         return kept
@@ -121,26 +87,6 @@ class OneMeshFile(SculptureFiles):
     def name(self) -> str:
         """The file's name."""
         return f"{self.request.motion_folders.part_name}.one_mesh.usdc"
-
-    @property
-    def parts(self) -> tuple[Material, ...]:
-        """All materials: the faces of each are a subset of the mesh."""
-        return parts_of(self.look)
-
-    @property
-    def recipe(self) -> list[str]:
-        """What the key of the stage holds of the materials besides the look."""
-        return ["subsets"] if len(self.parts) > 1 else super().recipe
-
-    def add_materials(self, stage: Usd.Stage, place: str) -> UsdShade.Material:
-        """Add the materials of a model and bind the subsets; return that of the sculpture."""
-        if len(self.parts) > 1:
-            for number, part in enumerate(self.parts):
-                is_dyed = getattr(part, "colour_from", None) == VERTEX_COLOURS
-                own = add_material(stage, f"{place}_{number}", part, self.pictures(number), is_dyed)
-                bind(stage.OverridePrim(f"{self.prim}/{subset(number)}"), own)
-            return add_material(stage, place, self.look, is_coloured=True)
-        return super().add_materials(stage, place)
 
     @property
     def attributes(self) -> tuple[SampledAttribute, ...]:

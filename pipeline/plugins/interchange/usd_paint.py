@@ -140,12 +140,17 @@ class PaintedStage(StageMeshes):
         sides = numbers_at(mesh.GetFaceVertexCountsAttr(), self.time, place, "iu").astype(np.int64)
         corners = numbers_at(mesh.GetFaceVertexIndicesAttr(), self.time, place, "iu").astype(np.int64)
         faces = np.repeat(np.arange(len(sides)), sides)
-        materials = np.full(len(sides), self._number(bound))
+        bindings, which = [bound], np.zeros(len(sides), np.int64)
         for subset in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets():
             own = numbers_at(subset.GetIndicesAttr(), self.time, place, "iu").astype(np.int64)
             if len(own) and not 0 <= own.min() <= own.max() < len(sides):
                 raise MeshError(f"{brief(subset.GetPath())} names a face that {place} does not have")
-            materials[own] = self._number(_bound(subset.GetPrim()))
+            which[own] = len(bindings)
+            bindings.append(_bound(subset.GetPrim()))
+        used = np.unique(which).tolist()
+        materials = np.array([self._number(bindings[number]) for number in used])[
+            np.searchsorted(used, which)
+        ]
         coordinates, colours = np.zeros((len(corners), 2)), None
         surfaces = list(self.surfaces.values())
         for number in np.unique(materials).tolist():

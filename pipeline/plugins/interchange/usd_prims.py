@@ -239,11 +239,13 @@ def add_material(
         _set(shader, "useSpecularWorkflow", "Int", 1)
         _set(shader, "specularColor", "Color3f", (0.0, 0.0, 0.0))
     for name, file in pictures.items():
-        is_colour = name == "diffuseColor"
-        reader = _picture_reader(
-            stage, path, file, "picture" if is_colour else name, "rgb" if is_colour else "r"
-        )
-        shader.GetInput(name).ConnectToSource(reader.ConnectableAPI(), "rgb" if is_colour else "r")
+        output = "rgb" if name in ("diffuseColor", "normal") else "r"
+        reader = _picture_reader(stage, path, file, "picture" if name == "diffuseColor" else name, output)
+        if name == "normal":
+            shader.CreateInput(name, Sdf.ValueTypeNames.Normal3f)
+            for setting, value in (("scale", 2.0), ("bias", -1.0)):
+                _set(reader, setting, "Float4", Gf.Vec4f(value))
+        shader.GetInput(name).ConnectToSource(reader.ConnectableAPI(), output)
     if is_coloured and "diffuseColor" not in pictures:
         reader = _primvar_reader(stage, f"{path}/colour", 3, "displayColor")
         shader.GetInput("diffuseColor").ConnectToSource(reader.ConnectableAPI(), "result")

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom, UsdShade
 
+from pipeline.mesh.mesh_formats import ScenePart
+from pipeline.mesh.read import read_paint
 from pipeline.plugins.interchange.one_mesh import OneMesh
 from pipeline.plugins.interchange.unifying import one_mesh
 from pipeline.plugins.interchange.usd_one_mesh import write_one_mesh
@@ -43,11 +45,11 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
-def exported(root: Path, *words: str) -> list[str]:
-    """Export the shot as one mesh; return the names of the files that were written."""
+def exported(root: Path, *words: str, form: str = "--one-mesh") -> list[str]:
+    """Export the shot as one mesh, or in clips; return the names of the files that were written."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(root)
-        code, said = commanded(root, "export", "usd", NAME, "--one-mesh", "--json", *words)
+        code, said = commanded(root, "export", "usd", NAME, "--json", *filter(None, [form]), *words)
     assert code == 0, said
     return list(json.loads(said)["written"])
 
@@ -127,26 +129,29 @@ def test_fewer_vertices_are_another_mesh_and_need_the_option(root: Path, stage: 
     assert (code, said) == (2, "--vertices and --until reduce one mesh; add --one-mesh")
 
 
-def test_faces_of_each_material_of_a_model_are_a_subset_with_its_picture(tmp_path: Path) -> None:
+@pytest.mark.parametrize("form", ["--one-mesh", ""], ids=["one mesh", "clips"])
+def test_faces_of_each_material_of_a_model_are_a_subset_with_its_pictures(tmp_path: Path, form: str) -> None:
     simulated(tmp_path, SHOT)  # a project, whose shot becomes that of a model
     shots = tmp_path / "shots"
-    painted_model(shots)
+    mtl = painted_model(shots).with_suffix(".mtl")
+    mtl.write_text(mtl.read_text() + "norm -bm 0.5 bumps.png\n")
     pixels = np.random.default_rng(3).integers(0, 256, (48, 8, 3)).astype(np.uint8)
-    write_png(shots / "atlas.png", pixels)
+    for name in ("atlas.png", "bumps.png"):
+        write_png(shots / name, pixels)
     text = SHOT.replace("{solid: box, size: [2, 2, 2]}", "{model: box.obj, paint: on}")
-    (shots / f"{NAME}.yaml").write_text(text.replace("look: speed", "look: model"))
-    stage = tmp_path / "renders" / NAME / "usd" / f"{NAME}.one_mesh.usda"
-    assert f"{NAME}.0.colour.exr" in exported(tmp_path)
-    assert findings(stage) == []
+    simulated(tmp_path, text.replace("look: speed", "look: model"))
+    stage = tmp_path / "renders" / NAME / "usd" / (f"{NAME}.one_mesh.usda" if form else f"{NAME}.usda")
+    assert {f"{NAME}.0.colour.exr", f"{NAME}.1.normal.exr"} <= set(exported(tmp_path, form=form))
+    assert findings(stage) == [] and exported(tmp_path, form=form) == []
     opened = Usd.Stage.Open(str(stage))
     sculpture = UsdGeom.Mesh(opened.GetPrimAtPath(f"/{NAME}/sculpture"))
     subsets = UsdGeom.Subset.GetGeomSubsets(sculpture, "face", "materialBind")
-    count = len(sculpture.GetFaceVertexCountsAttr().Get())
-    assert UsdGeom.Subset.ValidateFamily(sculpture, "face", "materialBind")[0]
-    faces = [np.array(each.GetIndicesAttr().Get()) for each in subsets]
-    assert np.array_equal(np.sort(np.concatenate(faces)), np.arange(count))
-    st = np.array(UsdGeom.PrimvarsAPI(sculpture).GetPrimvar("st").Get()).reshape(-1, 3, 2)
-    assert (st[faces[0], :, 1] < 5 / 6 + 1e-6).all() and (st[faces[1], :, 1] > 5 / 6 - 1e-6).all()
+    for time in (1.0, 6.0):
+        count = len(sculpture.GetFaceVertexCountsAttr().Get(time))
+        faces = [np.array(each.GetIndicesAttr().Get(time)) for each in subsets]
+        assert np.array_equal(np.sort(np.concatenate(faces)), np.arange(count))
+        st = np.array(UsdGeom.PrimvarsAPI(sculpture).GetPrimvar("st").Get(time)).reshape(-1, 3, 2)
+        assert (st[faces[0], :, 1] < 5 / 6 + 1e-6).all() and (st[faces[1], :, 1] > 5 / 6 - 1e-6).all()
     bound = [UsdShade.MaterialBindingAPI(each.GetPrim()).ComputeBoundMaterial()[0] for each in subsets]
     pictured, red = (each.ComputeSurfaceSource("")[0] for each in bound)
     assert red.GetInput("diffuseColor").Get() == (1.0, 0.0, 0.0)
@@ -154,6 +159,15 @@ def test_faces_of_each_material_of_a_model_are_a_subset_with_its_picture(tmp_pat
     picture = UsdShade.Shader(source.source.GetPrim()).GetInput("file").Get()
     held, _ = read_exr(stage.parent / picture.path)
     assert np.abs(srgb_of_linear(held.arrays["beauty"]) * 255.0 - pixels).max() < 0.1
+    part = ScenePart(f"/{NAME}/sculpture", 6.0)  # our own reader finds what was written
+    first, second = read_paint(stage, lambda reader: reader.materials, part)[0]
+    assert first.colour_texture is not None and second.normal_texture is not None
+    expected = (2.0 * pixels[0, 0] / 255.0 - 1.0) * (0.5, 0.5, 1.0)
+    assert second.normal_texture.normals()[0, 0] == pytest.approx(
+        np.maximum(expected, (-1, -1, 1e-3)), abs=1e-3
+    )
+    paint = read_paint(stage, lambda reader: reader.paint, part)
+    assert np.bincount(paint.materials).tolist() == [len(each) for each in faces]  # type: ignore[attr-defined]
 
 
 def test_a_picture_of_roughness_is_connected_as_a_number() -> None:
