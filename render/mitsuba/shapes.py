@@ -75,8 +75,12 @@ def stage_shapes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
         return {}
     made = {"stage": _backdrop(scene)}
     if stage.kind == "plinth":
-        matt = diffuse(stage.plinth_colour)
-        made["plinth"] = mesh("plinth", Surface(*placement.placed(stage.plinth())), matt, _UV)
+        made["plinth"] = mesh(
+            "plinth",
+            Surface(*placement.placed(stage.plinth())),
+            _coated({"type": "rgb", "value": list(stage.plinth_colour)}, stage.plinth_roughness),
+            _UV,
+        )
     if stage.kind == "turntable":
         grey, chrome, chart = reference_objects.positions(camera, placement, size[0] / size[1])
         mirror = two_sided(rough_conductor({"type": "rgb", "value": CHROME}, 0.02))
@@ -95,14 +99,17 @@ def _backdrop(scene: Scene) -> Any:
     stage = scene.stage
     surface = Surface(*scene.placement.placed(stage.backdrop()))
     colour: dict[str, Any] = {"type": "rgb", "value": list(stage.colour)}
-    if scene.stage_fades:
-        colours = stage.fading()[:, None] * np.array(stage.colour, dtype=np.float32)
-        surface = replace(surface, attributes={"colour": colours})
+    if scene.stage_fades or stage.is_graded:
+        surface = replace(surface, attributes={"colour": stage.reflectances(scene.stage_fades)})
         colour = {"type": "mesh_attribute", "name": "vertex_colour"}
-    floor: dict[str, Any] = {"type": "diffuse", "reflectance": colour}
-    if stage.roughness is not None:
-        floor = rough_plastic(colour, max(stage.roughness, 1e-2))
-    return mesh("stage", surface, two_sided(floor), _UV)
+    return mesh("stage", surface, _coated(colour, stage.roughness), _UV)
+
+
+def _coated(colour: dict[str, Any], roughness: float | None) -> dict[str, Any]:
+    """Return a matt BSDF of both sides, under a clear coat where there is a roughness of one."""
+    if roughness is None:
+        return two_sided({"type": "diffuse", "reflectance": colour})
+    return two_sided(rough_plastic(colour, max(roughness, 1e-2)))
 
 
 def auxiliary_stage_shapes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:

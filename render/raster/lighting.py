@@ -217,7 +217,8 @@ def _surroundings_of(rig: LightRig, stage: Stage | None, roughness: float) -> Su
     lighting = Lighting.of_stage(rig, stage)
 
     def light(points: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
-        floor = Shape(points, normals, np.empty((0, 3), np.int32), Diffuse(stage.colour))
+        colours = stage.reflectance_at(points).astype(float) if stage.is_graded else None
+        floor = Shape(points, normals, np.empty((0, 3), np.int32), Diffuse(stage.colour), colours)
         return lighting.shade(floor, np.arange(len(points)), 1, is_stage=True)[:, :3]
 
     return surroundings_of(stage_radiance(stage, rig.sky, light), roughness)

@@ -159,7 +159,7 @@ class Shape(NamedTuple):
 class StageSetup:
     """The lights, the stage and their placement, and the colour view.
 
-    fades  True if the stage fades into the dark (`Stage.fading`)
+    fades  True if the stage fades into the dark (`Stage.reflectances`)
     """
 
     lights: LightRig
@@ -193,14 +193,11 @@ class ScreenProjection(NamedTuple):
 def stage_shape(stage: Stage, placement: StagePlacement, fades: bool = False) -> Shape:
     """Return the whole stage in scene units. fades: as of `StageSetup`"""
     shape = Shape(*placement.placed(stage.mesh()), Diffuse(stage.colour)).for_kernels()
-    if stage.kind != "plinth" and not fades:
+    if stage.kind != "plinth" and not (fades or stage.is_graded):
         return shape
-    colours = np.tile(stage.colour, (len(shape.vertices), 1))
-    backdrop = len(stage.backdrop()[0])
-    if fades:
-        colours[:backdrop] *= stage.fading()[:, None]
-    colours[backdrop:] = stage.plinth_colour
-    return shape._replace(colours=colours)
+    backdrop = stage.reflectances(fades)
+    plinth = np.tile(stage.plinth_colour, (len(shape.vertices) - len(backdrop), 1))
+    return shape._replace(colours=np.concatenate([backdrop, plinth]))
 
 
 @lru_cache(maxsize=4)

@@ -107,7 +107,7 @@ def in_working_space(value: T, space: WorkingSpace) -> T:
 
 
 def _converted(hint: Any, value: Any, space: WorkingSpace) -> Any:
-    if hint is Colour:
+    if hint is Colour or (hint == Colour | None and value is not None):
         return tuple(space.from_rec709(np.array(value)).tolist())
     if isinstance(value, tuple) and typing.get_origin(hint) is tuple:
         inner = typing.get_args(hint)[0]

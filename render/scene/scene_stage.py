@@ -99,6 +99,11 @@ class Stage:
     steepness      slope at the outer rim, radians
     width, height  of the plinth, stage units
     plinth_colour  linear Rec.709 reflectance of the plinth
+    plinth_roughness  of a clear coat on the plinth; None is matt
+    wall_colour    at the rim of a cyclorama, which the floor's changes to; None is the floor's
+    halo_colour    of a soft spot on floor and wall behind the subject; None is no spot
+    halo_size      distance from the middle of the spot at which half of its colour is left, stage units
+    halo_distance  of its middle behind the subject's middle, stage units
     round          True for a round plinth, False for a square one
     shadow_catcher True if floor and wall are not seen, but the shadows on them
     """
@@ -114,6 +119,11 @@ class Stage:
     round: bool = False
     shadow_catcher: bool = False
     plinth_colour: Colour = field(default=PLINTH, metadata=OMIT_DEFAULT)
+    plinth_roughness: float | None = field(default=None, metadata=OMIT_DEFAULT)
+    wall_colour: Colour | None = field(default=None, metadata=OMIT_DEFAULT)
+    halo_colour: Colour | None = field(default=None, metadata=OMIT_DEFAULT)
+    halo_size: float = field(default=3.0, metadata=OMIT_DEFAULT)
+    halo_distance: float = field(default=6.0, metadata=OMIT_DEFAULT)
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -126,8 +136,11 @@ class Stage:
             raise BadInputError(
                 f"a plinth is {self.width} wide and {self.height} high; both need {8 * BEVEL}"
             )
-        if self.roughness is not None and not 0.0 <= self.roughness <= 1.0:
-            raise BadInputError(f"stage has roughness {self.roughness}; it must lie between 0 and 1")
+        for roughness in (self.roughness, self.plinth_roughness):
+            if roughness is not None and not 0.0 <= roughness <= 1.0:
+                raise BadInputError(f"stage has roughness {roughness}; it must lie between 0 and 1")
+        if not self.halo_size > 0.0:
+            raise BadInputError(f"a halo has the size {self.halo_size}; it must be above 0")
 
     @property
     def objects(self) -> tuple[str, ...]:
@@ -177,22 +190,46 @@ class Stage:
 
     def backdrop(self) -> Mesh:
         """Return vertices (V, 3), normals (V, 3) and faces (F, 3) of floor and wall, seen from inside."""
-        vertices, normals, faces = _revolve(*self.profile())
+        vertices, normals, faces = _revolve(*self.profile(), 4 * SIDES if self.is_graded else SIDES)
         if self.kind == "plinth":
             vertices = vertices - np.array([0.0, self.height, 0.0], dtype=np.float32)
         return vertices, normals, faces
 
-    def fading(self) -> NDArray[np.float32]:
-        """Return the factor (V,) on the reflectance of the backdrop's vertices where it fades into the dark.
+    @property
+    def is_graded(self) -> bool:
+        """True if floor and wall differ in colour."""
+        return self.wall_colour is not None or self.halo_colour is not None
 
-        It is 1 on the floor and 0 at the rim of a cyclorama, which would be a hard edge to the black above.
-        Ground, which ends at the horizon, does not fade.
+    def reflectances(self, fades: bool = False) -> NDArray[np.float32]:
+        """Return the reflectance (V, 3) of the backdrop's vertices.
+
+        fades  True to fade into the dark, down to 0 at the rim of a cyclorama, which would be a hard edge to
+               the black above; ground, which ends at the horizon, does not fade
         """
-        vertices = self.backdrop()[0]
-        if self.kind == "ground":
-            return np.ones(len(vertices), dtype=np.float32)
-        t = np.clip((np.hypot(vertices[:, 0], vertices[:, 2]) - self.floor) / self.sweep, 0.0, 1.0)
-        return np.asarray(1.0 - t * t * (3.0 - 2.0 * t), dtype=np.float32)
+        points = self.backdrop()[0]
+        if self.kind == "plinth":
+            points = points + np.array([0.0, self.height, 0.0], np.float32)
+        colours = self.reflectance_at(points)
+        if fades and self.kind != "ground":
+            colours *= np.float32(1.0) - self._rise(points).astype(np.float32)
+        return colours
+
+    def reflectance_at(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Return the reflectance (N, 3) of points (N, 3) on floor and wall, with the floor at y = 0."""
+        colours = np.tile(np.array(self.colour, np.float32), (len(points), 1))
+        if self.wall_colour is not None:
+            colours += self._rise(points) * (np.array(self.wall_colour) - self.colour)
+        if self.halo_colour is not None:
+            height = float(np.interp(self.halo_distance, *self.profile()[0].T))
+            middle = [0.0, height, -self.halo_distance]
+            away = np.linalg.norm(points - middle, axis=1, keepdims=True) / self.halo_size
+            colours += 0.5 ** (away * away) * (np.array(self.halo_colour) - colours)
+        return colours.astype(np.float32)
+
+    def _rise(self, points: NDArray[np.floating]) -> NDArray[np.floating]:
+        """Return how far points (N, 3) are from the floor to the rim of a cyclorama (N, 1), 0 to 1."""
+        t = np.clip((np.hypot(points[:, :1], points[:, 2:]) - self.floor) / self.sweep, 0.0, 1.0)
+        return np.asarray(t * t * (3.0 - 2.0 * t))
 
     def plinth(self) -> Mesh:
         """Return the mesh of a pillar whose top is at y = 0, with rounded upper edges."""
@@ -226,8 +263,9 @@ class Stage:
         curve = np.concatenate([[[0.0, 0.0]], np.cumsum((steps[1:] + steps[:-1]) / 2.0, axis=0)])
         curve = curve / curve[-1, 0] * self.sweep + [self.floor, 0.0]
         inwards = np.stack([-np.sin(slope), np.cos(slope)], axis=1)
-        middle = [[0.0, 0.0], [self.floor / 2.0, 0.0]]
-        return np.concatenate([middle, curve]), np.concatenate([[[0.0, 1.0]] * 2, inwards])
+        rings = 16 if self.is_graded else 2
+        middle = np.stack([np.arange(rings) / rings * self.floor, np.zeros(rings)], axis=1)
+        return np.concatenate([middle, curve]), np.concatenate([[[0.0, 1.0]] * rings, inwards])
 
 
 def _revolve(profile: NDArray[np.float64], normals: NDArray[np.float64], sides: int = SIDES) -> Mesh:

@@ -49,6 +49,28 @@ def test_normals_agree_with_the_faces(stage: Stage) -> None:
         assert np.einsum("ijk,ik->ij", normals[faces], across / area).min() > math.cos(math.radians(46.0))
 
 
+def test_a_graded_wall_changes_from_the_colour_of_the_floor_to_its_own_with_a_halo_behind_the_subject() -> (
+    None
+):
+    stage = Stage("plinth", colour=(0.1, 0.1, 0.1), wall_colour=(0.5, 0.0, 0.0), halo_colour=(0.0, 0.0, 1.0))
+    stage = replace(stage, halo_distance=9.0)
+    vertices, colours = stage.backdrop()[0], stage.reflectances()
+    radius = np.hypot(vertices[:, 0], vertices[:, 2])
+    before_the_camera = (vertices[:, 2] > 10.0) & (radius > 0.999 * radius.max())
+    assert np.abs(colours[before_the_camera] - [0.5, 0.0, 0.0]).max() < 0.01
+    assert np.abs(colours[radius == 0.0] - 0.1).max() < 0.12
+    bluest = vertices[np.argmax(colours[:, 2])]
+    assert bluest[2] == pytest.approx(-9.0, abs=0.3) and abs(bluest[0]) < 0.1
+    assert len(Stage().reflectances()) < len(colours), "a wall of one colour needs few vertices"
+
+
+def test_a_halo_lights_the_wall_behind_the_subject(rendered: Rendered) -> None:
+    stage = Stage(colour=(0.02, 0.02, 0.02), halo_colour=(0.9, 0.3, 0.1), halo_size=6.0)
+    plain, lit = (rendered(stage=each)["beauty"] for each in (replace(stage, halo_colour=None), stage))
+    gain = (lit - plain)[:4].mean(axis=(0, 1))
+    assert gain[0] > 2.0 * gain[2] > 0.0
+
+
 def test_a_plinth_carries_the_subject_and_stands_on_the_floor() -> None:
     for is_round in (False, True):
         stage = Stage("plinth", width=1.2, height=0.9, round=is_round)

@@ -116,6 +116,19 @@ def test_an_intensity_may_be_a_colour(tmp_path: Path) -> None:
         shot_of(tmp_path, "lights: {rig: daylight, intensity: {sun: [1, 0, 0]}}")
 
 
+def test_a_wall_has_colours_of_its_own_which_ground_refuses(tmp_path: Path) -> None:
+    written = "{colour: [0, 0, 0.1], wall_colour: '#ffffff', halo_colour: [0.5, 0.1, 0], halo_size: 3}"
+    stage = shot_of(tmp_path, f"stage: {written}").picture.stage
+    assert stage == Stage(colour=(0, 0, 0.1), wall_colour=(1, 1, 1), halo_colour=(0.5, 0.1, 0), halo_size=3)
+    assert (
+        to_plain(Stage()).keys().isdisjoint({"wall_colour", "halo_colour", "halo_size", "plinth_roughness"})
+    )
+    with pytest.raises(ShotError, match="stage has wall_colour, which ground does not use"):
+        shot_of(tmp_path, "stage: {kind: ground, wall_colour: [1, 1, 1]}")
+    with pytest.raises(ShotError, match="halo_size without halo_colour"):
+        shot_of(tmp_path, "stage: {halo_size: 3}")
+
+
 def test_a_stage_says_how_its_floor_and_its_plinth_are(tmp_path: Path) -> None:
     said = "stage: {kind: plinth, colour: [0.1, 0.2, 0.3], width: 2, height: 1, round: true, roughness: 0.1}"
     assert shot_of(tmp_path, said).picture.stage == Stage(

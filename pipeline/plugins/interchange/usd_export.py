@@ -469,11 +469,18 @@ def _add_floor(stage: Usd.Stage, home: str, floor: Stage) -> None:
     mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
-    mesh.CreateDisplayColorAttr(Vt.Vec3fArray([floor.colour]))
+    if is_coloured := floor.kind == "plinth" or floor.is_graded:
+        colours = np.tile(np.array(floor.plinth_colour, np.float32), (len(vertices), 1))
+        backdrop = floor.reflectances()
+        colours[: len(backdrop)] = backdrop
+        mesh.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex).Set(Vt.Vec3fArray.FromNumpy(colours))
+    else:
+        mesh.CreateDisplayColorAttr(Vt.Vec3fArray([floor.colour]))
     material: Material = Diffuse(floor.colour)
     if floor.roughness is not None:
         material = Satin(floor.colour, roughness=floor.roughness, coat=1.0)
-    bind(mesh.GetPrim(), add_material(stage, f"{home}/materials/floor", material))
+    look = add_material(stage, f"{home}/materials/floor", material, is_coloured=is_coloured)
+    bind(mesh.GetPrim(), look)
 
 
 @dataclass(frozen=True, eq=False)

@@ -217,13 +217,12 @@ def _stage(picture: Picture, blobs: _Blobs) -> dict[str, Any] | None:
     stage = picture.stage
     if stage.kind == "none" or not picture.look.is_lit:
         return None
-    parts = [(stage.backdrop(), stage.colour, stage.fading())]
+    parts = [(stage.backdrop(), stage.reflectances(fades=True))]
     if stage.kind == "plinth":
         plinth = stage.plinth()
-        parts.append((plinth, stage.plinth_colour, np.ones(len(plinth[0]), np.float32)))
+        parts.append((plinth, np.tile(np.array(stage.plinth_colour, np.float32), (len(plinth[0]), 1))))
     meshes = []
-    for (vertices, normals, faces), colour, fading in parts:
-        colours = np.array(colour, np.float32) * fading[:, None]
+    for (vertices, normals, faces), colours in parts:
         sent = colours * irradiance(picture.lights, vertices, normals) / math.pi
         floats = [blobs.add(array.astype("<f4")) for array in (vertices, normals, colours, sent)]
         meshes.append([*floats, blobs.add(faces.astype("<u4"))])

@@ -53,28 +53,39 @@ class StageDocument(Document):
     )
     round: bool | None = optional("a round plinth instead of a square one")
     plinth_colour: Colour | None = optional("of the plinth; by default a light grey")
+    plinth_roughness: ZeroToOne | None = optional("of a coat on the plinth; by default matt")
+    wall_colour: Colour | None = optional("at the rim of the wall, which the floor's changes to")
+    halo_colour: Colour | None = optional("of a soft spot behind the subject, on floor and wall")
+    halo_size: Annotated[float, Field(ge=0.5, le=20)] | None = optional(
+        "from the middle of the spot to where half of its colour is left, in half-sizes; by default 3"
+    )
+    halo_distance: Annotated[float, Field(ge=0, le=20)] | None = optional(
+        "of the spot behind the subject, in half-sizes; by default 6, for low cameras 12"
+    )
     shadow_catcher: bool | None = optional(
         "floor and wall are not seen, but the shadows on them, as alpha: for compositing"
     )
 
     @model_validator(mode="after")
     def _kind_has_all(self) -> Self:
-        all_settings = ("colour", "roughness", "shadow_catcher", "width", "height", "round", "plinth_colour")
-        settings = dict.fromkeys(STAGES, all_settings[:3]) | {"plinth": all_settings, "none": ()}
+        halo = ("halo_size", "halo_distance")
+        wall = ("colour", "roughness", "shadow_catcher", "wall_colour", "halo_colour", *halo)
+        all_settings = (*wall, "width", "height", "round", "plinth_colour", "plinth_roughness")
+        settings = dict.fromkeys(STAGES, wall) | {"ground": wall[:3], "plinth": all_settings, "none": ()}
         for name in all_settings:
             if getattr(self, name) is not None and name not in settings[self.kind]:
                 fitting = " or ".join(kind for kind in STAGES if name in settings[kind])
                 raise finding(
                     f"stage has {name}, which {self.kind} does not use. Remove it, or take {fitting}."
                 )
+        for name in halo:
+            if getattr(self, name) is not None and self.halo_colour is None:
+                raise finding(f"stage has {name} without halo_colour. Write both, or remove it.")
         return self
 
     def build(self) -> Stage:
-        given: dict[str, Any] = self.model_dump(
-            exclude_none=True, exclude={"kind", "colour", "plinth_colour"}
-        )
-        colours = {"colour": self.colour, "plinth_colour": self.plinth_colour}
-        given |= {name: vector(colour) for name, colour in colours.items() if colour}
+        given: dict[str, Any] = self.model_dump(exclude_none=True, exclude={"kind"})
+        given |= {name: vector(value) for name, value in given.items() if name.endswith("colour")}
         return dataclasses.replace(STAGES[self.kind], **given)
 
 
