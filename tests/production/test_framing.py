@@ -15,7 +15,7 @@ from pipeline.production.request.framing import (
     rotate_y,
     smooth,
 )
-from pipeline.shot.camera_path import View
+from pipeline.shot.camera_path import Lens, View
 from render.base.render_errors import BadInputError
 
 pytestmark = pytest.mark.quick
@@ -51,6 +51,19 @@ def test_the_floor_never_cuts_into_the_sculpture(seed, frames):
     clouds = blobs(seed, frames)
     for framing, cloud in zip(frame_all([VIEW] * frames, clouds.__getitem__, ASPECT), clouds, strict=True):
         assert framing.placement.origin[1] <= cloud[:, 1].min() + 1e-9
+
+
+def test_focus_front_is_at_the_nearest_point_of_the_sculpture_and_moves_calmly():
+    clouds = blobs(3, 40)
+    near = VIEW._replace(lens=Lens(85.0, 4.0, None, "front"))
+    framings = frame_all([near] * 40, clouds.__getitem__, ASPECT)
+    distances = np.array([framing.camera.focus_distance for framing in framings])
+    depths = [f.camera.project(c, ASPECT)[:, 2].min() for f, c in zip(framings, clouds, strict=True)]
+    middles = np.array([np.linalg.norm(np.subtract(f.camera.origin, f.camera.target)) for f in framings])
+    assert np.median(np.abs(distances - depths)) < 0.2 * np.median(middles - depths)
+    cube = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T.astype(float)
+    (still,) = frame_all([near], lambda i: cube, ASPECT)
+    assert still.camera.focus_distance == pytest.approx(still.camera.project(cube, ASPECT)[:, 2].min())
 
 
 def test_a_sculpture_at_rest_stands_on_the_floor_and_fills_the_safe_area():

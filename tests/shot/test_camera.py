@@ -81,6 +81,7 @@ def test_an_aperture_needs_no_more_than_itself() -> None:
     ("focus", "meant"),
     [
         ("subject", None),
+        ("front", "front"),
         ("3", 3.0),
         ("{ease: linear, keys: {1: 2, 49: 4}}", 3.0),
         ("{formula: 2 + t}", 3.0),

@@ -35,12 +35,13 @@ from pipeline.errors import FrameError
 from pipeline.flow import Flow, Placed, VelocityField
 from pipeline.flow.flow_map import checked_displacement
 from pipeline.flow.kernels.instructions import BLOCK
-from pipeline.flow.parameters import shot_name, unit, vector_at
+from pipeline.flow.parameters import number_at, shot_name, unit, vector_at
 from pipeline.flow.streamlines import MAX_SUBSTEPS
 from pipeline.plugins.authoring.first_frame import FirstFrame, small_parts
 from pipeline.production.request.framing import frame_all
 from pipeline.shot import Motion, Shot
 from pipeline.shot.subjects import Model
+from render.scene.render_camera import WideCamera
 
 Where = tuple[Any, ...]
 
@@ -236,6 +237,13 @@ def _offsets(flow: Any, point: Points, time: float) -> Iterator[tuple[str, Point
         yield from _offsets(getattr(flow, field.name), point, time)
 
 
+PICTURE_WIDTH, SHARP = 1920, 2.0
+"""Width of a picture in pixels, and the width of blur there up to which a point is sharp."""
+
+LEAST_SHARP, WANTED_SHARP, SMALLEST_STOP = 0.08, 0.3, 45.0
+"""Share of the near half of a subject that must be sharp, and the share for which an f-number is suggested,
+up to the largest f-number of usual lenses."""
+
 SINGLE_PRECISION = 2.0**-24
 """The relative error of the positions that are rendered."""
 
@@ -246,6 +254,7 @@ def findings(shot: Shot, first: FirstFrame) -> list[Finding]:
         _budget,
         _edges,
         _camera,
+        _sharpness,
         _size,
         _parts,
         _openness,
@@ -319,6 +328,31 @@ def _camera(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
                 f"outside, or leave {setting} out.",
             )
             return
+
+
+def _sharpness(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
+    """Check that some of the subject is in focus."""
+    camera, number = shot.picture.camera, shot.frames.first
+    if camera.aperture is None or camera.projection.is_wide or shot.subject:
+        return  # of several subjects, framing sees all
+    aspect = shot.picture.qualities["draft"].aspect
+    (framing,) = frame_all([camera.at(shot.motion.clock.time(number))], lambda _: first.points, aspect)
+    lens, depths = framing.camera, framing.camera.project(first.points, aspect)[:, 2]
+    facing = depths[(depths > lens.near) & (depths <= np.median(depths))]
+    if isinstance(lens, WideCamera) or not len(facing):
+        return
+    blur = np.abs(1.0 / facing - 1.0 / lens.focus_distance) * lens.lens_radius
+    pixels = blur / math.tan(lens.field_of_view / 2.0) * PICTURE_WIDTH
+    if (sharp := float((pixels < SHARP).mean())) >= LEAST_SHARP:
+        return
+    stop = number_at(camera.aperture, shot.motion.clock.time(number))
+    needed = stop * float(np.quantile(pixels, WANTED_SHARP)) / SHARP
+    remedy = f"aperture: {rounded_up(needed):g}" if needed <= SMALLEST_STOP else "focus: front"
+    yield Finding(
+        ("camera", "aperture"),
+        f"at f/{stop:g} {'nothing' if sharp < 0.005 else f'{sharp:.0%}'} of the side of the subject that "
+        f"faces the lens is sharp on frame {number}. Write {remedy}.",
+    )
 
 
 def _size(shot: Shot, first: FirstFrame) -> Iterator[Finding]:

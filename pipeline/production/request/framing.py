@@ -262,7 +262,7 @@ class Framer:
         self._half_widths = np.array([np.tan(view.field_of_view / 2) for view in self._landscapes])
         self._boxes, self._centres, self._floors = np.zeros((many, 3)), np.zeros((many, 3)), np.zeros(many)
         self._middles, self._aims, self._sides = (np.zeros((many, 3, *more)) for more in ((), (), (3,)))
-        self._reach, self._around = np.zeros(many), np.zeros(many)
+        self._reach, self._around, self._fronts = np.zeros(many), np.zeros(many), np.zeros(many)
         self._surveyed = self._aimed = self._given = 0
 
     def framings(self, come: int) -> list[Framing]:
@@ -295,6 +295,8 @@ class Framer:
             aim = self._aims[i] = centre if view.target is None else np.array(view.target)
             side = self._sides[i] = axes_of(view, aim)
             self._reach[i] = self._around[i] = fitting_distance(points, aim, side, view, self._aspect)
+            if view.blur is not None and view.blur.focus == "front":
+                self._fronts[i] = _extents(points, side[2:], np.ones(1))[0] - side[2] @ aim
             if view.target is not None or self._aspect != STAGE_ASPECT:
                 wide = self._landscapes[i]
                 self._around[i] = fitting_distance(points, centre, side, wide, STAGE_ASPECT)
@@ -317,16 +319,16 @@ class Framer:
         distances = _between(reach.max(initial=0.0), away, self._follow)
         most = (around * half_widths[: self._aimed]).max(initial=0.0)
         sizes = _between(most, wide, self._follow) / STAGE_HALF_WIDTH
-        return [
-            self._framing(i, ground[i - first], distances[i - first], float(sizes[i - first]))
-            for i in range(first, last)
-        ]
+        fronts = _part(self._fronts[: self._aimed], first, last, STEADINESS, _calm)
+        tracks = zip(ground, distances, sizes.tolist(), fronts.tolist(), strict=True)
+        return [self._framing(i, *track) for i, track in zip(range(first, last), tracks, strict=True)]
 
-    def _framing(self, i: int, ground: float, distance: float, size: float) -> Framing:
+    def _framing(self, i: int, ground: float, distance: float, size: float, front: float) -> Framing:
         view, (x, _, z) = self._views[i], self._middles[i]
         turn = view.azimuth if view.position is None else bearing(self._views[0], self._aims[0])[0]
         placement = StagePlacement(origin=triple([x, ground, z]), size=size, turn=turn)
-        return Framing(camera_of(view, self._aims[i], self._sides[i], distance, size), placement)
+        camera = camera_of(view, self._aims[i], self._sides[i], distance, size, front)
+        return Framing(camera, placement)
 
 
 def with_stage_in_view(framing: Framing, stage: Stage, aspect: float | None) -> Framing:
@@ -384,8 +386,14 @@ def _between(held: Floats | float, moving: Floats, follow: float) -> Floats:
     return np.asarray(held + follow * (moving - held))
 
 
-def camera_of(view: View, aim: Floats, axes: Floats, distance: float, size: float) -> Camera | WideCamera:
-    """Return the camera of a view at a distance; `size` is the half-size of the sculpture."""
+def camera_of(
+    view: View, aim: Floats, axes: Floats, distance: float, size: float, front: float = 0.0
+) -> Camera | WideCamera:
+    """Return the camera of a view at a distance.
+
+    size   the half-size of the sculpture
+    front  how far the sculpture reaches from `aim` towards the camera
+    """
     if view.position is None:
         away = distance * view.dolly if view.distance is None else view.distance
         origin = aim + away * axes[2]
@@ -403,7 +411,7 @@ def camera_of(view: View, aim: Floats, axes: Floats, distance: float, size: floa
     }
     if view.wide is not None:
         return WideCamera(**place, **_wide(view.wide, size))
-    return Camera(**place, **_blur(view.blur, origin, axes[2], away, size))
+    return Camera(**place, **_blur(view.blur, origin, axes[2], away, size, front))
 
 
 def _wide(lens: WideLens, size: float) -> dict[str, Any]:
@@ -412,13 +420,17 @@ def _wide(lens: WideLens, size: float) -> dict[str, Any]:
     return {"wide": lens.projection, "eye_distance": lens.eye_distance / unit}
 
 
-def _blur(lens: Lens | None, origin: Floats, back: Floats, away: float, size: float) -> dict[str, Any]:
+def _blur(
+    lens: Lens | None, origin: Floats, back: Floats, away: float, size: float, front: float
+) -> dict[str, Any]:
     """Return the lens radius and the focus distance, scene units; nothing for a pinhole camera."""
     if lens is None:
         return {}
     unit = HALF_A_SCULPTURE / size if lens.unit is None else lens.unit
     if lens.focus is None:
         sharp = away
+    elif lens.focus == "front":
+        sharp = away - front
     elif isinstance(lens.focus, float):
         sharp = lens.focus
     else:

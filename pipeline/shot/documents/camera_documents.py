@@ -1,7 +1,7 @@
 """The entries `camera` and `shutter` of a shot file. Angles are degrees there, lenses in millimetres."""
 
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
@@ -73,7 +73,7 @@ MarginField = Annotated[
 
 
 def _focus_form(value: Any) -> int:
-    """Return which member of `FocusField` a focus is: a distance, a place or `subject`."""
+    """Return which member of `FocusField` a focus is: a distance, a place or a word."""
     if isinstance(value, str) and not is_written_number(value):
         return 8
     kind = curve_form(value)
@@ -96,7 +96,7 @@ FocusField = Annotated[
     | Annotated[OverTimeTriple, within(ANYWHERE)]
     | Annotated[FromSound, within(ABOVE_0)]
     | Annotated[FromSoundTriple, within(ANYWHERE)]
-    | Annotated[str, one_of(("subject",), "thing to focus on")],
+    | Annotated[str, one_of(("subject", "front"), "thing to focus on")],
     ByForm(_focus_form),
 ]
 
@@ -150,7 +150,7 @@ class CameraDocument(Document):
         "f-number: the smaller, the more is out of focus; without it everything is sharp"
     )
     focus: FocusField | None = optional(
-        "what is sharp: subject, a distance from the lens, or a place (units)"
+        "what is sharp: subject, its nearest point (front), a distance from the lens, or a place (units)"
     )
     unit: Positive | None = optional(
         "length of a scene unit; by default a sculpture is about 200 mm large, in vr180 2 m (mm)"
@@ -210,9 +210,9 @@ def _number(value: float | Keyed[Any] | OverTime | FromSound | None, clock: Cloc
     return None if value is None else number(value, clock)
 
 
-def _focus(value: Any, clock: Clock) -> Number | VectorParameter | None:
+def _focus(value: Any, clock: Clock) -> Number | VectorParameter | Literal["front"] | None:
     if value is None or isinstance(value, str):
-        return None
+        return "front" if value == "front" else None
     first = next(iter(value.keys.values())) if isinstance(value, Keyed) else value
     first = first.value if isinstance(first, KeyDocument) else first
     is_place = isinstance(first, list | OverTimeTriple | FromSoundTriple)

@@ -171,6 +171,20 @@ def test_points_within_a_ball_are_inside(point: tuple[float, float, float]) -> N
         assert is_inside(np.array(point), first) == (distance < 0.98)
 
 
+def test_a_lens_that_shows_nothing_sharp_is_told_and_the_remedy_serves(tmp_path: Path) -> None:
+    write_ball(tmp_path / "ball.obj")
+
+    def lens(more: str) -> list[Finding]:
+        return found(tmp_path, ball_shot(more=f"camera: {{focal_length: 85, {more}}}"))
+
+    told = the_only(lens("aperture: 2, focus: [0, 0, 0]"))
+    assert told.where == ("camera", "aperture") and "at f/2 7% of the side" in told.text
+    stop = re.search(r"aperture: ([0-9.]+)", told.text)
+    assert stop and lens(f"aperture: {stop[1]}, focus: [0, 0, 0]") == lens("aperture: 8, focus: front") == []
+    assert "nothing of the side" in the_only(lens("aperture: 4, focus: [0, 0, -2]")).text
+    assert "Write focus: front." in the_only(lens("aperture: 4, focus: [0, 0, -60]")).text
+
+
 def test_flows_that_act_far_from_the_subject_are_told_and_both_remedies_serve(tmp_path: Path) -> None:
     write_ball(tmp_path / "ball.obj", 2.0, (300.0, 0.0, 0.0))
     finding = the_only(found(tmp_path, ball_shot()))
