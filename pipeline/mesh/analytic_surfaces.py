@@ -1,4 +1,4 @@
-"""Analytic surfaces of solids: the nearest point on them, and the normal there.
+"""Analytic surfaces of solids: the nearest point on them, the normal there, and texture coordinates.
 
 Each is centred at the origin, like the meshes of `pipeline.mesh.solids`. A point on a flat side or a straight
 edge keeps its bits. A BarLattice has square bars on the lines of a cubic grid, joined to one closed surface
@@ -16,11 +16,12 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import AnyArray, Floats, Points, Vectors
+from pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
 from pipeline.errors import UsageError
 from pipeline.mesh.meshes import TriangleMesh
 from pipeline.mesh.normals import unit
 from pipeline.mesh.solids import cut_into, positive, square_grid, welded
+from render.scene.texture_projection import turns_around, unfolded_box
 
 CLOSE = 1e-9  # distance, in sizes of the solid, that counts as on a crease
 
@@ -50,6 +51,14 @@ class AnalyticSurface(ABC):
     def encloses(self, points: Points) -> AnyArray:
         """Return flags (N,) of the points inside, or on the surface."""
 
+    @abstractmethod
+    def texture(self, points: Points, faces: Faces) -> tuple[Floats, AnyArray]:
+        """Return texture coordinates (F, 3, 2) of corners of faces on the surface, and their charts (F,).
+
+        They go from 0 to 1, to the right and upwards seen from outside, and beyond 1 in faces that cross the
+        seam behind. Corners of one vertex in faces of one chart have the same coordinates.
+        """
+
 
 @dataclass(frozen=True)
 class SphereSurface(AnalyticSurface):
@@ -65,6 +74,11 @@ class SphereSurface(AnalyticSurface):
 
     def encloses(self, points: Points) -> AnyArray:
         return _is_within(points, self.radius)
+
+    def texture(self, points: Points, faces: Faces) -> tuple[Floats, AnyArray]:
+        around, charts = turns_around(points[:, 0], points[:, 2], faces)
+        up = 0.5 + np.arctan2(points[:, 1], np.hypot(points[:, 0], points[:, 2])) / math.pi
+        return np.stack([around, up[faces]], axis=2), charts
 
 
 @dataclass(frozen=True)
@@ -82,6 +96,12 @@ class TorusSurface(AnalyticSurface):
 
     def encloses(self, points: Points) -> AnyArray:
         return _is_within(points - self._middle(points), self.tube_radius)
+
+    def texture(self, points: Points, faces: Faces) -> tuple[Floats, AnyArray]:
+        around, charts = turns_around(points[:, 0], points[:, 2], faces)
+        away = np.hypot(points[:, 0], points[:, 2]) - self.radius
+        up, charts_up = turns_around(points[:, 1], away, faces)
+        return np.stack([around, up], axis=2), charts + (len(faces) + 2) * (charts_up > 0)
 
     def _middle(self, points: Points) -> Points:
         return self.radius * unit(points * (1.0, 0.0, 1.0), AHEAD)
@@ -102,6 +122,13 @@ class CapsuleSurface(AnalyticSurface):
 
     def encloses(self, points: Points) -> AnyArray:
         return _is_within(points - self._core(points), self.radius)
+
+    def texture(self, points: Points, faces: Faces) -> tuple[Floats, AnyArray]:
+        around, charts = turns_around(points[:, 0], points[:, 2], faces)
+        core, away = self._core(points)[:, 1], np.hypot(points[:, 0], points[:, 2])
+        along = core + self.radius * np.arctan2(points[:, 1] - core, away)
+        whole = self.length + (math.pi - 2.0) * self.radius
+        return np.stack([around, 0.5 + along[faces] / whole], axis=2), charts
 
     def _core(self, points: Points) -> Points:
         half = 0.5 * self.length - self.radius
@@ -144,6 +171,19 @@ class CylinderSurface(AnalyticSurface):
         low = np.abs(points[:, 1]) <= 0.5 * self.length
         return low & _is_within(points * (1.0, 0.0, 1.0), self.radius)
 
+    def texture(self, points: Points, faces: Faces) -> tuple[Floats, AnyArray]:
+        """Return coordinates in which the side is above the two caps, the lower one on the left."""
+        around, charts = turns_around(points[:, 0], points[:, 2], faces)
+        width, height = 2.0 * math.pi * self.radius, self.length + 2.0 * self.radius
+        up = points[faces, 1] / height + 1.0 - 0.5 * self.length / height
+        coordinates = np.stack([around, up], axis=2)
+        for way in (-1.0, 1.0):
+            cap = (way * points[faces, 1] > (0.5 - CLOSE) * self.length).all(axis=1)
+            middle = np.array([0.5 + 0.25 * way, self.radius / height])
+            coordinates[cap] = middle + points[faces[cap]][..., (0, 2)] * (1.0, -way) / (width, height)
+            charts[cap] = len(faces) + 2 + (way > 0.0)
+        return coordinates, charts
+
 
 @dataclass(frozen=True)
 class BoxSurface(AnalyticSurface):
@@ -167,6 +207,9 @@ class BoxSurface(AnalyticSurface):
     def encloses(self, points: Points) -> AnyArray:
         return np.asarray((np.abs(points) <= 0.5 * np.array(self.size)).all(axis=1))
 
+    def texture(self, points: Points, faces: Faces) -> tuple[Floats, AnyArray]:
+        return unfolded_box(self.size, points, faces, self.normals(points[faces].mean(axis=1)))
+
 
 @dataclass(frozen=True)
 class SheetSurface(AnalyticSurface):
@@ -184,6 +227,10 @@ class SheetSurface(AnalyticSurface):
     def encloses(self, points: Points) -> AnyArray:
         """Return no flag: the surface is open."""
         return np.zeros(len(points), bool)
+
+    def texture(self, points: Points, faces: Faces) -> tuple[Floats, AnyArray]:
+        along = points[:, (0, 2)] * (1.0, -1.0) / self.size + 0.5
+        return along[faces], np.zeros(len(faces), np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,6 +254,9 @@ class RepeatedSurface(AnalyticSurface):
 
     def encloses(self, points: Points) -> AnyArray:
         return self.surface.encloses(points - self._offsets(points))
+
+    def texture(self, points: Points, faces: Faces) -> tuple[Floats, AnyArray]:
+        return self.surface.texture(points - self._offsets(points), faces)
 
     def _offsets(self, points: Points) -> Points:
         """Return the offsets (N, 3) of the copies whose middles are nearest to points."""
@@ -305,6 +355,10 @@ class BarLattice(AnalyticSurface):
         across_bar = np.abs(points - middle) <= 0.5 * self.thickness
         inside = [along_bar[:, k] & np.delete(across_bar, k, axis=1).all(axis=1) for k in range(3)]
         return np.asarray(np.any(inside, axis=0))
+
+    def texture(self, points: Points, faces: Faces) -> tuple[Floats, AnyArray]:
+        """Return those of a box of its size; sides behind each other have the same."""
+        return unfolded_box(self.size, points, faces, self.normals(points[faces].mean(axis=1)))
 
     def _closest(self, points: Points) -> tuple[Points, Vectors]:
         points = np.asarray(points, np.float64)

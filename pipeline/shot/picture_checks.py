@@ -76,7 +76,7 @@ def _clear_bsdfs(bsdf: Any, where: Where) -> Iterator[tuple[Where, str]]:
 
 
 def check_paint(source: YamlSource) -> Iterator[Problem]:
-    """Check that a look which shows the paint of a model has one, and that the model's format is read."""
+    """Check that a look has the paint of a model that it shows, and that the model's format is read."""
     subject, (_, look) = source.mapping("subject"), _look_at(source, "look")
     is_painted = subject.get("paint") == "on"
     if (
@@ -86,9 +86,12 @@ def check_paint(source: YamlSource) -> Iterator[Problem]:
     ):
         known = listed(plugins().paints, "or")
         yield ("subject", "paint"), f"paint is read from {known}; this is {shortened(model)}. Leave it out."
-    if not is_painted and (isinstance(look, Painted) or source.get("look", "projection", "kind") == MODEL):
-        shows = "look model shows" if isinstance(look, Painted) else "projection model needs"
-        yield ("look",), f"{shows} the paint of a model. Write subject: {{model: FILE.obj, paint: on}}."
+    if isinstance(look, Painted) and not is_painted:
+        paint = "Write subject: {model: FILE.obj, paint: on}."
+        yield ("look",), f"look model shows the paint of a model. {paint}"
+    elif source.get("look", "projection", "kind") == MODEL and not (is_painted or "solid" in subject):
+        paint = "Write paint: on there" if "model" in subject else "Take a solid, or a model with paint: on"
+        yield ("look", "projection"), f"projection model needs texture coordinates of the subject. {paint}."
 
 
 def check_measured_look(source: YamlSource) -> Iterator[Problem]:

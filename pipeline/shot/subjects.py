@@ -184,6 +184,9 @@ class Solid(Subject):
         edge = _MESHED * max_edge_length if max_edge_length else _COARSEST * largest
         return SOLIDS[self.solid].make(max(edge, _FINEST * largest), *values)
 
+    def painted(self, rest: Points, faces: Faces) -> PaintedFaces:
+        return PaintedFaces(*self.project.texture(rest, faces), np.zeros(len(faces), np.int64))
+
     def polygons(self, max_edge_length: float | None = None) -> PolygonMesh:
         make = SOLIDS[self.solid].polygons
         if make is None:

@@ -1,4 +1,4 @@
-"""Paint: what a model's file has on its faces, as texture coordinates, vertex colours and materials."""
+"""Paint: what a subject has on its faces, as texture coordinates, and of models colours and materials."""
 
 from __future__ import annotations
 

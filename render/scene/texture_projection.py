@@ -33,7 +33,7 @@ class TextureProjection:
 
     kind     "planar" (like a slide, along the axis), "box" (along x, y or z, whichever a triangle faces
              most), "cylindrical" (around the axis), "spherical" (around it, from pole to pole), "model" (by
-             the texture coordinates of the model's file)
+             the subject's own texture coordinates)
     axis     planar: the direction the texture faces; cylindrical and spherical: the axis of revolution
     centre   scene point at the middle of the texture, or on the axis
     scale    scene units: width of a planar or box texture, height of a cylindrical one
@@ -73,13 +73,13 @@ class TextureProjection:
         spherical ones in turns and heights. Corners of one vertex with the same group have the same
         coordinates.
 
-        paint  what a model has on the faces. Raises BadInputError where a projection needs it and it is None
+        paint  what the subject has on the faces. Raises BadInputError where it is None and needed
         """
         if self.kind == MODEL:
             if paint is None:
                 raise BadInputError(
-                    "look takes the texture coordinates of a model, and the surface has none; add paint: on "
-                    "to its subject, a model"
+                    "look takes the texture coordinates of the subject, which has none; take a solid, "
+                    "or a model with paint: on"
                 )
             return paint.near_origin() - 0.5, paint.groups
         corners = (np.asarray(points, dtype=np.float64) - self.centre)[faces]
@@ -98,14 +98,7 @@ class TextureProjection:
         height, ahead, right = corners @ axis, corners @ front, corners @ np.cross(axis, front)
         radius = np.hypot(ahead, right)
         across = (np.arctan2(right, ahead) - self.turn) / (2.0 * math.pi)
-        across -= np.round(across)
-        seam = np.ptp(across, axis=1) > 0.5
-        shift = (seam[:, None] & (across < 0.0)).astype(np.int64)
-        across += shift
-        pole = radius <= 1e-6 * max(float(radius.max(initial=0.0)), 1e-12)  # no direction of its own
-        others = np.where(pole, 0.0, across).sum(axis=1) / np.maximum((~pole).sum(axis=1), 1)
-        across = np.where(pole, others[:, None], across)
-        shift = np.where(pole, 2 + np.arange(len(corners))[:, None], shift)
+        across, shift = _unwrapped(across - np.round(across), radius)
         up = height / self.scale
         if self.kind == "spherical":
             up = np.arctan2(height, radius) / math.pi * self.repeats
@@ -138,6 +131,62 @@ def project_texture(
     if surface.paint is not None:
         split = replace(split, attributes={**split.attributes, **surface.paint.attributes(first)})
     return split, coordinates.reshape(-1, 2)[first]
+
+
+def _unwrapped(turns: Floats, radius: Floats) -> tuple[Floats, Counts]:
+    """Return turns (F, 3) that do not jump within a face, and groups (F, 3): 0, or 1 beyond half a turn.
+
+    A corner on the axis takes the mean of the others, and is a group of its own.
+
+    turns   of the corners of faces around an axis, −0.5 to 0.5
+    radius  (F, 3), their distances from the axis
+    """
+    seam = np.ptp(turns, axis=1) > 0.5
+    shift = (seam[:, None] & (turns < 0.0)).astype(np.int64)
+    turns = turns + shift
+    pole = radius <= 1e-6 * max(float(radius.max(initial=0.0)), 1e-12)  # no direction of its own
+    others = np.where(pole, 0.0, turns).sum(axis=1) / np.maximum((~pole).sum(axis=1), 1)
+    turns = np.where(pole, others[:, None], turns)
+    return turns, np.where(pole, 2 + np.arange(len(turns))[:, None], shift)
+
+
+def turns_around(right: Floats, ahead: Floats, faces: NDArray[np.int32]) -> tuple[Floats, Counts]:
+    """Return the turns (F, 3) of corners of faces around an axis, 0.5 ahead, and charts (F,).
+
+    In a face that the axis goes through, the corner nearest to it is taken to be on it.
+
+    right, ahead  coordinates (V,) of vertices across the axis
+    """
+    turns, radius = np.arctan2(right, ahead)[faces] / (2.0 * math.pi), np.hypot(right, ahead)[faces]
+    around = np.flatnonzero(np.round(turns - np.roll(turns, 1, axis=1)).sum(axis=1))
+    radius[around, radius[around].argmin(axis=1)] = 0.0
+    turns, groups = _unwrapped(turns, radius)
+    return turns + 0.5, groups.max(axis=1)
+
+
+def unfolded_box(
+    size: Triple, points: Floats, faces: NDArray[np.int32], normals: Floats
+) -> tuple[Floats, Counts]:
+    """Return coordinates (F, 3, 2) of corners of faces on a box that is unfolded to a cross, and sides (F,).
+
+    In a row from the left: left, front, right and back; the top above the front, the bottom below it.
+
+    size     its extents; its middle is the origin
+    points   (V, 3)
+    normals  (F, 3) of the faces
+    """
+    x, y, z = size
+    axis = np.abs(normals).argmax(axis=1)
+    side = 2 * axis + (normals[np.arange(len(faces)), axis] < 0.0)
+    right, up = np.zeros((2, 6, 3))
+    right[range(6), (2, 2, 0, 0, 0, 0)] = (-1, 1, 1, 1, 1, -1)
+    up[range(6), (1, 1, 2, 2, 1, 1)] = (1, 1, -1, 1, 1, 1)
+    front, middle = z + 0.5 * x, z + 0.5 * y
+    across = np.array([1.5 * z + x, 0.5 * z, front, front, front, 2.0 * z + 1.5 * x])
+    upwards = np.array([middle, middle, 1.5 * z + y, 0.5 * z, middle, middle])
+    places = np.einsum("fcx,dfx->fcd", points[faces], np.stack([right[side], up[side]]))
+    places += np.stack([across, upwards], axis=1)[side][:, None]
+    return places / (2.0 * (x + z), y + 2.0 * z), side
 
 
 def _sides(corners: Floats) -> Counts:

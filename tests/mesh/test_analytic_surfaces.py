@@ -1,4 +1,4 @@
-"""Solids know their true surface: the nearest point on it, and the normal there."""
+"""Solids know their true surface: the nearest point on it, the normal there, and texture coordinates."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.arrays import AnyArray, Floats
 from pipeline.mesh import TriangleMesh, box, icosphere, rod, sheet, torus, vertex_normals
 from pipeline.mesh.analytic_surfaces import (
     RIM,
@@ -130,3 +131,81 @@ def test_every_solid_that_a_shot_can_name_knows_its_surface(solid: str) -> None:
 def test_a_rod_with_flat_caps_is_a_cylinder_and_a_box_may_have_one_measure() -> None:
     assert Solid.of("rod", {"caps": "flat"}).project == CylinderSurface(3.0, 0.5)
     assert Solid.of("box", {"size": 2.0}).project == BoxSurface((2.0, 2.0, 2.0))
+
+
+def place_of(surface: AnalyticSurface, coordinates: Floats) -> Floats:
+    """The points (..., 3) of a surface that texture coordinates (..., 2) name."""
+    u, v = np.moveaxis(coordinates, -1, 0)
+    around, right, ahead = 2 * np.pi * (u - 0.5), 0.0, 0.0
+    if isinstance(surface, SphereSurface):
+        away, y = surface.radius * np.cos(np.pi * (v - 0.5)), surface.radius * np.sin(np.pi * (v - 0.5))
+    elif isinstance(surface, TorusSurface):
+        tube = 2 * np.pi * (v - 0.5)
+        away, y = surface.radius + surface.tube_radius * np.cos(tube), surface.tube_radius * np.sin(tube)
+    elif isinstance(surface, CapsuleSurface):
+        straight = surface.length - 2 * surface.radius
+        along = (v - 0.5) * (straight + np.pi * surface.radius)
+        core = np.clip(along, -straight / 2, straight / 2)
+        angle = (along - core) / surface.radius
+        away, y = surface.radius * np.cos(angle), core + surface.radius * np.sin(angle)
+    elif isinstance(surface, CylinderSurface):
+        width, height = 2 * np.pi * surface.radius, surface.length + 2 * surface.radius
+        upper = u > 0.5
+        on_side = v >= 2 * surface.radius / height - 1e-9
+        right = np.where(on_side, 0.0, (u - 0.5 - np.where(upper, 0.25, -0.25)) * width)
+        ahead = np.where(on_side, 0.0, (v * height - surface.radius) * np.where(upper, -1, 1))
+        away = np.where(on_side, surface.radius, 0.0)
+        end = np.where(upper, 0.5, -0.5) * surface.length
+        y = np.where(on_side, v * height - 2 * surface.radius - surface.length / 2, end)
+    else:
+        assert isinstance(surface, SheetSurface)
+        return np.stack([u - 0.5, np.zeros_like(u), 0.5 - v], axis=-1) * [surface.size[0], 1, surface.size[1]]
+    return np.stack([away * np.sin(around) + right, y, away * np.cos(around) + ahead], axis=-1)
+
+
+@pytest.mark.parametrize("name", [name for name in SOLIDS if name != "box"])
+def test_texture_coordinates_name_the_place_of_each_corner(name: str) -> None:
+    mesh, surface = SOLIDS[name]
+    coordinates, charts = surface.texture(mesh.vertices, mesh.faces)
+    np.testing.assert_allclose(place_of(surface, coordinates), mesh.vertices[mesh.faces], atol=1e-9)
+    assert is_alike_in_charts(mesh, coordinates, charts)
+
+
+@each_solid
+def test_textures_are_not_mirrored_and_no_face_spans_the_seam(
+    mesh: TriangleMesh, surface: AnalyticSurface
+) -> None:
+    coordinates, charts = surface.texture(mesh.vertices, mesh.faces)
+    across, up = np.moveaxis(coordinates[:, 1:] - coordinates[:, :1], 1, 0)
+    assert (across[:, 0] * up[:, 1] - across[:, 1] * up[:, 0] > 0.0).all()
+    assert np.ptp(coordinates, axis=1).max() < 0.26 and is_alike_in_charts(mesh, coordinates, charts)
+
+
+def is_alike_in_charts(mesh: TriangleMesh, coordinates: Floats, charts: AnyArray) -> bool:
+    corners = np.column_stack([np.repeat(charts, 3), mesh.faces.reshape(-1)])
+    both = np.column_stack([corners, coordinates.reshape(-1, 2)])
+    return len(np.unique(corners, axis=0)) == len(np.unique(both, axis=0))
+
+
+def test_the_sides_of_a_box_are_a_cross_without_overlaps() -> None:
+    mesh, surface = SOLIDS["box"]  # 2 wide, 1 high, 0.3 deep
+    coordinates, _ = surface.texture(mesh.vertices, mesh.faces)
+    size = np.array([2 * (2.0 + 0.3), 1.0 + 2 * 0.3])
+    points, places = mesh.vertices[mesh.faces], coordinates * size
+    front = np.isclose(points[..., 2], 0.15).all(axis=1)
+    np.testing.assert_allclose(places[front], points[front][..., :2] + (1.3, 0.8), atol=1e-12)
+    top = np.isclose(points[..., 1], 0.5).all(axis=1)
+    np.testing.assert_allclose(places[top], points[top][..., (0, 2)] * (1, -1) + (1.3, 1.45), atol=1e-12)
+    lengths = [np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2) for x in (points, places)]
+    np.testing.assert_allclose(*lengths, atol=1e-12)
+    cells = {tuple(cell) for cell in np.floor(places.mean(axis=1) / 0.05).astype(int).tolist()}
+    assert len(cells) >= 0.9 * (2 * (2 * 1 + 2 * 0.3 + 1 * 0.3) / 0.1**2)
+    assert places.min() >= 0.0 and (places <= size + 1e-12).all()
+
+
+def test_a_face_around_a_pole_takes_no_more_of_the_picture_than_its_neighbours() -> None:
+    angles = 2 * np.pi * np.array([0.1, 0.45, 0.8])
+    ring = np.column_stack([0.1 * np.cos(angles), np.ones(3), 0.1 * np.sin(angles)])
+    ring[0, [0, 2]] *= 0.5
+    coordinates, _ = SphereSurface(1.0).texture(ring, np.int32([[0, 2, 1]]))
+    assert np.ptp(coordinates[0, :, 0]) < 0.36

@@ -191,7 +191,7 @@ def test_the_back_of_a_normal_map_is_its_front_turned_round(tmp_path: Path, rend
 
 def test_a_surface_without_paint_is_refused_by_name(tmp_path: Path, rendered: Rendered) -> None:
     look = Diffuse(WHITE, colour_texture=quarters(tmp_path / "a.exr"), projection=PLACED)
-    with pytest.raises(BadInputError, match="add paint: on"):
+    with pytest.raises(BadInputError, match="a solid, or a model with paint: on"):
         rendered(surface=replace(square((0, 0)), paint=None), look=look)
 
 

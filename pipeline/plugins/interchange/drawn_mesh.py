@@ -53,7 +53,7 @@ class DrawnMesh:
     source     (W,): the vertex of one mesh that each is
     row        (W,): the row of its normal in the normals of a frame
     faces      (F, 3) into the W vertices
-    texture    coordinates (W, 2), to the right and upwards; None where the look has no textures
+    texture    coordinates (W, 2), to the right and upwards, or None
     painted    linear Rec.709 reflectances (W, 3) that a model's file has; None where it has none
     materials  (F,): numbers of a model's materials, ascending; None of other looks
     """

@@ -33,6 +33,7 @@ from pipeline.production.stages import EXPORT
 from pipeline.production.store import readers
 from pipeline.production.store.store import Key, Store, key_of
 from pipeline.shot import Shot
+from pipeline.shot.subjects import Model, Solid
 from render.base.serialise import Colour, to_plain
 from render.scene.materials import (
     BrushedMetal,
@@ -126,7 +127,7 @@ class ExportedFrame:
     rest            (V, 3): the positions in the undeformed subject
     creases         (K, 2): the edges that are tagged as creases, of two vertices each
     colours         linear Rec.709 reflectances (V, 3); None where the look has one colour
-    texture         texture coordinates (F, 3, 2) of the corners of faces; None where the look has no textures
+    texture         texture coordinates (F, 3, 2) of the corners of faces, or None
     paint           what a model's file has on the faces, where the look shows its materials, or None
     radii           (V,) of a point cloud's spheres, scene units; None of a surface
     numbers         (V,): what tells the points of a cloud apart; None of a surface
@@ -173,7 +174,7 @@ def _exported_mesh(shot: Shot, frame: MeshFrame, split: ShadedMesh) -> ExportedF
     mesh, rest = frame.mesh, material_of(frame.mesh)
     velocities, source = vertex_motion(shot.motion, frame).velocity(), split.source_vertex
     look = shot.picture.look
-    paint = shot.motion.painted(rest, mesh.faces) if look.shows_paint else None
+    paint = shot.motion.painted(rest, mesh.faces)
     surface = rendered_surface(split.vertices, split.normals, split.faces, rest[source], velocities[source])
     colours = vertex_colours(replace(surface, paint=paint), look)
     return ExportedFrame(
@@ -245,11 +246,11 @@ def texture_coordinates(
 ) -> Floats | None:
     """Return texture coordinates (F, 3, 2) of the corners of faces, 0 to 1 to the right and upwards.
 
-    They repeat beyond. None where the look has no textures.
+    They repeat beyond. They are those of the textures of the look, otherwise those of the subject, if any.
     """
     projection = look.texture_projection
     if projection is None:
-        return None
+        return None if paint is None else paint.near_origin()
     coordinates, _ = projection.coordinates(rest, faces, paint)
     height = width = 1
     if projection.keeps_shape and (texture := colour_texture(look)) is not None:
@@ -260,15 +261,30 @@ def texture_coordinates(
 
 def frame_key(request: RenderRequest, number: int) -> Key:
     """Return the key of an exported frame: its mesh, the flow around it, and what colours its vertices."""
-    motion, look = request.shot.motion, request.shot.picture.look
+    motion = request.shot.motion
     return key_of(
         EXPORT.recipe,
         request.normals_key(number),
         flow_cache_data(motion, number, (-STEP, STEP)),
         str(motion.rate),
-        to_plain(look) if has_colours(look) or look.texture_projection else None,
+        *surface_recipe(request.shot),
         *([] if motion.copies is None else ["copies"]),
     )
+
+
+def surface_recipe(shot: Shot) -> list[Any]:
+    """Return what keys hold of colours and texture coordinates."""
+    look = shot.picture.look
+    plain = to_plain(look) if has_colours(look) or look.texture_projection else None
+    has_own = has_coordinates(shot) and look.texture_projection is None
+    return [plain, *(["texture coordinates"] if has_own else [])]
+
+
+def has_coordinates(shot: Shot) -> bool:
+    """Tell whether the surface of a shot is exported with texture coordinates."""
+    subject = shot.motion.subject
+    has_own = isinstance(subject, Solid) or (isinstance(subject, Model) and subject.paint)
+    return has_own or shot.picture.look.texture_projection is not None
 
 
 def stored_frame(request: RenderRequest, store: Store, number: int) -> ExportedFrame:

@@ -69,7 +69,7 @@ class OneMesh:
                     where normals are those of the triangles
     longest_at      returns the maximum edge length of a frame, scene units; infinite where there is none
     colours         linear Rec.709 reflectances (V, 3); None where the look has one colour
-    texture         texture coordinates (F, 3, 2) of the corners; None where the look has no textures
+    texture         texture coordinates (F, 3, 2) of the corners, or None
     paint           what a model's file has on the faces, where the look shows its materials, or None
     reduction       None where no vertices were left out
     """

@@ -25,6 +25,7 @@ from pipeline.plugins.interchange.exported_frame import (
     ExportedFrame,
     has_colours,
     rendered_surface,
+    surface_recipe,
     texture_coordinates,
 )
 from pipeline.plugins.interchange.one_mesh import OneMesh, Reduction
@@ -34,7 +35,6 @@ from pipeline.production.request.shading import vertex_motion
 from pipeline.production.store import readers
 from pipeline.production.store.store import Key, Store, key_of
 from pipeline.shot import Motion
-from render.base.serialise import to_plain
 from render.scene.materials import Painted
 from render.scene.vertex_colours import vertex_colours
 
@@ -73,11 +73,11 @@ class Unification:
     @cached_property
     def key(self) -> Key:
         """The key of the mesh, known before it is computed."""
-        look, motion = self.request.shot.picture.look, self.request.shot.motion
+        shot = self.request.shot
         return key_of(
             UNIFY.recipe,
-            *(self._refiner.key, self.request.requested, str(motion.rate), self.vertices, self.until),
-            to_plain(look) if has_colours(look) or look.texture_projection else None,
+            *(self._refiner.key, self.request.requested, str(shot.rate), self.vertices, self.until),
+            *surface_recipe(shot),
         )
 
     def missing(self) -> list[int]:
@@ -150,16 +150,16 @@ class Unification:
     def _coloured(self, mesh: OneMesh) -> OneMesh:
         """Return the mesh with colours, those of the first frame, and texture coordinates."""
         look, first = self.request.shot.picture.look, mesh.frames[0]
-        if not (has_colours(look) or look.texture_projection):
+        paint = self.request.shot.motion.painted(mesh.rest, mesh.faces)
+        mesh = replace(mesh, texture=texture_coordinates(look, mesh.rest, mesh.faces, paint))
+        if not has_colours(look):
             return mesh
         frame = mesh.frame(first)
         normals = frame.normals[: len(mesh.rest)]
         surface = rendered_surface(frame.points, normals, mesh.faces, mesh.rest, frame.velocities)
-        paint = self.request.shot.motion.painted(mesh.rest, mesh.faces) if look.shows_paint else None
         return replace(
             mesh,
             colours=vertex_colours(replace(surface, paint=paint), look),
-            texture=texture_coordinates(look, mesh.rest, mesh.faces, paint),
             paint=paint if isinstance(look, Painted) else None,
         )
 

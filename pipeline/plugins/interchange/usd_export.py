@@ -32,6 +32,7 @@ from pipeline.plugins.interchange.exported_frame import (
     colour_texture,
     frame_key,
     has_colours,
+    has_coordinates,
     stored_frame,
 )
 from pipeline.plugins.interchange.exported_materials import number_planes, parts_of
@@ -263,7 +264,7 @@ class SculptureFiles:
     @cached_property
     def attributes(self) -> tuple[SampledAttribute, ...]:
         """The attributes of its clips."""
-        has_texture, copies = self.look.texture_projection is not None, self.request.shot.motion.copies
+        has_texture, copies = has_coordinates(self.request.shot), self.request.shot.motion.copies
         return sampled_attributes(
             self.is_cloud, has_colours(self.look), has_texture, copies is not None, len(self.parts)
         )

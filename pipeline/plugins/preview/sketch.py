@@ -122,7 +122,7 @@ class Sketch:
 
 
 def _paint(part: RenderRequest, number: int, arrays: Mapping[str, AnyArray]) -> PaintedFaces | None:
-    """Return what a subject's model has on its faces, where its look shows it."""
+    """Return what a subject has on its faces, where its look shows it."""
     if not part.picture(number).look.shows_paint or "faces" not in arrays:
         return None
     return part.shot.motion.painted(arrays["material"].astype(np.float64), arrays["faces"])

@@ -213,7 +213,7 @@ class _ShownSubject:
 
     @cached_property
     def _paint(self) -> PaintedFaces | None:
-        """The paint of the subject's model on its faces, where the look shows it."""
+        """The paint of the subject on its faces, where the look shows it."""
         request, arrays = self.request, self._arrays
         if not request.picture(self.number).look.shows_paint:
             return None

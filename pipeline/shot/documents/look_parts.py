@@ -201,7 +201,7 @@ NumberOrPicture = Annotated[
 class ProjectionDocument(Document):
     kind: Annotated[str, one_of(PROJECTIONS, "projection")] = Field(
         "box",
-        description="planar, box, cylindrical, spherical, or model: the texture coordinates of its file",
+        description="planar, box, cylindrical, spherical, or model: the texture coordinates of the subject",
     )
     axis: Axis | None = optional(
         "a planar projection's direction, or the axis that others go around: x, y, z or a vector"

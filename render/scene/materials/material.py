@@ -92,7 +92,7 @@ class Material:
 
     @property
     def shows_paint(self) -> bool:
-        """True if the material shows what a model's file has on its faces."""
+        """True if the material shows what the subject has on its faces."""
         return self.texture_projection is not None and self.texture_projection.kind == MODEL
 
     @property
