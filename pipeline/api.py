@@ -33,9 +33,11 @@ if TYPE_CHECKING:
     from pipeline.mesh import box as box
     from pipeline.mesh import icosphere as icosphere
     from pipeline.mesh.mesh_formats import MeshFormat as MeshFormat
+    from pipeline.plugin import Animation as Animation
     from pipeline.plugin import Command as Command
     from pipeline.plugin import PictureStage as PictureStage
     from pipeline.plugin import Plugin as Plugin
+    from pipeline.plugin import plugins as plugins
     from pipeline.production.picture_sequences import PictureSequence as PictureSequence
     from pipeline.production.picture_sequences import SequenceQuery as SequenceQuery
     from pipeline.production.store.remote_store import RemoteStore as RemoteStore
@@ -73,7 +75,7 @@ _MODULES = {
     "pipeline.kernels": ("block_kernel",),
     "pipeline.mesh": ("TriangleMesh", "box", "icosphere"),
     "pipeline.mesh.mesh_formats": ("MeshFormat",),
-    "pipeline.plugin": ("Command", "PictureStage", "Plugin"),
+    "pipeline.plugin": ("Animation", "Command", "PictureStage", "Plugin", "plugins"),
     "pipeline.production.picture_sequences": ("PictureSequence", "SequenceQuery"),
     "pipeline.production.store.remote_store": ("RemoteStore", "RemoteStores"),
     "pipeline.resample": ("Chord", "Curved", "Exact", "Resampler", "Thresholds", "resample"),

@@ -68,6 +68,20 @@ class PictureStage:
 
 
 @dataclass(frozen=True)
+class Animation:
+    """Frames of a shot as one mesh of each subject, whose vertices move.
+
+    key  a digest of all that decides the content
+    glb  returns a GLB whose clip begins at the first frame, of morph targets blended two at a time; takes a
+         function of the name of a part of the work and its number of steps, which returns what to call after
+         each
+    """
+
+    key: str
+    glb: Callable[[Callable[[str, int], Callable[[], None]]], bytes]
+
+
+@dataclass(frozen=True)
 class Plugin:
     """A plug-in and what it adds; functions and classes are named as "module:name".
 
@@ -93,6 +107,8 @@ class Plugin:
     schemas        pydantic models of further kinds of files, by the kind's name
     sequences      functions of a `SequenceQuery`; each yields picture sequences of a shot, or grids of them,
                    for the review page
+    animations     functions of a request of frames, its store, and the most vertices of each subject; each
+                   returns an `Animation`, or raises FlowsculptError where the shot has none
     notes          function of a root and a shot that returns the file of its notes, which is published with
                    the shot; empty bytes where there are none
     remote_stores  an object that finds remote stores by their addresses: see `RemoteStores`
@@ -115,6 +131,7 @@ class Plugin:
     edits: Mapping[str, str] = field(default_factory=dict)
     schemas: Mapping[str, str] = field(default_factory=dict)
     sequences: tuple[str, ...] = ()
+    animations: tuple[str, ...] = ()
     notes: str = ""
     remote_stores: str = ""
 
@@ -221,6 +238,11 @@ class Plugins:
     def sequences(self) -> list[Any]:
         """The functions that yield sequences of pictures."""
         return self._functions((plugin.name, place) for plugin in self for place in plugin.sequences)
+
+    @property
+    def animations(self) -> list[Any]:
+        """The functions that return animations."""
+        return self._functions((plugin.name, place) for plugin in self for place in plugin.animations)
 
     @property
     def notes(self) -> list[Any]:

@@ -350,9 +350,11 @@ def test_a_command_whose_module_does_not_load_ends_with_one_line(environment):
 @pytest.mark.slow
 def test_functions_of_a_plug_in_that_cannot_be_imported_are_left_out_with_a_line_each(environment):
     rest = ", watchers=('broken_parts:watch',), sequences=('broken_parts',), notes='broken:notes'"
+    rest += ", animations=('broken:gif',)"
     environment.install("broken", plugin("broken", rest))
     ask = (
-        "from pipeline.plugin import plugins\nfor _ in 'ab': p = plugins(); p.watchers, p.sequences, p.notes"
+        "from pipeline.plugin import plugins\n"
+        "for _ in 'ab': p = plugins(); p.watchers, p.sequences, p.notes, p.animations"
     )
     call = [sys.executable, "-c", ask]
     paths = {**os.environ, "PYTHONPATH": str(environment.folder)}
@@ -362,4 +364,5 @@ def test_functions_of_a_plug_in_that_cannot_be_imported_are_left_out_with_a_line
         "plug-in broken: broken_parts:watch is left out: ModuleNotFoundError: No module named 'broken_parts'",
         "plug-in broken: broken_parts is left out: ValueError: 'broken_parts' is not \"module:name\"",
         "plug-in broken: broken:notes is left out: AttributeError: module 'broken' has no attribute 'notes'",
+        "plug-in broken: broken:gif is left out: AttributeError: module 'broken' has no attribute 'gif'",
     ]

@@ -40,6 +40,7 @@ PLUGIN = Plugin(
         "3mf": "pipeline.plugins.interchange.threemf_files:THREEMF",
         **dict.fromkeys(("usd", "usda", "usdc", "usdz"), "pipeline.plugins.interchange.usd_files:USD"),
     },
+    animations=("pipeline.plugins.interchange.animation_export:animation",),
     paints={
         "obj": "pipeline.plugins.interchange.obj_paint:OBJ_PAINT",
         **dict.fromkeys(("glb", "gltf"), "pipeline.plugins.interchange.gltf_paint:GLTF_PAINT"),

@@ -37,10 +37,22 @@ def write_animated_gltf(path: Path, clip: str, parts: Sequence[Moving], plain: b
     Raises UsageError where the file would be larger than its format allows, MachineError where the disk
     refuses.
     """
-    content = _Animation(plain)
+    _animation(parts, plain, compresses=True).write(path, clip)
+
+
+def quantized_animation(clip: str, parts: Sequence[Moving]) -> bytes:
+    """Return a GLB as `write_animated_gltf` writes it, in whole steps without compression.
+
+    Raises UsageError where it would be larger than its format allows.
+    """
+    return _animation(parts, plain=False, compresses=False).glb(clip, clip)
+
+
+def _animation(parts: Sequence[Moving], plain: bool, compresses: bool) -> GltfContent:
+    content = _Animation(plain, compresses)
     for part in parts:
         content.add(part)
-    content.write(path, clip)
+    return content
 
 
 class _Animation(GltfContent):
@@ -106,7 +118,11 @@ class _Animation(GltfContent):
             bytes_ = np.zeros((len(normal), 4), np.int8)
             bytes_[:, :3] = np.rint(normal * 127.0)
             held = self.accessor(self.vertices(bytes_), bytes_, "VEC3", 5120, normalized=True)
-        else:  # differences reach from -2 to 2, which normalized bytes cannot hold
+        elif not self.compresses:  # differences reach from -2 to 2, which normalized bytes cannot hold
+            held = self.floats(
+                np.ldexp(np.rint(np.ldexp(normal, -_NORMAL_EXPONENT)), _NORMAL_EXPONENT), "VEC3"
+            )
+        else:
             elements = exponential_elements(normal, _NORMAL_EXPONENT)
             held = self.accessor(self.compressed(elements, "EXPONENTIAL"), elements, "VEC3", FLOAT)
         return {"POSITION": position, "NORMAL": held}

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
 from pipeline.errors import FrameError
+from pipeline.plugin import Animation
 from pipeline.plugins.interchange.alembic_export import write_alembic
-from pipeline.plugins.interchange.animated_gltf import Moving, write_animated_gltf
+from pipeline.plugins.interchange.animated_gltf import Moving, quantized_animation, write_animated_gltf
 from pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
 from pipeline.plugins.interchange.exported_frame import KeyedFiles
 from pipeline.plugins.interchange.exported_materials import pictures_recipe
@@ -29,8 +31,13 @@ from pipeline.production.stages import EXPORT
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.plural import plural
 from render.base.serialise import to_plain
+from render.scene.materials import LOOKS
 
 _VERSION = 1  # of the formats as they are written here
+
+_UNSEEN = 0.05  # error of vertices that players can do without, maximum edge lengths
+
+_SMOOTH = 1 / 400  # distance of vertices from their true positions in players, of the sculpture's extent
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,12 +110,7 @@ class AnimationExport(ABC):
         """
         if self.is_current:
             return None
-        meshes = []
-        for part in self.parts:
-            try:
-                meshes.append(part.one_mesh(began))
-            except FrameError as error:
-                raise FrameError(f"{part.name} {error}") from error
+        meshes = _meshes(self.parts, began)
         with self.files.noting():
             return meshes, self.write_files(meshes, began)
 
@@ -120,8 +122,35 @@ class AnimationExport(ABC):
         ]
 
 
-def _keyframes(mesh: OneMesh, began: Began) -> KeyPoses:
-    return KeyPoses.of(DrawnMesh.of(mesh), began("exporting", len(mesh.frames)))
+def animation(request: RenderRequest, store: Store, vertices: int) -> Animation:
+    """Return the shape of all subjects in motion, for players: `Plugin.animations` says more.
+
+    Vertices that nobody sees are left out, as with `--until 0.05`. Raises UsageError for subjects that have
+    no one mesh for all frames.
+    """
+    parts = [Unification(part, store, vertices, _UNSEEN, is_plain=True) for part in request.parts]
+
+    def glb(began: Began) -> bytes:
+        meshes = _meshes(parts, began)
+        moving = [Moving(mesh.name, _keyframes(mesh, began, _SMOOTH), LOOKS["clay"]) for mesh in meshes]
+        return quantized_animation(request.name, moving)
+
+    return Animation(key_of(EXPORT.recipe, "animation", _VERSION, [part.key for part in parts]), glb)
+
+
+def _meshes(parts: Iterable[Unification], began: Began) -> list[OneMesh]:
+    """Return one mesh of each subject. Raises what `Unification.one_mesh` raises, naming the subject."""
+    meshes = []
+    for part in parts:
+        try:
+            meshes.append(part.one_mesh(began))
+        except FrameError as error:
+            raise FrameError(f"{part.name} {error}") from error
+    return meshes
+
+
+def _keyframes(mesh: OneMesh, began: Began, share: float = math.inf) -> KeyPoses:
+    return KeyPoses.of(DrawnMesh.of(mesh), began("exporting", len(mesh.frames)), share)
 
 
 def _keys_in_words(parts: list[Moving]) -> str:

@@ -145,12 +145,18 @@ class KeyPoses:
     error: float
 
     @classmethod
-    def of(cls, drawn: DrawnMesh, passed: Callable[[], None] = lambda: None) -> KeyPoses:
-        """Choose the fewest poses that keep every frame within MOST_ERROR; `passed` is called by frame."""
+    def of(
+        cls, drawn: DrawnMesh, passed: Callable[[], None] = lambda: None, share: float = math.inf
+    ) -> KeyPoses:
+        """Choose the fewest poses that keep every frame within MOST_ERROR; `passed` is called by frame.
+
+        share  keep them also within this share of the longest side of the bounds
+        """
         low, high = drawn.bounds
-        edges = {n: drawn.edge_at(n, drawn.mesh.points_at(n)) for n in drawn.mesh.frames}
-        finest = min(edges.values())
         extent = float((high - low).max())
+        longest = max(share * extent / MOST_ERROR, 1e-30)
+        edges = {n: min(drawn.edge_at(n, drawn.mesh.points_at(n)), longest) for n in drawn.mesh.frames}
+        finest = min(edges.values())
         step = max(finest / _STEPS, extent / _LARGEST, 1e-30)
         rounding = 0.5 * math.sqrt(3.0) * step / finest
         numbers, error = _poses(_frames(drawn.mesh, edges, passed), MOST_ERROR - rounding)

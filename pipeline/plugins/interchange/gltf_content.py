@@ -38,11 +38,13 @@ _LARGEST_FILE = 2**32 - 1  # bytes that the header of a GLB can state
 class GltfContent:
     """The objects of a glTF document and its binary data, as they are added.
 
-    plain  True for float32 without extensions
+    plain       True for float32 without extensions
+    compresses  False for whole steps without compression, to be compressed as a whole
     """
 
-    def __init__(self, plain: bool) -> None:
+    def __init__(self, plain: bool, compresses: bool = True) -> None:
         self.plain = plain
+        self.compresses = compresses and not plain
         self.binary = bytearray()
         self._decoded = 0  # bytes of the fallback buffer
         self.used: set[str] = set()
@@ -58,21 +60,23 @@ class GltfContent:
         self._textures: dict[EmbeddedPicture, int] = {}
 
     def write(self, path: Path, scene: str) -> None:
-        """Write the file. Raises UsageError where it would be larger than its format allows, MachineError
-        where the disk refuses."""
-        document, binary = self.document(scene), bytes(self.binary)
-        text = json.dumps(document, separators=(",", ":")).encode()
+        """Write the file. Raises what `glb` raises, and MachineError where the disk refuses."""
+        content = self.glb(path.name, scene)
+        with disk_errors(path):
+            path.write_bytes(content)
+
+    def glb(self, name: str, scene: str) -> bytes:
+        """Return the content of a file. Raises UsageError where it is larger than its format allows."""
+        text = json.dumps(self.document(scene), separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
-        length = 12 + 8 + len(text) + 8 + len(binary)
+        length = 12 + 8 + len(text) + 8 + len(self.binary)
         if length > _LARGEST_FILE:
             raise UsageError(
-                f"{path.name}: {length / 1e9:.1f} GB, and a GLB holds {_LARGEST_FILE / 1e9:.1f} GB; "
+                f"{name}: {length / 1e9:.1f} GB, and a GLB holds {_LARGEST_FILE / 1e9:.1f} GB; "
                 "use fewer frames, or --vertices for a smaller mesh"
             )
-        with disk_errors(path), path.open("wb") as file:
-            file.write(struct.pack("<4sII", b"glTF", 2, length))
-            file.write(struct.pack("<I4s", len(text), b"JSON") + text)
-            file.write(struct.pack("<I4s", len(binary), b"BIN\0") + binary)
+        head = struct.pack("<4sIII4s", b"glTF", 2, length, len(text), b"JSON")
+        return b"".join([head, text, struct.pack("<I4s", len(self.binary), b"BIN\0"), self.binary])
 
     def primitives(
         self,
@@ -137,15 +141,15 @@ class GltfContent:
 
     def _indices(self, faces: AnyArray) -> int:
         indices = faces.reshape(-1).astype("<u4")
-        if self.plain:
-            view = self.raw(indices, target=_INDICES)
-        else:
+        if self.compresses:
             view = self._view(encode_indices(indices), len(indices), 4, "INDICES", target=_INDICES)
+        else:
+            view = self.raw(indices, target=_INDICES)
         return self.accessor(view, indices, "SCALAR", WIDE)
 
     def vertices(self, rows: AnyArray) -> int:
         """Add the rows of an attribute, each a multiple of four bytes long; return the view's number."""
-        if self.plain:
+        if not self.compresses:
             stride = rows.itemsize * rows.shape[1]
             return self.raw(rows, target=_VERTICES, byteStride=stride)
         return self.compressed(np.ascontiguousarray(rows).view(np.uint8))

@@ -233,6 +233,11 @@ class Refiner:
     def _first_keys(self) -> dict[int, Key]:
         return {n: key_of(UNIFY.recipe, self._request.mesh_key(n)) for n in self.frames}
 
+    @property
+    def vertices_at_rest(self) -> int:
+        """The number of vertices before any edge is split."""
+        return len(self._start.vertices)
+
     def missing(self) -> list[int]:
         """Return the frames whose files of the first sweep are not stored."""
         return [n for n in self.frames if not self._store.holds(KIND, self._first_keys[n])]

@@ -53,6 +53,7 @@ class Unification:
     request   of a shot with one subject, such as one of its `parts`
     vertices  the most vertices; None for as many as no edge is too long with
     until     the error up to which births are left out; None for none
+    is_plain  True for the shape alone, without colours and texture coordinates
 
     Raises UsageError for a subject that has no one mesh for all frames.
     """
@@ -61,6 +62,7 @@ class Unification:
     store: Store
     vertices: int | None = None
     until: float | None = None
+    is_plain: bool = False
 
     def __post_init__(self) -> None:
         _ = self._refiner  # raises before anything is computed
@@ -77,7 +79,7 @@ class Unification:
         return key_of(
             UNIFY.recipe,
             *(self._refiner.key, self.request.requested, str(shot.rate), self.vertices, self.until),
-            *surface_recipe(shot),
+            *([None] if self.is_plain else surface_recipe(shot)),
         )
 
     def missing(self) -> list[int]:
@@ -93,6 +95,11 @@ class Unification:
         Raises FrameError where the surface cannot be refined (see `Refiner.refined`), and UsageError where
         fewer vertices are asked for than the subject has at rest.
         """
+        start = self._refiner.vertices_at_rest
+        if self.vertices is not None and self.vertices < start:
+            raise UsageError(
+                f"{self.name} has {start} vertices at rest, so one mesh of it cannot have {self.vertices}"
+            )
         refined = self._refiner.refined(began)
         kept, reduction = self._reduced(refined, began)
         surface, _ = refined.surface(kept)
@@ -150,6 +157,8 @@ class Unification:
     def _coloured(self, mesh: OneMesh) -> OneMesh:
         """Return the mesh with colours, those of the first frame, and texture coordinates."""
         look, first = self.request.shot.picture.look, mesh.frames[0]
+        if self.is_plain:
+            return mesh
         paint = self.request.shot.motion.painted(mesh.rest, mesh.faces)
         mesh = replace(mesh, texture=texture_coordinates(look, mesh.rest, mesh.faces, paint))
         if not has_colours(look):
@@ -166,10 +175,6 @@ class Unification:
     def _reduced(self, refined: Refined, began: Began) -> tuple[AnyArray, Reduction | None]:
         """Return flags (N,) of the births to keep, and what is left out."""
         start, births = len(refined.start.vertices), len(refined.births)
-        if self.vertices is not None and self.vertices < start:
-            raise UsageError(
-                f"--vertices {self.vertices} is fewer than the {start} of {self.name} at rest; take more"
-            )
         kept = np.ones(births, bool)
         if not births or (self.vertices is None and self.until is None):
             return kept, None

@@ -15,6 +15,7 @@ from pipeline.plugins.review.review_notes import STATUSES, NotesFolder, ReviewNo
 from pipeline.plugins.review.review_page import HINT, ReviewPage, Search
 from pipeline.production.request.lookup import find_shot, require_quality
 from pipeline.production.store.history import History
+from pipeline.production.store.locks import writing
 from pipeline.shot.yaml.named_files import NAME
 from render.base.plural import plural
 from render.base.render_errors import readable
@@ -45,7 +46,10 @@ def review(
         str, typer.Option("--as", metavar="FORM", help=f"Pictures as {' or '.join(FORMS)}; png is lossless.")
     ] = FORMS[0],
     models: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Mesh frames of each shot for the 3-D view.")
+        int,
+        typer.Option(
+            min=0, metavar="N", help="Simulated frames of each shot in the 3-D view; 0: no motion either."
+        ),
     ] = 24,
     layers: Annotated[
         int,
@@ -80,8 +84,8 @@ def review(
     if common.dry_run:
         counts = {"sequences": len(page.sequences), "pictures": sum(len(s.pictures) for s in page.sequences)}
     else:
-        with progress_bars(common.progress) as bar:
-            counts = page.write(bar("making the page", page.steps))
+        with writing(common.root, common.wait), progress_bars(common.progress) as bar:
+            counts = page.write(bar("making the page", page.steps), bar)
     if three_js() is None:
         print_warning(HINT)
     verb = " would show" if common.dry_run else ""

@@ -126,15 +126,20 @@ class ReviewPage:
         pictures = sum(len(each.pictures) + min(self.layers, len(each.pictures)) for each in self.sequences)
         return pictures + sum(len(material.request.angles) for material in self.shots)
 
-    def write(self, tell: Tell = lambda: None) -> dict[str, int]:
+    def write(
+        self, tell: Tell = lambda: None, began: Callable[[str, int], Tell] = lambda name, total: lambda: None
+    ) -> dict[str, int]:
         """Write missing files, remove those that the page does not show, and return counts by kind.
+
+        tell   called after each step
+        began  as `PageMeshes.write_motion` takes it
 
         Raises MachineError if the disk refuses.
         """
         with disk_errors(self.folder):
             for name in ("pictures", "models", "layers", "page"):
                 (self.folder / name).mkdir(parents=True, exist_ok=True)
-        shots = {material.request.name: self._shot(material, tell) for material in self.shots}
+        shots = {material.request.name: self._shot(material, tell, began) for material in self.shots}
         sequences = [self._sequence(sequence, tell) for sequence in self.sequences]
         script = three_js()
         data = {
@@ -156,14 +161,20 @@ class ReviewPage:
         self._write(self.folder / "data.js", f"window.reviewData = {_json(data)};\n".encode())
         pictures = {name for sequence in sequences for name in sequence["files"] if name}
         models = {file for shot in shots.values() for _, file in shot["models"]}
+        moving = {shot["motion"]["file"] for shot in shots.values() if "file" in shot["motion"]}
         sheets = {sequence["sheet"]["file"] for sequence in sequences if sequence["sheet"]}
         layers = {file for each in sequences for files in each["layers"].values() for file in files.values()}
-        for folder, names in (("pictures", pictures | sheets), ("models", models), ("layers", layers)):
+        for folder, names in (
+            ("pictures", pictures | sheets),
+            ("models", models | moving),
+            ("layers", layers),
+        ):
             _keep(self.folder / folder, names)
         return {
             "sequences": len(sequences),
             "pictures": len(pictures),
             "models": len(models),
+            "moving": len(moving),
             "frames_with_layers": sum(len(each["layers"]) for each in sequences),
             "layer_bytes": sum((self.folder / "layers" / file).stat().st_size for file in layers),
         }
@@ -173,7 +184,7 @@ class ReviewPage:
         if not path.exists() or path.read_bytes() != content:
             self.store.write(path, lambda draft: draft.write_bytes(content))
 
-    def _shot(self, material: ShotMaterial, tell: Tell) -> dict[str, Any]:
+    def _shot(self, material: ShotMaterial, tell: Tell, began: Callable[[str, int], Tell]) -> dict[str, Any]:
         """Return data of a shot that all its sequences share."""
         request = material.request
         numbers = sorted(request.angles)
@@ -187,6 +198,7 @@ class ReviewPage:
             "limits": list(limits_of(request)),
             "measures": measures,
             "models": [[number, name] for number, name in models if name],
+            "motion": meshes.write_motion(began) if self.models else {"without": ""},
         }
 
     def _sequence(self, sequence: PictureSequence, tell: Tell) -> dict[str, Any]:

@@ -1,20 +1,25 @@
-"""The meshes of the page's 3-D view, which three.js draws.
+"""The meshes of the page's 3-D view, which three.js draws: some frames as simulated, all as one mesh.
 
-A page may load scripts but no data: meshes are scripts, with positions in 16 bits and normals in 8.
+A page may load scripts but no data: meshes are scripts, with positions in 16 bits and normals in 8. One mesh
+is made by a plug-in for animations; its GLB is deflated.
 """
 
 from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pipeline.arrays import AnyArray
+from pipeline.errors import FlowsculptError
+from pipeline.plugin import plugins
 from pipeline.plugins.review.measures import simulated
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
@@ -24,6 +29,9 @@ from pipeline.production.store.store import Key, Store, key_of
 FORMAT = 2
 
 _OF_VERTICES = ("vertices", "normals")
+
+MOST_VERTICES = 60_000
+"""Vertices of one mesh of each subject."""
 
 BUDGET = 64_000_000  # bytes, about, of the meshes of a shot on a page; large meshes come in fewer frames
 
@@ -38,20 +46,18 @@ class PageMeshes:
 
     def chosen(self, most: int) -> list[int]:
         """Return at most so many simulated frames, evenly spaced, with the first and the last."""
-        files = {n: found for n in sorted(self.request.angles) if (found := self._files(n))}
-        if not files or most < 1:
+        numbers = list(self._simulated)
+        if not numbers or most < 1:
             return []
-        numbers = list(files)
-        largest = max(sum(path.stat().st_size for path, _ in files[number]) for number in numbers[-3:])
+        last = [self._simulated[number] for number in numbers[-3:]]
+        largest = max(sum(path.stat().st_size for path, _ in files) for files in last)
         count = max(1, min(most, len(numbers), BUDGET // max(1, largest)))
         indices = np.linspace(0, len(numbers) - 1, count).round().astype(int)
         return [numbers[index] for index in dict.fromkeys(indices.tolist())]
 
     def write(self, number: int) -> str | None:
         """Write one frame unless it is there, and return its file's name; None if it cannot be read."""
-        files = self._files(number)
-        if not files:
-            return None
+        files = self._simulated[number]
         keys = [key for _, key in files]
         name = f"{key_of('model', FORMAT, keys if len(keys) > 1 else keys[0])}.js"
         if not self.store.is_whole(self.folder / name):
@@ -61,9 +67,43 @@ class PageMeshes:
                 arrays = joined([readers.arrays(key)(path) for path, key in files])
             except (CorruptFileError, OSError):
                 return None
-            script = as_script(name, arrays)
-            self.store.write(self.folder / name, lambda draft: draft.write_text(script, encoding="utf-8"))
+            self._write(name, as_script(name, arrays))
         return name
+
+    def write_motion(self, began: Callable[[str, int], Callable[[], None]]) -> dict[str, Any]:
+        """Write all simulated frames as one mesh unless it is there.
+
+        began  called with the name of each part of the work and its number of steps; returns what is called
+               after each
+
+        Returns `file` and `first`, the frame where the motion begins; or `without`, why there is none.
+        """
+        numbers, name = tuple(self._simulated), self.request.name
+        if len(numbers) < 2:
+            return {"without": ""}
+        for number, files in self._simulated.items():
+            if [key for _, key in files] != [part.normals_key(number) for part in self.request.parts]:
+                return {"without": f"{name} has changed since frame {number} was simulated; render it again."}
+        without = "no plug-in makes animations."
+        for function in plugins().animations:
+            try:
+                animation = function(replace(self.request, requested=numbers), self.store, MOST_VERTICES)
+                file = f"{key_of('motion', FORMAT, animation.key)}.js"
+                if not self.store.is_whole(self.folder / file):
+                    data = {"glb": _encoded(np.frombuffer(zlib.compress(animation.glb(began)), "u1"), "u1")}
+                    self._write(file, _call(file, data))
+                return {"file": file, "first": numbers[0]}
+            except FlowsculptError as error:
+                without = f"{error}."
+        return {"without": without}
+
+    def _write(self, name: str, script: str) -> None:
+        self.store.write(self.folder / name, lambda draft: draft.write_text(script, encoding="utf-8"))
+
+    @cached_property
+    def _simulated(self) -> dict[int, list[tuple[Path, Key]]]:
+        """Path and key of the normals of each subject, of the frames of which all are simulated."""
+        return {n: found for n in sorted(self.request.angles) if (found := self._files(n))}
 
     def _files(self, number: int) -> list[tuple[Path, Key]]:
         """Return path and key of the normals of each subject of a frame; none unless all are simulated."""
@@ -125,6 +165,10 @@ def as_script(name: str, arrays: dict[str, AnyArray]) -> str:
             "centres": packed(arrays["centres"]),
             "radii": _encoded(arrays["radii"], "<f4"),
         }
+    return _call(name, data)
+
+
+def _call(name: str, data: dict[str, Any]) -> str:
     return f"reviewModel({json.dumps(name)}, {json.dumps(data)});\n"
 
 

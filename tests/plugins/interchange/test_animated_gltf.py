@@ -14,7 +14,12 @@ from hypothesis import strategies as st
 from playwright.sync_api import Browser
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.plugins.interchange.animated_gltf import Moving, closes, write_animated_gltf
+from pipeline.plugins.interchange.animated_gltf import (
+    Moving,
+    closes,
+    quantized_animation,
+    write_animated_gltf,
+)
 from pipeline.plugins.interchange.drawn_mesh import MOST_ERROR, DrawnMesh, KeyPoses
 from pipeline.plugins.interchange.gltf_document import GltfDocument
 from pipeline.plugins.interchange.meshopt import FILTERS, MODES, decode_attributes, decode_indices
@@ -89,17 +94,22 @@ class Player:
         return self.at(second, "POSITION") * node.get("scale", 1.0) + node.get("translation", 0.0)
 
 
-def written(place: Path, drawn: DrawnMesh, look: str = "clay", plain: bool = False) -> Path:
+def written(place: Path, drawn: DrawnMesh, look: str = "clay", plain: bool | None = False) -> Path:
+    """Write a file: compressed, plain, or neither with `plain` None."""
     path = place / f"{look}.{plain}.{len(list(place.iterdir()))}.glb"
-    write_animated_gltf(path, "clip", [Moving("twisted", KeyPoses.of(drawn), LOOKS[look])], plain)
+    parts = [Moving("twisted", KeyPoses.of(drawn), LOOKS[look])]
+    if plain is None:
+        path.write_bytes(quantized_animation("clip", parts))
+    else:
+        write_animated_gltf(path, "clip", parts, plain)
     return path
 
 
-@pytest.mark.parametrize("plain", [False, True])
+@pytest.mark.parametrize("plain", [False, True, None])
 @pytest.mark.parametrize(
     "drawn", [ball, painted_box, partial(ball, edge=0.05), partial(ball, frames=range(7, 8))]
 )
-def test_every_frame_is_within_a_quarter_of_an_edge(tmp_path: Path, drawn: Any, plain: bool) -> None:
+def test_every_frame_is_within_a_quarter_of_an_edge(tmp_path: Path, drawn: Any, plain: bool | None) -> None:
     moving = drawn()
     keys, player = KeyPoses.of(moving), Player(written(tmp_path, moving, plain=plain))
     assert (len(keys.numbers) < len(moving.mesh.frames)) or len(keys.numbers) == 1
@@ -160,7 +170,7 @@ def test_the_validator_of_khronos_finds_no_fault(tmp_path: Path) -> None:
             (ball(), "glass"),
             (ball(frames=range(1, 2)), "car_paint"),
         )
-        for plain in (False, True)
+        for plain in (False, True, None)
         if look in LOOKS
     ]
     assert gltf_messages(*paths) == []

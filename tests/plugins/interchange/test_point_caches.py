@@ -107,7 +107,7 @@ def test_a_dry_run_says_what_would_be_refined_and_writes_nothing(tmp_path: Path)
     ("words", "code", "says"),
     [
         (("-f", "1,2,5"), 2, "frames 1-2,5 are not evenly spaced"),
-        (("--vertices", "12"), 2, "--vertices 12 is fewer than the"),
+        (("--vertices", "12"), 2, "vertices at rest, so one mesh of it cannot have 12"),
     ],
 )
 def test_what_a_cache_cannot_hold_is_refused(

@@ -178,7 +178,7 @@ def test_a_click_in_the_grid_makes_a_cell_a_and_with_shift_b(opened: Opened) -> 
 @pytest.mark.skipif(three_js() is None, reason="three.js is not set up here")
 def test_the_mesh_nearest_to_the_playhead_is_drawn(opened: Opened) -> None:
     look = opened(frame=LAST)
-    look.press("m")
+    look.press("m", "Shift+M")
     look.wait("review.panels.mesh.shownName")
     assert "Frame 24, 6" in look.tab.inner_text("#panel-mesh .note")
     plain = look.seen(".mesh-stage").astype(int)

@@ -120,6 +120,7 @@ const KEYS = [
     ["", "", (r) => r.showTab("mesh"), ["m"]],
     ["Shift D", "Shot file, and how that of B differs", (r) => r.showTab("shot"), ["D"]],
     ["E", "Triangles of the mesh", (r) => r.panels.mesh.setLines(!r.panels.mesh.lines), ["e"]],
+    ["Shift M", "All frames as one mesh, or simulated ones", (r) => r.panels.mesh.setMotion(!r.panels.mesh.plays), ["M"]],
     ["C", "The shot's camera in the mesh view", (r) => r.panels.mesh.follow(), ["c"]],
     ["?", "These keys", (r) => r.help(), ["?"]],
   ]],

@@ -1,9 +1,9 @@
 "use strict";
-// The surfaces and clouds nearest to the playhead, in three dimensions: to be turned, and triangles to be seen.
+// The sculpture at the playhead, in three dimensions: to be turned, and triangles to be seen.
 
 class MeshPanel {
   constructor(element, review, three, hint) {
-    Object.assign(this, { element, review, three, hint, lines: false, follows: true });
+    Object.assign(this, { element, review, three, hint, lines: false, follows: true, plays: true, moving: new Map(), faults: new Map() });
     element.classList.add("mesh");
   }
 
@@ -21,17 +21,21 @@ class MeshPanel {
     if (!this.renderer || this.element.hidden) return;
     const { clientWidth: width, clientHeight: height } = this.stage;
     if (!width || !height) return;
-    this.renderer.setPixelRatio(window.devicePixelRatio || 1);
-    this.renderer.setSize(width, height, false);
-    this.camera.aspect = width / height;
-    this.camera.updateProjectionMatrix();
-    if (this.follows && this.group) this.#aim();
+    const ratio = window.devicePixelRatio || 1, size = `${width} ${height} ${ratio}`;
+    if (this.size !== size) {
+      this.size = size;
+      this.renderer.setPixelRatio(ratio);
+      this.renderer.setSize(width, height, false);
+      this.camera.aspect = width / height;
+      this.camera.updateProjectionMatrix();
+    }
+    if (this.follows && this.shown) this.#aim();
     this.#render();
   }
 
   async #begin() {
     const bundle = await loadThree(this.three), { THREE } = bundle;
-    this.THREE = THREE;
+    Object.assign(this, { bundle, THREE });
     this.renderer = new THREE.WebGLRenderer({ antialias: true });
     this.stage = Object.assign(document.createElement("div"), { className: "mesh-stage" });
     this.renderer.domElement.setAttribute("role", "img");
@@ -46,11 +50,6 @@ class MeshPanel {
     rim.position.set(2.6, 1.2, -2.4);
     this.camera.add(key, rim);
     this.scene.add(this.camera);
-    this.clay = new THREE.MeshStandardMaterial({
-      color: 0xb4b4b4, roughness: 0.72, side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
-    });
-    this.wire = new THREE.MeshBasicMaterial({ color: 0x111111, wireframe: true, transparent: true, opacity: 0.5 });
-    this.balls = ballMaterial(THREE);
     this.controls = new bundle.OrbitControls(this.camera, this.renderer.domElement);
     this.controls.addEventListener("start", () => this.#follow(false));
     this.controls.addEventListener("change", () => this.#render());
@@ -62,8 +61,9 @@ class MeshPanel {
   #buildBar() {
     this.bar = Object.assign(document.createElement("div"), { className: "mesh-bar" });
     this.lineButton = toggle("Triangles", "Show the triangles (E)", () => this.setLines(!this.lines));
+    this.motionButton = toggle("Motion", "One mesh that plays every frame, or simulated frames (Shift M)", () => this.setMotion(!this.plays));
     this.followButton = toggle("Shot's camera", "Look through the camera of the shot (C)", () => this.#follow(!this.follows));
-    this.bar.append(this.lineButton, this.followButton);
+    this.bar.append(this.motionButton, this.lineButton, this.followButton);
     this.words = Object.assign(document.createElement("p"), { className: "note" });
     this.#mark();
   }
@@ -71,12 +71,19 @@ class MeshPanel {
   #mark() {
     this.lineButton?.setAttribute("aria-pressed", this.lines);
     this.followButton?.setAttribute("aria-pressed", this.follows);
+    this.motionButton?.setAttribute("aria-pressed", this.plays);
+  }
+
+  setMotion(plays) {
+    this.plays = plays;
+    this.#mark();
+    this.draw();
   }
 
   setLines(lines) {
     this.lines = lines;
     this.#mark();
-    if (this.group) this.#render();
+    if (this.shown) this.#render();
   }
 
   follow() { this.#follow(true); }
@@ -84,80 +91,77 @@ class MeshPanel {
   #follow(follows) {
     this.follows = follows;
     this.#mark();
-    if (follows && this.group) { this.#aim(); this.#render(); }
+    if (follows && this.shown) { this.#aim(); this.#render(); }
   }
 
   async #show() {
-    const { a, transport } = this.review, frame = transport.frame;
-    const [number, name] = a.about.models.reduce((best, each) => (Math.abs(each[0] - frame) < Math.abs(best[0] - frame) ? each : best));
+    const { a, transport } = this.review, { models, motion } = a.about;
+    const isNearer = (each, best) => Math.abs(each[0] - transport.frame) < Math.abs(best[0] - transport.frame);
+    const [number, still] = models.reduce((best, each) => (isNearer(each, best) ? each : best));
+    const plays = this.plays && motion.file && !this.faults.has(motion.file), name = plays ? motion.file : still;
+    this.motionButton.hidden = !motion.file || this.faults.has(motion.file);
     this.wanted = name;
-    let data;
     try {
-      data = await loadModel(name);
+      if (this.shownName !== name) this.#build(plays ? await this.#motion(motion, a.about.fps) : await this.#still(name, number), name);
     } catch (error) {
-      this.words.textContent = error.message;
-      return;
+      if (!plays) return void (this.words.textContent = error.message);
+      this.faults.set(motion.file, `${error.message}.`);
+      return void this.#show();
     }
-    if (this.wanted !== name) return;
-    if (this.shownName !== name) this.#build(data);
-    Object.assign(this, { shownName: name, shownNumber: number });
-    const kinds = [[data.triangles, "triangles"], [data.points, "points"]].filter(([number]) => number);
-    const what = kinds.map(([number, kind]) => `${count(number)} ${kind}`).join(" and ");
-    this.words.textContent = number === frame ? `Frame ${number}, ${what}` : `Frame ${number}, the nearest on this page, ${what}`;
-    this.renderer.domElement.setAttribute("aria-label", `Mesh of frame ${number}, ${what}`);
+    if (this.shownName === this.wanted) this.#pose(this.faults.get(motion.file) ?? motion.without);
+  }
+
+  async #still(name, number) { return new StillMeshes(this.THREE, await loadModel(name), number); }
+
+  #motion({ file, first }, fps) {
+    if (!this.moving.has(file)) this.moving.set(file, loadModel(file).then((data) => MovingMesh.of(this.bundle, data, first, fps)));
+    return this.moving.get(file);
+  }
+
+  #build(meshes, name) {
+    if (this.wanted !== name || this.shownName === name) return void meshes.dispose();
+    this.shown?.dispose();
+    if (this.shown) this.scene.remove(this.shown.group);
+    Object.assign(this, { shown: meshes, shownName: name });
+    this.scene.add(meshes.group);
+  }
+
+  /** Show the frame at the playhead, or the nearest that there is. */
+  #pose(without) {
+    const { frame } = this.review.transport, { what } = this.shown;
+    this.shownNumber = this.shown.show(frame);
+    const words = [`Frame ${this.shownNumber}`, ...(this.shownNumber === frame ? [] : ["the nearest on this page"]), what].join(", ");
+    this.words.textContent = without ? `${words}. It does not play: ${without}` : words;
+    this.renderer.domElement.setAttribute("aria-label", `Mesh of frame ${this.shownNumber}, ${what}`);
     this.resize();
-    if (this.follows) this.#aim();
-    this.#render();
   }
 
-  #build(data) {
-    const { THREE } = this;
-    this.group?.traverse((each) => each.geometry?.dispose());
-    this.scene.remove(this.group);
-    this.group = new THREE.Group();
-    this.lined = null;
-    if (data.faces) {
-      const geometry = this.#placed(data, data.positions);
-      geometry.setAttribute("normal", new THREE.BufferAttribute(decoded(data.normals, Int8Array), 3, true));
-      geometry.setIndex(new THREE.BufferAttribute(decoded(data.faces, data.wide ? Uint32Array : Uint16Array), 1));
-      this.lined = new THREE.Mesh(geometry, this.wire);
-      this.group.add(new THREE.Mesh(geometry, this.clay), this.lined);
-    }
-    if (data.points) {
-      const geometry = this.#placed(data, data.centres);
-      geometry.setAttribute("radius", new THREE.BufferAttribute(decoded(data.radii, Float32Array), 1));
-      this.group.add(new THREE.Points(geometry, this.balls));
-    }
-    this.box = data;
-    this.middle = new THREE.Vector3(...data.low.map((low, axis) => (low + data.high[axis]) / 2));
-    this.scene.add(this.group);
-  }
-
-  /** A geometry with positions of 16 bits over the box of the data. */
-  #placed(data, text) {
-    const packed = decoded(text, Uint16Array), positions = new Float32Array(packed.length);
-    const steps = data.low.map((low, axis) => (data.high[axis] - low) / 65535);
-    for (let i = 0; i < packed.length; i++) positions[i] = data.low[i % 3] + packed[i] * steps[i % 3];
-    return new this.THREE.BufferGeometry().setAttribute("position", new this.THREE.BufferAttribute(positions, 3));
-  }
-
-  /** The shot's camera at the playhead; where that is not known, from the front. */
+  /** The shot's camera at the playhead. */
   #aim() {
-    const { a, transport } = this.review, of = (name) => a.fact(transport.frame, `camera.${name}`);
-    const origin = of("origin") ?? [this.middle.x, this.middle.y + 1, this.middle.z + 8];
-    const target = of("target") ?? this.middle.toArray();
+    if (this.shown instanceof MovingMesh && this.fitted !== this.shown) {
+      for (const number of this.review.a.numbers) this.#place(number);
+      this.fitted = this.shown;
+    }
+    this.#place(this.review.transport.frame);
+    this.controls.update();
+  }
+
+  /** The shot's camera of a frame; where that is not known, from the front. */
+  #place(frame) {
+    const { a } = this.review, of = (name) => a.fact(frame, `camera.${name}`), { low, high } = this.shown.box(frame);
+    const middle = low.map((value, axis) => (value + high[axis]) / 2);
+    const origin = of("origin") ?? [middle[0], middle[1] + 1, middle[2] + 8], target = of("target") ?? middle;
     this.camera.up.fromArray(of("up") ?? [0, 1, 0]);
     this.camera.position.fromArray(origin);
     this.controls.target.fromArray(target);
     this.camera.lookAt(...target);
     this.camera.updateMatrixWorld();
-    this.#fitView();
-    this.controls.update();
+    this.#fitView(low, high);
   }
 
   /** As close as everything seen of the shot allows: what fitted once still fits, so that nothing jumps. */
-  #fitView() {
-    const corner = new this.THREE.Vector3(), { low, high } = this.box, { aspect } = this.camera;
+  #fitView(low, high) {
+    const corner = new this.THREE.Vector3(), { aspect } = this.camera;
     if (this.shot !== this.review.a.about) Object.assign(this, { shot: this.review.a.about, reach: { x: 0, y: 0 } });
     for (let i = 0; i < 8; i++) {
       corner.set(...[0, 1, 2].map((axis) => (i >> axis & 1 ? high : low)[axis])).applyMatrix4(this.camera.matrixWorldInverse);
@@ -174,12 +178,12 @@ class MeshPanel {
     const distance = this.camera.position.distanceTo(this.controls.target);
     const tall = 2 * distance * Math.tan((this.camera.fov * Math.PI) / 360);
     const pixels = (edge / tall) * this.stage.clientHeight * (window.devicePixelRatio || 1);
-    this.wire.opacity = Math.min(0.6, Math.max(0.14, pixels / 20));
+    for (const { material } of this.shown.lined) material.opacity = Math.min(0.6, Math.max(0.14, pixels / 20));
   }
 
   #render() {
-    if (!this.group) return;
-    if (this.lined) this.lined.visible = this.lines;
+    if (!this.shown) return;
+    for (const lines of this.shown.lined) lines.visible = this.lines;
     this.#inkLines();
     this.renderer.render(this.scene, this.camera);
   }
