@@ -132,6 +132,8 @@ class ProjectFolder:
 
     def call(self, *words: str) -> Run:
         """Run the command in this process, where a test needs no process of its own: Python starts slowly."""
+        import OpenImageIO  # noqa: F401 sets where its fonts are, which the patched environment would lose
+
         from pipeline.cli.app import SIGNALS, main
 
         out, err = StringIO(), StringIO()

@@ -9,8 +9,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.frames import FrameRange
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import PICTURE_STAGES, picture_states
 from pipeline.production.planning.timings import render_seconds
@@ -28,6 +30,7 @@ from render.graphics.contact_sheet import reduced
 from render.post.colour import quantise, to_display
 from render.post.image import read_header
 from render.post.view import ACES, ColourView
+from render.scene.rgb_spaces import LUMA
 
 
 @dataclass(frozen=True)
@@ -207,3 +210,27 @@ def shown_picture(
     light = store.read("frame", key, request.place("frame", number), reader)[0]["beauty"]
     picture = request.shot.picture
     return quantise(to_display(reduced(light, factor), picture.lights.exposure, display, picture.view), bits)
+
+
+DULL, NEARLY_BLACK = 180, 40
+"""99th percentile of luminance of 8-bit pictures below which there is no highlight, and nearly no light."""
+
+
+def light_notes(whites: Mapping[int, int]) -> list[str]:
+    """Return lines about frames without highlights, by their `white`."""
+    black = [number for number, white in sorted(whites.items()) if white < NEARLY_BLACK]
+    notes = []
+    if black:
+        frames = f"frames {FrameRange.of(black)} are" if len(black) > 1 else f"frame {black[0]} is"
+        notes.append(f"{frames} nearly black: 99% of the pixels are below {NEARLY_BLACK} of 255. Add light.")
+    if whites and NEARLY_BLACK <= (brightest := max(whites.values())) < DULL:
+        notes.append(
+            f"no highlight: in the brightest frame 99% of the pixels are below {brightest} of 255; lively "
+            "pictures reach 215 to 250. Write lights: {exposure: 0.5}, or a smaller and stronger key light."
+        )
+    return notes
+
+
+def white(picture: NDArray[Any]) -> int:
+    """Return the 99th percentile of luminance of a picture (H, W, 3) in 8 bits."""
+    return int(np.percentile(picture @ LUMA, 99.0))

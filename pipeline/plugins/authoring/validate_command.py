@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated, Any
 
 from pipeline.cli.options import Common, Settings, shots_argument
@@ -20,7 +21,11 @@ from pipeline.errors import FlowsculptError, FrameError, ShotError, UsageError
 from pipeline.flow.flow import python_flows
 from pipeline.plugins.authoring.first_frame import FirstFrame, FirstFrames
 from pipeline.plugins.authoring.scene_rules import Finding, findings
+from pipeline.production.execution.project import Project
+from pipeline.production.picture_sequences import light_notes, shown_picture, white
+from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.lookup import NO_SHOTS, edit_names, find_edit, find_shot, shot_names
+from pipeline.production.store.paths import Folders
 from pipeline.shot import Shot, read_film, read_shot
 from pipeline.shot.subject_checks import SubjectView, subject_views
 from pipeline.shot.yaml.inheritance import inherited
@@ -39,7 +44,8 @@ def validate(
 
     Models are loaded, and the first frame is computed: what was repaired, its vertices and memory are listed.
     Warnings tell of what renders, but hardly as it is meant: edges that are coarse for the subject, a camera
-    inside of it, flows that act elsewhere or take minutes a frame.
+    inside of it, flows that act elsewhere or take minutes a frame. Of finished frames, the light is looked
+    at too.
     """
     edits, given = edit_names(), tuple(settings or ())
     names = shots or [*shot_names(), *edits]
@@ -49,10 +55,17 @@ def validate(
     with progress_bars(common.progress) as bar:
         advance = bar("checking", len(names))
         for name in names:
-            checks.append(_check_edit(name, given) if name in edits else _check(name, given, first_frames))
+            check = _check_edit(name, given) if name in edits else _check(name, given, first_frames)
+            if name not in edits and not check.errors:
+                check.warnings += [f"{name}: {note}" for note in _light(common, name, given)]
+            checks.append(check)
             advance()
     _report(common, checks)
     exit_with(max(check.exit_code for check in checks))
+
+
+LOOKED_AT = 8
+"""Frames that the light of a shot is judged by."""
 
 
 @dataclass
@@ -106,6 +119,25 @@ def _check(name: str, settings: tuple[str, ...], first_frames: FirstFrames) -> _
         _check_scene(check, part, source, views.get(part.subject), first_frames)
     check.notes = list(dict.fromkeys(check.notes))
     return check
+
+
+def _light(common: Common, name: str, settings: tuple[str, ...]) -> list[str]:
+    """Return what is to be said about the light of a shot, by up to LOOKED_AT of its finished frames.
+
+    They are those of its draft if there is one.
+    """
+    project = Project(common.root, common.cores, settings=settings, profile=common.profile)
+    home = common.root / Folders.of_shot(Path(name).stem).home
+    qualities = sorted(place.parent.name for place in home.glob("*/frames"))
+    found = next((quality for quality in ("draft", *qualities) if quality in qualities), None)
+    if found is None:
+        return []
+    request = project.as_finished(project.request(find_shot(name), found))
+    keys = picture_keys(request, project.store)
+    there = [n for n in sorted(request.angles) if (common.root / request.place("frame", n)).exists()]
+    looked_at = there[:: -(-len(there) // LOOKED_AT) or 1]
+    shown = {n: shown_picture(request, keys, project.store, n, 2, 8, "srgb") for n in looked_at}
+    return light_notes({n: white(picture) for n, picture in shown.items() if picture is not None})
 
 
 def _check_scene(

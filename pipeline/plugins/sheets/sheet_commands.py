@@ -33,7 +33,7 @@ from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from pipeline.plugins.sheets.keyed_curves import curves_of
 from pipeline.plugins.sheets.wedge import MOST_CELLS, OPTION, Grid, Variation, Wedge
-from pipeline.production.picture_sequences import shown_picture
+from pipeline.production.picture_sequences import light_notes, shown_picture, white
 from pipeline.production.planning.estimate import Forecast, estimate
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.keys import picture_keys
@@ -73,8 +73,11 @@ class ShotSheet:
         request, frames = self.request, FrameRange.of(self.request.requested)
         return request.folders.home / request.quality_name / f"{request.name}.sheet.{frames}.png"
 
-    def write(self, path: Path) -> None:
-        """Write the sheet as PNG; missing frames are shown as missing. Raises MachineError."""
+    def write(self, path: Path) -> list[str]:
+        """Write the sheet as PNG, and return what is to be said about its light.
+
+        Missing frames are shown as missing. Raises MachineError.
+        """
         request, numbers = self.request, self.request.requested
         size = request.quality.rendered_size
         columns = min(len(numbers), self.columns or columns_for(len(numbers), size))
@@ -87,6 +90,8 @@ class ShotSheet:
         header = {"shot": request.name, "frames": str(FrameRange.of(numbers))}
         page = sheet.picture(pictures, request.quality_name)
         self.store.write(path, lambda draft: write_png(draft, page, header))
+        shown = zip(numbers, pictures, strict=True)
+        return light_notes({n: white(picture) for n, picture in shown if picture is not None})
 
 
 def curves(common: Common, shot: Shot, output: Plot = None, settings: Settings = None) -> None:
@@ -155,7 +160,8 @@ def sheet(
         return
     outcome = execute(common, planned)
     path = output or common.root / made.place
-    made.write(path)
+    for note in made.write(path):
+        print_warning(f"{request.name}: {note}")
     many = len(made.request.requested)
     facts = {"path": str(path), "frames": list(made.request.requested), "rendered": outcome.made("render")}
     print_result(f"{path}: {plural(many, 'frame')}, {outcome.made('render')} rendered.", facts, common.json)

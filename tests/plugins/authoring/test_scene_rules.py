@@ -20,7 +20,7 @@ from pipeline.plugins.authoring.scene_rules import Finding, findings, is_inside,
 from pipeline.plugins.authoring.shot_templates import model_template
 from pipeline.resample import Thresholds, resample
 from pipeline.shot import read_shot
-from tests.conftest import ProjectFolder, commanded
+from tests.conftest import QUALITY, ProjectFolder, commanded
 
 pytestmark = pytest.mark.quick
 
@@ -309,6 +309,18 @@ def test_validate_reports_scenes_by_line_and_as_data(project: ProjectFolder) -> 
     assert coarse["errors"] == [] and len(coarse["warnings"]) == 1
     assert coarse["first_frame"]["vertices"] > 12 and coarse["first_frame"]["memory"] > 1000
     assert broken["errors"][0].startswith("shots/broken.yaml:3:11: ")
+
+
+def test_validate_and_sheets_tell_frames_without_highlights_or_light(
+    finished: ProjectFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(finished.path)
+    for stops, note in ((-2.5, "no highlight"), (-9, "are nearly black"), (3, "")):
+        dimmed = "--set", f"lights={{exposure: {stops}}}"
+        for words in (("validate", "T010_tiny"), ("sheet", "T010_tiny", "-f", "1-2", "-q", QUALITY)):
+            code, said = commanded(finished.path, *words, *dimmed)
+            assert code == 0, said
+            assert note in said if note else "highlight" not in said and "black" not in said
 
 
 def test_an_empty_folder_is_told_how_to_make_a_shot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
