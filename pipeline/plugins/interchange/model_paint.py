@@ -154,17 +154,28 @@ def _charts(corners: AnyArray, alike: AnyArray, coordinates: Floats, materials: 
 
 
 def _without_touching(charts: AnyArray, corners: AnyArray, alike: AnyArray, coordinates: Floats) -> AnyArray:
-    """Cut charts in which a position is painted in several ways, until none is left."""
+    """Cut charts in which a position is painted in several ways, until none is left.
+
+    Where a position has more than two, as the pole of a globe, its triangles become charts of their own.
+    Otherwise the whole chart is cut.
+    """
     middles = coordinates.mean(axis=1)
     for _ in range(_MOST_CUTS):
         _, charts = np.unique(charts, return_inverse=True)
         charts = charts.reshape(-1)
         rows = np.column_stack([np.repeat(charts, 3), corners.reshape(-1), alike.reshape(-1)])
-        rows, first = np.unique(rows, axis=0, return_index=True)
-        again = (np.diff(rows[:, :2], axis=0) == 0).all(axis=1)
-        double = np.append(False, again) | np.append(again, False)
-        if not double.any():
+        rows, first, row = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+        _, place, counts = np.unique(rows[:, :2], axis=0, return_inverse=True, return_counts=True)
+        ways = counts[place.reshape(-1)]
+        if (ways == 1).all():
             return charts
+        row = row.reshape(-1, 3)
+        most = np.argmax(ways[row], axis=1)
+        own = row[np.arange(len(row)), most]
+        if (at_pole := ways[own] > 2).any():
+            charts = np.where(at_pole, charts.max() + 1 + own, charts)
+            continue
+        double = ways > 1
         chart, at = rows[double, 0], coordinates.reshape(-1, 2)[first[double]]
         low, high = np.full((charts.max() + 1, 2), np.inf), np.full((charts.max() + 1, 2), -np.inf)
         np.minimum.at(low, chart, at)

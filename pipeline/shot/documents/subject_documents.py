@@ -125,9 +125,10 @@ class ModelDocument(Document):
         path, paint = folder / self.model, self.paint == "on"
         files = model_files(path)
         painted = tuple(read_paint(path, lambda reader: reader.files).items()) if paint else ()
+        digests = ["seams 2", files.digest, *dict(painted).values()]
         x, y, z = (DEGREE * angle for angle in self.rotate)
         return Model(
-            digest=joint_digest([files.digest, *dict(painted).values()]) if painted else files.digest,
+            digest=joint_digest(digests) if paint else files.digest,
             scale=float(self.scale),
             path=path,
             files=(*files.files, *painted),

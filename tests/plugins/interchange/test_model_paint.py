@@ -37,7 +37,7 @@ flows: [{flow}]
 resample: {{max_edge_length: 0.25{more}}}
 """
 FLOWS = {
-    "twist": "twist: {axis: y, amount: 20}",
+    "twist": "twist: {axis: y, amount: {formula: 40 * frame}}",
     "vortex": "vortex: {axis: y, strength: 9, radius: 0.6}",
     "curl_noise": "curl_noise: {size: 1.1, strength: 1.5, seed: 3}",
 }
@@ -156,6 +156,13 @@ def test_a_seam_is_shaded_as_the_surface_around_it(tmp_path: Path) -> None:
         assert shading.split is not None and len(shading.split.vertices) == len(frame.mesh.vertices)
         known = frame.mesh.attributes["normal"][np.unique(frame.mesh.seams)]
         assert np.linalg.norm(known, axis=1) == pytest.approx(1.0)
+
+
+def test_a_pole_cuts_no_chart_beyond_its_own_faces(tmp_path: Path) -> None:
+    columns, rows = 32, 16
+    shot = shot_of(globe(tmp_path, columns, rows))
+    meridians, around_poles = 2 * rows, 2 * 2 * columns
+    assert len(shot.motion.mesh_at_rest().seams) <= meridians + around_poles
 
 
 @pytest.mark.parametrize("flow", FLOWS)
