@@ -18,7 +18,8 @@ from rich.table import Table
 
 from pipeline.arrays import Points
 from pipeline.mesh import PolygonMesh, TriangleMesh
-from pipeline.resample import PolyhedralResampler, Report, Resampler, Thresholds
+from pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
+from pipeline.resample import Report, Resampler, Thresholds
 
 FRAMES, COARSE, FINE = 60, 0.2, 0.11
 SHOWN = (0, 10, 20, 40, 60)

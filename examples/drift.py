@@ -9,7 +9,8 @@ from examples.drawing import COOL, FAINT, OCHRE, WARM, page, save
 from examples.film import resample_film
 from pipeline.arrays import Floats
 from pipeline.mesh import PolygonMesh
-from pipeline.resample import PolyhedralResampler, Thresholds
+from pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
+from pipeline.resample import Thresholds
 
 FRAMES, LONGEST = 120, 0.25
 CUBE = PolygonMesh(

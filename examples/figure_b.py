@@ -11,7 +11,8 @@ from examples.film import displace_film, resample_film
 from pipeline.flow import Flow, Streamlines, Sum
 from pipeline.flow.catalogue.basic import Expansion
 from pipeline.mesh import PolygonMesh, TriangleMesh
-from pipeline.resample import PolyhedralResampler, Resampler, Thresholds
+from pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
+from pipeline.resample import Resampler, Thresholds
 
 SWELLING, SHRINKING, RADIUS = (0.36, 0.36, 0.0), (-0.36, -0.36, 0.0), 0.62
 FRAMES, MESHES, LONGEST = 28, 24, 0.125

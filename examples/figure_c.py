@@ -8,8 +8,9 @@ import numpy as np
 
 from examples.drawing import COOL, FAINT, OCHRE, WARM, outline, page, save
 from pipeline.mesh import PolygonMesh
-from pipeline.resample import PolyhedralResampler, Thresholds
-from pipeline.resample.polyhedra.subdivision import Cutting
+from pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
+from pipeline.resample import Thresholds
+from pipeline.resample.polygon_resampler import Cutting
 
 LONGEST = 1.0
 SHADES = (FAINT, "white", OCHRE + "44")

@@ -10,7 +10,8 @@ import numpy as np
 from pipeline.arrays import Floats, Points
 from pipeline.flow import Flow
 from pipeline.mesh import PolygonMesh, TriangleMesh
-from pipeline.resample import PolyhedralResampler, Report, Resampler
+from pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
+from pipeline.resample import Report, Resampler
 
 RATE = 24
 """Frames per second."""

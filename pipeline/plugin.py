@@ -102,6 +102,7 @@ class Plugin:
                    for the report of the run, or an empty one
     mesh_formats   `MeshFormat`s by suffix of mesh files
     paints         `PaintReader`s by suffix of mesh files
+    resamplers     `PolygonResampler`s by the names of methods of `resample`
     edits          functions by file suffix that make an edit of another program's timeline: they take the
                    file, the names of the shots and the folder of edits, and return the edit's path and text
     schemas        pydantic models of further kinds of files, by the kind's name
@@ -128,6 +129,7 @@ class Plugin:
     summaries: tuple[str, ...] = ()
     mesh_formats: Mapping[str, str] = field(default_factory=dict)
     paints: Mapping[str, str] = field(default_factory=dict)
+    resamplers: Mapping[str, str] = field(default_factory=dict)
     edits: Mapping[str, str] = field(default_factory=dict)
     schemas: Mapping[str, str] = field(default_factory=dict)
     sequences: tuple[str, ...] = ()
@@ -213,6 +215,11 @@ class Plugins:
     def paints(self) -> dict[str, str]:
         """The readers of what models have on their faces, by suffix."""
         return {suffix: reader for plugin in self for suffix, reader in plugin.paints.items()}
+
+    @property
+    def resamplers(self) -> dict[str, str]:
+        """The resamplers of polygons, by the names of their methods."""
+        return {method: place for plugin in self for method, place in plugin.resamplers.items()}
 
     @property
     def edits(self) -> dict[str, str]:
@@ -418,6 +425,7 @@ def _added(plugin: Plugin) -> Iterator[str]:
         "format": plugin.exporters,
         "mesh format": plugin.mesh_formats,
         "paint of": plugin.paints,
+        "method": plugin.resamplers,
         "edits from": plugin.edits,
         "schema": plugin.schemas,
     }

@@ -24,7 +24,15 @@ from pipeline.mesh import PolygonMesh, TriangleMesh
 from pipeline.mesh.control_net import Lattice
 from pipeline.mesh.halfedge_mesh import Register, with_identities
 from pipeline.mesh.normals import NORMAL, carried_normals, tangent_distance, vertex_normals
-from pipeline.resample import Exact, PolyhedralResampler, Report, Resampler, Thresholds, edges_by_angle
+from pipeline.resample import (
+    Exact,
+    PolygonResampler,
+    Report,
+    Resampler,
+    Thresholds,
+    edges_by_angle,
+    polygon_resampler,
+)
 from pipeline.resample.placement import REST, REST_NORMAL
 from pipeline.resample.resampler import STATELESS
 from pipeline.resample.thresholds import edges_in_region
@@ -59,7 +67,7 @@ class RestInterval:
         self.next = partial(RestInterval, motion, resampling, flow, self.end)
 
 
-R = TypeVar("R", Resampler, PolyhedralResampler)
+R = TypeVar("R", Resampler, PolygonResampler)
 
 MOVED_TOGETHER = 1 << 17
 """Vertices that the flow moves together: more take memory for copies, and fewer take more calls."""
@@ -154,7 +162,7 @@ class _ResampledSurface(MovingSurface, Generic[R]):
         return replace(_report(self._motion, number, mesh, resampling), start_vertices=self._start_vertices)
 
 
-class PolygonSurface(_ResampledSurface[PolyhedralResampler]):
+class PolygonSurface(_ResampledSurface[PolygonResampler]):
     """A surface of polygons (P16); frames show it as triangles."""
 
     def frame(self, number: int, ready: Callable[[], None] = lambda: None) -> MeshFrame:
@@ -269,11 +277,11 @@ def at_rest(motion: Motion, flow: Flow) -> MovingSurface:
     if not motion.subject.is_surface:
         raise UsageError("points and control nets are not resampled; leave out resampling")
     thresholds = resampling.thresholds
-    if resampling.method == "polyhedra":
+    if not resampling.cuts_triangles:
         polygons = with_material(motion.polygons_at_rest())
         polygons = creased(polygons, resampling, _hard_angles(polygons, thresholds))
-        polyhedral = PolyhedralResampler(polygons, thresholds, resampling.cutting, resampling.collapse)
-        return PolygonSurface(motion, resampling, polyhedral)
+        resampler, options = polygon_resampler(resampling.method), (resampling.cutting, resampling.collapse)
+        return PolygonSurface(motion, resampling, resampler(polygons, thresholds, *options))
     mesh = with_identities(motion.mesh_at_rest())
     mesh = creased(mesh, resampling, thresholds.hard_angles(mesh))
     if resampling.placement != "exact":
@@ -335,19 +343,18 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> MovingSurface:
     if resampling is None:
         return MovingSurface(motion, frame.mesh, frame.lattice)
     thresholds = resampling.thresholds
-    if resampling.method == "polyhedra":
+    if not resampling.cuts_triangles:
         polygons = frame.polygons
         if polygons is None:
             raise UsageError(
-                f"frame {frame.number} has no polygons to continue with method polyhedra; resume from a "
-                "frame made with it"
+                f"frame {frame.number} has no polygons to continue with method {resampling.method}; resume "
+                "from a frame made with it"
             )
         others = {"creases": polygons.creases, "offsets": polygons.offsets, "corners": polygons.corners}
         state = _state(polygons, **others)
-        polyhedral = PolyhedralResampler.from_state(
-            state, thresholds, resampling.cutting, resampling.collapse
-        )
-        return PolygonSurface(motion, resampling, polyhedral, _start_vertices(motion, flow, frame))
+        resume_polygons = polygon_resampler(resampling.method).from_state
+        polygonal = resume_polygons(state, thresholds, resampling.cutting, resampling.collapse)
+        return PolygonSurface(motion, resampling, polygonal, _start_vertices(motion, flow, frame))
     numbers = {"identities": np.array(frame.identities), "unsorted": np.array(frame.unsorted)}
     state = _state(frame.mesh, faces=frame.mesh.faces, **frame.mesh.tagged_edges, **numbers)
     if resampling.placement == "exact" and REST not in frame.mesh.attributes:

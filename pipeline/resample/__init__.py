@@ -1,8 +1,8 @@
 """Adaptive resampling of a surface in flow (Reynolds 1991)."""
 
 from pipeline.resample.placement import Chord, Curved, Exact, Placement
-from pipeline.resample.polyhedra import PolyhedralReport, PolyhedralResampler
-from pipeline.resample.resample_pass import Report
+from pipeline.resample.polygon_resampler import PolygonResampler, polygon_resampler
+from pipeline.resample.resample_pass import PolyhedralReport, Report
 from pipeline.resample.resampler import Resampler, resample
 from pipeline.resample.thresholds import (
     Curvature,
@@ -22,8 +22,8 @@ __all__ = [
     "DistanceToCamera",
     "Exact",
     "Placement",
+    "PolygonResampler",
     "PolyhedralReport",
-    "PolyhedralResampler",
     "Report",
     "Resampler",
     "ThresholdFormula",
@@ -32,5 +32,6 @@ __all__ = [
     "WithinBox",
     "edges_by_angle",
     "edges_in_region",
+    "polygon_resampler",
     "resample",
 ]

@@ -95,6 +95,23 @@ class Report:
         return 1.0 - (self.too_long + self.too_short) / self.edges
 
 
+@dataclass(frozen=True)
+class PolyhedralReport(Report):
+    """Counts of one frame of polygons.
+
+    splits           vertices inserted into edges
+    cuts             faces cut in two
+    average_sides    mean number of sides a face: the drift towards triangles (P21)
+    widest           the longest side of any face's bounding box, scene units
+    refused          besides the reasons of `Report`, `area`: where faces collapse instead of edges, an edge
+                     whose faces are large enough
+    """
+
+    cuts: int = 0
+    average_sides: float = 3.0
+    widest: float = 0.0
+
+
 _SHARE_OF_BOUND = 1.01  # a surface of equilateral triangles takes a little fewer vertices than faces / 2
 
 

@@ -161,7 +161,8 @@ class Resampling:
     """The resampling of a surface, once a frame.
 
     thresholds     limits of edge lengths, and the angle that makes an edge hard
-    method         triangles: split and collapse edges (P23–P30); polyhedra: slice any faces (P16–P21)
+    method         triangles: split and collapse edges (P23–P30); or a plug-in's, such as polyhedra: slice any
+                   faces (P16–P21)
     placement      position of new vertices: chord, the middle of the edge (P25); curved, on a surface that is
                    smooth except at creases (P37); exact, on the undeformed surface, carried through the flow
     splits         edges: one long edge at a time (P25); faces: one triangle into four (P26)
@@ -177,7 +178,7 @@ class Resampling:
     """
 
     thresholds: Thresholds
-    method: Literal["triangles", "polyhedra"] = "triangles"
+    method: str = "triangles"
     placement: Literal["chord", "curved", "exact"] = "exact"
     splits: Literal["edges", "faces"] = "edges"
     min_roundness: float = DEFAULT_ROUNDNESS
@@ -187,6 +188,11 @@ class Resampling:
     cutting: Literal["slice", "recurse"] = "slice"
     collapse: Literal["edges", "areas"] = "edges"
     max_growth: float | None = field(default=None, metadata=OMIT_DEFAULT)
+
+    @property
+    def cuts_triangles(self) -> bool:
+        """True of triangles; False of polygons, which a plug-in's method resamples."""
+        return self.method == "triangles"
 
     def settings(self) -> dict[str, Any]:
         """Return the settings in effect by their names in the shot file, as JSON-able data."""
@@ -219,7 +225,7 @@ class Resampling:
     @property
     def _idle(self) -> tuple[str, ...]:
         """Names of the settings that have no effect beside the others."""
-        if self.method == "polyhedra":
+        if not self.cuts_triangles:
             return ("placement", "splits", "min_roundness", "normals", "rest_interval")
         if self.placement == "exact":
             return ("cutting", "collapse", *(() if self.creases == "rest" else ("hard_angle",)))

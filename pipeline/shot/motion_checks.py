@@ -9,6 +9,7 @@ from typing import Any
 from pipeline.errors import shortened
 from pipeline.flow.keyframes import BEZIER
 from pipeline.frames import FrameRange, FrameRate
+from pipeline.plugin import plugins
 from pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
 from pipeline.shot.documents.field_types import is_number, is_triple
 from pipeline.shot.documents.flow_documents import DOCUMENTS
@@ -208,8 +209,8 @@ def check_threshold_bounds(source: YamlSource) -> Iterator[Problem]:
 def check_splits(source: YamlSource) -> Iterator[Problem]:
     """Check that faces are split in four with chord placement only, at the middles of their edges."""
     placement = source.get("resample", "placement")
-    polyhedra = source.get("resample", "method") == "polyhedra"
-    if source.get("resample", "splits") != "faces" or polyhedra or placement == "chord":
+    polygons = source.get("resample", "method") in plugins().resamplers
+    if source.get("resample", "splits") != "faces" or polygons or placement == "chord":
         return
     actual = "by default placement is exact" if placement is None else f"placement is {placement}"
     yield (

@@ -16,14 +16,15 @@ from pipeline.cli.output import print_result, print_warning, table
 from pipeline.errors import MeshError, UsageError
 from pipeline.mesh import PolygonMesh, TriangleMesh
 from pipeline.mesh.read import read_surface
+from pipeline.plugin import plugins
 from pipeline.plugins.interchange.mesh_writers import WRITERS, write_mesh
-from pipeline.resample import PolyhedralResampler, Report, Thresholds
+from pipeline.resample import Report, Thresholds, polygon_resampler
 from pipeline.resample import resample as resample_triangles
 from pipeline.resample.resampler import STATELESS, Splits
 from pipeline.statistics import mesh_statistics
 from render.base.plural import plural
 
-METHODS = ("triangles", "polyhedra")
+METHODS = ("triangles", *plugins().resamplers)
 SPLITS = ("edges", "faces")
 
 REFUSALS = {
@@ -113,8 +114,8 @@ def resample(
         return
     after: TriangleMesh | PolygonMesh
     report: Report
-    if method == "polyhedra":
-        slicer = PolyhedralResampler(before, thresholds)
+    if method != "triangles":
+        slicer = polygon_resampler(method)(before, thresholds)
         report = slicer.resample()
         after = slicer.mesh
     else:
@@ -132,9 +133,9 @@ def _check_options(method: str, placement: str | None, splits: str | None) -> No
     require_one_of(placement or "chord", STATELESS, f"--placement {placement!r} is not known.")
     require_one_of(splits or "edges", SPLITS, f"--splits {splits!r} is not known.")
     for option, word in (("placement", placement), ("splits", splits)):
-        if method == "polyhedra" and word:
+        if method != "triangles" and word:
             raise UsageError(
-                f"--{option} is for triangles; polyhedra are cut by planes. Leave one of them out."
+                f"--{option} is for triangles; {method} are cut by planes. Leave one of them out."
             )
     if splits == "faces" and placement == "curved":
         raise UsageError(

@@ -12,6 +12,7 @@ from pydantic import Field
 from pipeline.arrays import AnyArray, Points
 from pipeline.flow.parameters import Curve, Number, VectorParameter, number_at, vector_at
 from pipeline.formula import PLACE, Expression
+from pipeline.plugin import plugins
 from pipeline.resample import Curvature, DistanceToCamera, ThresholdFormula, Thresholds
 from pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, FORMULA_NAMES, Threshold
 from pipeline.shot.documents.curves import (
@@ -192,7 +193,7 @@ class ResampleDocument(Document):
     gradation: Annotated[Positive, Field(le=100)] | None = optional(
         "difference of lengths between the ends of an edge, as a fraction of it, at most"
     )
-    method: Annotated[str, one_of(("triangles", "polyhedra"), "method")] | None = optional(
+    method: Annotated[str, one_of(("triangles", *plugins().resamplers), "method")] | None = optional(
         "triangles, or polyhedra: faces of any number of sides, sliced by planes"
     )
     placement: Annotated[str, one_of(("chord", "curved", "exact"), "placement")] | None = optional(

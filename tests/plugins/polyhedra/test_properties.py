@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError
 from pipeline.mesh import PolygonMesh, require, validate
-from pipeline.resample import PolyhedralResampler, Thresholds
-from pipeline.resample.polyhedra.polyhedral_resampler import Collapse
-from pipeline.resample.polyhedra.subdivision import Cutting
+from pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
+from pipeline.resample import Thresholds
+from pipeline.resample.polygon_resampler import Collapse, Cutting
 
 KINDS = ["cube", "ell", "comb", "star", "drum", "ring", "open box", "leaf", "tetrahedron", "ball", "cloth"]
 

@@ -3,49 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import UsageError
 from pipeline.mesh.meshes import PolygonMesh
-from pipeline.resample.polyhedra.polyhedron import (
+from pipeline.plugins.polyhedra.polyhedron import (
     OUTSIDE,
     LengthLimits,
     Polyhedron,
     PolyhedronEditor,
     inherited,
 )
-from pipeline.resample.polyhedra.subdivision import Collapser, Cutting, Slicer
-from pipeline.resample.resample_pass import Report, not_finite
+from pipeline.plugins.polyhedra.subdivision import Collapser, Slicer
+from pipeline.resample.polygon_resampler import Collapse, Cutting, PolygonResampler
+from pipeline.resample.resample_pass import PolyhedralReport, not_finite
 from pipeline.resample.thresholds import Thresholds
-
-Collapse = Literal["edges", "areas"]
 
 _ATTRIBUTE = "attribute."
 _LARGEST = 1e150  # squares of larger coordinates overflow
 
 
-@dataclass(frozen=True)
-class PolyhedralReport(Report):
-    """Counts of one frame of a polyhedron.
-
-    splits           vertices inserted into edges
-    cuts             faces cut in two
-    average_sides    mean number of sides a face: the drift towards triangles (P21)
-    widest           the longest side of any face's bounding box, scene units
-    refused          besides the reasons of `Report`, `area`: where faces collapse instead of edges, an edge
-                     whose faces are large enough
-    """
-
-    cuts: int = 0
-    average_sides: float = 3.0
-    widest: float = 0.0
-
-
-class PolyhedralResampler:
+class PolyhedralResampler(PolygonResampler):
     """A polyhedron in flow: move `vertices`, then call `resample()`, frame after frame.
 
     mesh         the first surface: finite, oriented, manifold; open or closed, its faces with any number of

@@ -10,10 +10,10 @@ import math
 from collections import Counter
 from collections.abc import Iterable
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from pipeline.errors import FrameError
-from pipeline.resample.polyhedra.polyhedron import (
+from pipeline.plugins.polyhedra.polyhedron import (
     OUTSIDE,
     Point,
     PolyhedronEditor,
@@ -24,8 +24,7 @@ from pipeline.resample.polyhedra.polyhedron import (
     newell,
     norm,
 )
-
-Cutting = Literal["slice", "recurse"]
+from pipeline.resample.polygon_resampler import Cutting
 
 _MIN_SNAP = 0.25  # of the maximum: a cut that passes a vertex more closely goes through it
 _MAX_SNAP = 0.49  # of a face's maximum; below half of it every cut makes both parts narrower

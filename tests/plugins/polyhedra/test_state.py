@@ -7,8 +7,9 @@ import pytest
 
 from pipeline.errors import FrameError, MeshError, UsageError
 from pipeline.mesh import PolygonMesh, require
-from pipeline.resample import PolyhedralResampler, Thresholds
-from pipeline.resample.polyhedra.subdivision import Cutting
+from pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
+from pipeline.resample import Thresholds
+from pipeline.resample.polygon_resampler import Cutting
 
 THRESHOLDS = Thresholds(0.35)
 

@@ -8,9 +8,11 @@ import pytest
 from pipeline.arrays import Points
 from pipeline.errors import UsageError
 from pipeline.mesh import PolygonMesh, require
-from pipeline.resample import PolyhedralResampler, Thresholds, edges_by_angle, edges_in_region
-from pipeline.resample.polyhedra.polyhedron import LengthLimits, Polyhedron, PolyhedronEditor
-from pipeline.resample.polyhedra.subdivision import Cutting, Slicer
+from pipeline.plugins.polyhedra.polyhedral_resampler import PolyhedralResampler
+from pipeline.plugins.polyhedra.polyhedron import LengthLimits, Polyhedron, PolyhedronEditor
+from pipeline.plugins.polyhedra.subdivision import Slicer
+from pipeline.resample import Thresholds, edges_by_angle, edges_in_region
+from pipeline.resample.polygon_resampler import Cutting
 from pipeline.resample.thresholds import WithinBall, WithinBox
 
 KINDS = ["cube", "ell", "comb", "star", "drum", "ring", "open box", "leaf", "tetrahedron", "ball", "cloth"]

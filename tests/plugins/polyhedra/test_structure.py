@@ -9,15 +9,15 @@ from hypothesis import strategies as st
 
 from pipeline.errors import MeshError
 from pipeline.mesh import PolygonMesh, require
-from pipeline.resample import Thresholds
-from pipeline.resample.polyhedra.polyhedron import (
+from pipeline.plugins.polyhedra.polyhedron import (
     OUTSIDE,
     LengthLimits,
     Polyhedron,
     PolyhedronEditor,
     between,
 )
-from pipeline.resample.polyhedra.subdivision import Collapser, can_collapse
+from pipeline.plugins.polyhedra.subdivision import Collapser, can_collapse
+from pipeline.resample import Thresholds
 
 Step = Callable[[Polyhedron, np.random.Generator], None]
 

@@ -1,0 +1,9 @@
+"""Version 1 of the resampler (1990): polyhedra with faces of any number of sides, `method: polyhedra`."""
+
+from pipeline.plugin import Plugin
+
+PLUGIN = Plugin(
+    name="polyhedra",
+    version="1",
+    resamplers={"polyhedra": "pipeline.plugins.polyhedra.polyhedral_resampler:PolyhedralResampler"},
+)
