@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
 from pipeline.flow.regions import TriangleTree
 from pipeline.mesh.face_soup import components, first_alike
 from pipeline.mesh.meshes import edge_keys, triangulate
-from pipeline.plugins.interchange.paint_kernels import ANY, find_nearest
+from pipeline.plugins.interchange.paint_kernels import find_nearest
 from render.scene.painted_faces import PaintedFaces
 
 _STEPS = 1e-5
@@ -100,7 +101,7 @@ class ModelPaint:
     def on_faces(self, rest: Points, faces: Faces) -> PaintedFaces:
         """Return the paint of faces (F, 3) of vertices with rest positions (V, 3)."""
         middles = np.ascontiguousarray(rest[faces].mean(axis=1), np.float64)
-        triangle, _ = self._nearest(middles, np.full(len(faces), ANY))
+        triangle, _ = self._nearest(middles, np.full(len(faces), len(self._trees.first) - 1))
         chart = self.charts[triangle]
         codes, corner = np.unique(
             faces.astype(np.int64) * (self.charts.max() + 1) + chart[:, None], return_inverse=True
@@ -116,17 +117,39 @@ class ModelPaint:
         return PaintedFaces(coordinates, chart, self.materials[triangle], colours)
 
     @cached_property
-    def _tree(self) -> TriangleTree:
-        return TriangleTree.of(self.place[self.corners])
+    def _trees(self) -> _Trees:
+        by_chart = np.split(np.argsort(self.charts, kind="stable"), np.cumsum(np.bincount(self.charts))[:-1])
+        parts = [*by_chart, np.arange(len(self.charts))]
+        trees = [TriangleTree.of(self.place[self.corners[part]]) for part in parts]
+        return _Trees(
+            trees,
+            np.array([tree.memory.ctypes.data for tree in trees]),
+            np.array([tree.triangles for tree in trees]),
+            np.concatenate([part[tree.order] for part, tree in zip(parts, trees, strict=True)]),
+            np.cumsum([0, *(len(part) for part in by_chart)]),
+        )
 
-    def _nearest(self, points: Points, charts: AnyArray) -> tuple[AnyArray, Floats]:
-        """Return the nearest triangles (N,) of charts, and shares (N, 2) of their last two corners."""
-        tree, found, shares = self._tree, np.empty(len(points), np.int64), np.zeros((len(points), 2))
-        address, own = tree.memory.ctypes.data, self.charts[tree.order]
+    def _nearest(self, points: Points, wanted: AnyArray) -> tuple[AnyArray, Floats]:
+        """Return the nearest triangles (N,) of trees, and shares (N, 2) of their last two corners."""
+        own, found, shares = self._trees, np.empty(len(points), np.int64), np.zeros((len(points), 2))
         for first in range(0, len(points), _BLOCK):
             part = slice(first, first + _BLOCK)
-            find_nearest(points[part], charts[part], address, tree.triangles, own, found[part], shares[part])
-        return tree.order[found], shares
+            find_nearest(points[part], wanted[part], own.addresses, own.starts, found[part], shares[part])
+        return own.triangles[own.first[wanted] + found], shares
+
+
+class _Trees(NamedTuple):
+    """Trees of the triangles of each chart, and one of all.
+
+    addresses, starts  of their arrays, and of the triangles in them
+    triangles          in the order of the trees, one tree after another; `first` is where each begins
+    """
+
+    trees: list[TriangleTree]
+    addresses: AnyArray
+    starts: AnyArray
+    triangles: AnyArray
+    first: AnyArray
 
 
 def _sides(corners: AnyArray, values: AnyArray) -> tuple[AnyArray, AnyArray]:
@@ -188,4 +211,6 @@ def _without_touching(charts: AnyArray, corners: AnyArray, alike: AnyArray, coor
     loose = np.zeros(charts.max() + 1, bool)
     loose[chart] = True
     alone = loose[charts // 2]
-    return np.where(alone, charts.max() + 1 + np.arange(len(charts)), charts)
+    return np.unique(np.where(alone, charts.max() + 1 + np.arange(len(charts)), charts), return_inverse=True)[
+        1
+    ]
