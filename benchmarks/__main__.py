@@ -16,6 +16,7 @@ from benchmarks import (
     preview,
     renewal,
     resampling,
+    seams,
 )
 
 NEEDS = {"interchange": "pxr", "remote_store": "moto"}
@@ -23,6 +24,7 @@ NEEDS = {"interchange": "pxr", "remote_store": "moto"}
 
 if __name__ == "__main__":
     resampling.main()
+    seams.main()
     renewal.main()
     polyhedra.main()
     flows.main()
