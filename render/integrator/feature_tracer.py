@@ -46,6 +46,7 @@ class FeatureTracer:
     clear_colours albedo of each of `subjects` that is clear, or None
     attributes    names of the vertex attributes (V, 3) of subjects that become features
     follows       True if paths are followed through smooth surfaces
+    cut_outs      as of `PathTracer`
     """
 
     continues_sequence: ClassVar[bool] = True
@@ -59,6 +60,7 @@ class FeatureTracer:
     clear_colours: Sequence[Triple | None]
     attributes: Sequence[str]
     follows: bool
+    cut_outs: Any = None
 
     @cached_property
     def has_specular(self) -> bool:
@@ -158,7 +160,8 @@ def _follow(tracer: FeatureTracer, sampler: OwenSampler, si: Any, active: Any) -
         lobe, direction = sampler.vertex_1d(vertex, LOBE), sampler.vertex_2d(vertex, DIRECTION)
         sampled, weight = si.bsdf().sample(mi.BSDFContext(), si, lobe, direction, active)
         throughput *= weight
-        si = tracer.scene.ray_intersect(si.spawn_ray(si.to_world(sampled.wo)), active)
+        surfaces = tracer.scene if tracer.cut_outs is None else tracer.cut_outs
+        si = surfaces.ray_intersect(si.spawn_ray(si.to_world(sampled.wo)), active)
         hit = active & si.is_valid()
         is_emitter = hit & (si.shape.emitter() != None)  # noqa: E711 an array of pointers
         albedo, is_smooth = _albedo(tracer, si, hit & ~is_emitter)
@@ -212,12 +215,14 @@ class CopyTracer:
     integrator     Mitsuba's, which is used only to look past hidden emitters
     hide_emitters  True if the lens sees neither emitters nor the sky
     shapes         pointers to the shapes of subjects with copies, whose vertices have the attribute COPY
+    cut_outs       as of `PathTracer`
     """
 
     scene: Any
     integrator: Any
     hide_emitters: bool
     shapes: Sequence[Any]
+    cut_outs: Any = None
 
     def render(
         self, samples: int, first: int, seed: int, pixels: NDArray[np.integer[Any]] | None = None

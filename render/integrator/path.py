@@ -61,11 +61,14 @@ class PathVertex(NamedTuple):
 def camera_vertex(tracer: Any, sampler: OwenSampler, corner: Any, size: Any) -> tuple[Any, Any]:
     """Return the first surface interaction of a path, and its throughput.
 
-    tracer  has a scene, Mitsuba's integrator and `hide_emitters`
+    tracer  has a scene, Mitsuba's integrator, `cut_outs` and `hide_emitters`
     """
     sensor = tracer.scene.sensors()[0]
     lens = sampler.sample_2d(LENS) if sensor.needs_aperture_sample() else mi.Point2f(0.5)
     ray, weight = sensor.sample_ray(0.0, 0.0, (corner + sampler.sample_2d(PIXEL)) / size, lens)
+    if tracer.cut_outs is not None:
+        chance = sampler.vertex_1d(mi.UInt32(0), EMITTER_CHOICE, 2)
+        return tracer.cut_outs.ray_intersect(ray, True, chance, tracer.hide_emitters), mi.Color3f(weight)
     pi = tracer.scene.ray_intersect_preliminary(ray, coherent=True)
     si = pi.compute_surface_interaction(ray)
     if tracer.hide_emitters:
@@ -153,10 +156,10 @@ def _next_vertex(
     active = active & dr.any(weight != 0.0)
     way = si.to_world(bsdf_sample.wo)
     if tracer.subsurface is None:
-        next_si = tracer.scene.ray_intersect(si.spawn_ray(way), active)
+        next_si = tracer.surfaces.ray_intersect(si.spawn_ray(way), active)
         return bsdf_sample, weight, kept, next_si, mi.Bool(False)
     is_exit = tracer.subsurface.enters(si, bsdf_sample, active)
-    next_si = tracer.scene.ray_intersect(si.spawn_ray(way), active & ~is_exit)
+    next_si = tracer.surfaces.ray_intersect(si.spawn_ray(way), active & ~is_exit)
     seed = random_bits(lobe, direction)
     exit_si, factor = tracer.subsurface.walk(tracer.scene, si, way, seed, is_exit)
     factor = dr.select(is_exit, factor, 1.0)
@@ -267,7 +270,7 @@ def _direct_light(tracer: PathTracer, at: PathVertex, sample: LightSample, activ
     weight = dr.select(sample.is_delta, 1.0, power_heuristic(sample.density, others))
     light = sample.light * reflected * weight
     active &= dr.any(light != 0.0)
-    occluders = tracer.scene if tracer.occluders is None else tracer.occluders
+    occluders = tracer.surfaces if tracer.occluders is None else tracer.occluders
     active &= ~occluders.ray_test(si.spawn_ray_to(sample.target), active)
     return dr.select(active, light, 0.0)
 

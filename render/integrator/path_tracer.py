@@ -51,7 +51,8 @@ class PathTracer:
     caustic_sun    a `photons.CausticSun`, or None
     guide          directions of caustics at matt surfaces: a `caustic_guide.CausticGuide`, or None
     caustics       light that paths leave to photons: a `caustic_picture.CausticPicture`, or None
-    occluders      a scene of all that can hide emitters; None is `scene`
+    occluders      a scene of all that can hide emitters; None is `surfaces`
+    cut_outs       a `cut_outs.CutOuts` of the scene, or None where no surface has holes
     """
 
     scene: Any
@@ -67,6 +68,12 @@ class PathTracer:
     guide: Any = None
     caustics: Any = None
     occluders: Any = None
+    cut_outs: Any = None
+
+    @property
+    def surfaces(self) -> Any:
+        """What finds the surfaces that rays hit."""
+        return self.scene if self.cut_outs is None else self.cut_outs
 
     @property
     def coverage_channels(self) -> int:

@@ -84,9 +84,8 @@ def _painted(painted: Painted, attributes: Collection[str], coordinates: Texture
     """
     if not painted.parts:
         return {"type": "diffuse", "reflectance": _rgb(painted.colour)}
-    first, *others = painted.parts
-    weights = [material_weight(number) for number in range(1, len(painted.parts))]
-    shown = {name: part for name, part in zip(weights, others, strict=True) if name in attributes}
+    shown = _on_faces(painted.parts, attributes)
+    first = shown.pop("otherwise")
     if not shown or not is_compiled():
         whole = _opaque(first, _colour(first, attributes, coordinates), coordinates)
         for name, part in shown.items():
@@ -130,9 +129,8 @@ def _with_normals(
     Normals of the back are those of the front, turned round. The scalar variant nests two BSDFs for each map,
     with tangents that are constant on each triangle.
     """
-    others = {material_weight(number): part for number, part in enumerate(parts) if number}
-    shown = {name: part for name, part in others.items() if name in attributes}
-    if not any(part.has_normal_map for part in (*parts[:1], *shown.values())):
+    shown = _on_faces(parts, attributes)
+    if not any(part.has_normal_map for part in shown.values()):
         return body
 
     if is_compiled():
@@ -143,7 +141,7 @@ def _with_normals(
                 return {"type": "srgb", "color": [0.0, 0.0, 1.0]}
             return bitmap(part.normal_texture.normals(), coordinates, part.projection)
 
-        maps = {"otherwise": mapped(parts[0]), **{name: mapped(part) for name, part in shown.items()}}
+        maps = {name: mapped(part) for name, part in shown.items()}
         normals = {"type": NORMALS, "map": {"type": PAINTED, **maps}}
         return {"type": "normalmap", "normalmap": normals, "body": body}
 
@@ -154,10 +152,35 @@ def _with_normals(
         maps = (bitmap(each, coordinates, part.projection) for each in colours)
         return _blend(MIRRORED, *({"type": "normalmap", "normalmap": each, "body": body} for each in maps))
 
-    whole = turned(parts[0])
+    whole = turned(shown.pop("otherwise"))
     for name, part in shown.items():
         whole = _blend(name, whole, turned(part))
     return whole
+
+
+def _on_faces(
+    parts: Sequence[PatternedMaterial], attributes: Collection[str]
+) -> dict[str, PatternedMaterial]:
+    """Return the materials of a model that faces have, by the vertex attribute that is 1 on their faces: the
+    first as "otherwise"."""
+    others = {material_weight(number): part for number, part in enumerate(parts) if number}
+    return {"otherwise": parts[0], **{name: part for name, part in others.items() if name in attributes}}
+
+
+def opacity_texture(
+    material: Material, attributes: Collection[str], coordinates: TextureCoordinates
+) -> Description:
+    """Return the texture of the fractions that are there of a surface with holes."""
+    from render.mitsuba.custom_plugins import PAINTED  # needs a compiled variant
+
+    def fractions(part: PatternedMaterial) -> Description:
+        whole = np.ones((1, 1, 1), np.float32)
+        pixels = whole if part.opacity is None else part.opacity.fractions()
+        return bitmap(pixels, coordinates, part.projection)
+
+    assert isinstance(material, Painted | PatternedMaterial), f"{material.model} has no holes"
+    parts = material.parts if isinstance(material, Painted) else (material,)
+    return {"type": PAINTED, **{n: fractions(part) for n, part in _on_faces(parts, attributes).items()}}
 
 
 def _blend(attribute: str, first: Description, second: Description) -> Description:
@@ -298,7 +321,7 @@ def _colour(
     material: PatternedMaterial, attributes: Collection[str], coordinates: TextureCoordinates
 ) -> Description:
     if material.colour_texture is not None:
-        return bitmap(material.colour_texture.pixels(), coordinates, material.projection)
+        return bitmap(material.colour_pixels(), coordinates, material.projection)
     if material.pattern is not None:
         return _ramp_bitmap(material.pattern)
     if material.colour_from is None:

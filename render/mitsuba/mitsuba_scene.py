@@ -82,6 +82,12 @@ def build_scene(
     sculpture.
     """
     scene = scene.at(scene.motion_sample.with_surfaces(quality.width))
+    has_opacity = any(subject.material.has_opacity for subject in scene.subjects)
+    if has_opacity and not has_path_tracer(scene, quality):
+        raise BadInputError(
+            "the opacity of a model needs a compiled variant of Mitsuba and a shot without smoke. Write "
+            "paint: off, remove the smoke, or see what flowsculpt doctor says about libLLVM"
+        )
     for subject in scene.subjects:
         subject.surface.check()
         require_camera_outside(subject.surface, scene.camera)
@@ -105,17 +111,18 @@ def _lit(
     scene: Scene, quality: Quality, aovs: Collection[str], motion_samples: int, seed: int
 ) -> FrameScenes:
     size, lights, to_scene = quality.size, scene.lights, scene.placement.matrix()
-    shapes, opaque = _subject_shapes(scene)
+    shapes, opaque, fractions = _subject_shapes(scene)
     shapes |= stage_shapes(scene, size) | _wireframes(scene, size)
     unlit = {"type": "scene", "sensor": sensor(scene.camera, size, quality.crop), **shapes}
     lit = load_scene({**unlit, **emitters.emitters(lights, to_scene)})
-    path = _path_integrator(scene, quality)
+    path, cut_outs = _path_integrator(scene, quality), None
     if has_path_tracer(scene, quality):
-        from render.mitsuba.tracers import copy_tracer, path_tracer  # needs Mitsuba's variant
+        from render.mitsuba.tracers import copy_tracer, path_tracer, surfaces_with_holes  # needs the variant
 
-        integrator, copies = load_part(path), copy_tracer(scene, lit, path)
+        cut_outs = surfaces_with_holes(lit, fractions)
+        integrator, copies = load_part(path), copy_tracer(scene, lit, path, cut_outs)
         samples = quality.width * quality.height * quality.samples // motion_samples
-        tracer = path_tracer(lit, integrator, path, scene, size, samples, seed)
+        tracer = path_tracer(lit, integrator, path, scene, size, samples, seed, cut_outs)
         beauty = SceneRenderer(lit, integrator, tracer)
     elif scene.stage.shadow_catcher:
         raise BadInputError(
@@ -128,7 +135,8 @@ def _lit(
     if is_compiled():
         from render.mitsuba.tracers import feature_tracer
 
-        return FrameScenes(beauty, feature_tracer(scene, lit, path, _vertex_aovs(scene, aovs)), copies)
+        features = feature_tracer(scene, lit, path, _vertex_aovs(scene, aovs), cut_outs)
+        return FrameScenes(beauty, features, copies)
     replaced = auxiliary_stage_shapes(scene, size) | opaque
     in_view = emitters.any_in_view(lights, to_scene, scene.camera, size)
     # Softboxes are hidden from the lens in the beauty, but Mitsuba's AOVs would show them.
@@ -136,19 +144,22 @@ def _lit(
     return FrameScenes(beauty, _mitsuba_features(auxiliary, unlit, scene, aovs))
 
 
-def _subject_shapes(scene: Scene) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the shapes of the subjects by name, and matt ones for clear ones in auxiliary AOVs."""
-    shapes, opaque, size = {}, {}, scene.placement.size
+def _subject_shapes(scene: Scene) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+    """Return the shapes of the subjects by name, matt ones for clear ones in auxiliary AOVs, and the textures
+    of the fractions of surfaces that are there, of those with holes."""
+    shapes, opaque, fractions, size = {}, {}, {}, scene.placement.size
     for subject in scene.subjects:
         name, material = subject.shape_name, subject.material
         split, coordinates = texture_coordinates(subject.surface, material)
         bsdf = materials.surface_bsdf(material, split.attributes, coordinates, size)
         medium = materials.interior_medium(material, size)
+        if material.has_opacity:
+            fractions[name] = materials.opacity_texture(material, split.attributes, coordinates)
         shapes[name] = mesh(name, split, bsdf, coordinates.values, medium)
         if material.is_clear and not is_compiled():
             matt = materials.diffuse(material.auxiliary_colour)
             opaque[name] = mesh(name, split, matt, coordinates.values)
-    return shapes, opaque
+    return shapes, opaque, fractions
 
 
 def _vertex_aovs(scene: Scene, aovs: Collection[str]) -> tuple[str, ...]:

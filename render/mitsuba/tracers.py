@@ -6,7 +6,7 @@ Importing this imports Mitsuba, so an engine of a compiled variant must have bee
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from render.integrator.caustic_guide import guide_of
 from render.integrator.caustic_picture import can_draw, caustic_picture
+from render.integrator.cut_outs import CutOuts
 from render.integrator.feature_tracer import CopyTracer, FeatureTracer
 from render.integrator.light_sampler import LightSampler
 from render.integrator.path_tracer import PathTracer, ShadowCatcher
@@ -46,6 +47,7 @@ def path_tracer(
     size: tuple[int, int],
     samples: int,
     seed: int,
+    cut_outs: CutOuts | None = None,
 ) -> PathTracer:
     """Return the path tracer of a scene.
 
@@ -54,14 +56,18 @@ def path_tracer(
     size        width and height of the picture in pixels
     samples     of all pixels together, by which photons are counted
     seed        of the photons that the lens sees
+    cut_outs    its surfaces without their holes, or None
     """
     tracer = _path_tracer(lit, integrator, path, scene, list(scene.objects.values()))
+    tracer = replace(tracer, cut_outs=cut_outs)
     walk = _subsurface_walk(lit, scene)
     if scene.stage.shadow_catcher:
         tracer = _with_catcher(tracer, scene, size, path)
     elif walk is None:
         tracer = _with_caustics(tracer, scene, size, samples, seed)
     hiding = occluders(lit, tracer.light_sampler, scene, samples)
+    if cut_outs is not None and hiding is not None:
+        hiding = replace(cut_outs, scene=hiding)
     return replace(tracer, subsurface=walk, occluders=hiding)
 
 
@@ -85,11 +91,12 @@ def _with_caustics(
     others where softboxes shine.
 
     The guide finds all where suns and environment maps shine, through rough glass and materials written out
-    for Mitsuba, and for lenses that Mitsuba lacks.
+    for Mitsuba, past surfaces with holes, where photons do not pass, and for lenses that Mitsuba lacks.
     """
     lit, light_sampler, sun, depth = tracer.scene, tracer.light_sampler, tracer.caustic_sun, tracer.max_depth
     is_described = any(isinstance(subject.material, MitsubaMaterial) for subject in scene.subjects)
-    if is_described or isinstance(scene.camera, WideCamera) or not can_draw(lit, light_sampler.sources):
+    is_guided = is_described or tracer.cut_outs is not None or isinstance(scene.camera, WideCamera)
+    if is_guided or not can_draw(lit, light_sampler.sources):
         photons = trace_photons(lit, light_sampler, sun, depth, photon_count(samples))
         return replace(tracer, guide=photons and guide_of(photons))
     in_view = emitters.any_in_view(scene.lights, scene.placement.matrix(), scene.camera, size)
@@ -177,27 +184,39 @@ def _is_within_backdrop(points: NDArray[np.float64], scene: Scene) -> bool:
     return bool((inwards @ points.T >= np.sum(inwards * first, axis=1)[:, None]).all())
 
 
+def surfaces_with_holes(lit: Any, fractions: Mapping[str, dict[str, Any]]) -> CutOuts | None:
+    """Return the surfaces of a scene without their holes, or None where no shape has any.
+
+    lit        Mitsuba's scene
+    fractions  descriptions of textures of the fractions that are there, by the name of the shape
+    """
+    textures = map(load_part, fractions.values())
+    pairs = list(zip(_pointers(lit, list(fractions)), textures, strict=True))
+    return CutOuts(lit, pairs) if pairs else None
+
+
 def feature_tracer(
-    scene: Scene, lit: Any, path: dict[str, Any], attributes: tuple[str, ...]
+    scene: Scene, lit: Any, path: dict[str, Any], attributes: tuple[str, ...], cut_outs: Any
 ) -> FeatureTracer:
     """Return the feature tracer of a scene. It follows no path where a medium scatters light.
 
     lit         Mitsuba's scene
     path        description of Mitsuba's integrator
     attributes  names of the vertex attributes that it shows
+    cut_outs    as of `path_tracer`
     """
     bodies = _pointers(lit, [subject.shape_name for subject in scene.subjects])
     wires = _pointers(lit, [s.wireframe_name for s in scene.subjects if s.material.wireframe])
     materials = [subject.material for subject in scene.subjects]
     clear = [material.auxiliary_colour if material.is_clear else None for material in materials]
     hides, follows = path["hide_emitters"], path["type"] == "path"
-    return FeatureTracer(lit, load_part(path), hides, bodies, wires, clear, attributes, follows)
+    return FeatureTracer(lit, load_part(path), hides, bodies, wires, clear, attributes, follows, cut_outs)
 
 
-def copy_tracer(scene: Scene, lit: Any, path: dict[str, Any]) -> CopyTracer | None:
+def copy_tracer(scene: Scene, lit: Any, path: dict[str, Any], cut_outs: CutOuts | None) -> CopyTracer | None:
     """Return the tracer of copies, or None where no subject has vertices that tell them apart. Arguments as
     of `feature_tracer`."""
     copied = [subject.shape_name for subject in scene.subjects if COPY in subject.surface.attributes]
     if not copied:
         return None
-    return CopyTracer(lit, load_part(path), path["hide_emitters"], _pointers(lit, copied))
+    return CopyTracer(lit, load_part(path), path["hide_emitters"], _pointers(lit, copied), cut_outs)

@@ -44,10 +44,10 @@ def embedded(texture: Texture, widest: int, is_colour: bool) -> EmbeddedPicture:
         is_same = hashlib.sha256(content).hexdigest() == texture.digest
         if is_same and _shows(texture.path, _levels(encode(pixels))):
             return EmbeddedPicture(kind, content)
-    shown = _levels(encode(_at_most(pixels, widest)))
+    shown = _levels(encode(at_most(pixels, widest)))
     if kind == "image/jpeg" and is_colour:
         return EmbeddedPicture(kind, jpeg_bytes(shown))
-    return _png(shown)
+    return png(shown)
 
 
 def embedded_numbers(planes: Sequence[NDArray[np.float32] | None], widest: int) -> EmbeddedPicture:
@@ -55,15 +55,13 @@ def embedded_numbers(planes: Sequence[NDArray[np.float32] | None], widest: int) 
 
     The planes may differ in size: smaller ones are repeated.
     """
-    reduced = [None if plane is None else _at_most(plane, widest) for plane in planes]
+    reduced = [None if plane is None else at_most(plane, widest) for plane in planes]
     height, width = np.max([plane.shape[:2] for plane in reduced if plane is not None], axis=0)
     pixels = np.ones((height, width, 3), np.float32)
     for channel, plane in enumerate(reduced):
         if plane is not None:
-            rows = np.arange(height) * plane.shape[0] // height
-            columns = np.arange(width) * plane.shape[1] // width
-            pixels[..., channel] = plane[rows[:, None], columns, 0]
-    return _png(_levels(pixels))
+            pixels[..., channel] = resized(plane, height, width)[..., 0]
+    return png(_levels(pixels))
 
 
 def _shows(path: str, shown: Levels) -> bool:
@@ -84,7 +82,7 @@ def _shows(path: str, shown: Levels) -> bool:
     return bool((np.abs(colours.astype(np.int16) - shown) <= 1).all())
 
 
-def _at_most(pixels: NDArray[np.float32], widest: int) -> NDArray[np.float32]:
+def at_most(pixels: NDArray[np.float32], widest: int) -> NDArray[np.float32]:
     """Return pixels (H, W, C), averaged down to at most so many a side."""
     while max(pixels.shape[:2]) > widest:
         down, across = (2 if side > 1 else 1 for side in pixels.shape[:2])
@@ -94,11 +92,19 @@ def _at_most(pixels: NDArray[np.float32], widest: int) -> NDArray[np.float32]:
     return pixels
 
 
+def resized(pixels: NDArray[np.floating], height: int, width: int) -> NDArray[np.floating]:
+    """Return pixels (H, W, C) repeated to another size."""
+    rows = np.arange(height) * pixels.shape[0] // height
+    columns = np.arange(width) * pixels.shape[1] // width
+    return pixels[rows[:, None], columns]
+
+
 def _levels(pixels: NDArray[np.floating]) -> Levels:
     return np.rint(255.0 * np.clip(pixels, 0.0, 1.0)).astype(np.uint8)
 
 
-def _png(levels: Levels) -> EmbeddedPicture:
+def png(levels: Levels) -> EmbeddedPicture:
+    """Return levels (H, W, C) as a PNG."""
     import imageio.v3 as iio  # takes a moment
 
     content: bytes = iio.imwrite("<bytes>", levels, extension=".png", plugin="pillow")

@@ -10,7 +10,7 @@ import re
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -119,6 +119,14 @@ class OpenedPicture:
             pixels = pixels[..., [channel - first for channel in self._layer.channels]]
         pixels = _oriented(self._in_display(pixels), self._orientation)
         return pixels if self._exposure is None else (pixels / self._exposure).astype(np.float32)
+
+    def alpha(self) -> Pixels:
+        """Return the alpha of the picture as stored, (H, W, 1), or one pixel of 1. Raises as `pixels`."""
+        number = int(self.spec.alpha_channel)
+        if number < 0:
+            return np.ones((1, 1, 1), np.float32)
+        self._layer = replace(self._layer, channels=(number,))
+        return self.pixels()
 
     def stated_space(self) -> StatedSpace | None:
         """Return the colour space that the file states, None for what files of its kind are taken for.

@@ -36,6 +36,9 @@ _LINEAR = "lin_rec709_scene"
 WHOLE = (1.0, 1.0, 1.0)
 """The factor of textures that are shown as they are."""
 
+ALPHA = 3
+"""The channel of a picture's alpha."""
+
 
 @dataclass(frozen=True)
 class Texture:
@@ -47,7 +50,7 @@ class Texture:
     path     the file
     reading  what `reading_of` returns
     factor   on red, green and blue, linear Rec.709, or on numbers, or on right, up and out of normals
-    channel  0, 1 or 2: the one that holds numbers; None for the mean of all
+    channel  0, 1 or 2: the one that holds numbers; ALPHA; None for the mean of all
 
     working_space  the space that colours are converted to
     """
@@ -70,6 +73,8 @@ class Texture:
 
     def numbers(self) -> Pixels:
         """Return the mean of the channels as stored, or one of them, (H, W, 1). Raises as `read_picture`."""
+        if self.channel == ALPHA:
+            return read_alpha(self.path, self.digest)
         stored = read_picture(self.path, self.digest, "data")
         if self.channel is None:
             return np.ascontiguousarray(stored.mean(axis=2, keepdims=True))
@@ -103,13 +108,38 @@ def read_picture(path: str, digest: str, space: str | None) -> Pixels:
         pixels = picture.pixels()
     pixels = np.ascontiguousarray(np.broadcast_to(pixels, (*pixels.shape[:2], 3)))
     require_finite(pixels, path)
-    texture = _linear(pixels, stated or StatedSpace(usual, usual), path)
-    while max(texture.shape[:2]) > WIDEST:
-        height, width = texture.shape[0] // 2, texture.shape[1] // 2
-        texture = texture[: 2 * height, : 2 * width].reshape(height, 2, width, 2, 3).mean(axis=(1, 3))
-    texture = np.ascontiguousarray(texture, dtype=np.float32)
-    texture.setflags(write=False)
-    return texture
+    return _averaged(_linear(pixels, stated or StatedSpace(usual, usual), path))
+
+
+@lru_cache(maxsize=2)
+def read_alpha(path: str, digest: str) -> Pixels:
+    """Return the alpha of a file, (H, W, 1), which is 1 where it has none. Arguments as of `read_picture`.
+
+    Raises BadInputError for a file that is no picture, is truncated or has pixels that are not finite.
+    """
+    require_decodable(path, digest)
+    with _opened(path) as picture:
+        alpha = picture.alpha()
+    require_finite(alpha, path)
+    return _averaged(alpha)
+
+
+def _averaged(pixels: NDArray[np.floating]) -> Pixels:
+    """Return pixels (H, W, C), averaged down to at most WIDEST a side, which cannot be written to."""
+    while max(pixels.shape[:2]) > WIDEST:
+        height, width = pixels.shape[0] // 2, pixels.shape[1] // 2
+        pixels = pixels[: 2 * height, : 2 * width].reshape(height, 2, width, 2, -1).mean(axis=(1, 3))
+    pixels = np.ascontiguousarray(pixels, dtype=np.float32)
+    pixels.setflags(write=False)
+    return pixels
+
+
+def continued(pixels: Pixels, known: NDArray[np.bool_]) -> Pixels:
+    """Return pixels (H, W, 3) with the mean of known neighbours where `known` (H, W, 1) is not True."""
+    steps = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
+    count = sum(np.roll(known, step, (0, 1)) for step in steps)
+    total = sum(np.roll(np.where(known, pixels, 0.0), step, (0, 1)) for step in steps)
+    return np.where(known | (count == 0), pixels, total / np.maximum(count, 1)).astype(np.float32)
 
 
 def texture_of(path: str, digest: str, space: str | None) -> Texture:

@@ -16,7 +16,6 @@ from render.scene.patterns import Measure
 from render.scene.render_camera import Camera
 from render.scene.scene_stage import StagePlacement
 from render.scene.surface import Surface
-from render.scene.textures import Texture
 
 Floats = NDArray[np.float64]
 
@@ -48,7 +47,7 @@ def vertex_colours(surface: Surface, material: Material) -> Floats | None:
     if isinstance(material, Painted):
         return _painted_colours(surface, material)
     if isinstance(material, PatternedMaterial) and material.colour_texture is not None:
-        return _texture_colours(surface, material, material.colour_texture)
+        return _texture_colours(surface, material)
     phases = vertex_phases(surface, material)
     if phases is None or material.pattern is None:
         return None
@@ -68,17 +67,14 @@ def _painted_colours(surface: Surface, painted: Painted) -> Floats | None:
             continue
         faces, own = surface.faces[which], paint.of_faces(which)
         if part.colour_texture is not None:
-            part_colours = _texture_colours(
-                replace(surface, faces=faces, paint=own), part, part.colour_texture
-            )
-            colours[faces] = part_colours[faces]
+            colours[faces] = _texture_colours(replace(surface, faces=faces, paint=own), part)[faces]
         else:
             dyed = own.colours is not None and part.colour_from == VERTEX_COLOURS
             colours[faces] = own.colours if dyed else part.colour
     return colours
 
 
-def _texture_colours(surface: Surface, material: PatternedMaterial, texture: Texture) -> Floats:
+def _texture_colours(surface: Surface, material: PatternedMaterial) -> Floats:
     """Return the texels at vertices; a vertex with two texture coordinates takes one of them."""
     rest = surface.require_rest("look has a picture")
     points = np.repeat(np.arange(len(rest), dtype=np.int32)[:, None], 3, axis=1)
@@ -86,7 +82,7 @@ def _texture_colours(surface: Surface, material: PatternedMaterial, texture: Tex
     corners, _ = material.projection.coordinates(rest, faces, surface.paint)
     coordinates = np.zeros((len(rest), 2))
     coordinates[faces.reshape(-1)] = corners.reshape(-1, 2)
-    pixels = texture.pixels()
+    pixels = material.colour_pixels()
     height, width = pixels.shape[:2]
     right, up = material.projection.offset
     across = coordinates[:, 0] + 0.5 - right

@@ -322,6 +322,12 @@ def preview_surface(look: Material) -> PreviewSurface:
     """Return the preview surface that is nearest to a look."""
     if isinstance(look, Painted) and len(look.parts) == 1:
         (look,) = look.parts
+    surface = _preview_surface(look)
+    opacity = look.opacity if isinstance(look, PatternedMaterial) else None
+    return surface if opacity is None else surface._replace(opacity=opacity.factor)
+
+
+def _preview_surface(look: Material) -> PreviewSurface:
     if isinstance(look, Metal | BrushedMetal):
         return PreviewSurface(look.colour, math.sqrt(look.roughness), metallic=1.0)
     if isinstance(look, Satin):

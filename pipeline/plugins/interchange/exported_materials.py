@@ -5,16 +5,25 @@ A picture of numbers has roughness in green and metalness in blue, as glTF has t
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.plugins.interchange.exported_frame import PreviewSurface, preview_surface
-from render.post.embedded_textures import EmbeddedPicture, embedded, embedded_numbers
-from render.scene.materials import Material, Painted, Satin
+from render.post.embedded_textures import (
+    EmbeddedPicture,
+    at_most,
+    embedded,
+    embedded_numbers,
+    png,
+    resized,
+)
+from render.scene.materials import Material, Opacity, Painted, PatternedMaterial, Satin
 from render.scene.painted_faces import VERTEX_COLOURS
-from render.scene.textures import WIDEST, Texture
+from render.scene.rgb_spaces import srgb_of_linear
+from render.scene.textures import WHOLE, WIDEST, Texture
 
 COMPACT = 2048
 """The most pixels along a side of pictures in compressed files; finer ones are averaged."""
@@ -29,6 +38,8 @@ class ExportedMaterial(NamedTuple):
     is_coloured  True if the colours of vertices, where there are any, take the place of the surface's
     normals      the picture of normals in the space of tangents, green up, or None
     bump         the factor on the slope of its normals
+    is_cut_out   True if the alpha of its colours, times its opacity, is what is there of it
+    cutoff       from which alpha on all is there, and below nothing; None for a fraction
     """
 
     surface: PreviewSurface
@@ -37,6 +48,8 @@ class ExportedMaterial(NamedTuple):
     is_coloured: bool
     normals: EmbeddedPicture | None = None
     bump: float = 1.0
+    is_cut_out: bool = False
+    cutoff: float | None = None
 
     @property
     def has_pictures(self) -> bool:
@@ -56,7 +69,7 @@ def exported_materials(look: Material, widest: int = WIDEST) -> tuple[ExportedMa
 
 def pictures_recipe(look: Material) -> list[str]:
     """Return what keys of files with pictures, or several materials, hold; nothing for other looks."""
-    names = ("colour_texture", "roughness_texture", "metallic_texture", "normal_texture")
+    names = ("colour_texture", "roughness_texture", "metallic_texture", "normal_texture", "opacity")
     parts = parts_of(look)
     held = len(parts) > 1 or any(getattr(part, name, None) for part in parts for name in names)
     return ["pictures"] if held else []
@@ -92,7 +105,26 @@ def _exported(part: Material, is_of_model: bool, widest: int) -> ExportedMateria
     if bumps is not None:
         normals = embedded(bumps, widest, is_colour=False)
     bump = 1.0 if bumps is None else bumps.factor[0]
-    return ExportedMaterial(surface, picture, numbers, is_coloured, normals, bump)
+    opacity: Opacity | None = getattr(part, "opacity", None)
+    if opacity is None:
+        return ExportedMaterial(surface, picture, numbers, is_coloured, normals, bump)
+    if opacity.texture is not None:
+        picture = _with_alpha(part, opacity.texture, widest)
+    return ExportedMaterial(
+        surface, picture, numbers, is_coloured, normals, bump, is_cut_out=True, cutoff=opacity.cutoff
+    )
+
+
+def _with_alpha(part: Material, mask: Texture, widest: int) -> EmbeddedPicture:
+    """Return the colours of a material, white without a picture, with an alpha."""
+    alpha = at_most(np.clip(mask.numbers(), 0.0, 1.0), widest)
+    colours = np.ones((1, 1, 3), np.float32)
+    if isinstance(part, PatternedMaterial) and part.colour_texture is not None:
+        plain = replace(part.colour_texture, factor=WHOLE)
+        colours = at_most(replace(part, colour_texture=plain).colour_pixels(), widest)
+    height, width = np.maximum(alpha.shape[:2], colours.shape[:2])
+    planes = [resized(plane, height, width) for plane in (srgb_of_linear(colours), alpha)]
+    return png(np.rint(255.0 * np.concatenate(planes, axis=2)).astype(np.uint8))
 
 
 def _numbers(

@@ -32,6 +32,8 @@ from pipeline.plugins.interchange.model_paint import ModelPaint
 from pipeline.plugins.interchange.painted_materials import (
     GREY,
     Materials,
+    mask_of,
+    opacity_of,
     painted,
     picture,
     picture_within,
@@ -39,7 +41,7 @@ from pipeline.plugins.interchange.painted_materials import (
 from pipeline.plugins.interchange.scene_readers import PlacedMeshes, Polygons, answered, asked, content_of
 from render.base.input_files import digest_of_file, read_input, require_input
 from render.base.limited_process import MEMORY, allow_memory, answer_about_content, serve
-from render.scene.materials import PatternedMaterial
+from render.scene.materials import Opacity, PatternedMaterial
 from render.scene.painted_faces import Files, PaintReader
 from render.scene.rgb_spaces import linear_of_srgb
 from render.scene.textures import Texture
@@ -48,10 +50,15 @@ if TYPE_CHECKING:
     import ufbx
 
 _MODULE = "pipeline.plugins.interchange.fbx_paint"
-MATERIALS = "materials 1"
+MATERIALS = "materials 2"
 """The question for materials, with the version of the answers, which are stored by it."""
 
-_SHOWN = {"base_color": "colour", "roughness": "roughness", "metalness": "metalness"}
+_SHOWN = {
+    "base_color": "colour",
+    "roughness": "roughness",
+    "metalness": "metalness",
+    "opacity": "opacity",
+}
 """The parts of a material that are shown: their names in ufbx, and in messages."""
 
 _UNKNOWN, _SPECULAR_GLOSSINESS = 0, 7
@@ -89,18 +96,33 @@ def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> Patt
         name: _texture(path, found, files, None if name == "base_color" else "data")
         for name, found in facts["pictures"].items()
     }
-    colour = textures.pop("base_color", None)
+    colour, mask = textures.pop("base_color", None), textures.pop("opacity", None)
+    named: dict[str, Any] = {"opacity": _opacity(facts, mask)}
     if colour is not None:
         colour = replace(colour, factor=(facts["factor"],) * 3)
     more = {"roughness": "roughness_texture", "metalness": "metallic_texture"}
+    named |= {more[name]: texture for name, texture in textures.items()}
     return painted(
         tuple(facts["colour"]),
         colour,
         facts["roughness"],
         facts["metalness"],
         facts["has_colours"],
-        **{more[name]: texture for name, texture in textures.items()},
+        **named,
     )
+
+
+def _opacity(facts: dict[str, Any], texture: Texture | None) -> Opacity | None:
+    """Return the opacity of a material. Raises MeshError for a picture that programs read in two ways."""
+    if texture is None:
+        return opacity_of(facts["opacity"])
+    mask = mask_of(texture)
+    if mask is texture and not facts["is_mask"]:
+        raise MeshError(
+            f"the material {brief(facts['name'])} has a picture of transparency without alpha, which some "
+            "programs read as opacity. Write it as the alpha of the colour, or write paint: off."
+        )
+    return opacity_of(1.0, mask)
 
 
 def _texture(path: Path, found: dict[str, Any], files: dict[Path, str], space: str | None) -> Texture:
@@ -287,6 +309,8 @@ def _pictures_of(material: ufbx.Material) -> dict[str, ufbx.Texture]:
     maps, found = counted(material.pbr), {}
     for name, word in _SHOWN.items():
         given = counted(getattr(maps, name))
+        if name == "opacity" and counted(given.texture) is None:
+            given = counted(counted(material.fbx).transparency_color)
         texture = counted(given.texture)
         if texture is None or not given.texture_enabled:
             continue
@@ -308,7 +332,8 @@ def _pictures_of(material: ufbx.Material) -> dict[str, ufbx.Texture]:
 def _facts_of(material: ufbx.Material | None) -> dict[str, Any]:
     """Return colour, factor on its picture, roughness (None for matt), metalness and pictures."""
     if material is None:
-        return {"colour": GREY, "factor": 1.0, "roughness": None, "metalness": 0.0, "pictures": {}}
+        facts = {"colour": GREY, "factor": 1.0, "roughness": None, "metalness": 0.0, "pictures": {}}
+        return facts | {"name": "", "opacity": 1.0, "is_mask": True}
     features, maps, textures = counted(material.features), counted(material.pbr), _pictures_of(material)
     place, kind = f"the material {brief(material.name)}", int(material.shader_type)
     colour = _base_colour(material)
@@ -336,12 +361,30 @@ def _facts_of(material: ufbx.Material | None) -> dict[str, Any]:
     shine = _number(maps, "specular_factor", 1.0) * max(counted(maps.specular_color).value_vec4[:3])
     is_matt = not is_physical and "roughness" not in textures and not shine
     return {
+        "name": material.name,
+        "opacity": _opacity_of(material),
+        "is_mask": counted(counted(maps.opacity).texture) is not None,
         "colour": tuple(factor * part for part in own),
         "factor": factor,
         "roughness": None if is_matt else min(max(_number(maps, "roughness", 0.5), 0.0), 1.0),
         "metalness": min(max(_number(maps, "metalness", 0.0), 0.0), 1.0),
         "pictures": {name: _picture_facts(texture) for name, texture in textures.items()},
     }
+
+
+def _opacity_of(material: ufbx.Material) -> float:
+    """Return the opacity of a material: what ufbx finds, else Autodesk's, else 1 less its transparency."""
+    known = counted(counted(material.pbr).opacity)
+    if known.has_value:
+        return float(known.value_vec4[0])
+    given = counted(material.props).find_prop("Opacity")
+    if given is not None:
+        return float(counted(given).value_vec4[0])
+    maps = counted(material.fbx)
+    factor, colour = _number(maps, "transparency_factor", -1.0), counted(maps.transparency_color)
+    if colour.has_value:
+        return 1.0 - (1.0 if factor < 0.0 else factor) * sum(colour.value_vec4[:3]) / 3.0
+    return 1.0 - factor if 0.0 < factor < 1.0 else 1.0
 
 
 def _base_colour(material: ufbx.Material) -> tuple[float, ...] | None:

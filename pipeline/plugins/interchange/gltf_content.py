@@ -228,8 +228,10 @@ class GltfContent:
         material: dict[str, Any] = {
             "pbrMetallicRoughness": inputs,
             **({} if is_closed is None else {"doubleSided": not is_closed}),
-            "alphaMode": "OPAQUE" if surface.opacity == 1.0 else "BLEND",
+            "alphaMode": "BLEND" if surface.opacity < 1.0 or part.is_cut_out else "OPAQUE",
         }
+        if part.cutoff is not None:
+            material |= {"alphaMode": "MASK", "alphaCutoff": part.cutoff}
         if part.normals is not None:
             material["normalTexture"] = {"index": self._texture(part.normals), "scale": part.bump}
         extensions = {}

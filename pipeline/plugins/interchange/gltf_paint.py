@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
@@ -23,7 +24,15 @@ from pipeline.plugins.interchange.gltf_document import MOST_BYTES, GltfDocument,
 from pipeline.plugins.interchange.gltf_files import SceneArrays, Triangles, files_of_buffers, placed
 from pipeline.plugins.interchange.gltf_scene import DefaultScene, PlacedPrimitive
 from pipeline.plugins.interchange.model_paint import ModelPaint
-from pipeline.plugins.interchange.painted_materials import GREY, Materials, painted, picture, picture_within
+from pipeline.plugins.interchange.painted_materials import (
+    GREY,
+    Materials,
+    alpha_of,
+    opacity_of,
+    painted,
+    picture,
+    picture_within,
+)
 from render.base.input_files import digest_of_file, require_input
 from render.base.limited_process import MEMORY, allow_memory, answer_of, serve
 from render.scene.materials import PatternedMaterial
@@ -116,7 +125,13 @@ class PaintArrays(SceneArrays):
             )
             materials.append(np.full(len(faces), number))
             factor = _factor(material)[:3]
-            values = self._values(part, "COLOR_0", own, 3, 1.0)[:, :3] * factor
+            values = self._values(part, "COLOR_0", own, 3, 1.0)
+            if values.shape[1] > 3 and (values[:, 3] < 1.0).any() and _is_cut_out(material):
+                raise MeshError(
+                    f"{material.place} has vertex colours with alpha, COLOR_0, which is not read. Export "
+                    "it with a texture, or write paint: off."
+                )
+            values = values[:, :3] * factor
             colours.append(np.clip(values, 0.0, 1.0)[faces].reshape(-1, 3))
             first += len(shown.points)
         found = {
@@ -162,6 +177,11 @@ def _factor(material: JsonObject) -> list[float]:
     return [min(max(part, 0.0), 1.0) for part in _numbers_of(material, "baseColorFactor", [1.0] * 4)]
 
 
+def _is_cut_out(material: JsonObject) -> bool:
+    """Tell whether the alpha of a material shows."""
+    return material.values.get("alphaMode", "OPAQUE") in ("MASK", "BLEND")
+
+
 def _numbers_of(material: JsonObject, name: str, otherwise: list[float]) -> list[float]:
     surface = material.entry("pbrMetallicRoughness")
     return surface.numbers(name, len(otherwise)) if name in surface else otherwise
@@ -192,7 +212,7 @@ def _material(
 ) -> PatternedMaterial:
     """Return a material. Raises MeshError where vertex colours and a texture are to be multiplied."""
     surface, texture_of = material.entry("pbrMetallicRoughness"), partial(_texture, document, files=files)
-    red, green, blue, _ = _factor(material)
+    red, green, blue, alpha = _factor(material)
     metallic, roughness = (
         min(max(float(surface.values.get(f"{name}Factor", 1.0)), 0.0), 1.0)
         for name in ("metallic", "roughness")
@@ -200,7 +220,11 @@ def _material(
     colour = texture_of(surface.entry("baseColorTexture")) if "baseColorTexture" in surface else None
     if colour is not None:
         colour = replace(colour, factor=(red, green, blue))
-    more: dict[str, Texture | None] = {}
+    more: dict[str, Any] = {}
+    if _is_cut_out(material):
+        is_mask = material.values["alphaMode"] == "MASK"
+        cutoff = float(material.values.get("alphaCutoff", 0.5)) if is_mask else None
+        more["opacity"] = opacity_of(alpha, None if colour is None else alpha_of(colour), cutoff)
     if "metallicRoughnessTexture" in surface:
         both = texture_of(surface.entry("metallicRoughnessTexture"), space="data")
         more["roughness_texture"] = replace(both, factor=(1.0, roughness, 1.0), channel=1)

@@ -2,7 +2,7 @@
 
 Materials are those of the MTL files that the OBJ names, by its specification (Wavefront, Advanced Visualizer)
 with the roughness, metalness and normal map that Blender, Substance and others add (``Pr``, ``Pm``,
-``norm``). Colours are sRGB.
+``norm``), and ``Tr``. Colours are sRGB.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,11 +21,20 @@ from pipeline.file_contents import text_content
 from pipeline.mesh.mesh_formats import MOST_BYTES
 from pipeline.plugins.interchange.model_paint import ModelPaint
 from pipeline.plugins.interchange.obj_files import statements
-from pipeline.plugins.interchange.painted_materials import GREY, Materials, file_beside, painted, picture
+from pipeline.plugins.interchange.painted_materials import (
+    GREY,
+    Materials,
+    file_beside,
+    mask_of,
+    opacity_of,
+    painted,
+    picture,
+)
 from render.base.input_files import digest_of_file, read_input
-from render.scene.materials import PatternedMaterial
+from render.scene.materials import Opacity, PatternedMaterial
 from render.scene.painted_faces import Files, PaintReader
 from render.scene.rgb_spaces import linear_of_srgb
+from render.scene.textures import ALPHA
 
 _NAMES = re.compile(rb"^[ \t]*(usemtl|mtllib)[ \t]+([^\r\n]*)", re.MULTILINE)
 
@@ -164,15 +174,34 @@ def _material(
         strength = {b"-bm": words[words.index(b"-bm") + 1 :]} if b"-bm" in words else {}
         scale = _number(strength, b"-bm", 1.0)
         normals = replace(normals, factor=(scale, scale, 1.0))
+    more: dict[str, Any] = {"normal_texture": normals, "opacity": _opacity(library, entries, files)}
     specular, shine = _colour(entries, b"Ks"), _number(entries, b"Ns", 0.0)
     metallic, roughness = _number(entries, b"Pm", 0.0), _number(entries, b"Pr", -1.0)
     if roughness < 0.0:
         is_matt = not metallic and (not specular or not any(specular) or not shine)
         roughness = 1.0 if is_matt else (2.0 / (max(shine, 0.0) + 2.0)) ** 0.25
         if is_matt:
-            return painted(colour, texture, has_colours=has_colours, normal_texture=normals)
+            return painted(colour, texture, has_colours=has_colours, **more)
     roughness, metallic = min(roughness, 1.0), min(max(metallic, 0.0), 1.0)
-    return painted(colour, texture, roughness, metallic, has_colours, normal_texture=normals)
+    return painted(colour, texture, roughness, metallic, has_colours, **more)
+
+
+def _opacity(library: Path, entries: dict[bytes, list[bytes]], files: dict[Path, str]) -> Opacity | None:
+    """Return the opacity of a material. Raises MeshError for a `Tr` that programs read in two ways."""
+    dissolved = entries.get(b"d", [])[-1:]  # behind an option of halos
+    factor = _number({b"d": dissolved}, b"d", 1.0 - _number(entries, b"Tr", 0.0))
+    words, texture = entries.get(b"map_d"), None
+    if factor == 0.0 and not dissolved:
+        raise MeshError(
+            "a material has Tr 1, which some programs write for opaque ones. Write d in its place, or write "
+            "paint: off."
+        )
+    if words is not None:
+        texture = picture(library, _picture_name(words), files, "data")
+        option = words[words.index(b"-imfchan") + 1 :] if b"-imfchan" in words else []
+        channel = {b"r": 0, b"g": 1, b"b": 2, b"m": ALPHA}.get(option[0] if option else b"")
+        texture = mask_of(texture) if channel is None else replace(texture, channel=channel)
+    return opacity_of(factor, texture)
 
 
 def _picture_name(words: list[bytes]) -> str:

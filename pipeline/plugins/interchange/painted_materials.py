@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,10 @@ from render.base.input_files import digest_of_file
 from render.base.render_errors import BadInputError
 from render.base.serialise import Colour
 from render.base.user_cache import writable_cache
-from render.scene.materials import Diffuse, PatternedMaterial, Satin
+from render.scene.materials import Diffuse, Opacity, PatternedMaterial, Satin
 from render.scene.painted_faces import VERTEX_COLOURS, Files
 from render.scene.texture_projection import MODEL, TextureProjection
-from render.scene.textures import Texture, texture_of
+from render.scene.textures import ALPHA, WHOLE, Texture, texture_of
 
 Materials = tuple[tuple[PatternedMaterial, ...], Files]
 
@@ -29,21 +30,43 @@ def painted(
     roughness: float | None = None,
     metallic: float = 0.0,
     has_colours: bool = False,
+    opacity: Opacity | None = None,
     **textures: Any,
 ) -> PatternedMaterial:
     """Return a material with the texture coordinates of its model.
 
     roughness    0 to 1, as in glTF; None for a matt material
     has_colours  True where the model has vertex colours, which replace the colour
+    opacity      where the surface has holes, or None
     textures     of normals, roughness and metalness, by the names of `Satin`
     """
     placed = TextureProjection(MODEL)
-    source: dict[str, Any] = {"colour_texture": texture, "projection": placed}
+    source: dict[str, Any] = {"colour_texture": texture, "projection": placed, "opacity": opacity}
     if texture is None and has_colours:
         source["colour_from"] = VERTEX_COLOURS
     if roughness is None:
         return Diffuse(colour, **source, **textures)
     return Satin(colour, roughness=roughness, metallic=metallic, coat=0.0, **source, **textures)
+
+
+def opacity_of(factor: float, texture: Texture | None = None, cutoff: float | None = None) -> Opacity | None:
+    """Return the opacity of a material; None where all of the surface is there."""
+    factor = min(max(factor, 0.0), 1.0)
+    if texture is not None and texture.numbers().min() >= 1.0:
+        texture = None
+    is_whole = texture is None and (factor == 1.0 if cutoff is None else factor >= cutoff)
+    return None if is_whole else Opacity(factor, texture, cutoff)
+
+
+def mask_of(texture: Texture) -> Texture:
+    """Return the opacity that a picture holds: its alpha, or its brightness where it has none."""
+    alpha = alpha_of(texture)
+    return alpha if alpha.numbers().min() < 1.0 else texture
+
+
+def alpha_of(texture: Texture) -> Texture:
+    """Return the alpha of a picture as a texture of numbers."""
+    return replace(texture, space="data", factor=WHOLE, channel=ALPHA)
 
 
 def file_beside(model: Path, name: str, kind: str) -> Path:

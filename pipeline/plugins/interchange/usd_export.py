@@ -16,7 +16,7 @@ A stage reads the clip of a frame only while it shows that frame, so a frame tha
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -54,7 +54,7 @@ from pipeline.production.store.store import Key, Store, key_of
 from pipeline.shot import Picture, Shot
 from render.base.atomic_write import cannot_write
 from render.base.serialise import to_plain
-from render.scene.materials import Diffuse, Material, Satin
+from render.scene.materials import Diffuse, Material, Opacity, Satin
 from render.scene.painted_faces import VERTEX_COLOURS
 from render.scene.scene_stage import Stage
 
@@ -296,7 +296,13 @@ class SculptureFiles:
         found = {} if texture is None else {"diffuseColor": texture.pixels}
         for name, plane in number_planes(part).items():
             found[name] = partial(np.repeat, plane, 3, axis=2)
-        return found if bumps is None else found | {"normal": lambda: 0.5 + 0.5 * bumps.normals()}
+        if bumps is not None:
+            found["normal"] = lambda: 0.5 + 0.5 * bumps.normals()
+        opacity: Opacity | None = getattr(part, "opacity", None)
+        if opacity is not None and opacity.texture is not None:
+            whole = replace(opacity, cutoff=None)
+            found["opacity"] = lambda: np.repeat(whole.fractions(), 3, axis=2)
+        return found
 
     @property
     def recipe(self) -> list[str]:

@@ -21,7 +21,13 @@ import numpy as np
 from pipeline.errors import MissingInputError
 from pipeline.mesh.mesh_formats import FileSurface, MeshFormat, ModelFiles, ScenePart
 from pipeline.plugins.interchange.model_paint import ModelPaint
-from pipeline.plugins.interchange.painted_materials import Materials, painted, picture, picture_within
+from pipeline.plugins.interchange.painted_materials import (
+    Materials,
+    opacity_of,
+    painted,
+    picture,
+    picture_within,
+)
 from pipeline.plugins.interchange.scene_readers import answered, asked, require_package, unpacked_surface
 from render.base.input_files import digest_of_file, joint_digest
 from render.base.limited_process import allow_memory, serve
@@ -34,7 +40,7 @@ _MODULE = "pipeline.plugins.interchange.usd_files"
 
 _VERSION = 1  # goes up when the process answers otherwise about the same files
 
-_PAINT_VERSION = 2  # the same for answers about materials
+_PAINT_VERSION = 3  # the same for answers about materials
 
 _WHOLE = ScenePart()
 
@@ -105,7 +111,9 @@ def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> Patt
     """Return the material of what the process found; note the files of its pictures."""
     textures = {name: _texture(path, found, files) for name, found in facts["pictures"].items()}
     colour, roughness = textures.get("diffuseColor"), facts["roughness"]
-    more = {"normal_texture": textures.get("normal")}
+    more: dict[str, Any] = {"normal_texture": textures.get("normal")}
+    factor = 1.0 if "opacity" in textures else facts["opacity"]
+    more["opacity"] = opacity_of(factor, textures.get("opacity"), facts["opacityThreshold"] or None)
     if roughness is not None:
         more |= {f"{name}_texture": textures.get(name) for name in ("roughness", "metallic")}
     return painted(

@@ -27,13 +27,17 @@ from pipeline.plugins.interchange.usd_reader import (
     start_of,
     time_of,
 )
+from render.scene.textures import ALPHA
 
 _DISPLAY_COLOR = "displayColor"
 
 _COORDINATES = ("st", "UVMap", "uv")
 """Texture coordinates of faces whose material has no textures: the first of these that there are."""
 
-_CHANNELS = {"rgb": None, "r": 0, "g": 1, "b": 2}
+_CHANNELS = {"rgb": None, "r": 0, "g": 1, "b": 2, "a": ALPHA}
+
+_OPACITY = (("opacity", 1.0), ("opacityThreshold", 0.0))
+"""Inputs of opacity, and what they are where nothing is said."""
 
 _SPACES = {"sRGB": "srgb", "raw": "linear"}
 
@@ -234,7 +238,7 @@ def _path_of(material: UsdShade.Material) -> str:
 
 def _facts(colour: tuple[float, ...], roughness: float | None, metalness: float) -> dict[str, Any]:
     facts = {"colour": colour, "roughness": roughness, "metalness": metalness}
-    return {**facts, "has_colours": False, "pictures": {}}
+    return {**facts, **dict(_OPACITY), "has_colours": False, "pictures": {}}
 
 
 def _bare() -> _Surface:
@@ -258,7 +262,7 @@ class _Reader:
     def surface(self) -> _Surface:
         """Return the surface."""
         colour, dye, pictures = (0.18, 0.18, 0.18), None, dict[str, Any]()
-        for name in ("diffuseColor", "roughness", "metallic", "normal"):
+        for name in ("diffuseColor", "roughness", "metallic", "normal", "opacity"):
             if name == "metallic" and self._is_specular():
                 continue
             node, output = self._node(self.shader, name)
@@ -267,7 +271,7 @@ class _Reader:
             kind = node.GetShaderId()
             if name == "diffuseColor" and kind == "UsdPrimvarReader_float3":
                 dye = str(self._value(node, "varname", _DISPLAY_COLOR))
-            elif kind == "UsdUVTexture" and output in _CHANNELS:
+            elif kind == "UsdUVTexture" and output in _CHANNELS and (output != "a" or name == "opacity"):
                 pictures[name] = self._picture(node, output, name)
             else:
                 raise MeshError(
@@ -281,6 +285,7 @@ class _Reader:
         )
         is_matt = self._is_specular() and not max(self._value(self.shader, "specularColor", (0.0,)))
         facts = _facts(colour, None if is_matt else roughness, 0.0 if self._is_specular() else metalness)
+        facts |= {name: float(self._value(self.shader, name, otherwise)) for name, otherwise in _OPACITY}
         return _Surface(facts | {"pictures": pictures}, self._coordinates, dye)
 
     def _is_specular(self) -> bool:
@@ -305,10 +310,14 @@ class _Reader:
             )
         self._coordinates = own
         scale, bias = (
-            tuple(map(float, self._value(node, word, (otherwise,) * 4)))[:3]
+            tuple(map(float, self._value(node, word, (otherwise,) * 4)))
             for word, otherwise in (("scale", 1.0), ("bias", 0.0))
         )
-        if name == "normal":
+        alpha = scale[3], bias[3]
+        scale, bias = scale[:3], bias[:3]
+        if output == "a":
+            is_read = alpha == (1.0, 0.0)
+        elif name == "normal":
             if (scale, bias) == ((1.0,) * 3, (0.0,) * 3):  # as many programs write them
                 scale, bias = (2.0,) * 3, (-1.0,) * 3
             is_read = all(math.isclose(2.0 * b, -a, abs_tol=0.02) for a, b in zip(scale, bias, strict=True))

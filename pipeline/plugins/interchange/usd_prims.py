@@ -27,7 +27,7 @@ from render.base.serialise import Colour, Triple
 from render.mitsuba.emitters import gradient_map
 from render.post.image import write_exr
 from render.scene.aovs import RenderedFrame
-from render.scene.materials import Material
+from render.scene.materials import Material, PatternedMaterial
 from render.scene.render_camera import Camera
 from render.scene.scene_lights import LightRig, Softbox, Sun
 from render.scene.sky import SUN_WIDTH
@@ -238,6 +238,8 @@ def add_material(
     if surface.is_matt:
         _set(shader, "useSpecularWorkflow", "Int", 1)
         _set(shader, "specularColor", "Color3f", (0.0, 0.0, 0.0))
+    if isinstance(look, PatternedMaterial) and look.opacity and look.opacity.cutoff is not None:
+        _set(shader, "opacityThreshold", "Float", look.opacity.cutoff)
     for name, file in pictures.items():
         output = "rgb" if name in ("diffuseColor", "normal") else "r"
         reader = _picture_reader(stage, path, file, "picture" if name == "diffuseColor" else name, output)

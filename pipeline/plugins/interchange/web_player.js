@@ -267,6 +267,7 @@ class Player {
     for (const [start, indices, number] of part.groups) geometry.addGroup(start, indices, number);
     const mesh = new THREE.Mesh(geometry, part.groups.length ? materials : materials[0]);
     mesh.customDepthMaterial = this.#moving(new THREE.MeshDepthMaterial({ depthPacking: THREE.RGBADepthPacking, side: THREE.DoubleSide }));
+    mesh.customDepthMaterial.alphaHash = materials.some((each) => each.alphaHash);
     Object.assign(mesh, { castShadow: true, receiveShadow: true, frustumCulled: false });
     mesh.position.set(...part.centre);
     mesh.scale.setScalar(part.step);
@@ -305,6 +306,8 @@ class Player {
       clearcoat: look.clearcoat, clearcoatRoughness: 0.03, ior: Math.max(look.refraction, 1), specularIntensity: look.is_matt ? 0 : 1,
       side: THREE.DoubleSide, shadowSide: THREE.DoubleSide,
     });
+    // Fractions are there at random, as in our renders; blending would need faces from back to front.
+    if (look.is_cut_out) Object.assign(material, { opacity: look.opacity, alphaTest: look.cutoff ?? 0, alphaHash: look.cutoff == null });
     if (look.is_clear) Object.assign(material, { transmission: 1, thickness: facts.placements[0][3] });
     if (look.is_smoke) Object.assign(material, { transparent: true, opacity: 2 * look.opacity, depthWrite: false });
     return material;
@@ -341,7 +344,10 @@ class Player {
       shader.uniforms.blend = this.blend;
       shader.vertexShader = `uniform float blend; attribute vec3 nextPosition; attribute vec3 nextNormal;\n${shader.vertexShader}`
         .replace("#include <beginnormal_vertex>", "vec3 objectNormal = normalize(mix(normal, nextNormal, blend));")
-        .replace("#include <begin_vertex>", "vec3 transformed = mix(position, nextPosition, blend);");
+        .replace("#include <begin_vertex>", `vec3 transformed = mix(position, nextPosition, blend);
+          #ifdef USE_ALPHAHASH
+            vPosition = position;
+          #endif`);
     };
     material.customProgramCacheKey = () => `moving ${material.type} ${closed}`;
     return material;

@@ -207,6 +207,8 @@ def _material(part: ExportedMaterial, look: Material, has_colours: bool, blobs: 
         "numbers": blobs.picture(part.numbers),
         "normals": blobs.picture(part.normals),
         "bump": part.bump,
+        "is_cut_out": part.is_cut_out,
+        "cutoff": part.cutoff,
         "is_clear": isinstance(look, Glass),
         "is_smoke": isinstance(look, Smoke),
     }

@@ -16,6 +16,7 @@ from pipeline.flow import checked_displacement
 from pipeline.kernels import readable
 from pipeline.mesh import TriangleMesh, icosphere
 from pipeline.mesh.kernels.halfedge import SOUND, match_twins
+from pipeline.plugins.preview.holes import without_holes
 from pipeline.production.request.framing import Framing
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.shot import Motion
@@ -23,7 +24,7 @@ from render.graphics.typesetting import BurnIn
 from render.movie.codecs import timecode
 from render.post.colour import quantise
 from render.raster import Edges, Shape, StageSetup, preview, wide_picture, with_lines
-from render.scene.materials import Material
+from render.scene.materials import Material, Painted
 from render.scene.painted_faces import PaintedFaces
 from render.scene.patterns import SPEED
 from render.scene.render_camera import Camera, WideCamera
@@ -79,9 +80,9 @@ class Sketch:
         fades = stage_fades(camera, picture.lights)
         setup = StageSetup(picture.lights, picture.stage, framing.placement, view, fades)
         first, *others = (
-            shape_of(arrays, part.picture(number).look, self.quick, _paint(part, number, arrays))._replace(
-                closed=self.closed
-            )
+            shape_of(
+                arrays, look := part.picture(number).look, self.quick, _paint(part, number, arrays)
+            )._replace(closed=self.closed and not look.has_opacity)
             for arrays, part in zip(surfaces, parts, strict=True)
         )
         edges = Edges() if self.edges else None
@@ -136,6 +137,9 @@ def shape_of(
     vertices, no_faces = arrays["vertices"], np.empty((0, 3), np.int32)
     normals, faces = arrays.get("normals", vertices), arrays.get("faces", no_faces)
     surface = Surface(vertices, normals, faces, attributes, arrays["material"], paint=paint)
+    if isinstance(look, Painted) and look.has_opacity and paint is not None:
+        surface = without_holes(surface, look, paint)
+        vertices, normals, faces = surface.vertices, surface.normals, surface.faces
     colours = vertex_colours(surface, look)
     if "radii" not in arrays:
         return Shape(vertices, normals, faces, look, colours)

@@ -1,6 +1,13 @@
 """Materials: what the sculpture is made of. Plain descriptions; `render.mitsuba.materials` builds them."""
 
-from render.scene.materials.material import Absorption, Material, PatternedMaterial, Relief, Subsurface
+from render.scene.materials.material import (
+    Absorption,
+    Material,
+    Opacity,
+    PatternedMaterial,
+    Relief,
+    Subsurface,
+)
 from render.scene.materials.mitsuba_bsdf import Bsdf
 from render.scene.materials.models import (
     LOOKS,
@@ -29,6 +36,7 @@ __all__ = [
     "Material",
     "Metal",
     "MitsubaMaterial",
+    "Opacity",
     "Painted",
     "PatternedMaterial",
     "Plastic",

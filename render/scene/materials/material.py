@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from render.base.render_errors import BadInputError
 from render.base.serialise import OMIT_DEFAULT, Colour, Triple
 from render.scene.patterns import Measure, Pigment
+from render.scene.picture_file import Pixels
 from render.scene.surface import Wireframe
 from render.scene.texture_projection import MODEL, TextureProjection
-from render.scene.textures import Texture
+from render.scene.textures import Texture, continued
 
 M = TypeVar("M", bound="Material")
 
@@ -91,6 +92,11 @@ class Material:
         return False
 
     @property
+    def has_opacity(self) -> bool:
+        """True if light passes through parts of the surface as if they were not there."""
+        return False
+
+    @property
     def shows_paint(self) -> bool:
         """True if the material shows what the subject has on its faces."""
         return self.texture_projection is not None and self.texture_projection.kind == MODEL
@@ -129,6 +135,7 @@ class PatternedMaterial(Material):
     projection      the projection of textures
 
     normal_texture  a tangent-space normal map, or None
+    opacity         where the surface has holes, or None
     """
 
     colour_from: str | None = field(default=None, kw_only=True)
@@ -137,6 +144,7 @@ class PatternedMaterial(Material):
     colour_texture: Texture | None = field(default=None, kw_only=True)
     projection: TextureProjection = field(default_factory=TextureProjection, kw_only=True)
     normal_texture: Texture | None = field(default=None, kw_only=True, metadata=OMIT_DEFAULT)
+    opacity: Opacity | None = field(default=None, kw_only=True, metadata=OMIT_DEFAULT)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -167,8 +175,46 @@ class PatternedMaterial(Material):
     def texture_projection(self) -> TextureProjection | None:
         """Projection of the textures, or None if there are none."""
         names = ("colour_texture", "roughness_texture", "metallic_texture", "relief", "normal_texture")
-        textures = (getattr(self, name, None) for name in names)
-        return self.projection if any(textures) else None
+        textures = [getattr(self, name, None) for name in names]
+        return self.projection if any([*textures, self.opacity and self.opacity.texture]) else None
+
+    @property
+    def has_opacity(self) -> bool:
+        return self.opacity is not None
+
+    def colour_pixels(self) -> Pixels:
+        """Return the pixels of the colour texture (H, W, 3), where it is cut out with those around the holes
+        continued into them: lookups blend neighbours. Raises as `read_picture`."""
+        assert self.colour_texture is not None
+        pixels = self.colour_texture.pixels()
+        if self.opacity is None or self.opacity.texture is None:
+            return pixels
+        known = self.opacity.texture.numbers() > 0.0
+        return continued(pixels, known) if known.shape[:2] == pixels.shape[:2] else pixels
+
+
+@dataclass(frozen=True)
+class Opacity:
+    """The fraction of a surface that is there. Light passes through the rest, as through holes.
+
+    factor   of all of it, or on the texture
+    texture  of numbers, or None
+    cutoff   from which fraction on all is there, and below nothing; None for the fraction itself
+    """
+
+    factor: float = 1.0
+    texture: Texture | None = None
+    cutoff: float | None = None
+
+    def fractions(self) -> Pixels:
+        """Return fractions (H, W, 1), with a cutoff far below 0 or 1 and above. Raises as `read_picture`."""
+        texture = self.texture
+        values = np.ones((1, 1, 1), np.float32) if texture is None else np.clip(texture.numbers(), 0.0, 1.0)
+        values = values * np.float32(self.factor)
+        return values if self.cutoff is None else 1.0 + (values - np.float32(self.cutoff)) * _STEEP
+
+
+_STEEP = np.float32(1e6)
 
 
 @dataclass(frozen=True)

@@ -197,6 +197,10 @@ class Painted(Material):
     def has_normal_map(self) -> bool:
         return any(part.has_normal_map for part in self.parts)
 
+    @property
+    def has_opacity(self) -> bool:
+        return any(part.has_opacity for part in self.parts)
+
     def with_values(self, **values: Any) -> Painted:
         """Return the look with a wireframe. Raises BadInputError for other values."""
         for name in values.keys() - {"wireframe"}:

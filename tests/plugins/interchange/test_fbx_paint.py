@@ -167,8 +167,8 @@ def test_the_colour_of_a_pbr_material_of_3ds_max_is_read() -> None:
     assert found["roughness"] == pytest.approx(0.4)
 
 
-def test_maps_of_bumps_opacity_and_light_of_an_fbx_are_not_opened() -> None:
-    links = [*LINKS[:4], (5, 3, "Bump"), (5, 3, "TransparentColor"), (5, 3, "EmissiveColor")]
+def test_maps_of_bumps_and_light_of_an_fbx_are_not_opened() -> None:
+    links = [*LINKS[:4], (5, 3, "Bump"), (5, 3, "EmissiveColor")]
     assert [found["pictures"] for found in facts(painted_box(), links)] == [{}, {}]
 
 

@@ -219,7 +219,7 @@ def test_materials_of_an_obj_are_read(tmp_path: Path) -> None:
 def test_roughness_and_metalness_of_an_obj_are_read_and_its_bumps_and_glow_are_not(tmp_path: Path) -> None:
     model = painted_box(tmp_path)
     (tmp_path / "box.mtl").write_text(
-        "newmtl one\nKd 1 1 1\nPr 0.3\nPm 0.8\nmap_Bump dents.png\nmap_Ks shine.png\nmap_d holes.png\nd 0.5\n"
+        "newmtl one\nKd 1 1 1\nPr 0.3\nPm 0.8\nmap_Bump dents.png\nmap_Ks shine.png\n"
         "Ke 1 1 1\nnewmtl other\nKd 1 0 0\n"
     )
     look = shot_of(model).picture.look
