@@ -1,0 +1,16 @@
+"""Breeding: children of one shot or two, made by chance, from which a person chooses."""
+
+from pipeline.plugin import Command, Plugin
+
+PLUGIN = Plugin(
+    name="breed",
+    version="1",
+    commands={
+        "breed": Command(
+            "pipeline.plugins.breed.breed_command:breed",
+            "Make twelve children of a shot, or of two, to choose from.",
+            "Start",
+        )
+    },
+    documents={"ancestry": "pipeline.plugins.breed.ancestry:AncestryDocument"},
+)

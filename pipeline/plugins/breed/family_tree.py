@@ -1,0 +1,166 @@
+"""The family tree: a row of pictures for each generation, with lines from parents to their children."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import FlowsculptError
+from render.graphics.contact_sheet import FONT, GROUND, INK, QUIET
+from render.graphics.typesetting import cut_short, write
+from render.post.image import read_png
+
+RECORD = "generation.json"
+"""The file that says what a generation was bred from."""
+
+PICTURES = "pictures"
+"""The folder of the last picture of each child."""
+
+GAP, MARGIN, TEXT, ABOVE = 10, 28, 14, 64
+"""Pixels between pictures, around the tree, of its letters, and between rows."""
+
+LINE, FAVOURITE, PARENT = (120, 120, 120), (236, 196, 110), (255, 255, 255)
+"""Colours of lines, and of frames around favourites and parents."""
+
+VACANT = (120, 68)
+"""Size of the place of a picture that is not there any more, pixels."""
+
+Pixels = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """One generation, or the shots that the first one was bred from.
+
+    pictures    by the names of shots, in order; None where a picture is not there any more
+    parents     names of shots in rows above
+    favourites  names of shots in rows above
+    """
+
+    heading: str
+    pictures: dict[str, Pixels | None]
+    parents: tuple[str, ...] = ()
+    favourites: tuple[str, ...] = ()
+
+
+def read_record(folder: Path) -> dict[str, Any] | None:
+    """Return what a folder says of its generation; None where it has none."""
+    try:
+        record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return record if isinstance(record, dict) and record.keys() >= {"parents", "children"} else None
+
+
+def rows_of(folder: Path, place: Path) -> list[Row]:
+    """Return the rows of a generation and all before it, oldest first.
+
+    folder  its files
+    place   the folder that its record means by relative paths
+    """
+    found: dict[Path, tuple[dict[str, Any], Path]] = {}
+    first: dict[str, Pixels | None] = {}
+    waiting = [(folder, place)]
+    while waiting:
+        files, home = waiting.pop()
+        record = read_record(files)
+        if record is None or home.resolve() in found:
+            continue
+        found[home.resolve()] = (record, files)
+        for number, parent in enumerate(record["parents"], 1):
+            before = Path(os.path.normpath(home / parent["folder"]))  # home may not be there yet
+            if read_record(before) is not None:
+                waiting.append((before, before))
+            else:
+                first.setdefault(parent["name"], _picture(files, f"parent_{number}"))
+    generations = sorted(found.values(), key=lambda item: (item[0]["generation"], item[0]["name"]))
+    return [Row("", first), *(_row(record, files) for record, files in generations)]
+
+
+def _row(record: dict[str, Any], files: Path) -> Row:
+    names = [child["name"] for child in record["children"]]
+    heading = f"{record['name']}   seed {record['seed']}, change {record['change']:g}"
+    parents = tuple(parent["name"] for parent in record["parents"])
+    return Row(heading, {n: _picture(files, n) for n in names}, parents, tuple(record["favourites"]))
+
+
+def _picture(files: Path, name: str) -> Pixels | None:
+    try:
+        return np.asarray(read_png(files / PICTURES / f"{name}.png")[..., :3], np.uint8)
+    except (FlowsculptError, OSError):
+        return None
+
+
+def family_picture(folder: Path, place: Path) -> Pixels:
+    """Draw the family of a generation (H, W, 3); arguments as of `rows_of`."""
+    rows = rows_of(folder, place)
+    sizes = [picture.shape[1::-1] for row in rows for picture in row.pictures.values() if picture is not None]
+    wide, high = max(w for w, _ in [*sizes, VACANT]), max(h for _, h in [*sizes, VACANT])
+    most = max(len(row.pictures) for row in rows)
+    width = 2 * MARGIN + most * (wide + GAP) - GAP
+    height = 2 * MARGIN + len(rows) * (high + ABOVE)
+    page = np.full((height, width, 3), round(255 * GROUND), np.uint8)
+    places: dict[str, tuple[int, int]] = {}
+    for index, row in enumerate(rows):
+        left = (width - len(row.pictures) * (wide + GAP) + GAP) // 2
+        y = MARGIN + index * (high + ABOVE) + (ABOVE - 14 if index else TEXT)
+        places |= {name: (left + k * (wide + GAP), y) for k, name in enumerate(row.pictures)}
+        _draw_lines(page, row, places, (wide, high))
+    for row in rows:
+        for name, picture in row.pictures.items():
+            x, y = places[name]
+            page[y : y + high, x : x + wide] = round(255 * GROUND) + 14
+            if picture is not None:
+                h, w = picture.shape[:2]
+                x0, y0 = x + (wide - w) // 2, y + (high - h) // 2
+                page[y0 : y0 + h, x0 : x0 + w] = picture
+            number = name.rpartition("_")[2] if row.heading else name
+            label = cut_short(number, FONT, TEXT, wide)
+            write(page, label, FONT, TEXT, (x, y + high + TEXT + 3), round(255 * INK))
+        if row.heading:
+            x, y = places[next(iter(row.pictures))]
+            write(page, row.heading, FONT, TEXT, (x, y - 8), round(255 * QUIET))
+    for row in rows:
+        for names, colour, wide_line in ((row.favourites, FAVOURITE, 3), (row.parents, PARENT, 3)):
+            for name in names:
+                if name in places:
+                    _frame(page, places[name], (wide, high), colour, wide_line)
+    return page
+
+
+def _draw_lines(page: Pixels, row: Row, places: dict[str, tuple[int, int]], size: tuple[int, int]) -> None:
+    """Draw a line from each parent of a row down to a line along it."""
+    wide, high = size
+    above = [places[name] for name in row.parents if name in places]
+    if not above:
+        return
+    own = [places[name] for name in row.pictures]
+    y = own[0][1] - 26
+    columns = [x + wide // 2 for x, _ in (*above, own[0], own[-1])]
+    _fill(page, min(columns), y, max(columns) + 2, y + 2, LINE)
+    for x, top in above:
+        _fill(page, x + wide // 2, top + high, x + wide // 2 + 2, y, LINE)
+
+
+def _frame(
+    page: Pixels, place: tuple[int, int], size: tuple[int, int], colour: Sequence[int], line: int
+) -> None:
+    (x, y), (w, h) = place, size
+    for box in (
+        (x, y, x + w, y + line),
+        (x, y + h - line, x + w, y + h),
+        (x, y, x + line, y + h),
+        (x + w - line, y, x + w, y + h),
+    ):
+        _fill(page, *box, colour)
+
+
+def _fill(page: Pixels, x0: int, y0: int, x1: int, y1: int, colour: Sequence[int]) -> None:
+    page[y0:y1, x0:x1] = colour

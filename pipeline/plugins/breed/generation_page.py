@@ -1,0 +1,143 @@
+"""The page of a generation: children that play, favourites, and the command for the next generation.
+
+One HTML file, which asks for no network. Its choice is one line of text, which the page shows in a command
+and saves as a file; `breed --from-page` takes either:
+
+    bred/A010_cube_1 parents=3,7 favourites=3,7,9 change=0.3 seed=1 name=calm
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import re
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import UsageError, shortened
+from pipeline.plugins.breed.family_tree import RECORD, read_record
+from render.post.image import jpeg_bytes
+
+OPTION = "--from-page"
+
+FORM = "bred/A010_cube_1 parents=3,7 favourites=3,7,9 change=0.3 seed=1 name=calm"
+"""A choice, as messages show it."""
+
+
+@dataclass(frozen=True, eq=False)
+class PageChild:
+    """A child on the page: its changes in words, and its pictures (N, H, W, 3)."""
+
+    name: str
+    changes: tuple[str, ...]
+    intent: str
+    pictures: NDArray[np.uint8]
+
+
+def page_text(
+    record: dict[str, Any],
+    folder: str,
+    children: Sequence[PageChild],
+    parents: Sequence[tuple[str, NDArray[np.uint8]]],
+) -> str:
+    """Return the page of a generation; `folder` is its path as commands name it."""
+    part = files("pipeline.plugins.breed")
+    facts = {
+        "folder": folder,
+        "name": record["name"],
+        "generation": record["generation"],
+        "seed": record["seed"],
+        "change": record["change"],
+        "next": next_name(record["name"]),
+        "children": [
+            {"name": c.name, "changes": list(c.changes), "intent": c.intent, "pictures": _encoded(c.pictures)}
+            for c in children
+        ],
+        "parents": [{"name": name, "pictures": _encoded(pictures)} for name, pictures in parents],
+    }
+    values = {
+        "title": html.escape(f"{record['name']}: generation {record['generation']}"),
+        "style": part.joinpath("breed_page.css").read_text(encoding="utf-8"),
+        "script": part.joinpath("breed_page.js").read_text(encoding="utf-8"),
+        "facts": json.dumps(facts).replace("</", "<\\/"),
+    }
+    text = part.joinpath("breed_page.html").read_text(encoding="utf-8")
+    return re.sub(r"\[\[(\w+)\]\]", lambda match: values[match[1]], text)
+
+
+def next_name(name: str) -> str:
+    """Return the name of the generation after one: A010_cube_2 after A010_cube_1."""
+    stem, _, number = name.rpartition("_")
+    return f"{stem}_{int(number) + 1}" if stem and number.isdigit() else f"{name}_2"
+
+
+def _encoded(pictures: NDArray[np.uint8]) -> list[str]:
+    return [base64.b64encode(jpeg_bytes(picture)).decode("ascii") for picture in pictures]
+
+
+@dataclass(frozen=True)
+class PageChoice:
+    """What was chosen on a page.
+
+    parents     the paths of one or two shot files
+    favourites  names of shots
+    name        of the next generation
+    """
+
+    parents: tuple[Path, ...]
+    favourites: tuple[str, ...]
+    change: float | None
+    seed: int | None
+    name: str
+
+
+def read_choice(text: str) -> PageChoice:
+    """Return the choice of a page: its line of text, or a file with it. Raises UsageError."""
+    try:
+        if Path(text).is_file():
+            text = Path(text).read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        pass
+    place = f"{OPTION} {shortened(text.strip())}"
+    try:
+        folder, *words = shlex.split(text)
+        given = dict(word.split("=", 1) for word in words)
+    except ValueError:
+        raise UsageError(f"{place}: not a choice of a page; it is like {FORM}") from None
+    if unknown := given.keys() - {"parents", "favourites", "change", "seed", "name"}:
+        raise UsageError(f"{place}: {sorted(unknown)[0]} is not part of a choice; it is like {FORM}")
+    record = read_record(Path(folder))
+    if record is None:
+        raise UsageError(
+            f"{place}: {folder} is not a generation, for it has no {RECORD}; run this in the folder in which "
+            "it was bred"
+        )
+    names = [child["name"] for child in record["children"]]
+    parents = _numbered(given.get("parents", ""), names, place)
+    if len(parents) not in (1, 2):
+        raise UsageError(f"{place}: {len(parents)} parents; choose one child on the page, or two to cross")
+    try:
+        change = float(given["change"]) if "change" in given else None
+        seed = int(given["seed"]) if "seed" in given else None
+    except ValueError:
+        raise UsageError(f"{place}: change and seed are numbers, as in {FORM}") from None
+    favourites = tuple(_numbered(given.get("favourites", ""), names, place))
+    paths = tuple(Path(folder) / f"{name}.yaml" for name in parents)
+    return PageChoice(paths, favourites, change, seed, given.get("name", "") or next_name(record["name"]))
+
+
+def _numbered(text: str, names: Sequence[str], place: str) -> list[str]:
+    """Return the names of children with these numbers, each once."""
+    numbers = list(dict.fromkeys(word for word in text.split(",") if word))
+    for number in numbers:
+        if not (number.isdigit() and 1 <= int(number) <= len(names)):
+            raise UsageError(f"{place}: there is no child {shortened(number)}; they are 1 to {len(names)}")
+    return [names[int(number) - 1] for number in numbers]

@@ -1,0 +1,151 @@
+"""The command: a folder of children, the next generation, interruption, and one line for each mistake."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.plugins.breed import generation
+from pipeline.plugins.breed.family_tree import rows_of
+from pipeline.plugins.breed.selection import Candidate, chosen
+from pipeline.plugins.breed.trials import tried
+from pipeline.shot import read_shot
+from render.post.image import read_png
+from tests.conftest import commanded
+
+NAME, FEW = "T010_tiny", ("--candidates", "4")
+SHOT = """\
+title: A box, twisted
+frames: 1-8
+subject: {solid: box, size: [2, 2, 2]}
+resample: {max_edge_length: 0.5}
+flows:
+  - twist: {axis: y, amount: {keys: {1: 0, 8: 90}}}
+  - sum:
+      - vortex: {axis: z, strength: {keys: {1: 0, 3: 9, 6: 9, 8: 0}}}
+"""
+
+
+@pytest.fixture
+def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "shots").mkdir()
+    (tmp_path / "shots" / f"{NAME}.yaml").write_text(SHOT)
+    (tmp_path / "shots" / "film.yaml").write_text(f"title: A film\nshots: [{NAME}]\n")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def bred(root: Path, *words: str) -> dict[str, object]:
+    code, said = commanded(root, "--json", "breed", *words, *FEW)
+    assert code == 0, said
+    found: dict[str, object] = json.loads(said[said.index("{\n") :])  # warnings may stand above
+    return found
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_children_are_shots_with_a_sheet_a_page_and_a_record(root: Path) -> None:
+    facts = bred(root, NAME)
+    folder = root / "bred" / f"{NAME}_1"
+    children = sorted(folder.glob("*.yaml"))
+    assert facts["children"] == [str(path) for path in children] and children
+    assert all(read_shot(path).intent.startswith(NAME) for path in children)
+    assert read_png(folder / "sheet.png").ndim == 3
+    page = (folder / "index.html").read_text()
+    assert "[[" not in page and "http" not in page.replace("http-equiv", "")
+    assert json.loads((folder / "generation.json").read_text())["generation"] == 1
+    assert not [*(root / ".flowsculpt" / "breeding").glob("*")]
+
+
+def test_the_same_seed_gives_the_same_bytes_in_one_process_and_in_two(root: Path) -> None:
+    bred(root, NAME, "-j", "1", "-o", "one/same")
+    bred(root, NAME, "-j", "2", "-o", "two/same")
+    one, two = files(root / "one" / "same"), files(root / "two" / "same")
+    pages = [each.pop("index.html").replace(folder, b"") for each, folder in ((one, b"one/"), (two, b"two/"))]
+    assert one == two and pages[0] == pages[1]
+
+
+def test_the_choice_of_a_page_makes_the_next_generation_and_its_family_tree(root: Path) -> None:
+    first = bred(root, NAME)
+    parents = "1,2" if len(first["children"]) > 1 else "1"  # type: ignore[arg-type]
+    choice = root / "choice.txt"
+    choice.write_text(f"bred/{NAME}_1 parents={parents} favourites=1 change=0.4 seed=3 name=calm\n")
+    second = bred(root, "--from-page", str(choice))
+    folder = root / "bred" / "calm"
+    assert second["folder"] == str(folder)
+    ancestry = read_shot(next(folder.glob("*.yaml"))).entries["breed.ancestry"]
+    assert (ancestry.generation, ancestry.seed, ancestry.ancestors) == (2, 3, [NAME])
+    rows = rows_of(folder, folder)
+    assert [len(row.pictures) for row in rows] == [1, len(first["children"]), len(second["children"])]  # type: ignore[arg-type]
+    assert rows[2].favourites == (f"{NAME}_1_01",)
+
+
+def test_an_interrupted_run_leaves_no_folder_and_the_next_one_goes_on(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    count = 0
+
+    def interrupted(shot: object) -> object:
+        nonlocal count
+        count += 1
+        if count == 3:
+            raise KeyboardInterrupt
+        return tried(shot)  # type: ignore[arg-type]
+
+    with monkeypatch.context() as patch:
+        patch.setattr(generation, "tried", interrupted)
+        assert commanded(root, "breed", NAME, "-j", "1", *FEW)[0] == 130
+    assert not [*(root / "bred").iterdir()]
+    again: list[object] = []
+    monkeypatch.setattr(generation, "tried", lambda shot: again.append(shot) or tried(shot))
+    bred(root, NAME, "-j", "1")
+    assert len(again) == 3  # two candidates, and the parent
+
+
+def mistakes() -> Iterator[tuple[list[str], str]]:
+    yield [], "breed needs a shot"
+    yield ["film"], "film is an edit; breed takes shots"
+    yield [NAME, "film"], "film is an edit; breed takes shots"
+    yield ["T999_none"], "T999_none"
+    yield [NAME, "--change", "1.5"], "--change 1.5 is out of range"
+    yield [NAME, "--change", "nan"], "--change nan is out of range"
+    yield [NAME, "-o", "shots"], "shots is there already"
+    yield [NAME, "-o", "a folder"], "cannot name a shot"
+    yield ["broken"], "shots/broken.yaml:1:8"
+    yield ["--from-page", "bred/none parents=1"], "bred/none is not a generation"
+    yield ["--from-page", "nonsense words"], "not a choice of a page"
+    yield [NAME, "--from-page", "x"], "names the parents itself"
+
+
+@pytest.mark.parametrize(("words", "fact"), [*mistakes()])
+def test_a_mistake_is_one_line_and_writes_nothing(root: Path, words: list[str], fact: str) -> None:
+    (root / "shots" / "broken.yaml").write_text("title: [1\n")
+    code, said = commanded(root, "breed", *words)
+    assert code in (2, 3) and fact in said and "\n" not in said.strip(), said
+    assert not (root / "bred").exists()
+
+
+def test_a_dry_run_writes_nothing(root: Path) -> None:
+    code, said = commanded(root, "--dry-run", "breed", NAME)
+    assert code == 0 and "12 of 40 candidates would be written" in said
+    assert not (root / "bred").exists()
+
+
+def test_a_shot_that_does_not_move_leaves_no_candidate(root: Path) -> None:
+    (root / "shots" / "still.yaml").write_text(SHOT.replace("90", "0.01").replace("9,", "0.001,"))
+    code, said = commanded(root, "breed", "still", "--change", "0", "--candidates", "2")
+    assert code == 2 and "no candidate is left of 2" in said
+    assert not [*(root / "bred").iterdir()]
+
+
+def test_those_that_differ_most_are_chosen_and_faults_and_twins_are_not() -> None:
+    places = {1: 0.0, 2: 0.05, 3: 1.0, 4: 2.0, 5: 9.0}
+    candidates = {n: Candidate(np.array([x]), 1.0, "explodes" if n == 5 else "") for n, x in places.items()}
+    assert chosen(candidates, np.array([-1.0]), 12) == ([4, 2, 3], [1])
+    assert chosen(candidates, np.array([-1.0]), 2) == ([4, 2], [1])
