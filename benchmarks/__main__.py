@@ -8,6 +8,7 @@ from importlib.util import find_spec
 
 from benchmarks import (
     bare,
+    breeding,
     flows,
     found_models,
     orchestration,
@@ -32,6 +33,7 @@ if __name__ == "__main__":
     bare.main()
     orchestration.main()
     preview.main()
+    breeding.main()
     found_models.main()
     for name, module in NEEDS.items():
         if find_spec(module) is None:

@@ -9,7 +9,7 @@ PLUGIN = Plugin(
         "breed": Command(
             "pipeline.plugins.breed.breed_command:breed",
             "Make twelve children of a shot, or of two, to choose from.",
-            "Start",
+            "Write shots",
         )
     },
     documents={"ancestry": "pipeline.plugins.breed.ancestry:AncestryDocument"},

@@ -105,7 +105,7 @@ def _plan(chance: Chance, count: int) -> list[Mapping[Idea, float]]:
     tables: list[Mapping[Idea, float]] = [MOTION] * max(1, count - 1)
     if chance.happens(0.4):
         tables.append(FORM)
-    if chance.happens(0.65):
+    if chance.happens(0.75):
         tables.append(PICTURE)
     return tables if len(tables) > 1 else [MOTION, PICTURE]
 

@@ -125,6 +125,8 @@ def stronger(draft: Draft) -> str:
         return ""
     up = draft.chance.happens(0.6)
     width = 0.35 + 1.6 * draft.chance.amount * draft.chance.random.uniform(0.4, 1.0)
+    if palette().get(leaf.name, {}).get("family") == "turbulence":
+        width *= 0.4  # more of it crumples a surface
     factor = 1.0 + width if up else 1.0 / (1.0 + width)
     group = draft.group(leaf)
     for each in group:
@@ -365,8 +367,10 @@ def bounded(draft: Draft) -> str:
     ((name, inner),) = flows[index].items()
     flows[index] = {"within": {"region": region, "flows": [flows[index]]}}
     side = {("y", 1): "upper", ("y", -1): "lower", ("x", 1): "right", ("z", 1): "front"}[axis, sign]
-    names = [next(iter(item)) for item in inner] if name == "sum" else [name]
-    kind = f"{names[0].removesuffix('ex')}ices" if names.count("vortex") > 1 else names[0].replace("_", " ")
+    names = {next(iter(item)) for item in inner} if name == "sum" else {name}
+    names = (names - {"translation"}) or names
+    several = name == "sum" and len(inner) > 1
+    kind = ("vortices" if names == {"vortex"} else "flows") if several else names.pop().replace("_", " ")
     return f"the {kind} on the {side} half"
 
 

@@ -199,17 +199,16 @@ class Breeding:
         before = [trial for trial in parents if trial is not None]
         if not before:
             raise UsageError(f"{self.litter.parents[0].name} explodes itself; breed shots that render")
-        change = max(float(trial.change.max()) for trial in before)
         judgements: dict[int, Candidate] = {}
         left_out: Counter[str] = Counter()
         for number, trial in trials.items():
             if trial is None:
                 left_out[EXPLODES] += 1
                 continue
-            judgements[number] = judged(trial, change)
+            judgements[number] = judged(trial, before)
             if judgements[number].fault:
                 left_out[judgements[number].fault] += 1
-        found, alike = chosen(judgements, judged(before[0], change).features, CHILDREN)
+        found, alike = chosen(judgements, judged(before[0], before).features, CHILDREN)
         if alike:
             left_out[ALIKE] = len(alike)
         if not found:

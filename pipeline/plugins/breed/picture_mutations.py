@@ -118,6 +118,7 @@ def other_look(draft: Draft) -> str:
         names = [name for name in LOOK_WEIGHTS if name != old]
     name = draft.chance.random.choices(names, [LOOK_WEIGHTS[name] for name in names])[0]
     draft.data["look"] = name
+    draft.words[:] = [words for words in draft.words if not words.startswith("the look of ")]
     if name in ("glaze", "ceramic", "taffy", "clay") and draft.chance.happens(0.6):
         draft.data["look"] = {"material": name, "colour": linear(_any_colour(draft))}
     if name in (*CLEAR, *METALS):
@@ -248,7 +249,7 @@ def rescattered(draft: Draft) -> str:
 
 
 FORM: dict[Idea, float] = {proportions: 1.3, other_solid: 0.7, rescattered: 0.5, patterned: 0.7}
-PICTURE: dict[Idea, float] = {other_look: 1.3, recoloured: 2.0, relit: 0.7, restaged: 0.4, reviewed: 1.0}
+PICTURE: dict[Idea, float] = {other_look: 1.3, recoloured: 2.6, relit: 0.7, restaged: 0.4, reviewed: 0.8}
 """Mutations of the subject and of the picture, and how often each is tried against the others."""
 
 

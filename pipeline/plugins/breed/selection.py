@@ -36,6 +36,10 @@ LEAST_SEEN = 0.025
 """Difference of the first picture and another, in OKLab, below which a candidate hardly moves: a rod that is
 twisted about its own axis does, and shows nothing of it."""
 
+USUAL_GROWTH = 1.5
+"""Growth of the vertices: a candidate with more than twice this, and more than twice that of its parents, is
+crumpled, and counts less."""
+
 LEAST_COVERED, MOST_COVERED = 0.035, 0.62
 """Share of the picture that a subject covers between which it is well seen."""
 
@@ -66,8 +70,10 @@ class Candidate:
     fault: str
 
 
-def judged(trial: Trial, parent_change: float) -> Candidate:
-    """Judge a trial; `parent_change` is the greatest change of form of its parent."""
+def judged(trial: Trial, parents: Sequence[Trial]) -> Candidate:
+    """Judge a trial by what its parents do."""
+    parent_change = max(float(parent.change.max()) for parent in parents)
+    usual_growth = max(USUAL_GROWTH, *(parent.growth for parent in parents))
     contrast, light = _contrast(trial)
     change, covered = float(trial.change.max()), trial.covered[SHOWN // 2 :]
     seen_change = _seen_change(trial)
@@ -81,7 +87,8 @@ def judged(trial: Trial, parent_change: float) -> Candidate:
     seen = min(1.0, float(covered.min()) / 0.12) * (1.0 if covered.max() < MOST_COVERED else 0.6)
     moves = min(1.0, change / 0.35, seen_change / 0.06) * min(1.0, 2.5 / max(1e-6, change)) ** 0.5
     stands_out = min(1.0, contrast / 0.18)
-    return Candidate(_features(trial), float((seen * moves * stands_out) ** 0.5), fault)
+    is_calm = min(1.0, 2.0 * usual_growth / trial.growth)
+    return Candidate(_features(trial), float((seen * moves * stands_out * is_calm) ** 0.5), fault)
 
 
 def chosen(candidates: Mapping[int, Candidate], parent: Floats, most: int) -> tuple[list[int], list[int]]:
