@@ -47,8 +47,7 @@ def write_mesh(mesh: Mesh, path: str | Path) -> None:
         draft.write_bytes(writer(mesh))
 
 
-def ply_bytes(mesh: Mesh, texture: Floats | None = None) -> bytes:
-    """Return a PLY file, of triangles with their texture coordinates (F, 3, 2) as `texcoord` if given."""
+def _ply(mesh: Mesh) -> bytes:
     columns = {"x": mesh.vertices[:, 0], "y": mesh.vertices[:, 1], "z": mesh.vertices[:, 2]}
     columns |= {name: values for name, values in _scalars(mesh.attributes) if name not in columns}
     rows = np.empty(len(mesh.vertices), [(name, _ply_type(values)) for name, values in columns.items()])
@@ -56,16 +55,9 @@ def ply_bytes(mesh: Mesh, texture: Floats | None = None) -> bytes:
         rows[name] = values
     offsets, corners = _faces(mesh)
     count_type, faces = _ply_faces(offsets, corners)
-    if texture is not None:
-        kinds = [("sides", "u1"), ("corners", "<i4", 3), ("numbers", "u1"), ("texture", "<f4", 6)]
-        triangles = np.empty(len(texture), kinds)
-        triangles["sides"], triangles["corners"] = 3, corners.reshape(-1, 3)
-        triangles["numbers"], triangles["texture"] = 6, texture.reshape(-1, 6)
-        faces = triangles.tobytes()
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}"]
     header += [f"property {_PLY_TYPES[rows.dtype[name].str[1:]]} {name}" for name in columns]
     header += [f"element face {len(offsets) - 1}", f"property list {count_type} int vertex_indices"]
-    header += ["property list uchar float texcoord"] * (texture is not None)
     header += ["end_header", ""]
     return "\n".join(header).encode("ascii", "replace") + rows.tobytes() + faces
 
@@ -176,7 +168,7 @@ def _npz(mesh: Mesh) -> bytes:
 
 
 WRITERS: Mapping[str, Callable[[Mesh], bytes]] = {
-    "ply": ply_bytes,
+    "ply": _ply,
     "obj": _obj,
     "off": _off,
     "stl": _stl,

@@ -33,11 +33,11 @@ from pipeline.plugins.interchange.exported_frame import (
 )
 from pipeline.plugins.interchange.exported_materials import pictures_recipe
 from pipeline.plugins.interchange.gltf_content import GltfContent
-from pipeline.plugins.interchange.mesh_writers import ply_bytes, write_mesh
+from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Key, Store, key_of
 from pipeline.statistics import self_intersections
-from render.base.atomic_write import atomic_write, disk_errors
+from render.base.atomic_write import disk_errors
 from render.base.serialise import to_plain
 from render.scene.materials import Material
 from render.scene.rgb_spaces import srgb_of_linear
@@ -202,7 +202,6 @@ def write_ply(path: Path, frame: ExportedFrame) -> None:
     linear_red …    float, the same colours, linear Rec.709
     radius          float, of a point cloud
     copy            int, of a subject with copies: the number of the copy, from 1 on
-    texcoord        list of six floats of a face, as MeshLab has them, where there are texture coordinates
 
     Raises MachineError where the disk refuses.
     """
@@ -219,9 +218,7 @@ def write_ply(path: Path, frame: ExportedFrame) -> None:
         attributes["radius"] = frame.radii.astype(np.float32)
     if frame.copies is not None:
         attributes["copy"] = frame.copies
-    content = ply_bytes(TriangleMesh(frame.points, frame.faces, attributes), frame.texture)
-    with atomic_write(path, flush=False) as draft:
-        draft.write_bytes(content)
+    write_mesh(TriangleMesh(frame.points, frame.faces, attributes), path)
 
 
 def write_obj(path: Path, frame: ExportedFrame) -> None:

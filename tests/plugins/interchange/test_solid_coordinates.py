@@ -14,7 +14,7 @@ from pipeline.arrays import Floats
 from pipeline.errors import ShotError
 from pipeline.mesh.analytic_surfaces import AnalyticSurface
 from pipeline.plugins.interchange.exported_frame import exported_frame, surface_recipe
-from pipeline.plugins.interchange.model_export import write_glb, write_obj, write_ply
+from pipeline.plugins.interchange.model_export import write_glb, write_obj
 from pipeline.shot import Shot, read_shot
 from tests.plugins.interchange.test_animated_gltf import Player
 from tests.plugins.interchange.test_animation_commands import export
@@ -139,16 +139,11 @@ def test_mesh_files_have_the_coordinates_of_the_subject(tmp_path: Path) -> None:
 
     write_glb(tmp_path / "a.glb", exported, shot.picture.look)
     write_obj(tmp_path / "a.obj", exported)
-    write_ply(tmp_path / "a.ply", exported)
     for suffix in ("glb", "obj"):
         read = trimesh.load(tmp_path / f"a.{suffix}", force="mesh", process=False)
         assert rows(read.vertices[read.faces], read.visual.uv[read.faces]) == pytest.approx(
             rows(corners, texture), abs=2e-6
         )
-    faces = trimesh.load(tmp_path / "a.ply", process=False).metadata["_ply_raw"]["face"]["data"]
-    held = {name: faces[name]["f1"] for name in faces.dtype.names}
-    assert np.array_equal(held["texcoord"].reshape(-1, 3, 2), texture.astype(np.float32))
-    assert np.array_equal(held["vertex_indices"], exported.faces)
 
 
 def test_a_painted_model_is_exported_with_its_coordinates_whatever_its_look(tmp_path: Path) -> None:
