@@ -116,6 +116,60 @@ def test_what_a_format_cannot_hold_is_refused_in_a_line(root: Path, monkeypatch:
     assert not [path for path in (root / "refused").glob("*") if "keys" not in path.name]
 
 
+CROWD = """\
+def crowd(points, time, dt):
+    return points + dt * (points - points.mean(axis=0))
+"""
+CORNERED = """\
+mtllib a.mtl
+v -1 -1 -1
+v 1 -1 -1
+v 0 1 -1
+v 0 0 1
+vt 0 0
+vt 1 0
+vt 0 1
+usemtl m
+f 1/1 3/2 2/3
+f 1/1 2/2 4/3
+f 2/1 3/2 4/3
+f 3/1 1/2 4/3
+"""
+BOX, EDGE, TWIST = "{solid: box, size: [2, 2, 2]}", "max_edge_length: 0.5", SHOT[SHOT.index("twist:") : -2]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code", "says"),
+    [
+        (TWIST, "python: {file: crowd.py, function: crowd}", 1, "moves a point alone elsewhere than among"),
+        (EDGE, f"{EDGE}, method: polyhedra", 2, "polyhedra cuts other faces in each frame; write method"),
+        (EDGE, f"{EDGE}, placement: chord", 2, "chord puts new vertices beside the surface"),
+        (EDGE, f"{EDGE}, max_vertices: 150", 1, "of one mesh for all frames up to here; raise max_vertices"),
+        ("flows", "look: {material: clay, colour: {file: gone.png}}\nflows", 2, "file gone.png is not there"),
+        (
+            BOX,
+            "{model: a.obj, paint: on}\nlook: model",
+            3,
+            "it names its texture gone.png, which is not there",
+        ),
+    ],
+)
+def test_a_shot_without_one_mesh_or_a_picture_is_refused_in_a_line(
+    old: str, new: str, code: int, says: str, tmp_path: Path, monkeypatch: Any
+) -> None:
+    shots = tmp_path / "shots"
+    shots.mkdir()
+    assert old in SHOT
+    (shots / f"{NAME}.yaml").write_text(SHOT.replace(old, new, 1))
+    (shots / "crowd.py").write_text(CROWD)
+    (shots / "a.obj").write_text(CORNERED)
+    (shots / "a.mtl").write_text("newmtl m\nmap_Kd gone.png\n")
+    monkeypatch.chdir(tmp_path)
+    found, said = commanded(tmp_path, "export", "gltf", NAME, "--allow-code")
+    assert (found, "\n" in said) == (code, False) and says in said, said
+    assert not list(tmp_path.rglob("*.glb"))
+
+
 def test_a_full_disk_is_one_message_and_leaves_no_half_file(root: Path, tmp_path: Path) -> None:
     export(root, "gltf", NAME)  # its mesh is stored
     with disk_of(4000):
