@@ -53,8 +53,10 @@ def main(names: list[str]) -> list[Target]:
     rows: list[Row] = []
     for name in names or (LONG, *SHOTS):
         with tempfile.TemporaryDirectory() as folder:
-            rows += measure(name, Path(folder), forms)
-        show(f"Exports of {name}", [row for row in rows if row["shot"] == name])
+            for row in measure(name, Path(folder), forms):
+                rows.append(row)
+                show("An export", [row])
+    show("Exports of one mesh", rows)
     keep("exports", rows)
     show("MB for a million vertices in a frame", [_spread(form, rows) for form in forms])
     return [

@@ -47,6 +47,9 @@ _STARTS = (b"v/1\x01\2\0\0\0", b"v/1\x01\2\4\0\0")
 CONVENTION, CHANNELS = "layers", "channels"
 """Header entries of a file with the channel names of another program: that program; the names by layer."""
 
+PIZ = {"compression": OpenEXR.PIZ_COMPRESSION}
+"""An entry of the header for arrays that are not pictures: smaller by an eighth than by ZIP, as exact."""
+
 
 def write_exr(
     path: Path,

@@ -28,7 +28,7 @@ from pipeline.plugins.interchange.animated_gltf import Moving, write_animated_gl
 from pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
 from pipeline.plugins.interchange.point_caches import even_step
 from render.base.atomic_write import disk_errors
-from render.post.image import write_exr, write_png
+from render.post.image import PIZ, write_exr, write_png
 from render.scene.aovs import RenderedFrame
 from render.scene.materials import Material
 
@@ -153,7 +153,8 @@ class VertexTextures:
 
     def write_positions(self, path: Path) -> None:
         """Write the positions as an EXR. Raises MachineError where the disk refuses."""
-        write_exr(path, RenderedFrame({"beauty": self.positions}), {}, {"beauty": self.precision})
+        frame = RenderedFrame({"beauty": self.positions})
+        write_exr(path, frame, {}, {"beauty": self.precision}, standard=PIZ)
 
     def write_normals(self, path: Path) -> None:
         """Write the normals as a PNG. Raises MachineError where the disk refuses."""
