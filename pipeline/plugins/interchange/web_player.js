@@ -267,7 +267,7 @@ class Player {
     for (const [start, indices, number] of part.groups) geometry.addGroup(start, indices, number);
     const mesh = new THREE.Mesh(geometry, part.groups.length ? materials : materials[0]);
     mesh.customDepthMaterial = this.#moving(new THREE.MeshDepthMaterial({ depthPacking: THREE.RGBADepthPacking, side: THREE.DoubleSide }));
-    mesh.customDepthMaterial.alphaHash = materials.some((each) => each.alphaHash);
+    mesh.customDepthMaterial.alphaHash = materials.some((each) => each.transparent); // shadows of fractions
     Object.assign(mesh, { castShadow: true, receiveShadow: true, frustumCulled: false });
     mesh.position.set(...part.centre);
     mesh.scale.setScalar(part.step);
@@ -306,8 +306,9 @@ class Player {
       clearcoat: look.clearcoat, clearcoatRoughness: 0.03, ior: Math.max(look.refraction, 1), specularIntensity: look.is_matt ? 0 : 1,
       side: THREE.DoubleSide, shadowSide: THREE.DoubleSide,
     });
-    // Fractions are there at random, as in our renders; blending would need faces from back to front.
-    if (look.is_cut_out) Object.assign(material, { opacity: look.opacity, alphaTest: look.cutoff ?? 0, alphaHash: look.cutoff == null });
+    // Faces of fractions lie over each other from back to front, at least those of both sides.
+    const blending = look.cutoff == null ? { transparent: true, alphaTest: 0.01 } : { alphaTest: look.cutoff };
+    if (look.is_cut_out) Object.assign(material, { opacity: look.opacity, ...blending });
     if (look.is_clear) Object.assign(material, { transmission: 1, thickness: facts.placements[0][3] });
     if (look.is_smoke) Object.assign(material, { transparent: true, opacity: 2 * look.opacity, depthWrite: false });
     return material;
