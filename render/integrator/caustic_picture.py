@@ -18,6 +18,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from render.integrator.cut_outs import UnseenLights
 from render.integrator.light_sampler import Cone, LightSource, emitter_of
 from render.integrator.photons import (
     CausticSun,
@@ -95,7 +96,7 @@ def caustic_picture(
     depth: int,
     samples: int,
     seed: int,
-    integrator: Any = None,
+    unseen: UnseenLights | None = None,
 ) -> tuple[CausticPicture, Photons]:
     """Trace photons; return what the lens sees of them, and some of them for the guide.
 
@@ -104,7 +105,7 @@ def caustic_picture(
     sun         of daylight, or None
     depth       most vertices of a path, the emitter's included
     samples     of all pixels together, by which photons are counted
-    integrator  Mitsuba's, to look past softboxes in view that the lens does not see, or None without any
+    unseen      lights in the picture that the lens does not see, or None without any
     """
     boxes = [source for source in sources if source.position is not None]
     suns = [source for source in sources if isinstance(source.distribution, Cone)]
@@ -115,7 +116,7 @@ def caustic_picture(
     total = max(FIRST_PART, samples // SAMPLES_PER_PHOTON)
     sums = np.zeros((3 * groups.count, width * height))
     kept = min(total, photon_count(samples)) if boxes else 0
-    tracer = _PhotonTracer(scene, groups, depth, integrator, sums, kept)
+    tracer = _PhotonTracer(scene, groups, depth, unseen, sums, kept)
     for number, emission in enumerate(emissions):
         tracer.trace_all(emission, total, np.random.default_rng((seed, number)))
     radiance = np.ascontiguousarray(sums.T).reshape(height, width, -1) * (width * height / total)
@@ -216,7 +217,7 @@ class _PhotonTracer:
     scene: Any
     groups: EmitterGroups
     depth: int
-    integrator: Any
+    unseen: UnseenLights | None
     sums: NDArray[np.float64]
     kept: int
     _landed: list[Landed] = field(default_factory=list)
@@ -311,10 +312,9 @@ class _PhotonTracer:
     def _is_hidden(self, si: Any, lens: Any, active: Any) -> Any:
         """Tell whether anything that the lens sees stands between it and where photons land."""
         ray = si.spawn_ray_to(lens)
-        if self.integrator is None:
+        if self.unseen is None:
             return self.scene.ray_test(ray, active)
-        found = self.integrator.skip_area_emitters(self.scene, ray, False, active)
-        nearest = found.compute_surface_interaction(ray, mi.RayFlags.Minimal, active)
+        nearest = self.unseen.nearest(self.scene, ray, active)
         return nearest.is_valid() & (dr.norm(nearest.p - si.p) < dr.norm(lens - si.p))
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.serialise import Triple
+from render.integrator.cut_outs import UnseenLights
 from render.integrator.path import camera_vertex
 from render.integrator.path_tracer import film_pixels
 from render.integrator.sampler import DIRECTION, LOBE, OwenSampler
@@ -39,8 +40,7 @@ _MIN_PDF = 1.0 / (4.0 * math.pi * MAX_ROUGHNESS**2)
 class FeatureTracer:
     """A tracer of auxiliary features for one scene.
 
-    integrator    Mitsuba's, which is used only to look past hidden emitters
-    hide_emitters True if the lens sees neither emitters nor the sky
+    unseen        lights that the lens does not see itself
     subjects      pointers to the shapes of subjects, whose coverage is the matte
     wireframes    pointers to the shapes of their lines, which count for the matte too
     clear_colours albedo of each of `subjects` that is clear, or None
@@ -53,8 +53,7 @@ class FeatureTracer:
     """True if batches continue one sequence of samples, and take the seed of the picture's beauty."""
 
     scene: Any
-    integrator: Any
-    hide_emitters: bool
+    unseen: UnseenLights
     subjects: Sequence[Any]
     wireframes: Sequence[Any]
     clear_colours: Sequence[Triple | None]
@@ -212,15 +211,13 @@ def _is_on(si: Any, shapes: Sequence[Any]) -> Any:
 class CopyTracer:
     """A tracer of the copies that the lens sees in one scene.
 
-    integrator     Mitsuba's, which is used only to look past hidden emitters
-    hide_emitters  True if the lens sees neither emitters nor the sky
-    shapes         pointers to the shapes of subjects with copies, whose vertices have the attribute COPY
-    cut_outs       as of `PathTracer`
+    unseen    lights that the lens does not see itself
+    shapes    pointers to the shapes of subjects with copies, whose vertices have the attribute COPY
+    cut_outs  as of `PathTracer`
     """
 
     scene: Any
-    integrator: Any
-    hide_emitters: bool
+    unseen: UnseenLights
     shapes: Sequence[Any]
     cut_outs: Any = None
 

@@ -14,6 +14,7 @@ import drjit as dr
 import mitsuba as mi
 
 from render.integrator.caustic_guide import GuidedBsdf
+from render.integrator.cut_outs import CutOuts
 from render.integrator.light_sampler import LightSample
 from render.integrator.sampler import (
     DIRECTION,
@@ -61,19 +62,21 @@ class PathVertex(NamedTuple):
 def camera_vertex(tracer: Any, sampler: OwenSampler, corner: Any, size: Any) -> tuple[Any, Any]:
     """Return the first surface interaction of a path, and its throughput.
 
-    tracer  has a scene, Mitsuba's integrator, `cut_outs` and `hide_emitters`
+    tracer  has a scene, `cut_outs` and `unseen` lights
     """
     sensor = tracer.scene.sensors()[0]
     lens = sampler.sample_2d(LENS) if sensor.needs_aperture_sample() else mi.Point2f(0.5)
     ray, weight = sensor.sample_ray(0.0, 0.0, (corner + sampler.sample_2d(PIXEL)) / size, lens)
-    if tracer.cut_outs is not None:
+    unseen = tracer.unseen
+    if tracer.cut_outs is not None or unseen.softboxes:
+        surfaces = tracer.cut_outs or CutOuts(tracer.scene, ())
         chance = sampler.vertex_1d(mi.UInt32(0), EMITTER_CHOICE, 2)
-        return tracer.cut_outs.ray_intersect(ray, True, chance, tracer.hide_emitters), mi.Color3f(weight)
+        return surfaces.ray_intersect(ray, True, chance, unseen), mi.Color3f(weight)
     pi = tracer.scene.ray_intersect_preliminary(ray, coherent=True)
     si = pi.compute_surface_interaction(ray)
-    if tracer.hide_emitters:
+    if unseen.softboxes is None:
         on_emitter = si.is_valid() & (si.shape.emitter() != None)  # noqa: E711 an array of pointers
-        past = tracer.integrator.skip_area_emitters(tracer.scene, si.spawn_ray(ray.d), True, on_emitter)
+        past = unseen.integrator.skip_area_emitters(tracer.scene, si.spawn_ray(ray.d), True, on_emitter)
         behind = past.compute_surface_interaction(ray, mi.RayFlags.All, on_emitter)
         behind.t = dr.norm(behind.p - ray.o)
         si = dr.select(on_emitter, behind, si)
@@ -86,9 +89,11 @@ def trace(tracer: PathTracer, sampler: OwenSampler, si: Any, throughput: Any) ->
     group."""
     groups = tracer.groups
     radiance = groups.zeros()
-    if dr.hint(not tracer.hide_emitters, mode="scalar"):
+    if dr.hint(not tracer.unseen.are_all, mode="scalar"):
         emitter = si.emitter(tracer.scene)
         light = throughput * emitter.eval(si)
+        if dr.hint(tracer.unseen.sky, mode="scalar"):
+            light = dr.select(si.is_valid(), light, 0.0)
         radiance = groups.add_seen(radiance, light, emitter, -si.wi, ~si.is_valid())
     vertex, matt, length, active = mi.UInt32(0), mi.UInt32(0), mi.UInt32(0), si.is_valid()
     kept = mi.Color3f(throughput)

@@ -18,6 +18,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from render.integrator.cut_outs import UnseenLights
 from render.integrator.light_sampler import LightSampler
 from render.integrator.path import camera_vertex, trace
 from render.integrator.sampler import OwenSampler
@@ -41,9 +42,8 @@ class ShadowCatcher:
 class PathTracer:
     """A path tracer for one scene.
 
-    integrator     Mitsuba's, which is used only to look past hidden emitters
     max_depth      vertices of a path, the emitter's included
-    hide_emitters  True if the lens sees neither emitters nor the sky
+    unseen         lights that the lens does not see itself
     groups         light groups, each with its own sum; by default one of all emitters
     objects        shapes whose coverage of the pixel is measured
     catcher        a shape that is invisible itself, while shadows on it show; or None
@@ -56,10 +56,9 @@ class PathTracer:
     """
 
     scene: Any
-    integrator: Any
     light_sampler: LightSampler
     max_depth: int
-    hide_emitters: bool
+    unseen: UnseenLights
     groups: EmitterGroups = field(default_factory=EmitterGroups)
     objects: Sequence[Any] = ()
     catcher: ShadowCatcher | None = None
@@ -177,7 +176,7 @@ def _plus(totals: list[Any], parts: list[Any]) -> list[Any]:
 
 def _seen(tracer: PathTracer, si: Any) -> list[Any]:
     """Return 1 or 0 for alpha and each object, by what the lens sees. A visible sky is opaque."""
-    hit = si.is_valid() if tracer.hide_emitters else mi.Bool(True)
+    hit = si.is_valid() if tracer.unseen.sky else mi.Bool(True)
     if tracer.catcher is not None:
         hit &= ~_is_on(si, tracer.catcher.shape)
     objects = (dr.select(_is_on(si, shape), 1.0, 0.0) for shape in tracer.objects)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from functools import lru_cache
 from typing import Any
@@ -13,8 +12,9 @@ from numpy.typing import NDArray
 from render.base.serialise import Triple
 from render.mitsuba.engine import is_compiled
 from render.mitsuba.loading import load_part
-from render.scene.render_camera import Camera
+from render.scene.render_camera import unit
 from render.scene.rgb_spaces import LUMA, REC709, converted_pixels
+from render.scene.scene import Scene
 from render.scene.scene_lights import BACKGROUND, LightRig, Sky, Softbox, Sun, SunDisc
 from render.scene.sky import Daylight, Environment
 
@@ -95,29 +95,38 @@ def _distant(lights: LightRig) -> dict[str, Any]:
     return _sky(lights.sky)
 
 
-def any_in_view(
-    lights: LightRig, to_scene: NDArray[np.float64], camera: Camera, size: tuple[int, int]
-) -> bool:
-    """Tell whether a softbox may be in the picture: a cube around it is not all outside one side of the view.
+def softboxes_in_view(scene: Scene, size: tuple[int, int]) -> list[str]:
+    """Return the names of the softboxes that may be in the picture: not all of one is outside one side of the
+    view.
 
     size  width and height of the picture in pixels
 
     A lens sees more than a pinhole: the view widens away from the plane in focus. A wide camera may see all.
     """
-    if camera.projection.is_wide:
-        return bool(lights.softboxes)
-    for softbox in lights.softboxes:
-        reach = math.hypot(softbox.width, softbox.height) / 2.0
-        corners = np.array(list(itertools.product((-reach, reach), repeat=3))) + softbox.position
+    camera, to_scene, found = scene.camera, scene.placement.matrix(), []
+    for index, softbox in enumerate(scene.lights.softboxes):
+        if camera.projection.is_wide:
+            found.append(f"softbox{index}")
+            continue
+        facing = unit(np.subtract(softbox.target, softbox.position))
+        across = unit(np.cross(_up_for(softbox), facing)) * softbox.width / 2.0
+        along = np.cross(facing, unit(across)) * softbox.height / 2.0
+        corners = np.add([x * across + y * along for x in (-1, 1) for y in (-1, 1)], softbox.position)
         seen = (corners @ to_scene[:3, :3].T + to_scene[:3, 3] - camera.origin) @ camera.axes().T
         right, up, depth = seen.T
         widening = camera.lens_radius * np.abs(depth / camera.focus_distance - 1.0)
         half_width = math.tan(camera.field_of_view / 2.0) * depth
-        across, upwards = half_width + widening, half_width * size[1] / size[0] + widening
-        outside = (right > across, right < -across, up > upwards, up < -upwards, depth < 0.0)
+        aside, upwards = half_width + widening, half_width * size[1] / size[0] + widening
+        outside = (right > aside, right < -aside, up > upwards, up < -upwards, depth < 0.0)
         if not any(side.all() for side in outside):
-            return True
-    return False
+            found.append(f"softbox{index}")
+    return found
+
+
+def unseen_softboxes(scene: Scene, size: tuple[int, int]) -> list[str]:
+    """Return the names of the softboxes that may be in the picture and that the lens does not see."""
+    boxes = scene.lights.softboxes
+    return [name for name in softboxes_in_view(scene, size) if not boxes[int(name[7:])].visible]
 
 
 def _softbox(softbox: Softbox, to_scene: NDArray[np.float64]) -> dict[str, Any]:

@@ -98,13 +98,18 @@ def build_scene(
 
 def has_path_tracer(scene: Scene, quality: Quality) -> bool:
     """Tell whether our path tracer renders a scene: one with lights and no media, on a compiled variant."""
-    return scene.is_lit and is_compiled() and _path_integrator(scene, quality)["type"] == "path"
+    return scene.is_lit and is_compiled() and _integrator(scene, quality)["type"] == "path"
+
+
+def _integrator(scene: Scene, quality: Quality) -> dict[str, Any]:
+    return materials.path_integrator([subject.material for subject in scene.subjects], quality.depth)
 
 
 def _path_integrator(scene: Scene, quality: Quality) -> dict[str, Any]:
     """Return Mitsuba's path integrator with paths long enough to pass through the materials of a scene."""
-    path = materials.path_integrator([subject.material for subject in scene.subjects], quality.depth)
-    return {**path, "hide_emitters": not scene.lights.shows_sky, "block_size": BLOCK_SIZE}
+    in_view = emitters.softboxes_in_view(scene, quality.size)
+    sees_light = scene.lights.shows_sky or in_view != emitters.unseen_softboxes(scene, quality.size)
+    return {**_integrator(scene, quality), "hide_emitters": not sees_light, "block_size": BLOCK_SIZE}
 
 
 def _lit(
@@ -117,31 +122,49 @@ def _lit(
     lit = load_scene({**unlit, **emitters.emitters(lights, to_scene)})
     path, cut_outs = _path_integrator(scene, quality), None
     if has_path_tracer(scene, quality):
-        from render.mitsuba.tracers import copy_tracer, path_tracer, surfaces_with_holes  # needs the variant
+        from render.mitsuba import tracers  # needs the variant
 
-        cut_outs = surfaces_with_holes(lit, fractions)
-        integrator, copies = load_part(path), copy_tracer(scene, lit, path, cut_outs)
+        cut_outs, unseen = (
+            tracers.surfaces_with_holes(lit, fractions),
+            tracers.unseen_lights(lit, path, scene, size),
+        )
+        copies = tracers.copy_tracer(scene, lit, unseen, cut_outs)
         samples = quality.width * quality.height * quality.samples // motion_samples
-        tracer = path_tracer(lit, integrator, path, scene, size, samples, seed, cut_outs)
-        beauty = SceneRenderer(lit, integrator, tracer)
+        tracer = tracers.path_tracer(lit, unseen, path, scene, size, samples, seed, cut_outs)
+        beauty = SceneRenderer(lit, unseen.integrator, tracer)
     elif scene.stage.shadow_catcher:
         raise BadInputError(
             "a shadow catcher needs a compiled variant of Mitsuba and a look other than smoke. Remove "
             "shadow_catcher from the stage, or see what flowsculpt doctor says about libLLVM"
         )
     else:
+        _require_one_sight(scene, size)
         groups, copies = _group_renderers(unlit, path, lights, to_scene), None
         beauty = SceneRenderer(lit, _moment_integrator(path), groups=tuple(groups))
     if is_compiled():
-        from render.mitsuba.tracers import feature_tracer
+        from render.mitsuba import tracers
 
-        features = feature_tracer(scene, lit, path, _vertex_aovs(scene, aovs), cut_outs)
+        unseen, follows = tracers.unseen_lights(lit, path, scene, size), path["type"] == "path"
+        attributes = _vertex_aovs(scene, aovs)
+        features = tracers.feature_tracer(scene, lit, unseen, follows, attributes, cut_outs)
         return FrameScenes(beauty, features, copies)
     replaced = auxiliary_stage_shapes(scene, size) | opaque
-    in_view = emitters.any_in_view(lights, to_scene, scene.camera, size)
+    in_view = emitters.softboxes_in_view(scene, size)
     # Softboxes are hidden from the lens in the beauty, but Mitsuba's AOVs would show them.
     auxiliary = load_scene({**unlit, **replaced}) if replaced or in_view else lit
     return FrameScenes(beauty, _mitsuba_features(auxiliary, unlit, scene, aovs))
+
+
+def _require_one_sight(scene: Scene, size: tuple[int, int]) -> None:
+    """Raise BadInputError where the lens sees some lights and not others: Mitsuba's integrators cannot."""
+    in_view, hidden = emitters.softboxes_in_view(scene, size), emitters.unseen_softboxes(scene, size)
+    sees_some = scene.lights.shows_sky or len(hidden) < len(in_view)
+    if sees_some and (hidden or not scene.lights.shows_sky):
+        raise BadInputError(
+            "the lens sees some lights in the picture and not others, which needs a compiled variant of "
+            "Mitsuba and a look other than smoke. Write visible: true for the sky and every softbox in the "
+            "picture, or for none"
+        )
 
 
 def _subject_shapes(scene: Scene) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from render.integrator.caustic_guide import guide_of
 from render.integrator.caustic_picture import can_draw, caustic_picture
-from render.integrator.cut_outs import CutOuts
+from render.integrator.cut_outs import CutOuts, UnseenLights
 from render.integrator.feature_tracer import CopyTracer, FeatureTracer
 from render.integrator.light_sampler import LightSampler
 from render.integrator.path_tracer import PathTracer, ShadowCatcher
@@ -41,7 +41,7 @@ as leaving the cyclorama out saves in about 17 samples."""
 
 def path_tracer(
     lit: Any,
-    integrator: Any,
+    unseen: UnseenLights,
     path: dict[str, Any],
     scene: Scene,
     size: tuple[int, int],
@@ -52,17 +52,18 @@ def path_tracer(
     """Return the path tracer of a scene.
 
     lit         Mitsuba's scene
-    integrator  Mitsuba's, and `path` its description
+    unseen      lights that the lens does not see itself
+    path        description of Mitsuba's integrator
     size        width and height of the picture in pixels
     samples     of all pixels together, by which photons are counted
     seed        of the photons that the lens sees
     cut_outs    its surfaces without their holes, or None
     """
-    tracer = _path_tracer(lit, integrator, path, scene, list(scene.objects.values()))
+    tracer = _path_tracer(lit, unseen, path["max_depth"], scene, list(scene.objects.values()))
     tracer = replace(tracer, cut_outs=cut_outs)
     walk = _subsurface_walk(lit, scene)
     if scene.stage.shadow_catcher:
-        tracer = _with_catcher(tracer, scene, size, path)
+        tracer = _with_catcher(tracer, scene, size)
     elif walk is None:
         tracer = _with_caustics(tracer, scene, size, samples, seed)
     hiding = occluders(lit, tracer.light_sampler, scene, samples)
@@ -72,7 +73,7 @@ def path_tracer(
 
 
 def _path_tracer(
-    lit: Any, integrator: Any, path: dict[str, Any], scene: Scene, objects: Sequence[str]
+    lit: Any, unseen: UnseenLights, depth: int, scene: Scene, objects: Sequence[str]
 ) -> PathTracer:
     lights = scene.lights
     sampler = LightSampler(lit, sampled_emitters(lights, scene.placement.matrix()))
@@ -80,8 +81,7 @@ def _path_tracer(
     groups = EmitterGroups(lit, names, emitters.sun_disc(lights), emitters.background_group(lights))
     daylight = lights.daylight
     sun = CausticSun.of(daylight.direction, daylight.width) if daylight else None
-    depth, hide = path["max_depth"], path["hide_emitters"]
-    return PathTracer(lit, integrator, sampler, depth, hide, groups, _pointers(lit, objects), caustic_sun=sun)
+    return PathTracer(lit, sampler, depth, unseen, groups, _pointers(lit, objects), caustic_sun=sun)
 
 
 def _with_caustics(
@@ -99,23 +99,20 @@ def _with_caustics(
     if is_guided or not can_draw(lit, light_sampler.sources):
         photons = trace_photons(lit, light_sampler, sun, depth, photon_count(samples))
         return replace(tracer, guide=photons and guide_of(photons))
-    in_view = emitters.any_in_view(scene.lights, scene.placement.matrix(), scene.camera, size)
-    past = tracer.integrator if tracer.hide_emitters and in_view else None
+    unseen = tracer.unseen if emitters.unseen_softboxes(scene, size) else None
     picture, photons = caustic_picture(
-        lit, light_sampler.sources, sun, tracer.groups, depth, samples, seed, past
+        lit, light_sampler.sources, sun, tracer.groups, depth, samples, seed, unseen
     )
     return replace(tracer, caustics=picture, guide=guide_of(photons))
 
 
-def _with_catcher(
-    tracer: PathTracer, scene: Scene, size: tuple[int, int], path: dict[str, Any]
-) -> PathTracer:
+def _with_catcher(tracer: PathTracer, scene: Scene, size: tuple[int, int]) -> PathTracer:
     """Return the path tracer with the stage as its shadow catcher."""
     lights = emitters.emitters(scene.lights, scene.placement.matrix())
     floor = stage_shapes(scene, size)["stage"]
     alone = load_scene({"type": "scene", "sensor": sensor(scene.camera, size), "stage": floor, **lights})
-    hidden = {**path, "hide_emitters": True}
-    empty = _path_tracer(alone, tracer.integrator, hidden, scene, ())
+    all_unseen = replace(tracer.unseen, sky=True, softboxes=None)
+    empty = _path_tracer(alone, all_unseen, tracer.max_depth, scene, ())
     return replace(tracer, catcher=ShadowCatcher(tracer.objects[list(scene.objects).index("stage")], empty))
 
 
@@ -195,13 +192,21 @@ def surfaces_with_holes(lit: Any, fractions: Mapping[str, dict[str, Any]]) -> Cu
     return CutOuts(lit, pairs) if pairs else None
 
 
+def unseen_lights(lit: Any, path: dict[str, Any], scene: Scene, size: tuple[int, int]) -> UnseenLights:
+    """Return the lights that the lens does not see itself. path: description of Mitsuba's integrator"""
+    sees_sky, hidden = scene.lights.shows_sky, emitters.unseen_softboxes(scene, size)
+    are_all = not sees_sky and len(hidden) == len(emitters.softboxes_in_view(scene, size))
+    return UnseenLights(load_part(path), not sees_sky, None if are_all else _pointers(lit, hidden))
+
+
 def feature_tracer(
-    scene: Scene, lit: Any, path: dict[str, Any], attributes: tuple[str, ...], cut_outs: Any
+    scene: Scene, lit: Any, unseen: UnseenLights, follows: bool, attributes: tuple[str, ...], cut_outs: Any
 ) -> FeatureTracer:
-    """Return the feature tracer of a scene. It follows no path where a medium scatters light.
+    """Return the feature tracer of a scene.
 
     lit         Mitsuba's scene
-    path        description of Mitsuba's integrator
+    unseen      lights that the lens does not see itself
+    follows     True if it follows paths: where no medium scatters light
     attributes  names of the vertex attributes that it shows
     cut_outs    as of `path_tracer`
     """
@@ -209,14 +214,13 @@ def feature_tracer(
     wires = _pointers(lit, [s.wireframe_name for s in scene.subjects if s.material.wireframe])
     materials = [subject.material for subject in scene.subjects]
     clear = [material.auxiliary_colour if material.is_clear else None for material in materials]
-    hides, follows = path["hide_emitters"], path["type"] == "path"
-    return FeatureTracer(lit, load_part(path), hides, bodies, wires, clear, attributes, follows, cut_outs)
+    return FeatureTracer(lit, unseen, bodies, wires, clear, attributes, follows, cut_outs)
 
 
-def copy_tracer(scene: Scene, lit: Any, path: dict[str, Any], cut_outs: CutOuts | None) -> CopyTracer | None:
+def copy_tracer(scene: Scene, lit: Any, unseen: UnseenLights, cut_outs: CutOuts | None) -> CopyTracer | None:
     """Return the tracer of copies, or None where no subject has vertices that tell them apart. Arguments as
     of `feature_tracer`."""
     copied = [subject.shape_name for subject in scene.subjects if COPY in subject.surface.attributes]
     if not copied:
         return None
-    return CopyTracer(lit, load_part(path), path["hide_emitters"], _pointers(lit, copied), cut_outs)
+    return CopyTracer(lit, unseen, _pointers(lit, copied), cut_outs)

@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from render.base.render_errors import BadInputError
-from render.base.serialise import Colour, Triple
+from render.base.serialise import OMIT_DEFAULT, Colour, Triple
 from render.scene.render_camera import unit
 from render.scene.rgb_spaces import LUMA, WorkingSpace
 from render.scene.sky import Daylight, Environment
@@ -25,12 +25,13 @@ from render.scene.sky import Daylight, Environment
 
 @dataclass(frozen=True)
 class Softbox:
-    """A rectangular area light that faces its target. Reflections show it, the camera does not.
+    """A rectangular area light that faces its target. Reflections show it.
 
     position, target   stage units
     width, height      stage units; height is along the vertical
     radiance           linear Rec.709
     name               its name in the rig
+    visible            True if the lens sees it too
     """
 
     position: Triple
@@ -39,6 +40,7 @@ class Softbox:
     radiance: Colour
     target: Triple = (0.0, 1.0, 0.0)
     name: str = ""
+    visible: bool = field(default=False, metadata=OMIT_DEFAULT)
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,16 @@ from hypothesis import strategies as st
 
 from pipeline.mesh import icosphere
 from render.base.render_errors import BadInputError
-from render.mitsuba.emitters import any_in_view
+from render.mitsuba.emitters import softboxes_in_view
 from render.mitsuba.sensor import sensor
 from render.post.denoise import denoiser_features
 from render.scene.aovs import RenderedFrame
+from render.scene.materials import LOOKS
 from render.scene.render_camera import Camera
 from render.scene.render_quality import Quality
+from render.scene.scene import Scene
 from render.scene.scene_lights import LIGHTS, LightRig
+from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface, require_camera_outside, winding_number
 
 CAMERA = Camera((0.0, 1.0, 8.0), (0.0, 1.0, 0.0))
@@ -49,7 +52,12 @@ def test_a_lamp_that_some_part_of_the_lens_sees_is_in_the_picture(
     seen = on_lens + (in_focus - on_lens) * depth / camera.focus_distance
     place = camera.origin + camera.axes().T @ seen
     lamp = dataclasses.replace(LIGHTS["studio"].softboxes[0], position=tuple(place), width=1e-3, height=1e-3)
-    assert any_in_view(LightRig(softboxes=(lamp,)), np.eye(4), camera, (160, 90))
+    point = Surface(
+        np.zeros((3, 3), np.float32), np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.int32)
+    )
+    rig, stage = LightRig(softboxes=(lamp,)), STAGES["none"]
+    scene = Scene(point, LOOKS["clay"], rig, stage, StagePlacement(), camera)
+    assert softboxes_in_view(scene, (160, 90)) == ["softbox0"]
 
 
 def test_what_lies_in_the_plane_of_focus_is_sharp_and_the_rest_is_not(

@@ -35,7 +35,14 @@ def raw_key(request: RenderRequest, number: int, framings: Mapping[int, Framing]
         *_motion_data(request, number, framings),
         *speed_data(request, number),
         *([{"copies": request.copies}] if request.copies else []),
+        *(["the lens sees visible softboxes alone"] if _sees_past_softboxes(request, number) else []),
     )
+
+
+def _sees_past_softboxes(request: RenderRequest, number: int) -> bool:
+    """Tell whether the lens sees a sky and not all softboxes: once it saw these with the sky."""
+    lights = request.picture(number).lights
+    return lights.shows_sky and not all(box.visible for box in lights.softboxes)
 
 
 def _motion_data(request: RenderRequest, number: int, framings: Mapping[int, Framing]) -> list[Any]:

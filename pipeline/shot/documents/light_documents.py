@@ -163,6 +163,7 @@ class SoftboxDocument(Document):
     radiance: Radiance = Field(description="linear Rec.709 or a number: 20 if large, 150 if small")
     target: Triple = Field(SUBJECT_MIDDLE, description="point it faces; [0, 1, 0] is the subject's middle")
     name: LightName | None = optional("for intensity and light groups; by default softbox1 and so on")
+    visible: bool = Field(False, description="true if the camera sees it itself; reflections always show it")
 
     @model_validator(mode="after")
     def _faces_somewhere(self) -> Self:
@@ -178,6 +179,7 @@ class SoftboxDocument(Document):
             _radiance(self.radiance),
             vector(self.target),
             softbox_name(self.name, number),
+            self.visible,
         )
 
 
