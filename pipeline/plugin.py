@@ -91,6 +91,7 @@ class Plugin:
     api            the API version that it is built for
     flows          velocity fields and other flows, dataclasses with documented parameters, by their names
     looks          `Material`s by their names
+    subjects       kinds of subjects, `SubjectKind`s, by their names: `subject: {PLUGIN.NAME: {…}}`
     encodes        `Encode`s of `deliver --as PLUGIN.NAME`, by their names
     documents      pydantic models of entries of shot files by their names: `{PLUGIN: {NAME: {…}}}` there
     stages         stages by the names of the entries with their settings
@@ -120,6 +121,7 @@ class Plugin:
     api: int = API
     flows: Mapping[str, str] = field(default_factory=dict)
     looks: Mapping[str, str] = field(default_factory=dict)
+    subjects: Mapping[str, str] = field(default_factory=dict)
     encodes: Mapping[str, str] = field(default_factory=dict)
     documents: Mapping[str, str] = field(default_factory=dict)
     stages: Mapping[str, PictureStage] = field(default_factory=dict)
@@ -141,7 +143,8 @@ class Plugin:
     def sources(self) -> list[Path]:
         """The Python files of the packages and modules with what it adds to shots; none of flowsculpt's."""
         tasks = (stage.task for stage in self.stages.values())
-        places = (*self.flows.values(), *self.looks.values(), *self.documents.values(), *tasks)
+        doors = (self.flows, self.looks, self.subjects, self.documents)
+        places = (*(place for door in doors for place in door.values()), *tasks)
         tops = {place.partition(":")[0].partition(".")[0] for place in places}
         specs = [find_spec(top) for top in sorted(tops - {"pipeline", "render"})]
         found: list[Path] = []
@@ -190,7 +193,8 @@ class Plugins:
         if not part or not _NAME.fullmatch(plugin):
             return None
         loaded = self.loaded.get(plugin)
-        if loaded and any(part in d for d in (loaded.flows, loaded.looks, loaded.encodes, loaded.documents)):
+        doors = ("flows", "looks", "subjects", "encodes", "documents")
+        if loaded and any(part in getattr(loaded, door) for door in doors):
             return f"Plug-in {plugin} could not load it."
         if any(fault.startswith(f"plug-in {plugin} ") for fault in self.faults):  # perhaps a second one
             return f"It needs plug-in {plugin}, which did not load; see the warning."

@@ -211,6 +211,61 @@ def test_a_flow_that_lacks_a_method_is_left_out_with_the_name_of_the_method(marb
     assert "plug-in marbling: marbling.swirl is left out: TypeError: it lacks length_scale" in told
 
 
+STONE = """
+import numpy as np
+from pydantic import Field
+from pipeline.api import SubjectKind, TriangleMesh, UsageError, icosphere
+
+
+class Stone(SubjectKind):
+    \"\"\"A stone with heights from a file.\"\"\"
+
+    heights: str = Field(description="a file of numbers")
+    open: bool = Field(False, description="with a face that is wound the wrong way")
+
+    def files(self):
+        return (self.heights,)
+
+    def surface(self, folder):
+        heights = np.loadtxt(folder / self.heights, ndmin=1)
+        if (heights <= 0).any():
+            raise UsageError(f"a height is {heights.min():g}; heights are above 0")
+        mesh = icosphere(4)
+        faces = mesh.faces.copy()
+        faces[0] = faces[0, ::-1] if self.open else faces[0]
+        return TriangleMesh(heights[0] * mesh.vertices, faces)
+"""
+
+
+@pytest.mark.slow
+def test_a_subject_of_a_plug_in_is_placed_keyed_by_its_files_and_refused_at_its_place(marbling):
+    (marbling.folder / "marbling.py").write_text(
+        MARBLING.replace("looks=LOOKS", 'looks=LOOKS, subjects={"stone": "marbling_parts:Stone"}')
+    )
+    (marbling.folder / "marbling_parts.py").write_text(PARTS + STONE)
+    shot, heights = marbling.folder / "shots" / "A010_ink.yaml", marbling.folder / "shots" / "heights.txt"
+
+    def checked(settings: str = "heights: heights.txt", height: str = "0.5") -> str:
+        heights.write_text(height)
+        shot.write_text(INKED.replace("{solid: box}", f"{{marbling.stone: {{{settings}}}, scale: 3}}"))
+        done = marbling.run("--json", "validate")
+        return done.stdout + done.stderr
+
+    facts = json.loads(checked())[0]["first_frame"]
+    assert facts["extent"] == pytest.approx(3.0, rel=0.01) and facts["subject"].startswith("marbling.stone")
+    plans = []
+    for height in ("0.5", "0.6", "0.5"):
+        heights.write_text(height)
+        plans.append(json.loads(marbling.run("--json", "--dry-run", "simulate", "A010_ink").stdout)["jobs"])
+    assert plans[0] == plans[2] != plans[1]
+    place = "shots/A010_ink.yaml:3:11: "
+    assert place + "a height is -1; heights are above 0" in checked(height="-1")
+    assert place in (told := checked("heights: heights.txt, open: true")) and "Traceback" not in told
+    assert "file no.txt is not there" in checked("heights: no.txt")
+    (marbling.folder / "marbling_parts.py").write_text(PARTS + STONE.replace("Stone(SubjectKind)", "Stone"))
+    assert "marbling.stone is left out: TypeError: it is not a SubjectKind" in checked()
+
+
 def plugin(name: str = "greeter", rest: str = "") -> str:
     return f"from pipeline.plugin import Command, Plugin\nPLUGIN = Plugin({name!r}, '1'{rest})\n"
 

@@ -22,7 +22,7 @@ from pipeline.mesh.analytic_surfaces import AnalyticSurface, RepeatedSurface, ne
 from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 from pipeline.resample import Curvature, DistanceToCamera, Thresholds
 from pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Region
-from pipeline.shot.subjects import Copies, Mesh, Solid, Subject, bounding_sphere, repeated
+from pipeline.shot.subjects import Copies, Mesh, PluginSurface, Solid, Subject, bounding_sphere, repeated
 from render.base.serialise import OMIT_DEFAULT
 from render.scene.painted_faces import PaintedFaces
 
@@ -333,7 +333,7 @@ class Motion:
         if isinstance(longest, float):
             return self._placed(self.subject.build(longest))
         coarse = self._placed(self.subject.build())
-        if not isinstance(self.subject, Solid):
+        if not isinstance(self.subject, Solid | PluginSurface):
             return coarse  # a model is as its file says
         lengths = resampling.thresholds.fields(coarse)[:, 0]
         finest = max(float(lengths.min()), float(np.median(lengths)) / 3.0)

@@ -37,7 +37,7 @@ from pipeline.shot.motion import Clock, Motion, parse_frames, parse_rate
 from pipeline.shot.point_subjects import CloudOfFile, NetOfFile
 from pipeline.shot.shot import AovSelection, Picture, Shot, SoundTrack
 from pipeline.shot.subject_checks import subject_views
-from pipeline.shot.subjects import Model, SeveralSubjects, Solid
+from pipeline.shot.subjects import Model, PluginSurface, SeveralSubjects, Solid
 from pipeline.shot.yaml.document_validation import Checks, ParseContext, unforeseen, validated
 from pipeline.shot.yaml.inheritance import inherited
 from pipeline.shot.yaml.named_files import name_fault, shown
@@ -298,12 +298,18 @@ def _motion(
     integrate = partial(Streamlines, substeps=document.substeps, tolerance=_tolerance(document))
     if subject is None:
         resample = "off"
+    built = SeveralSubjects(tuple(document.subjects or ())) if subject is None else subject.build(folder)
+    resampling = None
+    if isinstance(resample, ResampleDocument):
+        resampling = resample.build(clock)
+        if isinstance(built, PluginSurface) and len(built.mesh.creases) and resample.creases is None:
+            resampling = replace(resampling, creases="model")
     return Motion(
         frames=clock.frames,
         rate=clock.rate,
-        subject=SeveralSubjects(tuple(document.subjects or ())) if subject is None else subject.build(folder),
+        subject=built,
         flow=Sequence(tuple(entry.build(clock, integrate) for entry in flows)),
-        resampling=resample.build(clock) if isinstance(resample, ResampleDocument) else None,
+        resampling=resampling,
         speed=number(document.speed, clock),
         max_step=None if document.max_step is None else float(document.max_step),
         place=place,

@@ -124,11 +124,12 @@ def check_files(source: YamlSource) -> Iterator[Problem]:
 
 def check_solid_size(source: YamlSource) -> Iterator[Problem]:
     """Check that the size of a model is set once."""
-    if {"model", "scale", "fit"} <= source.mapping("subject").keys():
+    given = source.mapping("subject").keys()
+    if {"scale", "fit"} <= given and not given & {"solid", "cloud", "net"}:
         yield (
             ("subject", "fit"),
             "fit and scale both set the size of the model. Write fit: 2 for a largest extent of 2 units, or "
-            "scale for a factor on the file's coordinates, and leave the other out.",
+            "scale for a factor on its coordinates, and leave the other out.",
         )
 
 

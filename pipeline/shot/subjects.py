@@ -426,6 +426,32 @@ class Model(Subject):
         return np.where(np.abs(matrix) < 1e-15, 0.0, matrix)  # of right angles
 
 
+@dataclass(frozen=True)
+class PluginSurface(Model):
+    """A surface that a plug-in makes; otherwise as a model that is read from a file.
+
+    digest  SHA-256 of the plug-in's version, the settings, and the contents of the files that they name
+    name    of its kind, such as `lettering.text`
+    mesh    the surface, which is sound
+    """
+
+    name: str = ""
+    mesh: TriangleMesh = field(default=TriangleMesh(np.empty((0, 3)), []), metadata=NOT_PLAIN, compare=False)
+
+    def build(self, max_edge_length: float | None = None) -> TriangleMesh:
+        """Return the surface, with long edges split where they are: its flat sides stay flat."""
+        from pipeline.resample import Chord, Thresholds, resample  # compiled kernels, which take time to load
+
+        mesh = self.mesh.with_vertices(self._placed(self.mesh.vertices))
+        if max_edge_length is None:
+            return mesh
+        return resample(mesh, Thresholds(max_edge_length, 1e-3 * max_edge_length), Chord(), 0.0)[0]
+
+    def imported(self) -> ImportedSurface:
+        polygons = PolygonMesh.from_triangles(self.mesh)
+        return ImportedSurface(polygons, (), "plug-in", len(self.mesh.vertices), len(self.mesh.faces))
+
+
 @lru_cache(maxsize=4)
 def _paint(model: Model) -> Paint:
     return read_paint(model.path, lambda reader: reader.paint, model.part)

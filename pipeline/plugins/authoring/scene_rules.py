@@ -40,7 +40,7 @@ from pipeline.flow.streamlines import MAX_SUBSTEPS
 from pipeline.plugins.authoring.first_frame import FirstFrame, small_parts
 from pipeline.production.request.framing import frame_all
 from pipeline.shot import Motion, Shot
-from pipeline.shot.subjects import Model
+from pipeline.shot.subjects import Model, PluginSurface
 from render.scene.render_camera import WideCamera
 
 Where = tuple[Any, ...]
@@ -370,7 +370,9 @@ def _size(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
 def _parts(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
     """Check that no small parts decide the size of a model."""
     subject = shot.motion.subject
-    if isinstance(subject, Model) and (parts := small_parts(subject.imported().mesh)):
+    if not isinstance(subject, Model) or isinstance(subject, PluginSurface):
+        return
+    if parts := small_parts(subject.imported().mesh):
         yield Finding(("subject", "model"), f"{subject.path.name} has {parts}")
 
 

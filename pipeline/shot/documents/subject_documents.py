@@ -3,14 +3,21 @@
 Each of several subjects has a place, a look and flows of its own.
 """
 
+import inspect
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    create_model,
+)
 
 from pipeline.mesh.control_net import LEAST
 from pipeline.mesh.read import model_files, read_paint
+from pipeline.plugin import Plugin, plugins
 from pipeline.shot.documents.field_types import (
     DEGREE,
     MAPPING_IS_SECOND,
@@ -18,8 +25,10 @@ from pipeline.shot.documents.field_types import (
     ByForm,
     Degrees,
     Document,
+    OneOfSeveral,
     Positive,
     Triple,
+    exactly_one,
     is_number,
     is_written_number,
     one_of,
@@ -28,6 +37,7 @@ from pipeline.shot.documents.field_types import (
 from pipeline.shot.documents.flow_entries import DASHES, FlowDocument, RegionDocument
 from pipeline.shot.documents.look_documents import LookField
 from pipeline.shot.documents.resampling import ResampleField
+from pipeline.shot.documents.subject_kinds import SubjectKind
 from pipeline.shot.motion import Clock
 from pipeline.shot.point_subjects import (
     MOST_POINTS,
@@ -40,7 +50,7 @@ from pipeline.shot.point_subjects import (
     NetOfRows,
     NetOfSolid,
 )
-from pipeline.shot.subjects import MOST_COPIES, SOLIDS, Copies, Model, Solid
+from pipeline.shot.subjects import MOST_COPIES, SOLIDS, Copies, Model, PluginSurface, Solid
 from pipeline.shot.yaml.document_validation import bad_value
 from render.base.input_files import digest_of_file, joint_digest
 
@@ -100,19 +110,30 @@ def _require_angles(value: Any) -> Any:
     return value
 
 
-class ModelDocument(Document):
+class SizedDocument(Document):
+    """Size and rotation of a surface that is as a file or a plug-in says."""
+
+    scale: Positive = Field(1.0, description="factor on all coordinates; or use fit")
+    fit: Positive | None = optional("its largest extent, centred on the origin (units)")
+    rotate: Annotated[list[Degrees], BeforeValidator(_require_angles), Field(min_length=3, max_length=3)] = (
+        Field(ORIGIN, description="about x, then y, then z (degrees)")
+    )
+
+    def placing(self) -> dict[str, Any]:
+        """Return scale, fit and rotation as a `Model` takes them."""
+        fit = None if self.fit is None else float(self.fit)
+        x, y, z = (DEGREE * angle for angle in self.rotate)
+        return {"scale": float(self.scale), "fit": fit, "rotate": (x, y, z)}
+
+
+class ModelDocument(SizedDocument):
     example = "{model: FILE.obj}"
 
     model: str = Field(description="an OBJ, PLY, STL, OFF, GLB, FBX, DAE, 3MF or USD beside the shot file")
-    scale: Positive = Field(1.0, description="factor on all coordinates; or use fit")
-    fit: Positive | None = optional("its largest extent, centred on the origin (units)")
     prim: str | None = optional("of a USD stage: the path of the prim to read, as /World/Chair")
     time_code: float | None = optional("of a USD stage: when to read it, in place of its start")
     up: Literal["y", "z"] | None = optional(
         "the axis of the file that points up: what the file states, else y"
-    )
-    rotate: Annotated[list[Degrees], BeforeValidator(_require_angles), Field(min_length=3, max_length=3)] = (
-        Field(ORIGIN, description="about x, then y, then z (degrees)")
     )
     repair: Literal["on", "off"] = Field(
         "on", description="mends faults such as third faces on an edge; off refuses them"
@@ -126,20 +147,47 @@ class ModelDocument(Document):
         files = model_files(path)
         painted = tuple(read_paint(path, lambda reader: reader.files).items()) if paint else ()
         digests = ["seams 2", files.digest, *dict(painted).values()]
-        x, y, z = (DEGREE * angle for angle in self.rotate)
         return Model(
             digest=joint_digest(digests) if paint else files.digest,
-            scale=float(self.scale),
             path=path,
             files=(*files.files, *painted),
             up=self.up or files.up or "y",
-            rotate=(x, y, z),
-            fit=None if self.fit is None else float(self.fit),
             repair=self.repair == "on",
             prim=self.prim,
             time_code=None if self.time_code is None else float(self.time_code),
             paint=paint,
+            **self.placing(),
         )
+
+
+class PluginSurfaceDocument(OneOfSeveral, SizedDocument):
+    """A surface that a plug-in makes of its settings, by the name of its kind."""
+
+    noun: ClassVar[str] = "a subject of a plug-in"
+    versions: ClassVar[Mapping[str, str]] = {}
+    """The version of the plug-in by the name of each kind."""
+
+    def build(self, folder: Path) -> PluginSurface:
+        (name,) = self.named
+        digest, mesh = getattr(self, name).made((name, self.versions[name]))
+        return PluginSurface(digest, path=Path(name), name=name, mesh=mesh, **self.placing())
+
+
+def _kind_of_plugin(plugin: Plugin, name: str, kind: Any) -> tuple[str, Any]:
+    """Return the version of a plug-in and the field of its kind of subject. Raises TypeError for another."""
+    if not (isinstance(kind, type) and issubclass(kind, SubjectKind)):
+        raise TypeError("it is not a SubjectKind")
+    description = inspect.cleandoc(kind.__doc__ or name).partition("\n")[0]
+    return plugin.version, (kind | None, optional(description))
+
+
+if not TYPE_CHECKING:
+    _KINDS = plugins().parts("subjects", _kind_of_plugin)
+    _FIELDS = {name: field for name, (_, field) in _KINDS.items()}
+    PluginSurfaceDocument = create_model("PluginSurfaceDocument", __base__=PluginSurfaceDocument, **_FIELDS)
+    PluginSurfaceDocument.versions = {name: version for name, (version, _) in _KINDS.items()}
+    PluginSurfaceDocument.several = tuple(_KINDS)
+    PluginSurfaceDocument.model_config |= exactly_one(*_KINDS) if _KINDS else {}
 
 
 class NetSolidDocument(Document):
@@ -206,10 +254,13 @@ def subject_form(value: Any) -> int:
     if isinstance(value, str):  # is wrong; the message proposes what it looks like
         return int("." in value)
     names = value if isinstance(value, dict) else ()
-    return next((i for i, name in enumerate(("model", "cloud", "net"), 1) if name in names), 0)
+    made = 4 * any("." in str(name) for name in names)
+    return next((i for i, name in enumerate(("model", "cloud", "net"), 1) if name in names), made)
 
 
-SubjectDocument = Annotated[SolidDocument | ModelDocument | CloudDocument | NetDocument, ByForm(subject_form)]
+SubjectDocument = Annotated[
+    SolidDocument | ModelDocument | CloudDocument | NetDocument | PluginSurfaceDocument, ByForm(subject_form)
+]
 """Each has `build(folder)`, with the folder of the shot file."""
 
 
@@ -254,6 +305,16 @@ class SubjectOfNetDocument(SubjectSettings, NetDocument):
     """A net among several subjects."""
 
 
-SubjectEntry = SubjectOfSolidDocument | SubjectOfModelDocument | SubjectOfCloudDocument | SubjectOfNetDocument
+class SubjectOfPluginDocument(SubjectSettings, PluginSurfaceDocument):
+    """A surface of a plug-in among several subjects."""
+
+
+SubjectEntry = (
+    SubjectOfSolidDocument
+    | SubjectOfModelDocument
+    | SubjectOfCloudDocument
+    | SubjectOfNetDocument
+    | SubjectOfPluginDocument
+)
 
 SubjectsField = dict[str, Annotated[SubjectEntry, ByForm(subject_form)]]

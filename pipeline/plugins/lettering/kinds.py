@@ -1,0 +1,154 @@
+"""The subjects `lettering.text` and `lettering.svg`: their settings in shot files."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, GetJsonSchemaHandler, model_validator
+from pydantic_core import CoreSchema
+
+from pipeline.errors import UsageError
+from pipeline.mesh import TriangleMesh
+from pipeline.shot.documents.field_types import LARGEST, Positive, optional
+from pipeline.shot.documents.subject_kinds import SubjectKind
+from pipeline.shot.yaml.document_validation import bad_value
+from render.base.plural import plural
+
+if TYPE_CHECKING:  # the libraries of outlines take time to import, and most shots have none
+    from pipeline.plugins.lettering.outlines import OutlineShape
+
+Index = Annotated[int, Field(ge=1)]
+
+
+class OutlineKind(SubjectKind):
+    """Base of the solids of outlines."""
+
+    bare: ClassVar[str]
+    """The setting that is meant where the file has a text alone."""
+
+    depth: Positive = Field(0.25, description="from front to back, with its middle at the origin (units)")
+    bevel: Annotated[float, Field(ge=0, le=LARGEST)] = Field(
+        0.02, description="width of the bevels in front and behind; 0 for none (units)"
+    )
+    profile: Literal["round", "flat"] = Field("round", description="a quarter of a circle, or a chamfer")
+    steps: Annotated[int, Field(ge=1, le=32)] = Field(4, description="pieces of a round bevel")
+    tolerance: Positive = Field(0.001, description="greatest distance from curves of the outline (units)")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bare(cls, value: Any) -> Any:
+        if isinstance(value, int | float):
+            raise bad_value(f"{value} is a number, and text is in quotes. Write '{value}'.")
+        return {cls.bare: value} if isinstance(value, str) else value
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"anyOf": [handler(core), {"type": "string"}]}
+
+    @abstractmethod
+    def shapes(self, folder: Path) -> Sequence[OutlineShape]:
+        """Return what is extruded. Raises UsageError where the settings name nothing."""
+
+    def surface(self, folder: Path) -> TriangleMesh:
+        """Return the solids of all shapes; those that overlap are one."""
+        if 2.0 * self.bevel >= self.depth:
+            raise UsageError(
+                f"two bevels of {self.bevel:g} leave nothing of a depth of {self.depth:g}. "
+                f"Write bevel: {0.1 * self.depth:.2g}, or raise depth."
+            )
+        from pipeline.plugins.lettering.extrusion import Section, solids
+
+        profile = Section(float(self.depth), float(self.bevel), self.profile, self.steps)
+        return solids(self.shapes(folder), profile)
+
+
+class TextKind(OutlineKind):
+    """Letters, extruded and bevelled, a part each."""
+
+    bare = "text"
+
+    text: Annotated[str, Field(min_length=1, max_length=1000)] = Field(
+        description="the characters; \\n begins a line"
+    )
+    letter: Index | None = optional(
+        "the letter to keep, from 1, where it is in the text; spaces do not count"
+    )
+    font: str = Field(
+        "", description="a TTF or OTF beside the shot file, or a family, as Inter:bold; else DejaVu Sans Bold"
+    )
+    face: Annotated[int, Field(ge=0)] = Field(0, description="number of the face in a collection of fonts")
+    axes: dict[str, float] = Field(default_factory=dict, description="of a variable font, as {wght: 700}")
+    size: Positive = Field(1.0, description="of the font: capitals are about 0.7 of it (units)")
+    tracking: Annotated[float, Field(ge=-1, le=100)] = Field(
+        0.0, description="added between letters (times the size)"
+    )
+    kerning: Literal["on", "off"] = Field("on", description="the font's own distances for pairs of letters")
+    align: Literal["left", "centre", "right"] = Field("centre", description="what of each line is at x = 0")
+    leading: Annotated[float, Field(gt=0, le=100)] = Field(
+        1.2, description="from line to line (times the size)"
+    )
+
+    def files(self) -> tuple[str | Path, ...]:
+        from pipeline.plugins.lettering.fonts import font_file
+
+        return (font_file(self.font),)
+
+    def shapes(self, folder: Path) -> Sequence[OutlineShape]:
+        from pipeline.plugins.lettering.fonts import font_file
+        from pipeline.plugins.lettering.text_outlines import TextSettings, letters
+
+        settings = TextSettings(
+            font=folder / font_file(self.font),
+            face=self.face,
+            axes=tuple((tag, float(value)) for tag, value in self.axes.items()),
+            size=float(self.size),
+            tracking=float(self.tracking),
+            kerning=self.kerning == "on",
+            align=self.align,
+            leading=float(self.leading),
+            tolerance=float(self.tolerance),
+        )
+        return _chosen(letters(self.text, settings), self.letter, "letter")
+
+
+class StartKind(TextKind):
+    """What letters begin as: drops, and rings with as many holes, of the same volume and place."""
+
+    def surface(self, folder: Path) -> TriangleMesh:
+        from pipeline.plugins.lettering.starts import starts
+
+        return starts(self.shapes(folder), float(self.depth))
+
+
+class SvgKind(OutlineKind):
+    """The filled and stroked paths of a drawing, extruded and bevelled."""
+
+    bare = "file"
+
+    file: str = Field(description="an SVG beside the shot file")
+    path: Index | None = optional("the path to keep, from 1, where it is in the drawing")
+    size: Positive = Field(
+        2.0, description="the largest extent of the drawing, with its middle at the origin (units)"
+    )
+
+    def files(self) -> tuple[str | Path, ...]:
+        return (self.file,)
+
+    def shapes(self, folder: Path) -> Sequence[OutlineShape]:
+        from pipeline.plugins.lettering.svg_outlines import drawn_shapes
+
+        drawn = drawn_shapes(folder / self.file, float(self.size), float(self.tolerance))
+        return _chosen(drawn, self.path, "path")
+
+
+def _chosen(shapes: Sequence[OutlineShape], number: int | None, noun: str) -> Sequence[OutlineShape]:
+    """Return the shape of a number, from 1, or all. Raises UsageError for a number beyond the last."""
+    if number is None:
+        return shapes
+    if number > len(shapes):
+        has = f"it has {plural(len(shapes), noun)}"
+        raise UsageError(f"{noun} {number} is beyond the last: {has}. Write {noun}: {len(shapes)}.")
+    return shapes[number - 1 : number]

@@ -1,0 +1,148 @@
+"""Outlines of text: shaped by HarfBuzz, with kerning, ligatures and the axes of variable fonts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal
+
+import uharfbuzz as hb
+
+from pipeline.errors import UsageError, shortened
+from pipeline.plugins.lettering.outlines import OutlineShape, PolylinePen, filled
+from render.base.input_files import read_input
+
+MOST_BYTES = 1 << 28  # of a font
+_CAPITALS = 0.72
+"""Height of capitals over the size in fonts that do not say it."""
+
+
+@dataclass(frozen=True)
+class TextSettings:
+    """How text is set.
+
+    font       path of the file
+    face       number of the face in a collection
+    axes       values of a variable font's axes by their tags: `wght`
+    size       of the em, units
+    tracking   added between letters, over the size
+    kerning    False ignores the distances that the font has for pairs of letters
+    leading    from line to line, over the size
+    tolerance  greatest distance of the outlines from the curves of the font, units
+    """
+
+    font: Path
+    face: int = 0
+    axes: tuple[tuple[str, float], ...] = ()
+    size: float = 1.0
+    tracking: float = 0.0
+    kerning: bool = True
+    align: Literal["left", "centre", "right"] = "centre"
+    leading: float = 1.2
+    tolerance: float = 0.001
+
+
+@lru_cache(maxsize=32)
+def letters(text: str, settings: TextSettings) -> tuple[OutlineShape, ...]:
+    """Return the letters of a text, in the order in which it is written; spaces are left out.
+
+    The origin is in the middle between the capitals' top in the first line and the last baseline; along x it
+    is where the lines are aligned.
+
+    Raises UsageError for a file that is not a font, an axis that it lacks, a character that it cannot draw.
+    """
+    face = _face(settings.font, settings.face)
+    font, scale = _font(face, settings), settings.size / face.upem
+    lines = text.split("\n")
+    capitals = font.get_metric_position(hb.OTMetricsTag.CAP_HEIGHT) or _CAPITALS * face.upem
+    step = settings.leading * face.upem
+    top = 0.5 * ((len(lines) - 1) * step - capitals)
+    found: list[OutlineShape] = []
+    for row, line in enumerate(lines):
+        found += _Line(font, line, settings).letters(scale, top - row * step)
+    if not found:
+        raise UsageError("the text has no letters. Write some.")
+    return tuple(found)
+
+
+@lru_cache(maxsize=8)
+def _face(path: Path, number: int) -> Any:
+    blob = hb.Blob(read_input(path, MOST_BYTES))
+    face = hb.Face(blob, number)
+    if not face.glyph_count:
+        have = "has no such face" if number else "is not a TrueType or OpenType font"
+        raise UsageError(f"font {path.name} {have}. Choose another{', or face: 0' if number else ''}.")
+    return face
+
+
+def _font(face: Any, settings: TextSettings) -> Any:
+    font, axes = hb.Font(face), {axis.tag: axis for axis in face.axis_infos}
+    for tag, value in settings.axes:
+        if tag not in axes:
+            have = f"it has {', '.join(axes)}" if axes else "it has none: it is not a variable font"
+            raise UsageError(f"font {settings.font.name} has no axis {shortened(tag)}; {have}. Leave it out.")
+        low, high = axes[tag].min_value, axes[tag].max_value
+        if not low <= value <= high:
+            limits = f"{low:g} to {high:g}. Write {min(max(value, low), high):g}."
+            raise UsageError(f"axis {tag} of font {settings.font.name} is from {limits}")
+    font.set_variations(dict(settings.axes))
+    return font
+
+
+class _Line:
+    """A line of text, shaped: glyphs and where they stand, in units of the font."""
+
+    def __init__(self, font: Any, text: str, settings: TextSettings) -> None:
+        self.font, self.text, self.settings = font, text, settings
+        buffer = hb.Buffer()
+        buffer.add_str(text)
+        buffer.guess_segment_properties()
+        hb.shape(font, buffer, {"kern": settings.kerning})
+        self.glyphs = list(zip(buffer.glyph_infos, buffer.glyph_positions, strict=True))
+        self.clusters = sorted({info.cluster for info, _ in self.glyphs})
+        self.gap = settings.tracking * font.face.upem
+
+    def letters(self, scale: float, baseline: float) -> list[OutlineShape]:
+        """Return the letters; `scale` turns units of the font into those of the scene."""
+        contours: dict[int, list[Any]] = {}
+        x, previous = self._start(), None
+        for info, position in self.glyphs:
+            x += self.gap if previous not in (None, info.cluster) else 0.0
+            previous = info.cluster
+            at = (scale * (x + position.x_offset), scale * (baseline + position.y_offset))
+            pen = PolylinePen((scale, 0.0, 0.0, scale, *at), self.settings.tolerance)
+            self.font.draw_glyph_with_pen(info.codepoint, pen)
+            x += position.x_advance
+            self._require_drawn(info, bool(pen.contours))
+            contours.setdefault(info.cluster, []).extend(pen.contours)
+        return [
+            OutlineShape(repr(self._characters(cluster)), filled(contours[cluster], "nonzero"))
+            for cluster in self.clusters
+            if contours[cluster]
+        ]
+
+    def _start(self) -> float:
+        width = sum(position.x_advance for _, position in self.glyphs) + self.gap * (len(self.clusters) - 1)
+        return -width * {"left": 0.0, "centre": 0.5, "right": 1.0}[self.settings.align]
+
+    def _characters(self, cluster: int) -> str:
+        following = next((c for c in self.clusters if c > cluster), len(self.text))
+        return self.text[cluster:following]
+
+    def _require_drawn(self, info: Any, has_outline: bool) -> None:
+        """Raise UsageError for a glyph that the font lacks or has as a picture."""
+        characters = self._characters(info.cluster)
+        if info.codepoint == 0:
+            fact = "has no letter"
+        elif not has_outline and characters.strip() and characters.isprintable() and self._has_picture(info):
+            fact = "has no outline, only a picture,"
+        else:
+            return
+        raise UsageError(
+            f"font {self.settings.font.name} {fact} for {characters!r}. Choose another font, or leave it out."
+        )
+
+    def _has_picture(self, info: Any) -> bool:
+        face = self.font.face
+        return bool(face.has_color_png or face.has_color_svg or face.has_color_paint or face.has_color_layers)

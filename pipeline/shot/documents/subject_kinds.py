@@ -1,0 +1,45 @@
+"""The contract of plug-ins for kinds of subjects."""
+
+from abc import abstractmethod
+from pathlib import Path
+from typing import Self
+
+from pydantic import PrivateAttr, ValidationInfo, model_validator
+
+from pipeline.mesh import TriangleMesh, require
+from pipeline.shot.documents.field_types import Document
+from pipeline.shot.yaml.document_validation import ParseContext, as_finding
+from render.base.input_files import joint_digest
+
+
+class SubjectKind(Document):
+    """A kind of subject of a plug-in: its settings, and the surface that they make."""
+
+    _digests: list[str] = PrivateAttr()
+    _surface: TriangleMesh = PrivateAttr()
+
+    def files(self) -> tuple[str | Path, ...]:
+        """Return the files that it reads, relative to the shot file: their contents decide frames too."""
+        return ()
+
+    @abstractmethod
+    def surface(self, folder: Path) -> TriangleMesh:
+        """Return the surface at rest: sound, closed or open; its creases and seams are kept.
+
+        folder  of the shot file
+
+        Raises UsageError, whose message is reported at the place of the settings.
+        """
+
+    @model_validator(mode="after")
+    def _can_be_made(self, info: ValidationInfo) -> Self:
+        context = ParseContext.of(info)
+        self._digests = [context.digests[context.file(str(file))] for file in as_finding(self.files)]
+        self._surface = as_finding(lambda: self.surface(context.folder))
+        as_finding(lambda: require(self._surface))
+        return self
+
+    def made(self, origin: tuple[str, str]) -> tuple[str, TriangleMesh]:
+        """Return a digest of all that decides the surface, `origin` included, and the surface."""
+        settings = self.model_dump_json(exclude_defaults=True)
+        return joint_digest([*origin, settings, *self._digests]), self._surface
