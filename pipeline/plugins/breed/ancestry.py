@@ -1,4 +1,4 @@
-"""The entry `breed: {ancestry: …}` of bred shots: where they come from."""
+"""The entry `breed: {ancestry: …}` of bred shots."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pipeline.shot.documents.field_types import Document
 
 
 class AncestryDocument(Document):
-    """Where a bred shot comes from; it decides no picture."""
+    """The origin of a bred shot; no picture depends on it."""
 
     parents: list[str] = Field(min_length=1, max_length=2, description="the shot that it is made of, or two")
     ancestors: list[str] = Field(

@@ -22,7 +22,7 @@ from pipeline.plugins.breed.shot_genome import Genome, text_of_shot
 from pipeline.shot import Shot, read_shot
 
 MOST_ATTEMPTS = 30
-"""Drafts of one child, of which the first that validates is taken."""
+"""Drafts of one child that are tried; the first that validates is taken."""
 
 MOST_WORDS = 4
 """Changes that an intent names."""
@@ -30,7 +30,7 @@ MOST_WORDS = 4
 
 @dataclass(frozen=True)
 class Litter:
-    """What decides the children of a generation.
+    """The parents and settings that decide the children of a generation.
 
     parents     one or two
     change      0 to 1: how far children go from their parents

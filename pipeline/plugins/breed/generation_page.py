@@ -85,7 +85,7 @@ def _encoded(pictures: NDArray[np.uint8]) -> list[str]:
 
 @dataclass(frozen=True)
 class PageChoice:
-    """What was chosen on a page.
+    """A choice made on a page.
 
     parents     the paths of one or two shot files
     favourites  names of shots
@@ -117,7 +117,7 @@ def read_choice(text: str) -> PageChoice:
     record = read_record(Path(folder))
     if record is None:
         raise UsageError(
-            f"{place}: {folder} is not a generation, for it has no {RECORD}; run this in the folder in which "
+            f"{place}: {folder} is not a generation: it has no {RECORD}. Run this in the folder in which "
             "it was bred"
         )
     names = [child["name"] for child in record["children"]]
@@ -139,5 +139,5 @@ def _numbered(text: str, names: Sequence[str], place: str) -> list[str]:
     numbers = list(dict.fromkeys(word for word in text.split(",") if word))
     for number in numbers:
         if not (number.isdigit() and 1 <= int(number) <= len(names)):
-            raise UsageError(f"{place}: there is no child {shortened(number)}; they are 1 to {len(names)}")
+            raise UsageError(f"{place}: child {shortened(number)} does not exist; they are 1 to {len(names)}")
     return [names[int(number) - 1] for number in numbers]

@@ -58,7 +58,7 @@ LEAST_APART = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """What selection knows of a candidate.
+    """A candidate as selection sees it.
 
     features  (K,) in which distances are measured
     quality   0 to 1: how well it is seen
