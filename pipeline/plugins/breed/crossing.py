@@ -28,19 +28,24 @@ RATES = ("strength", "rate", "speed", "flux", "time_scale", "inflow", "a", "b", 
 def crossed(first: Genome, second: Genome, chance: Chance, folder: Path) -> Draft:
     """Return a draft with the subject and the frames of the first parent, and the rest of either."""
     data, other = first.rebased(folder), second.rebased(folder)
-    words = [f"the form of {first.name}"]
+    words = [f"the form of {_called(first)}"]
     flows = _flows(first, second, data.get("flows") or [], other.get("flows") or [], chance)
     if flows:
         data["flows"] = flows
     if "subjects" not in data and "subjects" not in other and chance.happens(0.6):
-        _take(data, other, ("look", "stage", "lights"), words, f"the look of {second.name}")
+        _take(data, other, ("look", "stage", "lights"), words, f"the look of {_called(second)}")
     elif chance.happens(0.5):
-        _take(data, other, ("stage", "lights"), words, f"the light of {second.name}")
+        _take(data, other, ("stage", "lights"), words, f"the light of {_called(second)}")
     if chance.happens(0.3) and "camera" in other:
         camera = copy.deepcopy(other["camera"])
         data["camera"] = {name: _retimed(value, second, first) for name, value in camera.items()}
     data["title"] = f"{_title(first)} × {_title(second)}"
     return Draft(first, data, chance, words)
+
+
+def _called(genome: Genome) -> str:
+    """Return the name of a shot; of a bred one, whose name is long, its number in its generation."""
+    return f"number {genome.name.rpartition('_')[2]}" if genome.ancestry else genome.name
 
 
 def _title(genome: Genome) -> str:
