@@ -132,7 +132,8 @@ def _intent(litter: Litter, words: Sequence[str]) -> str:
     ]
     others = [word for word in shown if word not in with_words]
     listed = " and ".join([", ".join(with_words[:-1]), with_words[-1]] if len(with_words) > 1 else with_words)
-    return ", ".join([f"{beginning} with {listed}" if listed else beginning, *others]) + "."
+    joint = ": " if len(names) > 1 else " with "
+    return ", ".join([f"{beginning}{joint}{listed}" if listed else beginning, *others]) + "."
 
 
 def _ancestry(litter: Litter, number: int) -> dict[str, Any]:

@@ -18,6 +18,9 @@ from pipeline.plugins.breed.shot_genome import Genome, leaves_of
 MOST_ENTRIES = 4
 """Entries under `flows` of a child."""
 
+MOST_TITLES = 3
+"""Titles of ancestors that the title of a child names."""
+
 ALIKE = 1.2
 """Ratio of the sizes of two subjects up to which flows are taken as they are."""
 
@@ -39,18 +42,14 @@ def crossed(first: Genome, second: Genome, chance: Chance, folder: Path) -> Draf
     if chance.happens(0.3) and "camera" in other:
         camera = copy.deepcopy(other["camera"])
         data["camera"] = {name: _retimed(value, second, first) for name, value in camera.items()}
-    data["title"] = f"{_title(first)} × {_title(second)}"
+    titles = [part for each in (first, second) for part in str(each.data["title"]).split(" × ")]
+    data["title"] = " × ".join(list(dict.fromkeys(titles))[:MOST_TITLES])
     return Draft(first, data, chance, words)
 
 
 def _called(genome: Genome) -> str:
     """Return the name of a shot; of a bred one, whose name is long, its number in its generation."""
     return f"number {genome.name.rpartition('_')[2]}" if genome.ancestry else genome.name
-
-
-def _title(genome: Genome) -> str:
-    """Return a title of which a cross of crosses does not grow."""
-    return str(genome.data.get("title", genome.name)).partition(" × ")[0]
 
 
 def _take(
