@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     import ufbx
 
 _MODULE = "pipeline.plugins.interchange.fbx_paint"
-MATERIALS = "materials 2"
+MATERIALS = "materials 3"
 """The question for materials, with the version of the answers, which are stored by it."""
 
 _SHOWN = {
@@ -58,6 +58,7 @@ _SHOWN = {
     "roughness": "roughness",
     "metalness": "metalness",
     "opacity": "opacity",
+    "normal_map": "normals",
 }
 """The parts of a material that are shown: their names in ufbx, and in messages."""
 
@@ -100,7 +101,13 @@ def _material(path: Path, facts: dict[str, Any], files: dict[Path, str]) -> Patt
     named: dict[str, Any] = {"opacity": _opacity(facts, mask)}
     if colour is not None:
         colour = replace(colour, factor=(facts["factor"],) * 3)
-    more = {"roughness": "roughness_texture", "metalness": "metallic_texture"}
+    if (normals := textures.get("normal_map")) is not None:
+        textures["normal_map"] = replace(normals, factor=(facts["bump"], facts["bump"], 1.0))
+    more = {
+        "roughness": "roughness_texture",
+        "metalness": "metallic_texture",
+        "normal_map": "normal_texture",
+    }
     named |= {more[name]: texture for name, texture in textures.items()}
     return painted(
         tuple(facts["colour"]),
@@ -307,8 +314,8 @@ def _pictures_of(material: ufbx.Material) -> dict[str, ufbx.Texture]:
     Raises MeshError for those that are made of several pictures, or moved.
     """
     maps, found = counted(material.pbr), {}
-    for name, word in _SHOWN.items():
-        given = counted(getattr(maps, name))
+    for name, word in _SHOWN.items():  # only `NormalMap` is sure to hold normals, not heights
+        given = counted(getattr(counted(material.fbx) if name == "normal_map" else maps, name))
         if name == "opacity" and counted(given.texture) is None:
             given = counted(counted(material.fbx).transparency_color)
         texture = counted(given.texture)
@@ -332,7 +339,8 @@ def _pictures_of(material: ufbx.Material) -> dict[str, ufbx.Texture]:
 def _facts_of(material: ufbx.Material | None) -> dict[str, Any]:
     """Return colour, factor on its picture, roughness (None for matt), metalness and pictures."""
     if material is None:
-        facts = {"colour": GREY, "factor": 1.0, "roughness": None, "metalness": 0.0, "pictures": {}}
+        facts = {"colour": GREY, "factor": 1.0, "bump": 1.0}
+        facts |= {"roughness": None, "metalness": 0.0, "pictures": {}}
         return facts | {"name": "", "opacity": 1.0, "is_mask": True}
     features, maps, textures = counted(material.features), counted(material.pbr), _pictures_of(material)
     place, kind = f"the material {brief(material.name)}", int(material.shader_type)
@@ -366,6 +374,7 @@ def _facts_of(material: ufbx.Material | None) -> dict[str, Any]:
         "is_mask": counted(counted(maps.opacity).texture) is not None,
         "colour": tuple(factor * part for part in own),
         "factor": factor,
+        "bump": _number(counted(material.fbx), "bump_factor", 1.0),
         "roughness": None if is_matt else min(max(_number(maps, "roughness", 0.5), 0.0), 1.0),
         "metalness": min(max(_number(maps, "metalness", 0.0), 0.0), 1.0),
         "pictures": {name: _picture_facts(texture) for name, texture in textures.items()},

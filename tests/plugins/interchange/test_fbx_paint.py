@@ -140,6 +140,16 @@ def test_roughness_and_metalness_of_blender_and_their_pictures_are_read(tmp_path
     assert plain["roughness"] == pytest.approx(0.3) and plain["metalness"] == 0.75
 
 
+def test_normal_maps_of_an_fbx_are_read_with_their_strength(tmp_path: Path) -> None:
+    picture(tmp_path / "atlas.png", (0.5, 0.5, 1.0))
+    links = [*LINKS[:4], (5, 3, "NormalMap")]
+    path = write(tmp_path / "box.fbx", painted_box(first=material(3, "Phong", BumpFactor=0.5)), links)
+    (found, _), files = FBX_PAINT.materials(path)
+    assert isinstance(found, Satin | Diffuse) and found.normal_texture is not None
+    assert found.normal_texture.factor == (0.5, 0.5, 1.0) and found.has_normal_map
+    assert [file.name for file in files] == ["atlas.png"]
+
+
 def of_3ds_max(numbers: tuple[int, int], **given: Any) -> N:
     """A material of 3ds Max, by the numbers of its class."""
     names = {f"3dsMax|Parameters|{name}": value for name, value in given.items()}
