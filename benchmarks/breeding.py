@@ -52,7 +52,7 @@ def main() -> None:
     for name, what in SHOTS.items():
         wall, cpu, left_out = bred(Path("shots") / f"{name}.yaml")
         facts = {"shot": name, "what": what, "wall s": wall, "CPU s": cpu}
-        rows.append({**facts, "left out": ", ".join(f"{count} {why}" for why, count in left_out.items())})
+        rows.append({**facts, "left out": ", ".join(f"{why}: {count}" for why, count in left_out.items())})
         if name == "A010_cube":
             rows.append(Target("breed", "seconds, two cores", wall, most=180.0).row)
     show("Breeding", rows)
