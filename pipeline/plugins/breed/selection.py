@@ -52,7 +52,7 @@ KEY_PICTURES = tuple(round(SHOWN * share) - 1 for share in (1 / 3, 2 / 3, 1))
 SHAPE, COLOUR, MOVEMENT = 1.0, 1.6, 0.25
 """Weights of the parts of a distance."""
 
-LEAST_APART = 0.2
+LEAST_APART = 0.12
 """Distance below which a candidate looks like another."""
 
 
