@@ -101,15 +101,13 @@ def chosen(candidates: Mapping[int, Candidate], parent: Floats, most: int) -> tu
     good = [number for number in sorted(candidates) if not candidates[number].fault]
     found: list[int] = []
     nearest = {number: _distance(candidates[number].features, parent) for number in good}
-    while good and len(found) < most:
-        best = max(good, key=lambda n: (nearest[n] * candidates[n].quality, -n))
-        if nearest[best] < LEAST_APART:
-            break
+    while len(found) < most and (apart := [n for n in good if nearest[n] >= LEAST_APART]):
+        best = max(apart, key=lambda n: (nearest[n] * candidates[n].quality, -n))
         found.append(best)
         good.remove(best)
         for number in good:
-            apart = _distance(candidates[number].features, candidates[best].features)
-            nearest[number] = min(nearest[number], apart)
+            distance = _distance(candidates[number].features, candidates[best].features)
+            nearest[number] = min(nearest[number], distance)
     return found, [number for number in good if nearest[number] < LEAST_APART]
 
 

@@ -149,3 +149,7 @@ def test_those_that_differ_most_are_chosen_and_faults_and_twins_are_not() -> Non
     candidates = {n: Candidate(np.array([x]), 1.0, "explodes" if n == 5 else "") for n, x in places.items()}
     assert chosen(candidates, np.array([-1.0]), 12) == ([4, 2, 3], [1])
     assert chosen(candidates, np.array([-1.0]), 2) == ([4, 2], [1])
+    faint = {
+        n: Candidate(each.features, 0.01 if n == 3 else 1.0, each.fault) for n, each in candidates.items()
+    }
+    assert chosen(faint, np.array([-1.0]), 12) == ([4, 2, 3], [1])
