@@ -174,13 +174,16 @@ class Plugins:
     def parts(self, door: str, make: Callable[[Plugin, str, Any], T]) -> dict[str, T]:
         """Return what plug-ins add to shot files by a field of `Plugin`, by names such as `marbling.swirl`.
 
+        A part with the name of its plug-in, which must be a shipped one, has that name alone.
+
         make  gets the plug-in, the name and the object, and returns the entry. A part for which it raises, or
               that cannot be imported, is left out with a warning
         """
         found = {}
         for plugin in self:
             for part, place in getattr(plugin, door).items():
-                name = f"{plugin.name}.{part}"
+                is_whole = part == plugin.name and place.startswith("pipeline.")
+                name = part if is_whole else f"{plugin.name}.{part}"
                 try:
                     found[name] = make(plugin, name, named(place))
                 except (Exception, SystemExit) as error:  # a stranger's module may raise anything

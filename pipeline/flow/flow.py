@@ -13,7 +13,7 @@ import sys
 import threading
 import traceback
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
@@ -25,6 +25,7 @@ import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.errors import FrameError, UsageError
+from pipeline.flow.parameters import Vector
 from render.base.input_files import read_input
 
 _CODE = (".py", ".pyc", ".so", ".nbi", ".nbc", ".kernel", ".pth")
@@ -116,6 +117,20 @@ class Flow(ABC):
         """Return the flow with no sub-step along velocities longer than `max_step` units."""
         return self
 
+    def of_subject(self, subject: Any, place: Vector, before: Sequence[Flow]) -> Flow:
+        """Return the flow as it acts on a subject that stands at a place, after flows `before` it.
+
+        Only flows of a list of flows are asked, not those within compositions.
+        """
+        return self
+
+    def findings(self) -> Iterator[tuple[str, bool]]:
+        """Yield what to know of the flow before frames are made, and whether that is a warning.
+
+        Raises FlowsculptError where the frames would fail.
+        """
+        yield from ()
+
     @property
     def name(self) -> str:
         """The name in error messages."""
@@ -162,6 +177,13 @@ class PluginMap(Flow):
 
     def cache_data(self, time: float, dt: float) -> Any:
         return {"plugin": self.origin, "data": self.flow.cache_data(time, dt)}
+
+    def of_subject(self, subject: Any, place: Vector, before: Sequence[Flow]) -> Flow:
+        plain = [flow.flow if isinstance(flow, PluginMap) else flow for flow in before]
+        return dataclasses.replace(self, flow=self.flow.of_subject(subject, place, plain))
+
+    def findings(self) -> Iterator[tuple[str, bool]]:
+        return self.flow.findings()
 
     @property
     def name(self) -> str:

@@ -7,6 +7,7 @@ outside.
 from __future__ import annotations
 
 import hashlib
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -135,12 +136,22 @@ def _lookup(surface: ClosedSurface) -> Lookup:
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     spacing = float((high - low).max()) / (NODES - 3)
     shape = np.ceil((high - low) / spacing).astype(int) + 3  # one more on every side, to begin outside
-    count, dipoles = int(shape.prod()), _dipoles(tree, corners[tree.order])
+    return Lookup(with_distances(tree, corners, low - spacing, spacing, tuple(shape.tolist())), low, high)
+
+
+def with_distances(
+    tree: TriangleTree, corners: Floats, first: Points, spacing: float, shape: tuple[int, ...]
+) -> Floats:
+    """Return the kernels' array of closed triangles (T, 3, 3); it ends with distances on a grid of a shape.
+
+    first  the first node (3,), outside of the surface
+    """
+    count, dipoles = math.prod(shape), _dipoles(tree, corners[tree.order])
     begins = [tree.triangles, len(tree.memory), len(tree.memory) + dipoles.size]
-    header = np.array([*begins, *(low - spacing), spacing, *shape], np.float64)
+    header = np.array([*begins, *first, spacing, *shape], np.float64)
     memory = np.concatenate([header, tree.with_more(dipoles), np.empty(count)])
-    kernels.distances(memory.ctypes.data, memory[-count:].reshape(tuple(shape.tolist())))
-    return Lookup(memory, low, high)
+    kernels.distances(memory.ctypes.data, memory[-count:].reshape(shape))
+    return memory
 
 
 def _dipoles(tree: TriangleTree, corners: Floats) -> Floats:

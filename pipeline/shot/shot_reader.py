@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from pipeline.errors import MeshError, MissingInputError, ShotError, UsageError
-from pipeline.flow import Sequence, Streamlines
+from pipeline.flow import Flow, Sequence, Streamlines
 from pipeline.flow.parameters import ORIGIN
 from pipeline.flow.streamlines import DEFAULT_TOLERANCE
 from pipeline.frames import FrameRate
@@ -304,11 +304,15 @@ def _motion(
         resampling = resample.build(clock)
         if isinstance(built, PluginSurface) and len(built.mesh.creases) and resample.creases is None:
             resampling = replace(resampling, creases="model")
+    acting: list[Flow] = []
+    for entry in flows:
+        flow = entry.build(clock, integrate)
+        acting.append(flow if subject is None else flow.of_subject(built, place, acting))
     return Motion(
         frames=clock.frames,
         rate=clock.rate,
         subject=built,
-        flow=Sequence(tuple(entry.build(clock, integrate) for entry in flows)),
+        flow=Sequence(tuple(acting)),
         resampling=resampling,
         speed=number(document.speed, clock),
         max_step=None if document.max_step is None else float(document.max_step),

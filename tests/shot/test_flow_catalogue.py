@@ -59,6 +59,7 @@ def needed(name: str, folder: Path) -> dict[str, Any]:
         "attraction": {"points": [[0.0, 0.0, 0.0]]},
         "wind": {"through": [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]},
         "sampled": {"file": "w.npz"},
+        "become": {"solid": "icosphere"},
         "python": {"file": "mine.py", "function": "swirl"},
     }
     parameters = DOCUMENTS[name].parameters

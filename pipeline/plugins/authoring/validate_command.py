@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
+from pipeline.animation.flow_cost import flows_of
 from pipeline.cli.options import Common, Settings, shots_argument
 from pipeline.cli.output import (
     exit_with,
@@ -19,6 +21,7 @@ from pipeline.cli.output import (
 )
 from pipeline.errors import FlowsculptError, FrameError, ShotError, UsageError
 from pipeline.flow.flow import python_flows
+from pipeline.long_computations import Progress, reporting_to
 from pipeline.plugins.authoring.first_frame import FirstFrame, FirstFrames
 from pipeline.plugins.authoring.scene_rules import Finding, findings
 from pipeline.production.execution.project import Project
@@ -26,7 +29,7 @@ from pipeline.production.picture_sequences import light_notes, shown_picture, wh
 from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.lookup import NO_SHOTS, edit_names, find_edit, find_shot, shot_names
 from pipeline.production.store.paths import Folders
-from pipeline.shot import Shot, read_film, read_shot
+from pipeline.shot import Motion, Shot, read_film, read_shot
 from pipeline.shot.subject_checks import SubjectView, subject_views
 from pipeline.shot.yaml.inheritance import inherited
 from pipeline.shot.yaml.yaml_source import YamlSource
@@ -55,7 +58,8 @@ def validate(
     with progress_bars(common.progress) as bar:
         advance = bar("checking", len(names))
         for name in names:
-            check = _check_edit(name, given) if name in edits else _check(name, given, first_frames)
+            with reporting_to(_Bars(bar).receive):
+                check = _check_edit(name, given) if name in edits else _check(name, given, first_frames)
             if name not in edits and not check.errors:
                 check.warnings += [f"{name}: {note}" for note in _light(common, name, given)]
             checks.append(check)
@@ -66,6 +70,23 @@ def validate(
 
 LOOKED_AT = 8
 """Frames that the light of a shot is judged by."""
+
+
+class _Bars:
+    """Bars of the long computations of flows, such as fits."""
+
+    def __init__(self, bar: Callable[[str, int], Callable[[], None]]) -> None:
+        self._bar = bar
+        self._bars: dict[str, tuple[Callable[[], None], int]] = {}
+
+    def receive(self, progress: Progress) -> None:
+        """Draw what is counted up to few: points that a flow moves are not."""
+        activity, done, total = progress
+        if 0 < total < 1000:
+            advance, before = self._bars.get(activity) or (self._bar(activity, total), 0)
+            for _ in range(done - before):
+                advance()
+            self._bars[activity] = advance, done
 
 
 @dataclass
@@ -147,7 +168,7 @@ def _check_scene(
     check.notes += [flow.advice for flow in python_flows(shot.motion.flow)]
     try:
         first = check.firsts[shot.subject] = first_frames.of(shot.motion)
-        found = findings(shot, first)
+        found = [*findings(shot, first), *_of_flows(check, shot.motion)]
         check.notes += [f"{check.name}: model repaired: {line}" for line in first.repairs]
         check.notes += [f"{check.name}: model: {line}" for line in first.notes]
     except FlowsculptError as error:
@@ -160,6 +181,21 @@ def _check_scene(
             check.add_error(ShotError(line))
         elif line not in check.warnings:
             check.warnings.append(line)
+
+
+def _of_flows(check: _Check, motion: Motion) -> Iterator[Finding]:
+    """Yield what flows warn of, or fail for; note the rest."""
+    for k, flow in enumerate(flows_of(motion.flow)):
+        where = tuple(int(part) if part.isdigit() else part for part in motion.place_of_flow(k).split("."))
+        where = where[2:] if where[0] == "subjects" else where  # a view adds these
+        try:
+            for text, is_warning in flow.findings():
+                if is_warning:
+                    yield Finding(where, text)
+                else:
+                    check.notes.append(f"{check.name}: {text}")
+        except FlowsculptError as error:
+            yield Finding(where, str(error), is_error=True)
 
 
 def _report(common: Common, checks: list[_Check]) -> None:

@@ -102,12 +102,15 @@ def document_of(flow: type, base: type[FlowParameters] = FlowParameters) -> type
 
 
 def _document_of_plugin(plugin: Plugin, name: str, flow: Any) -> type[FlowParameters]:
-    """Return the document of a plug-in's flow. Raises TypeError for what is none."""
+    """Return the document of a plug-in's flow, or of its base document. Raises TypeError for what is none."""
+    base = FlowParameters
+    if isinstance(flow, type) and issubclass(flow, FlowParameters):
+        base, flow = flow, flow.flow
     if not (isinstance(flow, type) and issubclass(flow, Flow | VelocityField)):
         raise TypeError("it is neither a VelocityField nor a Flow")
     if isabstract(flow):
         raise TypeError(f"it lacks {', '.join(sorted(flow.__abstractmethods__))}")
-    document = document_of(flow)
+    document = document_of(flow, base)
     document.origin = (plugin.name, plugin.version, name)
     return document
 

@@ -1,0 +1,92 @@
+"""Fits of the flow `become`: how near they come to their targets, what they shrink, and CPU seconds.
+
+    python -m benchmarks.become                         # our own solids, medium
+    python -m benchmarks.become fine bunny.obj cow.off  # a ball becomes each of these models
+    python -m benchmarks.become medium bunny.obj,cow.off   # the first becomes the second
+
+Fits are computed, whatever the cache holds, and stored nowhere.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+
+from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
+from pipeline.plugins.become import stored_fits
+from pipeline.plugins.become.fitting import Detail
+from pipeline.plugins.become.stored_fits import Shape, fit_between
+from pipeline.plugins.interchange.mesh_writers import write_mesh
+from pipeline.shot.subjects import Model, Solid
+from render.base.input_files import digest_of_file
+
+ORIGIN = (0.0, 0.0, 0.0)
+
+
+def extruded(outline: Any, depth: float) -> TriangleMesh:
+    """Return a plane outline (N, 2), counter-clockwise, as a solid of that depth."""
+    count = len(outline)
+    back, front = (np.column_stack([outline, np.full(count, z)]) for z in (-depth / 2, depth / 2))
+    ring = np.arange(count)
+    sides = np.column_stack([ring, np.roll(ring, -1), np.roll(ring, -1) + count, ring + count])
+    corners = np.concatenate([ring[::-1], ring + count, sides.ravel()])
+    offsets = np.concatenate([[0, count, 2 * count], 2 * count + 4 * np.arange(1, count + 1)])
+    return PolygonMesh.from_arrays(np.concatenate([back, front]), offsets, corners).triangulated()
+
+
+def star_prism() -> TriangleMesh:
+    """Return a prism over a star with five points."""
+    angle = np.pi / 2 + np.pi * np.arange(10) / 5
+    radius = np.where(np.arange(10) % 2, 0.5, 1.0)
+    return extruded(np.column_stack([radius * np.cos(angle), radius * np.sin(angle)]), 0.7)
+
+
+def letter_f() -> TriangleMesh:
+    """Return the letter F, 2 units high."""
+    steps = [(0, 0), (0.37, 0), (0.37, 0.79), (1.05, 0.79), (1.05, 1.16), (0.37, 1.16), (0.37, 1.63)]
+    return extruded(np.array([*steps, (1.26, 1.63), (1.26, 2), (0, 2)]), 0.38)
+
+
+def model(file: Path) -> Shape:
+    return Shape(Model(digest_of_file(file), path=file, fit=2.0), ORIGIN)
+
+
+def pairs(folder: Path, names: list[str]) -> list[tuple[Shape, Shape]]:
+    """Return the shapes to fit: of the files that are named, or our own."""
+    ball = Shape(Solid.of("icosphere", {}), ORIGIN)
+    if names:
+        shapes = [[model(Path(name)) for name in pair.split(",")] for pair in names]
+        return [(each[0], each[1]) if len(each) > 1 else (ball, each[0]) for each in shapes]
+    made = {"star.ply": star_prism(), "f.ply": letter_f()}
+    for name, mesh in made.items():
+        write_mesh(mesh, folder / name)
+    box = Shape(Solid.of("box", {"size": [1.5, 1.5, 1.5]}), ORIGIN)
+    torus, thin = (
+        Shape(Solid.of("torus", {"radius": 0.8, "tube_radius": tube}), ORIGIN) for tube in (0.35, 0.15)
+    )
+    return [(box, ball), (torus, thin), *((ball, model(folder / name)) for name in made)]
+
+
+def main(folder: Path, detail: Detail, names: list[str]) -> None:
+    stored_fits._loaded = lambda path: None  # type: ignore[assignment]
+    stored_fits._store = lambda path, arrays: None  # type: ignore[assignment]
+    print("| | mean / 95 %, there | back | least det J | CPU s |\n|---|---|---|---|---|")
+    for start, target in pairs(folder, names):
+        began = time.process_time()
+        mean, most, back, far, least = fit_between(start, target, detail).residual
+        seconds = time.process_time() - began
+        numbers = f"{mean:.2%} / {most:.2%} | {back:.2%} / {far:.2%} | {least:.2g} | {seconds:.0f}"
+        print(f"| {start.name} to {target.name} | {numbers} |", flush=True)
+
+
+if __name__ == "__main__":
+    from tempfile import TemporaryDirectory
+
+    given = sys.argv[1:]
+    detail: Any = given.pop(0) if given and given[0] in get_args(Detail) else "medium"
+    with TemporaryDirectory() as made:
+        main(Path(made), detail, given)

@@ -1,0 +1,7 @@
+"""The flow `become`: a subject flows onto a model or a solid."""
+
+from pipeline.plugin import Plugin
+
+PLUGIN = Plugin(
+    name="become", version="1", flows={"become": "pipeline.plugins.become.become_document:BecomeDocument"}
+)

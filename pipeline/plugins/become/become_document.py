@@ -1,0 +1,122 @@
+"""The entry `become` of flows in a shot file."""
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
+
+from pipeline.flow.keyframes import Keyframes
+from pipeline.flow.parameters import ParameterDoc
+from pipeline.plugins.become.become_flow import Become
+from pipeline.plugins.become.stored_fits import Shape
+from pipeline.shot.documents.curves import Ease, WeightField, number
+from pipeline.shot.documents.field_types import Degrees, OneOfSeveral, Positive, Triple, exactly_one, vector
+from pipeline.shot.documents.flow_documents import FlowParameters
+from pipeline.shot.motion import Clock
+from pipeline.shot.subjects import SOLIDS
+from pipeline.shot.yaml.document_validation import ParseContext, as_finding, bad_value
+
+_OF_MODELS = ("scale", "fit", "up", "rotate", "prim")
+_OF_SOLIDS = ("size", "radius", "length", "tube_radius", "caps")
+
+
+class BecomeDocument(OneOfSeveral, FlowParameters):
+    """A model or a solid that the subject becomes, and when."""
+
+    flow = Become
+    noun, several = "what the subject becomes", ("model", "solid")
+    example = "{model: bunny.obj, fit: 2, from: 1, to: 48}"
+
+    model_config = exactly_one(*several)
+
+    model: Annotated[str | None, ParameterDoc("a closed model in this file")] = None
+    fit: Annotated[Positive | None, ParameterDoc("of the model: its largest extent, centred", "units")] = None
+    scale: Annotated[Positive | None, ParameterDoc("of the model: factor on its coordinates; or use fit")] = (
+        None
+    )
+    up: Annotated[Literal["y", "z"] | None, ParameterDoc("of the model: its axis that points up")] = None
+    rotate: Annotated[
+        list[Degrees] | None,
+        Field(min_length=3, max_length=3),
+        ParameterDoc("of the model: about x, then y, then z", "degrees"),
+    ] = None
+    prim: Annotated[str | None, ParameterDoc("of a USD stage: the path of the prim")] = None
+    solid: Annotated[str | None, ParameterDoc("a solid, with its measures")] = None
+    size: Annotated[list[Positive] | None, ParameterDoc("of the solid: its sides", "units")] = None
+    radius: Annotated[Positive | None, ParameterDoc("of the solid", "units")] = None
+    length: Annotated[Positive | None, ParameterDoc("of the solid, from end to end", "units")] = None
+    tube_radius: Annotated[Positive | None, ParameterDoc("of the tube of a torus", "units")] = None
+    caps: Annotated[Literal["round", "flat"] | None, ParameterDoc("the ends of a rod")] = None
+    place: Annotated[Triple | None, ParameterDoc("where its origin is; by default the scene's", "units")] = (
+        None
+    )
+    begin: Annotated[Any, Field(alias="from"), ParameterDoc("frame, or seconds as 0.5s, when it begins")] = (
+        None
+    )
+    end: Annotated[Any, Field(alias="to"), ParameterDoc("frame, or seconds, when it arrives")] = None
+    ease: Annotated[Ease, ParameterDoc("how it leaves and arrives")] = "sine_in_out"
+    progress: Annotated[
+        WeightField | None, ParameterDoc("in place of from and to: share of the way, from 0 to 1, keyed")
+    ] = None
+    detail: Annotated[
+        Literal["coarse", "medium", "fine"], ParameterDoc("of the fit: about half a minute, one, or five")
+    ] = "medium"
+
+    _target: Shape = PrivateAttr()
+
+    @model_validator(mode="after")
+    def _is_there(self, info: ValidationInfo) -> Self:
+        from pipeline.shot.documents.subject_documents import ModelDocument, SolidDocument
+
+        given = {name: getattr(self, name) for name in (*_OF_MODELS, *_OF_SOLIDS)}
+        named = {name: value for name, value in given.items() if value is not None}
+        self._require_times(info)
+        if self.model is not None:
+            _require_known(named, _OF_MODELS, "a model")
+            context = ParseContext.of(info)
+            context.mesh(self.model)
+            document = ModelDocument.model_validate({"model": self.model, **named})
+            subject: Any = as_finding(lambda: document.build(context.folder))
+        else:
+            if self.solid is None or self.solid not in SOLIDS:
+                raise bad_value(f"{self.solid} is no solid. Write one of {', '.join(SOLIDS)}.")
+            _require_known(named, SOLIDS[self.solid].measures, f"the {self.solid}")
+            subject = SolidDocument.model_validate({"solid": self.solid, **named}).build()
+        x, y, z = vector(self.place or [0.0, 0.0, 0.0])
+        self._target = Shape(subject, (x, y, z))
+        as_finding(lambda: self._target.mesh)
+        return self
+
+    def _require_times(self, info: ValidationInfo) -> None:
+        clock: Clock | None = (info.context or {}).get("clock")
+        if self.progress is not None:
+            if self.begin is not None or self.end is not None:
+                raise bad_value("become has progress as well as from or to. Remove one.")
+            return
+        if clock is None:
+            return
+        begin, end = (None if at is None else clock.seconds(at) for at in (self.begin, self.end))
+        for name, at, seconds in (("from", self.begin, begin), ("to", self.end, end)):
+            if at is not None and seconds is None:
+                raise bad_value(f"{name}: {at} is not a time. Write a frame, such as 24, or seconds as 1s.")
+        if self._times(clock)[0] >= self._times(clock)[1]:
+            raise bad_value("become arrives before it begins. Write from below to.")
+
+    def _times(self, clock: Clock) -> tuple[float, float]:
+        first = clock.seconds(clock.frames.first if self.begin is None else self.begin)
+        last = clock.seconds(clock.frames.last if self.end is None else self.end)
+        assert first is not None and last is not None, "the validator has refused others"
+        return first, last
+
+    def own_values(self, clock: Clock) -> dict[str, Any]:
+        if self.progress is not None:
+            progress = number(self.progress, clock)
+        else:
+            progress = Keyframes(self._times(clock), ((0.0,), (1.0,)), (self.ease, self.ease))
+        return {"target": self._target, "progress": progress, "detail": self.detail}
+
+
+def _require_known(named: dict[str, Any], known: Any, whose: str) -> None:
+    """Refuse settings of the other kind of target."""
+    for name in named:
+        if name not in known:
+            raise bad_value(f"{name} is no setting of {whose}. Remove it.")

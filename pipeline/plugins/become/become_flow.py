@@ -1,0 +1,132 @@
+"""The flow `become`, which carries its subject onto a model or a solid along the path of a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from pipeline.arrays import Points
+from pipeline.errors import FrameError, UsageError
+from pipeline.flow import Flow, Streamlines
+from pipeline.flow.keyframes import Keyframes
+from pipeline.flow.parameters import Number, Vector, number_at
+from pipeline.plugins.become.fitting import Detail
+from pipeline.plugins.become.stored_fits import DOUBTFUL, REFUSED, VERSION, Fit, Shape, fit_between
+from pipeline.shot.point_subjects import CloudInSolid
+from pipeline.shot.subjects import Model, Solid
+
+
+@dataclass(frozen=True)
+class Become(Flow):
+    """Carries the subject onto a model or a solid.
+
+    The fit is computed when the first point moves, which takes a minute or two, and is stored.
+
+    target    where it arrives
+    progress  share of the way over time: 0 the subject as it begins, 1 the target
+    start     the shape that begins; None before a subject is known
+    others    names of other flows that move the subject before this one
+    """
+
+    target: Shape
+    progress: Number
+    detail: Detail = "medium"
+    start: Shape | None = None
+    others: tuple[str, ...] = ()
+
+    def displace(self, points: Points, time: float, dt: float) -> Points:
+        """Carry points along the path. Raises FrameError where they are outside of the cube of the fit."""
+        before, after = self._shares(time, dt)
+        if before == after:
+            return points.copy()
+        fit = self.fit()
+        if not fit.holds(points):
+            far = points[np.argmax(np.abs(points - fit.low - 0.5 * fit.side).max(axis=1))]
+            where = ", ".join(f"{x:.3g}" for x in far)
+            raise FrameError(
+                f"flow {self.name}: the subject is at ({where}), outside of the cube around "
+                f"{self._start.name} and {self.target.name}, where no path is known. Let others act after it."
+            )
+        if fit.is_reversed:
+            before, after = 1.0 - before, 1.0 - after
+        return Streamlines(fit.field).displace(points, before, after - before)
+
+    def cache_data(self, time: float, dt: float) -> Any:
+        before, after = self._shares(time, dt)
+        if before == after:
+            return {"become": None}
+        shapes = [self._start.data(), self.target.data()]
+        return {"become": shapes, "detail": self.detail, "version": VERSION, "shares": [before, after]}
+
+    def _shares(self, time: float, dt: float) -> tuple[float, float]:
+        return number_at(self.progress, time), number_at(self.progress, time + dt)
+
+    @property
+    def _start(self) -> Shape:
+        """The shape that begins. Raises UsageError where none is known."""
+        if self.start is None:
+            raise UsageError(
+                "become acts on one closed surface, as an entry of flows. Take it out of its composition."
+            )
+        return self.start
+
+    def of_subject(self, subject: Any, place: Vector, before: Sequence[Flow]) -> Become:
+        """Return the flow that begins where the one before it arrives, or with the subject at rest."""
+        if isinstance(subject, CloudInSolid):
+            subject = subject.solid  # the fit is one of space, in which the points lie
+        start = Shape(subject, place) if isinstance(subject, Solid | Model) else None
+        for flow in before:
+            if isinstance(flow, Become) and number_at(flow.progress, self._begin) > 0.5:
+                start = flow.target
+        others = tuple(flow.name for flow in before if not isinstance(flow, Become))
+        return replace(self, start=start, others=others)
+
+    @property
+    def _begin(self) -> float:
+        """Seconds of the shot before which nothing moves."""
+        return self.progress.times[0] if isinstance(self.progress, Keyframes) else 0.0
+
+    def fit(self) -> Fit:
+        """Return the fit. Raises UsageError where it arrives too far from its target."""
+        fit = fit_between(self._start, self.target, self.detail)
+        if fit.residual.worst > REFUSED:
+            raise UsageError(
+                f"flow {self.name}: 5 % of the surface ends over {fit.residual.worst:.1%} of the diagonal "
+                f"away from {self.target.name}; {REFUSED:.0%} is the most. {self._remedy}"
+            )
+        return fit
+
+    @property
+    def _remedy(self) -> str:
+        finer = "" if self.detail == "fine" else "Write detail: fine, or begin"
+        return f"{finer or 'Begin'} with a shape that is more like it."
+
+    def findings(self) -> Iterator[tuple[str, bool]]:
+        """Yield how far from its target it arrives, and warnings. Raises as `fit`."""
+        fit, name = self.fit(), self.target.name
+        mean, most, back, far, least = fit.residual
+        yield (
+            f"{self._start.name} becomes {name}: it ends {mean:.2%} of the diagonal away on average, 95 % "
+            f"within {most:.2%}; {name} is {back:.2%} and {far:.2%} from it. Volumes shrink to {least:.2g}.",
+            False,
+        )
+        if fit.residual.worst > DOUBTFUL:
+            yield (
+                f"{name} is reached within {fit.residual.worst:.1%} of its diagonal only. {self._remedy}",
+                True,
+            )
+        for remark in fit.remarks:
+            yield remark, True
+        if self.others:
+            first = self.others[0]
+            yield (
+                f"become begins with {self._start.name} at rest; what {first} does before is carried along.",
+                True,
+            )
+
+    @property
+    def name(self) -> str:
+        return f"become {self.target.name}"

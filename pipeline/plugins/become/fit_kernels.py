@@ -1,0 +1,228 @@
+"""Kernels of fits: velocities on a periodic grid and their derivatives, nearest points, distances in solids.
+
+A padded grid has (N + 3)³ nodes × 3 numbers in one row: node i along an axis stands at i − 1, so that the
+four nodes around each of the N³ cells are neighbours in memory. Between nodes the velocity is a Catmull-Rom
+spline along each axis, as that of `external_kernels.sampled`. Positions count in cells. Sums run in the order
+of the points, whatever the number of threads.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Floats, Points
+from pipeline.flow.kernels.external_kernels import DEEPEST, nearest
+from pipeline.flow.kernels.instructions import doubles_at
+from pipeline.kernels import kernel
+
+Four = tuple[float, float, float, float]
+
+
+@kernel("UniTuple(f8, 4)(f8)")
+def weights(s: float) -> Four:
+    """Return the weights of the four nodes around a cell at its coordinate s, 0 to 1."""
+    return (
+        s * (-0.5 + s * (1.0 - 0.5 * s)),
+        1.0 + s * s * (1.5 * s - 2.5),
+        s * (0.5 + s * (2.0 - 1.5 * s)),
+        s * s * (0.5 * s - 0.5),
+    )
+
+
+@kernel("UniTuple(f8, 4)(f8)")
+def slopes(s: float) -> Four:
+    """Return the derivatives of `weights`."""
+    return (
+        -0.5 + s * (2.0 - 1.5 * s),
+        s * (4.5 * s - 5.0),
+        0.5 + s * (4.0 - 4.5 * s),
+        s * (1.5 * s - 1.0),
+    )
+
+
+@kernel("void(f8[::1], i8, f8[:, ::1], f8[:, ::1])")
+def velocities(grid: Floats, n: int, points: Points, out: Floats) -> None:
+    """Compute the velocities (P, 3) of a padded grid of n³ cells at points (P, 3)."""
+    m = n + 3
+    for p in range(len(points)):
+        x, y, z = points[p, 0], points[p, 1], points[p, 2]
+        fx, fy, fz = math.floor(x), math.floor(y), math.floor(z)
+        i, j, k = int(fx) % n, int(fy) % n, int(fz) % n
+        wx, wy, wz = weights(x - fx), weights(y - fy), weights(z - fz)
+        u, v, w = 0.0, 0.0, 0.0
+        for a in range(4):
+            for b in range(4):
+                s = wx[a] * wy[b]
+                at = 3 * (((i + a) * m + j + b) * m + k)
+                s0, s1, s2, s3 = s * wz[0], s * wz[1], s * wz[2], s * wz[3]
+                u += s0 * grid[at] + s1 * grid[at + 3] + s2 * grid[at + 6] + s3 * grid[at + 9]
+                v += s0 * grid[at + 1] + s1 * grid[at + 4] + s2 * grid[at + 7] + s3 * grid[at + 10]
+                w += s0 * grid[at + 2] + s1 * grid[at + 5] + s2 * grid[at + 8] + s3 * grid[at + 11]
+        out[p, 0], out[p, 1], out[p, 2] = u, v, w
+
+
+@kernel("void(f8[::1], i8, f8[:, ::1], f8[:, ::1], f8[:, :, ::1])")
+def gradients(grid: Floats, n: int, points: Points, out: Floats, gradient: Floats) -> None:
+    """Compute velocities (P, 3) and their gradients (P, 3, 3) by cells: row c is that of component c."""
+    m = n + 3
+    for p in range(len(points)):
+        x, y, z = points[p, 0], points[p, 1], points[p, 2]
+        fx, fy, fz = math.floor(x), math.floor(y), math.floor(z)
+        i, j, k = int(fx) % n, int(fy) % n, int(fz) % n
+        wx, wy, wz = weights(x - fx), weights(y - fy), weights(z - fz)
+        dx, dy, dz = slopes(x - fx), slopes(y - fy), slopes(z - fz)
+        for c in range(3):
+            value, gx, gy, gz = 0.0, 0.0, 0.0, 0.0
+            for a in range(4):
+                for b in range(4):
+                    at = 3 * (((i + a) * m + j + b) * m + k) + c
+                    row = (
+                        wz[0] * grid[at] + wz[1] * grid[at + 3] + wz[2] * grid[at + 6] + wz[3] * grid[at + 9]
+                    )
+                    value += wx[a] * wy[b] * row
+                    gx += dx[a] * wy[b] * row
+                    gy += wx[a] * dy[b] * row
+                    gz += (wx[a] * wy[b]) * (
+                        dz[0] * grid[at] + dz[1] * grid[at + 3] + dz[2] * grid[at + 6] + dz[3] * grid[at + 9]
+                    )
+            out[p, c] = value
+            gradient[p, c, 0], gradient[p, c, 1], gradient[p, c, 2] = gx, gy, gz
+
+
+@kernel("void(f8[::1], i8, f8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1])")
+def pull_back(grid: Floats, n: int, points: Points, force: Floats, spread: Floats, out: Floats) -> None:
+    """Compute the derivatives of Σ force · velocity.
+
+    grid, spread  padded grids; the derivatives by the nodes are added to `spread`
+    force, out    (P, 3); `out` takes the derivatives by the points (P, 3)
+    """
+    m = n + 3
+    for p in range(len(points)):
+        x, y, z = points[p, 0], points[p, 1], points[p, 2]
+        f, g, h = force[p, 0], force[p, 1], force[p, 2]
+        fx, fy, fz = math.floor(x), math.floor(y), math.floor(z)
+        i, j, k = int(fx) % n, int(fy) % n, int(fz) % n
+        wx, wy, wz = weights(x - fx), weights(y - fy), weights(z - fz)
+        dx, dy, dz = slopes(x - fx), slopes(y - fy), slopes(z - fz)
+        gx, gy, gz = 0.0, 0.0, 0.0
+        for a in range(4):
+            for b in range(4):
+                s = wx[a] * wy[b]
+                at = 3 * (((i + a) * m + j + b) * m + k)
+                q0 = f * grid[at] + g * grid[at + 1] + h * grid[at + 2]
+                q1 = f * grid[at + 3] + g * grid[at + 4] + h * grid[at + 5]
+                q2 = f * grid[at + 6] + g * grid[at + 7] + h * grid[at + 8]
+                q3 = f * grid[at + 9] + g * grid[at + 10] + h * grid[at + 11]
+                row = wz[0] * q0 + wz[1] * q1 + wz[2] * q2 + wz[3] * q3
+                gx += dx[a] * wy[b] * row
+                gy += wx[a] * dy[b] * row
+                gz += s * (dz[0] * q0 + dz[1] * q1 + dz[2] * q2 + dz[3] * q3)
+                s0, s1, s2, s3 = s * wz[0], s * wz[1], s * wz[2], s * wz[3]
+                spread[at] += s0 * f
+                spread[at + 1] += s0 * g
+                spread[at + 2] += s0 * h
+                spread[at + 3] += s1 * f
+                spread[at + 4] += s1 * g
+                spread[at + 5] += s1 * h
+                spread[at + 6] += s2 * f
+                spread[at + 7] += s2 * g
+                spread[at + 8] += s2 * h
+                spread[at + 9] += s3 * f
+                spread[at + 10] += s3 * g
+                spread[at + 11] += s3 * h
+        out[p, 0], out[p, 1], out[p, 2] = gx, gy, gz
+
+
+@kernel("void(f8[:, ::1], f8[:, ::1], i8[::1])")
+def nearest_rows(rows: Floats, queries: Floats, out: AnyArray) -> None:
+    """Compute the index of the nearest of rows (R, 6) to each query (Q, 6), the first of equally near ones.
+
+    Only rows whose first number is near enough are looked at: they ascend by it.
+    """
+    count = len(rows)
+    for q in range(len(queries)):
+        start = np.searchsorted(rows[:, 0], queries[q, 0])
+        best, found, below, above = math.inf, -1, start - 1, start
+        while below >= 0 or above < count:
+            for side in range(2):
+                r = below if side == 0 else above
+                if r < 0 or r >= count:
+                    continue
+                d = rows[r, 0] - queries[q, 0]
+                if d * d > best:
+                    if side == 0:
+                        below = -1
+                    else:
+                        above = count
+                    continue
+                d2 = d * d
+                for c in range(1, 6):
+                    d2 += (rows[r, c] - queries[q, c]) ** 2
+                if d2 < best or (d2 == best and r < found):
+                    best, found = d2, r
+                if side == 0:
+                    below -= 1
+                else:
+                    above += 1
+        out[q] = found
+
+
+@kernel("void(i8, i8, f8[:, ::1], f8[:, ::1], i8[::1])")
+def nearest_on_triangles(address: int, triangles: int, points: Points, out: Points, found: AnyArray) -> None:
+    """Compute the nearest point (P, 3) of a `TriangleTree` to each of points (P, 3), and its triangle (P,).
+
+    address, triangles  of the tree's memory, and the start of the triangles in it
+    """
+    m = doubles_at(address)
+    waiting = np.empty(DEEPEST, np.int64)
+    for p in range(len(points)):
+        x, y, z = points[p, 0], points[p, 1], points[p, 2]
+        _, t, s, r = nearest(m, triangles, x, y, z, math.inf, waiting)
+        for c in range(3):
+            out[p, c] = m[t + c] + s * (m[t + 3 + c] - m[t + c]) + r * (m[t + 6 + c] - m[t + c])
+        found[p] = (t - triangles) // 9
+
+
+@kernel("f8(f8, f8, f8, f8)")
+def arrival(a: float, b: float, c: float, h: float) -> float:
+    """Return u with |∇u| = 1 at a node whose nearest neighbours along the axes, h away, have a, b and c.
+
+    Source: Zhao, *A fast sweeping method for Eikonal equations*, Mathematics of Computation 74 (2005).
+    """
+    if a > b:
+        a, b = b, a
+    if b > c:
+        b, c = c, b
+    if a > b:
+        a, b = b, a
+    u = a + h
+    if u > b:
+        u = 0.5 * (a + b + math.sqrt(max(2.0 * h * h - (a - b) ** 2, 0.0)))
+        if u > c:
+            total = a + b + c
+            u = (total + math.sqrt(max(total**2 - 3.0 * (a * a + b * b + c * c - h * h), 0.0))) / 3.0
+    return u
+
+
+@kernel("void(f8[:, :, ::1], b1[:, :, ::1], f8, i8)")
+def sweep(u: Floats, is_open: AnyArray, h: float, rounds: int) -> None:
+    """Lower u (N, N, N) at open nodes to the distance, through open nodes, from where it is lower already."""
+    n = u.shape[0]
+    for turn in range(8 * rounds):
+        for a in range(1, n - 1):
+            i = a if turn & 1 else n - 1 - a
+            for b in range(1, n - 1):
+                j = b if turn & 2 else n - 1 - b
+                for c in range(1, n - 1):
+                    k = c if turn & 4 else n - 1 - c
+                    if is_open[i, j, k]:
+                        new = arrival(
+                            min(u[i - 1, j, k], u[i + 1, j, k]),
+                            min(u[i, j - 1, k], u[i, j + 1, k]),
+                            min(u[i, j, k - 1], u[i, j, k + 1]),
+                            h,
+                        )
+                        if new < u[i, j, k]:
+                            u[i, j, k] = new

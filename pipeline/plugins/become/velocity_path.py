@@ -1,0 +1,278 @@
+"""Paths of velocities that carry points, fitted to data: large deformation diffeomorphic metric mapping.
+
+A path v(x, t), t from 0 to 1, carries points by dx/dt = v(x, t). Of all paths a fit looks for that with
+
+    E(v) = D(x(1)) + λ ∫ ‖v(·, t)‖² dt,    ‖v‖² = Σ (1 + ℓ² |ξ|²)³ |v̂(ξ)|²
+
+D measures how far the carried points are from where they should be, and the norm makes the mapping from x(0)
+to x(1) smooth with a smooth inverse: no two points meet, whatever the data (Dupuis, Grenander, Miller,
+*Variational problems on flows of diffeomorphisms for image matching*, Quarterly of Applied Mathematics 56,
+1998). With v̂ = (1 + ℓ² |ξ|²)^(−3/2) û the second term is λ ∫ ∫ |u|² dx dt; u is what L-BFGS changes.
+
+Source: Beg, Miller, Trouvé, Younes, *Computing large deformation metric mappings via geodesic flows of
+diffeomorphisms*, International Journal of Computer Vision 61 (2005). Ours: the grid of Catmull-Rom splines,
+whose discrete adjoint gives exact gradients, so that the fitted map is the one that is played.
+
+Space is the periodic unit cube.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Floats, Points
+from pipeline.plugins.become import fit_kernels as kernels
+
+KNOTS = 9
+"""Times of the path, evenly from 0 to 1; between them velocities are blended."""
+
+STEPS = 16
+"""Steps of the midpoint rule."""
+
+BAND = 0.42
+"""The highest frequency over the number of cells: a spline through fewer nodes a wave is none of its own."""
+
+Data = Callable[[Points], tuple[float, Floats]]
+"""D of carried points (P, 3), and its derivatives (P, 3)."""
+
+
+@dataclass(frozen=True)
+class PathSpace:
+    """The paths on a grid of n³ cells, by the real numbers z of their û.
+
+    length  ℓ, over which velocities vary
+    """
+
+    n: int
+    length: float
+
+    @cached_property
+    def _modes(self) -> tuple[AnyArray, AnyArray, Floats]:
+        """Flat indices (M,) into the half spectrum, wave numbers (M, 3), and factors (M,) from z to v̂."""
+        n = self.n
+        wave = np.fft.fftfreq(n, 1.0 / n)
+        waves = np.stack(np.meshgrid(wave, wave, np.arange(n // 2 + 1.0), indexing="ij"), axis=-1).reshape(
+            -1, 3
+        )
+        kept = np.flatnonzero((waves**2).sum(axis=1) <= (BAND * n) ** 2)
+        waves = waves[kept]
+        filtered = (1.0 + (2.0 * np.pi * self.length) ** 2 * (waves**2).sum(axis=1)) ** -1.5
+        twice = np.where(waves[:, 2] > 0.0, np.sqrt(0.5), 1.0)  # z is scaled so that |z|² is the norm
+        return kept, waves, filtered * twice
+
+    @cached_property
+    def _time_weights(self) -> Floats:
+        """(KNOTS,) the trapezoidal rule."""
+        weights = np.full(KNOTS, 1.0 / (KNOTS - 1))
+        weights[[0, -1]] *= 0.5
+        return weights
+
+    @property
+    def size(self) -> int:
+        """How many numbers z has."""
+        return KNOTS * 3 * len(self._modes[0]) * 2
+
+    def knots(self, z: Floats) -> Floats:
+        """Return the velocities (KNOTS, 3, n, n, n) of a path."""
+        n = self.n
+        kept, _, factor = self._modes
+        spectrum = np.zeros((KNOTS, 3, n * n * (n // 2 + 1)), np.complex128)
+        scale = factor / np.sqrt(self._time_weights)[:, None, None]
+        spectrum[:, :, kept] = z.view(np.complex128).reshape(KNOTS, 3, -1) * scale
+        return np.fft.irfftn(
+            spectrum.reshape(KNOTS, 3, n, n, n // 2 + 1), s=(n, n, n), axes=(2, 3, 4), norm="forward"
+        )
+
+    def derivatives(self, by_knots: Floats) -> Floats:
+        """Return derivatives by z from those by the velocities (KNOTS, 3, n, n, n)."""
+        kept, waves, factor = self._modes
+        spectrum = np.fft.rfftn(by_knots, axes=(2, 3, 4)).reshape(KNOTS, 3, -1)[:, :, kept]
+        spectrum *= factor / np.sqrt(self._time_weights)[:, None, None] * np.where(waves[:, 2] > 0, 2.0, 1.0)
+        return np.ascontiguousarray(spectrum).view(np.float64).ravel()
+
+    def converted(self, z: Floats, into: PathSpace) -> Floats:
+        """Return the numbers of the same path, without the frequencies that it lacks, in another space."""
+        _, waves, factor = self._modes
+        _, others, other_factor = into._modes
+        base = 4 * max(self.n, into.n)
+        key, other_key = ((w + base) @ [base**2 * 4, base * 2, 1] for w in (waves, others))
+        order = np.argsort(key)
+        at = np.minimum(np.searchsorted(key[order], other_key), len(key) - 1)
+        found = key[order][at] == other_key
+        out = np.zeros((KNOTS, 3, len(others)), np.complex128)
+        source = order[at[found]]
+        values = z.view(np.complex128).reshape(KNOTS, 3, -1)[:, :, source]
+        out[:, :, found] = values * (factor[source] / other_factor[found])
+        return out.view(np.float64).ravel()
+
+
+def padded(knots: Floats) -> Floats:
+    """Return padded grids (T, (n + 3)³ · 3) of velocities (T, 3, n, n, n)."""
+    grids = np.pad(knots.transpose(0, 2, 3, 4, 1), ((0, 0), (1, 2), (1, 2), (1, 2), (0, 0)), mode="wrap")
+    return grids.reshape(len(knots), -1)
+
+
+def _unpadded(grids: Floats, n: int) -> Floats:
+    """Return the sums (T, 3, n, n, n) of the numbers that padded grids hold of the same node."""
+    m = n + 3
+    sums = grids.reshape(-1, m, m, m, 3)
+    for axis in (1, 2, 3):
+        sums = np.moveaxis(sums, axis, 0)
+        core = sums[1 : n + 1].copy()
+        core[n - 1] += sums[0]
+        core[0] += sums[n + 1]
+        core[1] += sums[n + 2]
+        sums = np.moveaxis(core, 0, axis)
+    return np.ascontiguousarray(sums.transpose(0, 4, 1, 2, 3))
+
+
+def _blended(grids: Floats, time: float) -> Floats:
+    at = min(time * (len(grids) - 1), len(grids) - 1.0)
+    k = min(int(at), len(grids) - 2)
+    share = at - k
+    if share == 0.0:
+        return grids[k]
+    return (1.0 - share) * grids[k] + share * grids[k + 1]
+
+
+def _share(grids: Floats, time: float, addend: Floats) -> None:
+    """Add the derivatives by the velocities at a time to those by the knots."""
+    at = time * (len(grids) - 1)
+    k = min(int(at), len(grids) - 2)
+    share = at - k
+    grids[k] += (1.0 - share) * addend
+    if share > 0.0:
+        grids[k + 1] += share * addend
+
+
+def carried(grids: Floats, n: int, points: Points, steps: int = STEPS) -> Points:
+    """Return where padded grids (T, …) carry points (P, 3) from time 0 to 1."""
+    x = points * n
+    v, h = np.empty_like(x), n / steps
+    for step in range(steps):
+        kernels.velocities(_blended(grids, step / steps), n, x, v)
+        middle = x + 0.5 * h * v
+        kernels.velocities(_blended(grids, (step + 0.5) / steps), n, middle, v)
+        x = x + h * v
+    return x / n
+
+
+def carried_with_jacobians(
+    grids: Floats, n: int, points: Points, steps: int = 4 * STEPS
+) -> tuple[Points, Floats]:
+    """Return where points (P, 3) are carried, and the determinants (P,) of the mapping's gradient there."""
+    x, jacobian = points * n, np.tile(np.eye(3), (len(points), 1, 1))
+    v, gradient, h = np.empty_like(x), np.empty((len(x), 3, 3)), n / steps
+    for step in range(steps):
+        kernels.gradients(_blended(grids, step / steps), n, x, v, gradient)
+        middle, between = x + 0.5 * h * v, jacobian + 0.5 * h * np.matmul(gradient, jacobian)
+        kernels.gradients(_blended(grids, (step + 0.5) / steps), n, middle, v, gradient)
+        x, jacobian = x + h * v, jacobian + h * np.matmul(gradient, between)
+    return x / n, np.linalg.det(jacobian)
+
+
+def energy(space: PathSpace, z: Floats, points: Points, data: Data, weight: float) -> tuple[float, Floats]:
+    """Return E of a path, and its derivatives by z.
+
+    points  (P, 3), which the path carries to where `data` measures them
+    weight  λ
+    """
+    n, h = space.n, space.n / STEPS
+    grids = padded(space.knots(z))
+    x, v = points * n, np.empty_like(points)
+    starts, middles = [], []
+    for step in range(STEPS):
+        starts.append(x)
+        kernels.velocities(_blended(grids, step / STEPS), n, x, v)
+        middle = x + 0.5 * h * v
+        middles.append(middle)
+        kernels.velocities(_blended(grids, (step + 0.5) / STEPS), n, middle, v)
+        x = x + h * v
+    distance, force = data(x / n)
+    force = force / n
+    by_knots = np.zeros_like(grids)
+
+    def pull(time: float, at: Points, push: Points) -> Points:
+        into, out = np.zeros_like(grids[0]), np.empty_like(at)
+        kernels.pull_back(_blended(grids, time), n, at, push, into, out)
+        _share(by_knots, time, into)
+        return out
+
+    for step in reversed(range(STEPS)):
+        by_middle = pull((step + 0.5) / STEPS, middles[step], h * force)
+        force = force + by_middle + pull(step / STEPS, starts[step], 0.5 * h * by_middle)
+    derivatives = space.derivatives(_unpadded(by_knots, n)) + 2.0 * weight * z
+    return distance + weight * _dot(z, z), derivatives
+
+
+def _dot(a: Floats, b: Floats) -> float:
+    """Return a · b, summed in the same order by any number of threads, unlike BLAS."""
+    return float(np.einsum("i,i->", a, b))
+
+
+MEMORY = 6
+"""Pairs of changes that L-BFGS keeps."""
+
+FIRST_STEP, MOST_TRIES = 0.05, 14
+"""The length of the first step, and how often a step is shortened. A long first step moves all at once, where
+short ones would crumple what is near."""
+
+
+def minimised(
+    function: Callable[[Floats], tuple[float, Floats]], z: Floats, iterations: int, tolerance: float = 1e-3
+) -> Floats:
+    """Return z where a function is lower: limited-memory BFGS.
+
+    It ends after some iterations, or when two in a row lower the function by less than `tolerance` of it.
+
+    Source: Liu, Nocedal, *On the limited memory BFGS method for large scale optimization*, Mathematical
+    Programming 45 (1989). A step that does not lower the function enough (Armijo) is shortened to the lowest
+    point of the parabola through what is known along it, but at most to a tenth.
+    """
+    value, slope = function(z)
+    pairs: list[tuple[Floats, Floats, float]] = []
+    idle = 0
+    for _ in range(iterations):
+        direction = _downhill(slope, pairs)
+        descent = _dot(direction, slope)
+        if descent >= 0.0:
+            break
+        step = 1.0 if pairs else min(1.0, FIRST_STEP / np.sqrt(_dot(direction, direction)))
+        for _ in range(MOST_TRIES):
+            tried = z + step * direction
+            new, new_slope = function(tried)
+            if new <= value + 1e-4 * step * descent:
+                break
+            lowest = -0.5 * descent * step * step / (new - value - descent * step)
+            step = min(max(lowest, 0.1 * step), 0.5 * step)
+        else:
+            break
+        change, bend = tried - z, new_slope - slope
+        if (product := _dot(change, bend)) > 1e-12 * _dot(change, change):
+            pairs = [*pairs, (change, bend, product)][-MEMORY:]
+        idle = idle + 1 if value - new < tolerance * value else 0
+        z, value, slope = tried, new, new_slope
+        if idle == 2:
+            break
+    return z
+
+
+def _downhill(slope: Floats, pairs: list[tuple[Floats, Floats, float]]) -> Floats:
+    """Return minus the approximate inverse Hessian times the slope: the two loops of L-BFGS.
+
+    pairs  the latest changes of z and of the slope, and their products
+    """
+    direction, factors = -slope, []
+    for s, y, product in reversed(pairs):
+        factors.append(_dot(s, direction) / product)
+        direction -= factors[-1] * y
+    if pairs:
+        _, y, product = pairs[-1]
+        direction *= product / _dot(y, y)
+    for (s, y, product), factor in zip(pairs, reversed(factors), strict=True):
+        direction += (factor - _dot(y, direction) / product) * s
+    return direction

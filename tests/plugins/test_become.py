@@ -1,0 +1,209 @@
+"""The flow `become`: its path follows the data, arrives, returns, and refuses what it cannot reach."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+from pipeline.arrays import Floats, Points
+from pipeline.errors import FrameError, ShotError, UsageError
+from pipeline.mesh.solids import box, icosphere
+from pipeline.plugins.become import fitting, stored_fits
+from pipeline.plugins.become.become_flow import Become
+from pipeline.plugins.become.stored_fits import Shape, fit_between
+from pipeline.plugins.become.target import Growth, Surface, lengths
+from pipeline.plugins.become.velocity_path import PathSpace, carried, energy, padded
+from pipeline.plugins.interchange.mesh_writers import write_mesh
+from pipeline.shot import read_shot
+from pipeline.shot.subjects import Solid
+
+RANDOM = np.random.default_rng(0)
+
+SHOT = """\
+title: Any
+frames: 1-12
+subject: {subject}
+resample: {{max_edge_length: 0.3}}
+flows: [{{{flows}}}]
+"""
+
+
+def shot(flows: str, subject: str = "{solid: icosphere}") -> Become:
+    """The last flow of a shot, for which no file is written."""
+    read = read_shot("a.yaml", SHOT.format(flows=flows, subject=subject))
+    flow = read.motion.flow.flows[-1].flow  # type: ignore[attr-defined]
+    assert isinstance(flow, Become)
+    return flow
+
+
+def told(flows: str, subject: str = "{solid: icosphere}") -> str:
+    with pytest.raises(ShotError) as error:
+        shot(flows, subject)
+    return str(error.value)
+
+
+def cubed(points: Points, faces: Floats) -> Surface:
+    """A surface about the origin with coordinates up to about 1, in the unit cube."""
+    return Surface(0.5 + 0.3 * points, faces.astype(np.int64))
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """Fits of a few small rounds, in a cache of their own."""
+
+    def rounds_of(growth: Growth, detail: str) -> list[fitting.Round]:
+        space = PathSpace(12, 0.09)
+        first = fitting.Round(PathSpace(12, 0.12), 1e-3, 800, 0.1, growth.start, True)
+        return [first, *(fitting.Round(space, 1e-6, 800, 0.06) for _ in range(3))]
+
+    monkeypatch.setattr(fitting, "rounds_of", rounds_of)
+    monkeypatch.setattr(fitting, "START", PathSpace(12, 0.12))
+    monkeypatch.setattr(stored_fits, "EDGES", 16)
+    monkeypatch.setattr(
+        stored_fits, "cache_path", lambda kind, key, suffix: tmp_path / f"{hash(*key)}{suffix}"
+    )
+    fit_between.cache_clear()
+    return tmp_path
+
+
+def test_the_derivatives_of_the_energy_are_those_of_differences() -> None:
+    space = PathSpace(12, 0.1)
+    z, points, goal = 0.02 * RANDOM.normal(size=space.size), *RANDOM.uniform(0.3, 0.7, (2, 40, 3))
+
+    def data(x: Points) -> tuple[float, Floats]:
+        return float(((x - goal) ** 2).sum()), 2.0 * (x - goal)
+
+    _, slope = energy(space, z, points, data, 1e-3)
+    for _ in range(3):
+        way = RANDOM.normal(size=space.size)
+        ahead, behind = (energy(space, z + sign * 1e-5 * way, points, data, 1e-3)[0] for sign in (1, -1))
+        assert (ahead - behind) / 2e-5 == pytest.approx(float(np.sum(slope * way)), rel=1e-3)
+
+
+def test_a_path_keeps_its_velocities_on_a_finer_grid() -> None:
+    coarse, fine = PathSpace(12, 0.1), PathSpace(20, 0.06)
+    z = 0.02 * RANDOM.normal(size=coarse.size)
+    ours, theirs = coarse.knots(z), fine.knots(coarse.converted(z, fine))
+    assert theirs[:, :, ::5, ::5, ::5] == pytest.approx(ours[:, :, ::3, ::3, ::3], abs=1e-12)
+
+
+def test_a_solid_grows_from_its_thickest_place_by_the_way_through_it() -> None:
+    mesh = box((1.0, 1.0, 3.0), 0.2)
+    growth = Growth.of(Surface(0.5 + 0.2 * mesh.vertices, mesh.faces.astype(np.int64)))
+    assert growth.start < growth.end == pytest.approx(0.2 * np.sqrt(0.25 + 0.25 + 2.25), rel=0.15)
+    x = np.array([[0.5, 0.5, 0.5 + 0.2 * 1.2]])
+    assert growth.residual(x, growth.end)[0][0] < 0.0 < growth.residual(x, growth.start)[0][0]
+
+
+def test_a_surface_reaches_its_target_with_the_same_bits_on_one_and_on_two_threads(quick: Path) -> None:
+    ball, target = icosphere(8), box((1.4, 1.4, 1.4), 0.15)
+    ends: list[Floats] = []
+    for threads in (1, 2):
+        numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
+        rest, onto = cubed(ball.vertices, ball.faces), cubed(target.vertices, target.faces)
+        state = fitting.fitted(rest, onto, "coarse", None, lambda state, rounds: None)
+        ends.append(state.z)
+    assert np.array_equal(*ends)
+    x = carried(padded(state.space.knots(state.z)), state.space.n, state.rest.points)
+    away = lengths(x - onto.nearest(x)[0]) / onto.diagonal
+    assert away.mean() < 0.01 < lengths(rest.points - onto.nearest(rest.points)[0]).mean() / onto.diagonal
+
+
+def test_a_fit_that_was_interrupted_goes_on_and_ends_with_the_same_bits(quick: Path) -> None:
+    ball, goal = (
+        Shape(Solid.of("icosphere", {}), (0, 0, 0)),
+        Shape(Solid.of("box", {"size": [1.6] * 3}), (0, 0, 0)),
+    )
+    whole = fit_between(ball, goal, "coarse")
+    fit_between.cache_clear()
+    (stored,) = quick.glob("*.npz")
+    stored.unlink()
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        rounds: list[int] = []
+        step = fitting.next_round
+
+        def third_fails(*given: object) -> fitting.State:
+            rounds.append(1)
+            if len(rounds) == 3:
+                raise KeyboardInterrupt
+            return step(*given)  # type: ignore[arg-type]
+
+        patch.setattr(fitting, "next_round", third_fails)
+        fit_between(ball, goal, "coarse")
+    assert [file.name.endswith(".unfinished.npz") for file in quick.glob("*.npz")] == [True]
+    assert np.array_equal(fit_between(ball, goal, "coarse").z, whole.z)
+    fit_between.cache_clear()
+    assert np.array_equal(fit_between(ball, goal, "coarse").z, whole.z), "it is read from the cache"
+
+
+def test_the_flow_arrives_in_any_steps_and_goes_back_exactly(quick: Path) -> None:
+    flow = shot("become: {solid: box, size: [1.5, 1.5, 1.5], from: 3, to: 9, detail: coarse}")
+    there_first = "become: {solid: box, size: [1.5, 1.5, 1.5], to: 6, detail: coarse}"
+    back = shot(f"{there_first}}}, {{become: {{solid: icosphere, from: 6, detail: coarse}}")
+    ball = icosphere(6).vertices
+    assert np.array_equal(flow.displace(ball, 0.0, 2 / 24), ball)
+    there = flow.displace(ball, 0.0, 0.5)
+    half = flow.displace(flow.displace(ball, 0.0, 0.2), 0.2, 0.3)
+    assert half == pytest.approx(there, abs=1e-5)
+    assert np.abs(there).max(axis=1).mean() == pytest.approx(0.75, abs=0.03)
+    assert back.displace(there, 0.0, 0.5) == pytest.approx(ball, abs=1e-5)
+    with pytest.raises(FrameError, match="outside of the cube around the icosphere and the box"):
+        flow.displace(9.0 * ball, 0.0, 0.5)
+
+
+def test_keys_of_frames_do_not_wait_for_the_fit_and_hold_what_decides_it(quick: Path) -> None:
+    flow, finer = (
+        shot(f"become: {{solid: box, from: 3, to: 9, detail: {detail}}}") for detail in ("coarse", "fine")
+    )
+    assert flow.cache_data(0.0, 1 / 24) == finer.cache_data(0.0, 1 / 24) == {"become": None}
+    assert flow.cache_data(0.2, 1 / 24) != finer.cache_data(0.2, 1 / 24)
+    assert not list(quick.iterdir())
+
+
+def test_a_residual_that_is_too_large_is_refused_and_told(
+    quick: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flow = shot("become: {solid: box, size: [1.5, 1.5, 1.5], detail: coarse}")
+    note, *_ = flow.findings()
+    assert note[0].startswith("the icosphere becomes the box: it ends ") and not note[1]
+    monkeypatch.setattr("pipeline.plugins.become.become_flow.DOUBTFUL", 1e-6)
+    assert any("is reached within" in text and warns for text, warns in flow.findings())
+    monkeypatch.setattr("pipeline.plugins.become.become_flow.REFUSED", 1e-6)
+    with pytest.raises(UsageError, match=r"ends over .*% of the diagonal away from the box; 0% is the most"):
+        flow.displace(icosphere(2).vertices, 0.0, 0.5)
+
+
+def test_targets_that_a_flow_cannot_reach_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        UsageError, match=r"the icosphere has no hole and the torus one hole; .* Begin with a torus"
+    ):
+        list(shot("become: {solid: torus}").findings())
+    assert "a closed surface is needed: fill the holes" in told("become: {solid: sheet}")
+    one, other = icosphere(2), icosphere(2, centre=(3.0, 0.0, 0.0))
+    faces = np.concatenate([one.faces, other.faces + len(one.vertices)])
+    write_mesh(type(one)(np.concatenate([one.vertices, other.vertices]), faces), tmp_path / "two.ply")
+    assert "it has 2 parts, and a flow joins none" in told(f"become: {{model: {tmp_path / 'two.ply'}}}")
+
+
+@pytest.mark.parametrize(
+    ("entry", "fact"),
+    [
+        ("{solid: box, model: a.obj}", "what the subject becomes is one of model, solid"),
+        ("{solid: boxx}", "boxx is no solid. Write one of box"),
+        ("{solid: box, fit: 2}", "fit is no setting of the box"),
+        ("{solid: box, from: 9, to: 3}", "become arrives before it begins"),
+        ("{solid: box, from: soon}", "from: soon is not a time"),
+        ("{solid: box, from: 2, progress: 0.5}", "become has progress as well as from or to"),
+    ],
+)
+def test_entries_that_contradict_themselves_are_refused(entry: str, fact: str) -> None:
+    assert fact in told(f"become: {entry}")
+
+
+def test_one_flow_begins_where_the_one_before_it_arrives() -> None:
+    last = shot("become: {solid: box, to: 6}}, {become: {solid: rod, from: 6}")
+    assert last.start is not None and last.start.name == "the box" and last.target.name == "the rod"
+    assert shot("twist: {amount: 3}}, {become: {solid: rod}").others == ("twist",)
