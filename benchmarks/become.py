@@ -19,7 +19,7 @@ import numpy as np
 from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
 from pipeline.plugins.become import stored_fits
 from pipeline.plugins.become.fitting import Detail
-from pipeline.plugins.become.stored_fits import Shape, fit_between
+from pipeline.plugins.become.stored_fits import PlacedShape, fit_between
 from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.shot.subjects import Model, Solid
 from render.base.input_files import digest_of_file
@@ -51,22 +51,22 @@ def letter_f() -> TriangleMesh:
     return extruded(np.array([*steps, (1.26, 1.63), (1.26, 2), (0, 2)]), 0.38)
 
 
-def model(file: Path) -> Shape:
-    return Shape(Model(digest_of_file(file), path=file, fit=2.0), ORIGIN)
+def model(file: Path) -> PlacedShape:
+    return PlacedShape(Model(digest_of_file(file), path=file, fit=2.0), ORIGIN)
 
 
-def pairs(folder: Path, names: list[str]) -> list[tuple[Shape, Shape]]:
+def pairs(folder: Path, names: list[str]) -> list[tuple[PlacedShape, PlacedShape]]:
     """Return the shapes to fit: of the files that are named, or our own."""
-    ball = Shape(Solid.of("icosphere", {}), ORIGIN)
+    ball = PlacedShape(Solid.of("icosphere", {}), ORIGIN)
     if names:
         shapes = [[model(Path(name)) for name in pair.split(",")] for pair in names]
         return [(each[0], each[1]) if len(each) > 1 else (ball, each[0]) for each in shapes]
     made = {"star.ply": star_prism(), "f.ply": letter_f()}
     for name, mesh in made.items():
         write_mesh(mesh, folder / name)
-    box = Shape(Solid.of("box", {"size": [1.5, 1.5, 1.5]}), ORIGIN)
+    box = PlacedShape(Solid.of("box", {"size": [1.5, 1.5, 1.5]}), ORIGIN)
     torus, thin = (
-        Shape(Solid.of("torus", {"radius": 0.8, "tube_radius": tube}), ORIGIN) for tube in (0.35, 0.15)
+        PlacedShape(Solid.of("torus", {"radius": 0.8, "tube_radius": tube}), ORIGIN) for tube in (0.35, 0.15)
     )
     return [(box, ball), (torus, thin), *((ball, model(folder / name)) for name in made)]
 

@@ -13,8 +13,8 @@ from pipeline.errors import FrameError, ShotError, UsageError
 from pipeline.mesh.solids import box, icosphere
 from pipeline.plugins.become import fitting, stored_fits
 from pipeline.plugins.become.become_flow import Become
-from pipeline.plugins.become.stored_fits import Shape, fit_between
-from pipeline.plugins.become.target import Growth, Surface, lengths
+from pipeline.plugins.become.stored_fits import PlacedShape, fit_between
+from pipeline.plugins.become.target import FittedSurface, SolidGrowth, lengths
 from pipeline.plugins.become.velocity_path import PathSpace, carried, energy, padded
 from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.shot import read_shot
@@ -45,19 +45,19 @@ def told(flows: str, subject: str = "{solid: icosphere}") -> str:
     return str(error.value)
 
 
-def cubed(points: Points, faces: Floats) -> Surface:
+def cubed(points: Points, faces: Floats) -> FittedSurface:
     """A surface about the origin with coordinates up to about 1, in the unit cube."""
-    return Surface(0.5 + 0.3 * points, faces.astype(np.int64))
+    return FittedSurface(0.5 + 0.3 * points, faces.astype(np.int64))
 
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """Fits of a few small rounds, in a cache of their own."""
 
-    def rounds_of(growth: Growth, detail: str) -> list[fitting.Round]:
+    def rounds_of(growth: SolidGrowth, detail: str) -> list[fitting.FitRound]:
         space = PathSpace(12, 0.09)
-        first = fitting.Round(PathSpace(12, 0.12), 1e-3, 800, 0.1, growth.start, True)
-        return [first, *(fitting.Round(space, 1e-6, 800, 0.06) for _ in range(3))]
+        first = fitting.FitRound(PathSpace(12, 0.12), 1e-3, 800, 0.1, growth.start, True)
+        return [first, *(fitting.FitRound(space, 1e-6, 800, 0.06) for _ in range(3))]
 
     monkeypatch.setattr(fitting, "rounds_of", rounds_of)
     monkeypatch.setattr(fitting, "START", PathSpace(12, 0.12))
@@ -92,7 +92,7 @@ def test_a_path_keeps_its_velocities_on_a_finer_grid() -> None:
 
 def test_a_solid_grows_from_its_thickest_place_by_the_way_through_it() -> None:
     mesh = box((1.0, 1.0, 3.0), 0.2)
-    growth = Growth.of(Surface(0.5 + 0.2 * mesh.vertices, mesh.faces.astype(np.int64)))
+    growth = SolidGrowth.of(FittedSurface(0.5 + 0.2 * mesh.vertices, mesh.faces.astype(np.int64)))
     assert growth.start < growth.end == pytest.approx(0.2 * np.sqrt(0.25 + 0.25 + 2.25), rel=0.15)
     x = np.array([[0.5, 0.5, 0.5 + 0.2 * 1.2]])
     assert growth.residual(x, growth.end)[0][0] < 0.0 < growth.residual(x, growth.start)[0][0]
@@ -114,8 +114,8 @@ def test_a_surface_reaches_its_target_with_the_same_bits_on_one_and_on_two_threa
 
 def test_a_fit_that_was_interrupted_goes_on_and_ends_with_the_same_bits(quick: Path) -> None:
     ball, goal = (
-        Shape(Solid.of("icosphere", {}), (0, 0, 0)),
-        Shape(Solid.of("box", {"size": [1.6] * 3}), (0, 0, 0)),
+        PlacedShape(Solid.of("icosphere", {}), (0, 0, 0)),
+        PlacedShape(Solid.of("box", {"size": [1.6] * 3}), (0, 0, 0)),
     )
     whole = fit_between(ball, goal, "coarse")
     fit_between.cache_clear()

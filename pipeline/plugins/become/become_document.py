@@ -7,7 +7,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 from pipeline.flow.keyframes import Keyframes
 from pipeline.flow.parameters import ParameterDoc
 from pipeline.plugins.become.become_flow import Become
-from pipeline.plugins.become.stored_fits import Shape
+from pipeline.plugins.become.stored_fits import PlacedShape
 from pipeline.shot.documents.curves import Ease, WeightField, number
 from pipeline.shot.documents.field_types import Degrees, OneOfSeveral, Positive, Triple, exactly_one, vector
 from pipeline.shot.documents.flow_documents import FlowParameters
@@ -61,7 +61,7 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
         Literal["coarse", "medium", "fine"], ParameterDoc("of the fit: about half a minute, one, or five")
     ] = "medium"
 
-    _target: Shape = PrivateAttr()
+    _target: PlacedShape = PrivateAttr()
 
     @model_validator(mode="after")
     def _is_there(self, info: ValidationInfo) -> Self:
@@ -82,7 +82,7 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
             _require_known(named, SOLIDS[self.solid].measures, f"the {self.solid}")
             subject = SolidDocument.model_validate({"solid": self.solid, **named}).build()
         x, y, z = vector(self.place or [0.0, 0.0, 0.0])
-        self._target = Shape(subject, (x, y, z))
+        self._target = PlacedShape(subject, (x, y, z))
         as_finding(lambda: self._target.mesh)
         return self
 

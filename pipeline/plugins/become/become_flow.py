@@ -14,7 +14,7 @@ from pipeline.flow import Flow, Streamlines
 from pipeline.flow.keyframes import Keyframes
 from pipeline.flow.parameters import Number, Vector, number_at
 from pipeline.plugins.become.fitting import Detail
-from pipeline.plugins.become.stored_fits import DOUBTFUL, REFUSED, VERSION, Fit, Shape, fit_between
+from pipeline.plugins.become.stored_fits import DOUBTFUL, REFUSED, VERSION, Fit, PlacedShape, fit_between
 from pipeline.shot.point_subjects import CloudInSolid
 from pipeline.shot.subjects import Model, Solid
 
@@ -31,10 +31,10 @@ class Become(Flow):
     others    names of other flows that move the subject before this one
     """
 
-    target: Shape
+    target: PlacedShape
     progress: Number
     detail: Detail = "medium"
-    start: Shape | None = None
+    start: PlacedShape | None = None
     others: tuple[str, ...] = ()
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
@@ -65,7 +65,7 @@ class Become(Flow):
         return number_at(self.progress, time), number_at(self.progress, time + dt)
 
     @property
-    def _start(self) -> Shape:
+    def _start(self) -> PlacedShape:
         """The shape that begins. Raises UsageError where none is known."""
         if self.start is None:
             raise UsageError(
@@ -77,7 +77,7 @@ class Become(Flow):
         """Return the flow that begins where the one before it arrives, or with the subject at rest."""
         if isinstance(subject, CloudInSolid):
             subject = subject.solid  # the fit is one of space, in which the points lie
-        start = Shape(subject, place) if isinstance(subject, Solid | Model) else None
+        start = PlacedShape(subject, place) if isinstance(subject, Solid | Model) else None
         for flow in before:
             if isinstance(flow, Become) and number_at(flow.progress, self._begin) > 0.5:
                 start = flow.target

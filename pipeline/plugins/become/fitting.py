@@ -27,13 +27,13 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.plugins.become import fit_kernels as kernels
-from pipeline.plugins.become.target import Growth, Surface, lengths
+from pipeline.plugins.become.target import FittedSurface, SolidGrowth, lengths
 from pipeline.plugins.become.velocity_path import Data, PathSpace, carried, energy, minimised, padded
 
 Detail = Literal["coarse", "medium", "fine"]
 
 
-class Round(NamedTuple):
+class FitRound(NamedTuple):
     """A round of a fit.
 
     space    of the path
@@ -89,15 +89,15 @@ _FINISH: Mapping[Detail, tuple[tuple[int, float, float, int, float], ...]] = {
 """Cells, ℓ, λ, samples and longest edge of the last rounds."""
 
 
-def rounds_of(growth: Growth, detail: Detail) -> list[Round]:
+def rounds_of(growth: SolidGrowth, detail: Detail) -> list[FitRound]:
     """Return the rounds of a fit to a target."""
     coarse = PathSpace(24, 0.06)
-    first = [Round(START, weight, 6000, 0.03, growth.start, True) for weight in (1e-3, 1e-4, 3e-5)]
+    first = [FitRound(START, weight, 6000, 0.03, growth.start, True) for weight in (1e-3, 1e-4, 3e-5)]
     steps = int(np.ceil((growth.end - growth.start) / STEP))
     grown = np.linspace(growth.start, growth.end, steps + 1)[1:].tolist()
-    growing = [Round(coarse, 1e-5, 6000, 0.03, until, along=0.1) for until in grown for _ in range(2)]
+    growing = [FitRound(coarse, 1e-5, 6000, 0.03, until, along=0.1) for until in grown for _ in range(2)]
     finish = [
-        Round(PathSpace(n, length), weight, samples, edge)
+        FitRound(PathSpace(n, length), weight, samples, edge)
         for n, length, weight, samples, edge in _FINISH[detail]
     ]
     return [*first, *growing, *finish]
@@ -116,10 +116,10 @@ class State:
     done: int
     space: PathSpace
     z: Floats
-    rest: Surface
+    rest: FittedSurface
 
     @classmethod
-    def at_rest(cls, surface: Surface) -> State:
+    def at_rest(cls, surface: FittedSurface) -> State:
         return cls(0, START, np.zeros(START.size), surface)
 
     def carry(self, points: Points) -> Points:
@@ -131,11 +131,11 @@ MOST_VERTICES = 16_000
 """Vertices of a carried surface up to which more are added."""
 
 
-def next_round(state: State, one: Round, target: Surface, growth: Growth) -> State:
+def next_round(state: State, one: FitRound, target: FittedSurface, growth: SolidGrowth) -> State:
     """Return the state after a round."""
     state = _refined(replace(state, z=state.space.converted(state.z, one.space), space=one.space), one.edge)
     x, faces = state.carry(state.rest.points), state.rest.faces
-    now = Surface(x, faces)
+    now = FittedSurface(x, faces)
     normals, areas = now.vertex_normals
     some = _spread(len(x), one.samples)
     share = areas[some] / areas[some].sum()
@@ -199,7 +199,7 @@ def _refined(state: State, longest: float) -> State:
         faces = np.concatenate([faces, np.stack([middle, b, c], axis=1)])
         added = 0.5 * (points[pairs[:, 0]] + points[pairs[:, 1]])
         points, now = np.concatenate([points, added]), np.concatenate([now, state.carry(added)])
-    return replace(state, rest=Surface(points, faces))
+    return replace(state, rest=FittedSurface(points, faces))
 
 
 @dataclass(frozen=True)
@@ -227,7 +227,7 @@ class Planes:
 class Front:
     """Points should be on the surface of what has grown until some u. weights: (P,), which add up to 1."""
 
-    growth: Growth
+    growth: SolidGrowth
     until: float
     weights: Floats
 
@@ -276,13 +276,15 @@ Watch = Callable[[State, int], None]
 """Called after each round with the state and the number of all rounds."""
 
 
-def fitted(rest: Surface, target: Surface, detail: Detail, state: State | None, watch: Watch) -> State:
+def fitted(
+    rest: FittedSurface, target: FittedSurface, detail: Detail, state: State | None, watch: Watch
+) -> State:
     """Return the state after all rounds of a fit that carries one surface onto another.
 
     rest, target  closed surfaces of one part and the same genus, in the unit cube, away from its sides
     state         that of an earlier call, to go on from; None to begin
     """
-    growth = Growth.of(target)
+    growth = SolidGrowth.of(target)
     rounds = rounds_of(growth, detail)
     state = State.at_rest(rest) if state is None else state
     for one in rounds[state.done :]:

@@ -27,7 +27,7 @@ from pipeline.mesh.face_soup import components
 from pipeline.mesh.meshes import TriangleMesh
 from pipeline.mesh.validation import require
 from pipeline.plugins.become.fitting import Detail, Residual, State, fitted
-from pipeline.plugins.become.target import Growth, Surface, face_vectors, lengths
+from pipeline.plugins.become.target import FittedSurface, SolidGrowth, face_vectors, lengths
 from pipeline.plugins.become.velocity_path import KNOTS, PathSpace, carried_with_jacobians, padded
 from pipeline.shot.motion import as_data
 from pipeline.shot.subjects import Model, PluginSurface, Solid
@@ -54,7 +54,7 @@ _HOLES = ("no hole", "one hole", "two holes", "three holes")
 
 
 @dataclass(frozen=True)
-class Shape:
+class PlacedShape:
     """A solid or a model where it stands in a shot."""
 
     subject: Solid | Model
@@ -143,7 +143,7 @@ class Fit:
 
 
 @lru_cache(maxsize=4)
-def fit_between(start: Shape, target: Shape, detail: Detail) -> Fit:
+def fit_between(start: PlacedShape, target: PlacedShape, detail: Detail) -> Fit:
     """Return the fit that carries one shape onto another; computed where it is not stored.
 
     The rounder shape is carried onto the other, and the path is played backwards for the other way, so that
@@ -159,7 +159,7 @@ def fit_between(start: Shape, target: Shape, detail: Detail) -> Fit:
     side = MARGIN * float((high - low).max())
     low = 0.5 * (low + high - side)
     rest, onto = (
-        Surface((shape.mesh.vertices - low) / side, shape.mesh.faces.astype(np.int64)) for shape in ends
+        FittedSurface((shape.mesh.vertices - low) / side, shape.mesh.faces.astype(np.int64)) for shape in ends
     )
     key = json.dumps([VERSION, [shape.data() for shape in ends], detail], sort_keys=True)
     path = cache_path("fits", [key], ".npz")
@@ -177,7 +177,7 @@ def fit_between(start: Shape, target: Shape, detail: Detail) -> Fit:
     return Fit(low, side, space, z, is_reversed, residual, remarks)
 
 
-def _require_alike(start: Shape, target: Shape) -> None:
+def _require_alike(start: PlacedShape, target: PlacedShape) -> None:
     if start.holes != target.holes:
         one, other = (
             _HOLES[shape.holes] if shape.holes < len(_HOLES) else f"{shape.holes} holes"
@@ -190,7 +190,7 @@ def _require_alike(start: Shape, target: Shape) -> None:
         )
 
 
-def _remarks(start: Shape, onto: Shape, thin: float) -> Iterator[str]:
+def _remarks(start: PlacedShape, onto: PlacedShape, thin: float) -> Iterator[str]:
     """Yield warnings about what a path cannot do well."""
     if (share := _hard_share(start.mesh)) > 0.0:
         yield f"{share:.0%} of the edges of {start.name} are hard and stay as faint seams. Round them."
@@ -201,10 +201,10 @@ def _remarks(start: Shape, onto: Shape, thin: float) -> Iterator[str]:
         )
 
 
-def _thin_share(surface: Surface, n: int) -> float:
+def _thin_share(surface: FittedSurface, n: int) -> float:
     """Return the share of a surface that is thinner than two of n cells, seen from one cell below it."""
     points, normals = surface.samples(4000)
-    depths, _ = Growth.of(surface).residual(points - normals / n, np.inf)
+    depths, _ = SolidGrowth.of(surface).residual(points - normals / n, np.inf)
     return float(np.mean(depths > -0.7 / n))
 
 
@@ -218,7 +218,9 @@ def _hard_share(mesh: TriangleMesh) -> float:
     return float(np.mean(np.einsum("ij,ij->i", normals[pairs[:, 0]], normals[pairs[:, 1]]) < np.cos(0.7)))
 
 
-def _computed(path: Path, rest: Surface, onto: Surface, detail: Detail, activity: str) -> dict[str, Any]:
+def _computed(
+    path: Path, rest: FittedSurface, onto: FittedSurface, detail: Detail, activity: str
+) -> dict[str, Any]:
     """Compute a fit, and store it as far as the cache can be written."""
     unfinished = path.with_suffix(".unfinished.npz")
 
@@ -230,7 +232,7 @@ def _computed(path: Path, rest: Surface, onto: Surface, detail: Detail, activity
     state = None
     if (kept := _loaded(unfinished)) is not None:
         space = PathSpace(int(kept["n"]), float(kept["length"]))
-        state = State(int(kept["done"]), space, kept["z"], Surface(kept["points"], kept["faces"]))
+        state = State(int(kept["done"]), space, kept["z"], FittedSurface(kept["points"], kept["faces"]))
     state = fitted(rest, onto, detail, state, watch)
     z = state.z.astype(np.float32)
     residual = residual_of(state.space, z.astype(np.float64), state.rest, onto)
@@ -243,10 +245,10 @@ def _computed(path: Path, rest: Surface, onto: Surface, detail: Detail, activity
     return fit
 
 
-def residual_of(space: PathSpace, z: Floats, rest: Surface, target: Surface) -> Residual:
+def residual_of(space: PathSpace, z: Floats, rest: FittedSurface, target: FittedSurface) -> Residual:
     """Return how far a path carries a surface from its target."""
     x, determinants = carried_with_jacobians(padded(space.knots(z)), space.n, rest.points)
-    now = Surface(x, rest.faces)
+    now = FittedSurface(x, rest.faces)
     distances, areas = lengths(x - target.nearest(x)[0]), now.vertex_normals[1]
     order = np.argsort(distances, kind="stable")
     shares = np.cumsum(areas[order]) / areas.sum()

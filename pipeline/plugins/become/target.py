@@ -26,7 +26,7 @@ def lengths(vectors: Vectors) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class FittedSurface:
     """A closed surface: points (V, 3) and faces (F, 3)."""
 
     points: Points
@@ -87,7 +87,7 @@ FULL = 0.7
 
 
 @dataclass(frozen=True, eq=False)
-class Growth:
+class SolidGrowth:
     """How a solid grows from its thickest place: distances from there within it.
 
     grid   padded grid of NODES³ cells with three numbers a node: signed distance from the surface, negative
@@ -101,7 +101,7 @@ class Growth:
     end: float
 
     @classmethod
-    def of(cls, surface: Surface) -> Growth:
+    def of(cls, surface: FittedSurface) -> SolidGrowth:
         signed = signed_distances(surface)
         nodes = np.stack(np.meshgrid(*[np.arange(NODES)] * 3, indexing="ij"), axis=-1) / NODES
         inside, deep = signed < 0.0, signed <= DEEP * signed.min()
@@ -166,7 +166,7 @@ class Growth:
         return values[:, 0], towards, values[:, 1], along
 
 
-def signed_distances(surface: Surface) -> Floats:
+def signed_distances(surface: FittedSurface) -> Floats:
     """Return signed distances at the nodes (NODES, NODES, NODES), negative inside."""
     shape, corners = (NODES, NODES, NODES), surface.points[surface.faces]
     memory = with_distances(surface.tree, corners, np.zeros(3), 1.0 / NODES, shape)
