@@ -42,6 +42,11 @@ class FittedSurface:
         return float(np.sqrt((np.ptp(self.points, axis=0) ** 2).sum()))
 
     @cached_property
+    def holes(self) -> int:
+        """The genus: half of 2 − V + E − F."""
+        return 1 - (len(self.points) - len(self.faces) // 2) // 2
+
+    @cached_property
     def vertex_normals(self) -> tuple[Vectors, Floats]:
         """Unit normals (V, 3), by the areas of the faces around each vertex, and its shares (V,) of them."""
         vectors, sums = face_vectors(self.points, self.faces), np.zeros_like(self.points)
@@ -92,7 +97,8 @@ class SolidGrowth:
 
     grid   padded grid of NODES³ cells with three numbers a node: signed distance from the surface, negative
            inside; distance u from the thickest place through the solid, and on from its surface; 0
-    start  the largest u up to which the solid fills much of a ball
+    start  the largest u up to which the solid fills much of a ball; with holes it is `end`, for what grows
+           around a hole meets itself
     end    the largest u of the solid
     """
 
@@ -116,7 +122,7 @@ class SolidGrowth:
         end, radius = float(ordered[-1]), -float(signed.ravel()[seed])
         size = np.arange(1, len(ordered) + 1) / NODES**3
         round_until = ordered[size >= FULL * 4.0 / 3.0 * np.pi * ordered**3]
-        start = max(radius, float(round_until[-1]))
+        start = end if surface.holes else max(radius, float(round_until[-1]))
         values = np.stack([signed, np.minimum(u, 2.0), np.zeros_like(u)], axis=-1)
         grid = np.pad(values, ((1, 2), (1, 2), (1, 2), (0, 0)), mode="edge").ravel()
         return cls(grid, start, end)
