@@ -17,7 +17,7 @@ from pipeline.plugins.lettering.outlines import OutlineShape, polygons_of
 TUBE = 0.4
 """Radius of a ring's tube over that of the ring."""
 
-ARC = 24
+ARC = 12
 """Pieces of a quarter of a ring."""
 
 
@@ -55,5 +55,5 @@ def _rings(holes: int, radius: float, direction: AnyArray) -> TriangleMesh:
     discs = shapely.unary_union(shapely.buffer(shapely.points(places), radius + tube, quad_segs=ARC))
     smooth = discs.buffer(radius, quad_segs=ARC).buffer(-radius, quad_segs=ARC)  # fills the waists
     inner = shapely.unary_union(shapely.buffer(shapely.points(places), radius - tube, quad_segs=ARC))
-    mesh = extruded(smooth.difference(inner), Section(2.0 * tube, 0.96 * tube, "round", 10))
+    mesh = extruded(smooth.difference(inner), Section(2.0 * tube, 0.96 * tube, "round", 6))
     return TriangleMesh(mesh.vertices, mesh.faces)
