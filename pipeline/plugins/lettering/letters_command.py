@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,12 +14,16 @@ from pipeline.cli.output import print_result
 from pipeline.errors import UsageError
 from pipeline.plugins.lettering.kinds import TextKind
 from pipeline.production.request.lookup import SHOTS
+from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.yaml.named_files import name_fault
 from render.base.atomic_write import atomic_write, disk_errors
 
+if TYPE_CHECKING:
+    from pipeline.plugins.lettering.outlines import OutlineShape
+
 SHOT = """\
 title: {title}
-intent: Letters turn one after another, and stand.
+intent: {intent}
 frames: 1-{last}
 
 # Each letter is a subject with flows, and if you like a look, of its own. lettering.start in place of
@@ -30,7 +36,7 @@ resample: {{max_edge_length: 0.03}}
 look: glaze
 camera: {{azimuth: {{keys: {{1: -24, {last}: -8}}}}, elevation: 8}}
 """
-SUBJECT = """\
+TURNING = """\
   {name}:
     lettering.text: {settings}
     flows:
@@ -38,6 +44,12 @@ SUBJECT = """\
           translate: [{x:.3g}, {y:.3g}, 0]  # the middle of the letter
           flows:
             - twist: {{axis: y, amount: {{ease: sine_in_out, keys: {{{begin}: 0, {middle}: 120, {end}: 0}}}}}}
+"""
+BECOMING = """\
+  {name}:
+    lettering.start: {settings}
+    flows:
+      - become: {{model: {model}, from: {begin}, to: {end}}}
 """
 
 
@@ -61,45 +73,79 @@ def letters(
             help="A TTF or OTF, named from shots/, or an installed family. Default: DejaVu Sans Bold.",
         ),
     ] = "",
+    from_drops: Annotated[
+        bool,
+        typer.Option("--from-drops", help="Let letters begin as drops and rings that become them."),
+    ] = False,
 ) -> None:
     """Begin a shot of a word, whose letters are subjects with flows of their own.
 
     `flowsculpt letters A060_word FLOW` writes shots/A060_word.yaml: each letter turns and comes back, one
     after another. In place of `twist` write other flows, and give single letters looks or starts.
-    """
-    import shapely
 
+    With `--from-drops` each begins as a drop, or rings with its holes, and the flow `become` carries it onto
+    the letter, which is written to shots/models. A letter of several parts is carried part by part.
+    """
     if fault := name_fault(name):
         raise UsageError(fault)
     path = SHOTS / f"{name}.yaml"
     if path.exists():
         raise UsageError(f"{path} is there already; choose another name or edit that file")
-    shapes = TextKind.model_construct(text=text, font=font).shapes(SHOTS)
+    if from_drops and "become" not in DOCUMENTS:
+        raise UsageError("--from-drops needs the plug-in become, which is not installed; leave it out")
+    written = TextKind.model_construct(text=text, font=font)
+    shapes = written.shapes(SHOTS)
+    subjects = [_subject_name(shape, number) for number, shape in enumerate(shapes, 1)]
+    models = {subject: SHOTS / "models" / f"{name}_{subject}.ply" for subject in subjects if from_drops}
+    named = f", font: {_quoted(font)}" if font else ""
     entries = []
-    for number, shape in enumerate(shapes, 1):
-        character = shape.name[1:-1]
-        is_plain = character.isascii() and character.isalnum()
-        subject = f"letter{number}" if not is_plain or character.isdigit() else f"{character}{number}"
-        named = f", font: {_quoted(font)}" if font else ""
-        left, low, right, high = shapely.bounds(shape.region)
-        begin = 1 + LATER * (number - 1)
+    for number, (subject, shape) in enumerate(zip(subjects, shapes, strict=True), 1):
+        (x, y), begin = _middle(shape), 1 + LATER * (number - 1)
+        entry = BECOMING if from_drops else TURNING
         entries.append(
-            SUBJECT.format(
+            entry.format(
                 name=subject,
                 settings=f"{{text: {_quoted(text)}, letter: {number}{named}}}",
-                x=0.5 * (left + right),
-                y=0.5 * (low + high),
+                model=f"models/{name}_{subject}.ply",
+                x=x,
+                y=y,
                 begin=begin,
                 middle=begin + TURN // 2,
                 end=begin + TURN,
             )
         )
     last = TURN + LATER * len(shapes) + 6
-    words = SHOT.format(title=_quoted(text), last=last, subjects="".join(entries))
+    intent = f"Letters {'flow out of drops' if from_drops else 'turn'} one after another, and stand."
+    words = SHOT.format(title=_quoted(text), intent=intent, last=last, subjects="".join(entries))
     if not common.dry_run:
         with disk_errors(path):
+            for number, model in enumerate(models.values(), 1):
+                _write_model(written.model_copy(update={"letter": number}), model)
             path.parent.mkdir(parents=True, exist_ok=True)
             with atomic_write(path) as draft:
                 draft.write_text(words, encoding="utf-8")
-    done = f"{path}: {common.done('written')}. Look at it: flowsculpt preview {name}"
-    print_result(done, {"path": str(path), "letters": [shape.name[1:-1] for shape in shapes]}, common.json)
+    files = [path, *models.values()]
+    done = f"{', '.join(map(str, files))}: {common.done('written')}. Look at it: flowsculpt preview {name}"
+    facts = {"path": str(path), "files": [str(file) for file in files], "subjects": subjects}
+    print_result(done, facts, common.json)
+
+
+def _subject_name(shape: OutlineShape, number: int) -> str:
+    """Return a name for the subject of a letter: F1, or letter2 for what names cannot have."""
+    character = shape.name[1:-1]
+    return f"{character}{number}" if re.fullmatch("[A-Za-z]+", character) else f"letter{number}"
+
+
+def _middle(shape: OutlineShape) -> tuple[float, float]:
+    left, low, right, high = shape.region.bounds
+    return 0.5 * (left + right), 0.5 * (low + high)
+
+
+def _write_model(letter: TextKind, path: Path) -> None:
+    """Write the solid of a letter as PLY."""
+    import trimesh
+
+    mesh = letter.surface(SHOTS)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(path) as draft:
+        draft.write_bytes(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(file_type="ply"))
