@@ -84,7 +84,7 @@ def letters(
     after another. In place of `twist` write other flows, and give single letters looks or starts.
 
     With `--from-drops` each begins as a drop, or rings with its holes, and the flow `become` carries it onto
-    the letter, which is written to shots/models. A letter of several parts is carried part by part.
+    the letter, which is written to shots/models. Letters of several parts, such as i, cannot begin so.
     """
     if fault := name_fault(name):
         raise UsageError(fault)
@@ -95,6 +95,9 @@ def letters(
         raise UsageError("--from-drops needs the plug-in become, which is not installed; leave it out")
     written = TextKind.model_construct(text=text, font=font)
     shapes = written.shapes(SHOTS)
+    if from_drops and (several := [shape.name for shape in shapes if shape.region.geom_type != "Polygon"]):
+        fact = f"become carries a surface of one part, and {several[0]} has several"
+        raise UsageError(f"{fact}. Write capitals, or leave --from-drops out.")
     subjects = [_subject_name(shape, number) for number, shape in enumerate(shapes, 1)]
     models = {subject: SHOTS / "models" / f"{name}_{subject}.ply" for subject in subjects if from_drops}
     named = f", font: {_quoted(font)}" if font else ""

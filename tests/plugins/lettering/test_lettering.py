@@ -14,9 +14,11 @@ from hypothesis import strategies as st
 
 from pipeline.errors import MissingInputError, ShotError, UsageError
 from pipeline.mesh import TriangleMesh, validate
+from pipeline.mesh.read import read_mesh
 from pipeline.plugins.lettering.bevel import TooWideError, bevelled
 from pipeline.plugins.lettering.extrusion import Section, extruded, solids
 from pipeline.plugins.lettering.fonts import font_file
+from pipeline.plugins.lettering.kinds import TextKind
 from pipeline.plugins.lettering.outlines import filled, polygons_of, rings_of
 from pipeline.plugins.lettering.starts import starts
 from pipeline.plugins.lettering.svg_outlines import drawn_shapes
@@ -319,3 +321,17 @@ def test_axes_of_a_variable_font_move_its_outlines_and_overlapping_contours_are_
     assert drawn(wght=900.0).area == pytest.approx(0.6 * 0.2 + 2 * 0.3 * 0.2)
     with pytest.raises(UsageError, match=r"axis wght of font bars\.ttf is from 400 to 900\. Write 900\."):
         drawn(wght=1000.0)
+
+
+def test_letters_from_drops_become_models_of_themselves(tmp_path):
+    folder = ProjectFolder(tmp_path)
+    assert folder.call("letters", "A061_word", "AB", "--from-drops").code == 0
+    shot = read_shot(tmp_path / "shots" / "A061_word.yaml")
+    for part, number in zip(shot.subjects, (1, 2), strict=True):
+        model = tmp_path / "shots" / "models" / f"A061_word_{part.subject}.ply"
+        letter = TextKind.model_construct(text="AB", letter=number).surface(tmp_path)
+        assert read_mesh(model).bounds == pytest.approx(letter.bounds, abs=1e-6)
+        assert validate(part.motion.subject.build()).euler == validate(read_mesh(model)).euler
+    refused = folder.call("letters", "A062_word", "Hi", "--from-drops")
+    assert refused.code == 2 and "'i' has several" in refused.err
+    assert not (tmp_path / "shots" / "A062_word.yaml").exists()
