@@ -73,7 +73,9 @@ def test_a_shot_of_each_flow_comes_to_its_end(flow: str, tmp_path: Path) -> None
 
 def _needs_a_preset(flow: str) -> bool:
     """Tell whether only a preset can choose a flow's file, formulas or curve."""
-    return flow == "attraction" or any(p["required"] and not p["keyed"] for p in facts(flow)["parameters"])
+    return flow in ("attraction", "become") or any(
+        p["required"] and not p["keyed"] for p in facts(flow)["parameters"]
+    )
 
 
 @pytest.mark.parametrize("flow", [flow for flow in DOCUMENTS if not _needs_a_preset(flow)])
