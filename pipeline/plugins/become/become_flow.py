@@ -94,7 +94,7 @@ class Become(Flow):
         fit = fit_between(self._start, self.target, self.detail)
         if fit.residual.worst > REFUSED:
             raise UsageError(
-                f"flow {self.name}: 5 % of the surface ends over {fit.residual.worst:.1%} of the diagonal "
+                f"5 % of the surface ends over {fit.residual.worst:.1%} of the diagonal "
                 f"away from {self.target.name}; {REFUSED:.0%} is the most. {self._remedy}"
             )
         return fit

@@ -54,7 +54,7 @@ class FitRound(NamedTuple):
     along: float = 0.05
 
 
-ITERATIONS, GROWING, BEGINNING = 20, 9, 16
+ITERATIONS, GROWING, BEGINNING = 20, 9, 30
 """Of L-BFGS in a round of whole surfaces, of growth, and of the beginning."""
 
 START = PathSpace(16, 0.08)
@@ -92,7 +92,7 @@ _FINISH: Mapping[Detail, tuple[tuple[int, float, float, int, float], ...]] = {
 def rounds_of(growth: SolidGrowth, detail: Detail) -> list[FitRound]:
     """Return the rounds of a fit to a target."""
     coarse = PathSpace(24, 0.06)
-    first = [FitRound(START, weight, 6000, 0.03, growth.start, True) for weight in (1e-3, 1e-4, 3e-5)]
+    first = [FitRound(START, weight, 6000, 0.03, growth.start, True) for weight in (1e-2, 1e-3, 1e-4)]
     steps = int(np.ceil((growth.end - growth.start) / STEP))
     grown = np.linspace(growth.start, growth.end, steps + 1)[1:].tolist()
     growing = [FitRound(coarse, 1e-5, 6000, 0.03, until, along=0.1) for until in grown for _ in range(2)]

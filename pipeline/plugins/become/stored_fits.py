@@ -35,7 +35,7 @@ from render.base.atomic_write import atomic_write
 from render.base.render_errors import MachineError
 from render.base.user_cache import cache_path, writable_cache
 
-VERSION = 1
+VERSION = 2
 """Raised when equal shapes give another fit."""
 
 MARGIN = 1.35

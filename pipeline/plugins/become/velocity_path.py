@@ -217,7 +217,7 @@ def _dot(a: Floats, b: Floats) -> float:
 MEMORY = 6
 """Pairs of changes that L-BFGS keeps."""
 
-FIRST_STEP, MOST_TRIES = 0.05, 14
+FIRST_STEP, MOST_TRIES = 0.2, 14
 """The length of the first step, and how often a step is shortened. A long first step moves all at once, where
 short ones would crumple what is near."""
 
