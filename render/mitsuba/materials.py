@@ -161,8 +161,12 @@ def _with_normals(
 def _on_faces(
     parts: Sequence[PatternedMaterial], attributes: Collection[str]
 ) -> dict[str, PatternedMaterial]:
-    """Return the materials of a model that faces have, by the vertex attribute that is 1 on their faces: the
-    first as "otherwise"."""
+    """Return the materials of a model that faces have, by the vertex attribute that is 1 on their faces.
+
+    The first is "otherwise". Nothing of a model without materials.
+    """
+    if not parts:
+        return {}
     others = {material_weight(number): part for number, part in enumerate(parts) if number}
     return {"otherwise": parts[0], **{name: part for name, part in others.items() if name in attributes}}
 

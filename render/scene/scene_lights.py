@@ -256,8 +256,8 @@ LIGHTS = {
     # A red and a blue panel face each other, and mirrors take their halves from both.
     "duotone": LightRig(
         (
-            Softbox((-5.0, 2.5, 0.5), 2.2, 5.0, (130.0, 22.0, 8.0), name="red"),
-            Softbox((5.0, 2.5, 0.0), 2.2, 5.0, (14.0, 50.0, 150.0), name="blue"),
+            Softbox((-5.0, 2.6, 0.5), 2.2, 5.0, (130.0, 22.0, 8.0), name="red"),
+            Softbox((5.0, 2.6, 0.0), 2.2, 5.0, (14.0, 50.0, 150.0), name="blue"),
             Softbox((0.0, 6.0, -2.0), 3.0, 1.4, (110.0, 106.0, 100.0), name="top"),
         ),
         sky=Sky((0.02, 0.02, 0.02), (0.01, 0.01, 0.01), (0.01, 0.01, 0.01)),
@@ -265,8 +265,8 @@ LIGHTS = {
     # Wide panels behind both sides: black lacquer is drawn by what it mirrors.
     "lacquer": LightRig(
         (
-            Softbox((4.5, 2.5, -2.5), 1.6, 5.0, (60.0, 54.0, 46.0), name="rim"),
-            Softbox((-4.5, 2.0, -3.0), 1.2, 5.0, (6.0, 16.0, 36.0), name="back"),
+            Softbox((4.5, 2.6, -2.5), 1.6, 5.0, (60.0, 54.0, 46.0), name="rim"),
+            Softbox((-4.5, 2.6, -3.0), 1.2, 5.0, (6.0, 16.0, 36.0), name="back"),
             Softbox((0.5, 6.0, -1.0), 3.0, 0.8, (60.0, 60.0, 60.0), name="top"),
             Softbox((-3.2, 2.2, 4.5), 0.9, 4.0, (14.0, 13.5, 13.0), name="front"),
         ),

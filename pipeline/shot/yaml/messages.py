@@ -212,6 +212,7 @@ def _hint(mapping: _Mapping, name: Any, found: UnknownNames) -> str:
             own, other = needed_names(mapping.models), needed_names([meant_model])
             if name in other:
                 return f"Write {' or '.join([*own, *other])}, not both."
+            own = own or [key for key in mapping.values if "." in str(key)]  # a subject of a plug-in
             return f"It is for {' and '.join(other)}, not for {' and '.join(own)}."
         return f"Did you mean {meant!r}?"
     for path in (*_below(mapping, name), *_above(mapping, spelt)):

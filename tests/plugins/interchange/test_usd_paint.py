@@ -213,6 +213,15 @@ def test_maps_of_numbers_and_normals_and_transforms_are_read(tmp_path: Path) -> 
     assert shown == pytest.approx(np.stack([0.5 - v, 2 * u], axis=2), abs=1e-6)
 
 
+def test_maps_of_light_of_a_stage_are_not_opened(tmp_path: Path) -> None:
+    light = "color3f inputs:emissiveColor.connect = </world/one/picture.outputs:rgb>"
+    more = "float inputs:occlusion.connect = </world/one/picture.outputs:g>", "float inputs:clearcoat = 1"
+    plain = "color3f inputs:diffuseColor = (0, 0, 1)"
+    path = write(tmp_path, box(COORDINATES, BIND), material("one", plain, light, *more, nodes=PICTURE))
+    (found,), files = USD_PAINT.materials(path)
+    assert found.colour == (0.0, 0.0, 1.0) and not files, "no picture is there"
+
+
 def test_a_picture_within_a_package_is_read_and_named_where_it_is_damaged(tmp_path: Path) -> None:
     path = painted_box(tmp_path)
     assert UsdUtils.CreateNewUsdzPackage(str(path), str(tmp_path / "box.usdz"))
