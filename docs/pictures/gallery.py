@@ -33,6 +33,7 @@ STILLS = {
     "B130_pulse": 131,
     "B140_pearls": 120,
     "B150_pair": 170,
+    "B160_loops": 50,
 }
 """The frame that shows most of each shot."""
 
