@@ -213,7 +213,7 @@ def shown_picture(
 
 
 DULL, NEARLY_BLACK = 180, 40
-"""99th percentile of luminance of 8-bit pictures below which there is no highlight, and nearly no light."""
+"""99th percentiles of luminance, of 255, below which a picture lacks a highlight, and is nearly black."""
 
 
 def light_notes(whites: Mapping[int, int]) -> list[str]:

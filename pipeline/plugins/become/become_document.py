@@ -78,7 +78,7 @@ class BecomeDocument(OneOfSeveral, FlowParameters):
             subject: Any = as_finding(lambda: document.build(context.folder))
         else:
             if self.solid is None or self.solid not in SOLIDS:
-                raise bad_value(f"{self.solid} is no solid. Write one of {', '.join(SOLIDS)}.")
+                raise bad_value(f"{self.solid} is not a solid. Write one of {', '.join(SOLIDS)}.")
             _require_known(named, SOLIDS[self.solid].measures, f"the {self.solid}")
             subject = SolidDocument.model_validate({"solid": self.solid, **named}).build()
         x, y, z = vector(self.place or [0.0, 0.0, 0.0])
@@ -119,4 +119,4 @@ def _require_known(named: dict[str, Any], known: Any, whose: str) -> None:
     """Refuse settings of the other kind of target."""
     for name in named:
         if name not in known:
-            raise bad_value(f"{name} is no setting of {whose}. Remove it.")
+            raise bad_value(f"{name} is not a setting of {whose}. Remove it.")
