@@ -2,7 +2,7 @@
 
 One generation of each of four kinds of shots, 40 candidates on two cores, from the start of the process to
 its end: a solid in velocity fields, a ball on an attractor, a cloud, and two subjects.
-Seconds by the clock, and CPU seconds of all processes, which other work does not lengthen.
+Wall seconds, and CPU seconds of all processes, which other work does not lengthen.
 """
 
 from __future__ import annotations

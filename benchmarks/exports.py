@@ -49,7 +49,7 @@ def main(names: list[str]) -> list[Target]:
     """Measure the shots of these names, by default SHOTS and a long one; return the targets."""
     forms = {name: words for name, words in FORMS.items() if name not in NEEDS or find_spec(NEEDS[name])}
     for name in FORMS.keys() - forms.keys():
-        print(f"{name} is left out: there is no module {NEEDS[name]}")
+        print(f"{name} is left out: module {NEEDS[name]} is not installed")
     rows: list[Row] = []
     for name in names or (LONG, *SHOTS):
         with tempfile.TemporaryDirectory() as folder:

@@ -65,7 +65,7 @@ class CutOuts:
         return _first_hit(self, ray, mi.Bool(active), chance, unseen)
 
     def ray_test(self, ray: Any, active: Any = True) -> Any:
-        """Tell which rays hit a surface."""
+        """Return flags of the rays that hit a surface."""
         return self.ray_intersect(ray, active).is_valid()
 
     def fraction(self, si: Any, active: Any, unseen: UnseenLights | None) -> Any:

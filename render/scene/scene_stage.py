@@ -101,7 +101,7 @@ class Stage:
     plinth_colour  linear Rec.709 reflectance of the plinth
     plinth_roughness  of a clear coat on the plinth; None is matt
     wall_colour    at the rim of a cyclorama, which the floor's changes to; None is the floor's
-    halo_colour    of a soft spot on floor and wall behind the subject; None is no spot
+    halo_colour    of a soft spot on floor and wall behind the subject; None for none
     halo_size      distance from the middle of the spot at which half of its colour is left, stage units
     halo_distance  of its middle behind the subject's middle, stage units
     round          True for a round plinth, False for a square one

@@ -185,7 +185,7 @@ def test_targets_that_a_flow_cannot_reach_are_refused(tmp_path: Path) -> None:
     one, other = icosphere(2), icosphere(2, centre=(3.0, 0.0, 0.0))
     faces = np.concatenate([one.faces, other.faces + len(one.vertices)])
     write_mesh(type(one)(np.concatenate([one.vertices, other.vertices]), faces), tmp_path / "two.ply")
-    assert "it has 2 parts, and a flow joins none" in told(f"become: {{model: {tmp_path / 'two.ply'}}}")
+    assert "it has 2 parts; become needs one" in told(f"become: {{model: {tmp_path / 'two.ply'}}}")
 
 
 @pytest.mark.parametrize(

@@ -79,9 +79,7 @@ class PlacedShape:
         ends = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=-1).reshape(-1, 2)
         parts = len(np.unique(components(len(mesh.vertices), ends[:, 0], ends[:, 1])))
         if parts > 1:
-            raise MeshError(
-                f"{self.name}: it has {parts} parts, and a flow joins none. Take one of them alone."
-            )
+            raise MeshError(f"{self.name}: it has {parts} parts; become needs one. Use a model of one part.")
         return mesh.with_vertices(mesh.vertices + self.place)
 
     @cached_property

@@ -97,7 +97,7 @@ class Genome:
         """Tell whether a text of the shot names a file, or a sequence of them."""
         try:
             return (self.folder / word).is_file() or ("*" in word and any(self.folder.glob(word)))
-        except (OSError, ValueError, NotImplementedError):
+        except (OSError, ValueError, NotImplementedError):  # the text cannot name a file
             return False
 
 
