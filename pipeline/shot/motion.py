@@ -43,15 +43,38 @@ MOST_CHECKED = 1000
 
 
 @dataclass(frozen=True)
+class Loop:
+    """How a shot goes on from its last frame to its first.
+
+    kind   back: the flow's time runs to half of the loop and back; turns: flows and camera return by
+           themselves in the frame after the last; dissolve: the last frames dissolve into the first
+    count  frames of the dissolve
+    """
+
+    kind: Literal["back", "turns", "dissolve"]
+    count: int = 0
+
+    @classmethod
+    def of(cls, written: Any) -> Loop | None:
+        """Return the loop of a shot file; None for none, and for values that its document refuses."""
+        if isinstance(written, dict):
+            count = written.get("dissolve")
+            return cls("dissolve", count) if type(count) is int and count > 0 else None
+        return cls("back") if written is True else cls("turns") if written == "turns" else None
+
+
+@dataclass(frozen=True)
 class Clock:
     """Frames and their rate. The first frame of the shot is at 0 seconds.
 
     speed  rate of the flow's time; all keys but those of flows go by the time of the frames
+    loop   the frame after the last is the first again, except of a dissolve; None for no loop
     """
 
     frames: FrameRange
     rate: FrameRate
     speed: Number = 1.0
+    loop: Loop | None = None
 
     def time(self, frame: float) -> float:
         """Return seconds from the start of the shot; frames may have fractions."""
@@ -59,7 +82,11 @@ class Clock:
 
     def flow_time(self, frame: float) -> float:
         """Return the flow's time at a frame, in seconds: the integral of the speed."""
-        return elapsed(self.speed, self.time(frame))
+        time = self.time(frame)
+        if self.loop is not None and self.loop.kind == "back":
+            period = self.rate.seconds(len(self.frames))
+            time = period / 4.0 * (1.0 - math.cos(2.0 * math.pi * time / period))
+        return elapsed(self.speed, time)
 
     def step(self, frame: int) -> tuple[float, float]:
         """Return start and duration, in seconds of the flow, of the step that leads into `frame`."""
@@ -107,8 +134,9 @@ class Clock:
         return None
 
     def holds(self, seconds: float) -> bool:
-        """Tell whether a time lies within the shot."""
-        return _is_within(seconds, self.duration)
+        """Tell whether a time lies within the shot; the first frame of the next round of a loop does."""
+        is_round = self.loop is not None and self.loop.kind != "dissolve"
+        return _is_within(seconds, self.rate.seconds(len(self.frames)) if is_round else self.duration)
 
     def flow_holds(self, seconds: float) -> bool:
         """Tell whether a time of the flow lies within the shot, at its speed or at a speed of 1."""
@@ -247,6 +275,7 @@ class Motion:
     place       where the origin of the subject is before it moves, scene units
     copies      where copies of the subject are instead
     flow_places places of its flows in the shot file, for messages; by default flows.0, flows.1, …
+    loop        how it goes on after the last frame
     """
 
     frames: FrameRange
@@ -259,10 +288,11 @@ class Motion:
     place: Vector = ORIGIN
     copies: Copies | None = None
     flow_places: tuple[str, ...] = ()
+    loop: Loop | None = None
 
     @cached_property
     def clock(self) -> Clock:
-        return Clock(self.frames, self.rate, self.speed)
+        return Clock(self.frames, self.rate, self.speed, self.loop)
 
     @cached_property
     def _latest(self) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from typing import Any
 from pipeline.errors import UsageError, shortened, suggestion
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.camera_path import CameraPath, Shutter
-from pipeline.shot.motion import Motion
+from pipeline.shot.motion import Loop, Motion
 from render.base.serialise import NOT_PLAIN
 from render.post.view import ACES, ColourView
 from render.scene.aovs import AOVS, EXTRA
@@ -189,6 +189,10 @@ class Shot:
     @property
     def rate(self) -> FrameRate:
         return self.motion.rate
+
+    @property
+    def loop(self) -> Loop | None:
+        return self.motion.loop
 
 
 @dataclass(frozen=True)

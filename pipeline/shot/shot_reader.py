@@ -33,7 +33,7 @@ from pipeline.shot.documents.subject_documents import (
     SubjectEntry,
     SubjectSettings,
 )
-from pipeline.shot.motion import Clock, Motion, parse_frames, parse_rate
+from pipeline.shot.motion import Clock, Loop, Motion, parse_frames, parse_rate
 from pipeline.shot.point_subjects import CloudOfFile, NetOfFile
 from pipeline.shot.shot import AovSelection, Picture, Shot, SoundTrack
 from pipeline.shot.subject_checks import subject_views
@@ -253,7 +253,11 @@ def read_clock(source: YamlSource) -> tuple[Clock | None, list[Problem]]:
         frames = parse_frames(text, rate)
     except UsageError as error:
         return None, [*problems, (("frames",), str(error))]
-    return (Clock(frames, rate) if rate else None), problems
+    loop = Loop.of(source.get("loop"))
+    if loop is not None and 2 * loop.count > len(frames):
+        fact = f"a dissolve of {loop.count} frames needs {2 * loop.count}, and the shot has {len(frames)}"
+        problems.append((("loop", "dissolve"), f"{fact}. Shorten it, or make the shot longer."))
+    return (Clock(frames, rate, loop=loop) if rate else None), problems
 
 
 def read_rate(source: YamlSource) -> tuple[FrameRate | None, list[Problem]]:
@@ -313,6 +317,7 @@ def _motion(
         rate=clock.rate,
         subject=built,
         flow=Sequence(tuple(acting)),
+        loop=clock.loop,
         resampling=resampling,
         speed=number(document.speed, clock),
         max_step=None if document.max_step is None else float(document.max_step),

@@ -26,6 +26,9 @@ from render.scene.render_camera import PERSPECTIVE, Projection
 
 _BT709, _RGB = 1, 0
 _LIMITED, _FULL = 1, 2
+LOOPS = "Seamless loop: the first frame follows the last."
+"""The comment of a movie that loops."""
+
 _REORDER = 3  # the fewest frames that an encoder can reorder: I, P, B
 
 
@@ -37,6 +40,7 @@ def write_movie(
     timecode: str = "",
     sound: Iterator[Samples] | None = None,
     projection: Projection = PERSPECTIVE,
+    loops: bool = False,
 ) -> int:
     """Encode display frames (H, W, 3) or (H, W, 4) as they come; return how many there were.
 
@@ -44,6 +48,7 @@ def write_movie(
     timecode    of the first frame; empty for none
     sound       blocks from `render.movie.movie_sound.blocks`; dropped where the file can hold no sound
     projection  of the frames; the file is tagged with it where `projection_tags.is_tagged`
+    loops       True if the first frame follows the last; the file's comment then says so
 
     Where colour has half the resolution, an odd last column or row is repeated once. The movie appears under
     its name only when complete, and the same input gives the same bytes.
@@ -66,6 +71,8 @@ def write_movie(
     ):
         if timecode and encode.has_timecode:
             movie.container_metadata["timecode"] = timecode
+        if loops:
+            movie.container_metadata["comment"] = LOOPS
         codec = encode.container.audio_codec
         audio = AudioStream(container, codec, sound) if sound is not None and codec else None
         for frame in _chain(first, frames):

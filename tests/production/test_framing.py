@@ -223,3 +223,16 @@ def test_a_camera_that_stands_waits_for_the_whole_sequence() -> None:
     framer = Framer([VIEW] * 40, clouds.__getitem__, ASPECT, follow=0.5)
     assert framer.framings(39) == []
     assert framer.framings(40) == frame_all([VIEW] * 40, clouds.__getitem__, ASPECT, follow=0.5)
+
+
+def test_the_camera_of_a_loop_is_as_calm_at_its_first_frame_as_elsewhere():
+    """Wherever a round begins, each of its frames is framed the same."""
+    there = blobs(4, 26)
+    clouds = there + there[-2:0:-1]
+    count = len(clouds)
+    framings = frame_all([VIEW] * count, clouds.__getitem__, ASPECT, is_round=True)
+    assert len(framings) == count
+    later = frame_all([VIEW] * count, lambda i: clouds[(i + 9) % count], ASPECT, is_round=True)
+    for i, framing in enumerate(later):
+        assert np.allclose(framing.camera.origin, framings[(i + 9) % count].camera.origin)
+        assert np.allclose(framing.placement.origin, framings[(i + 9) % count].placement.origin)

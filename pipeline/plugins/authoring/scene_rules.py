@@ -30,6 +30,7 @@ from pipeline.animation.flow_cost import (
     growth_warning,
     is_usual_size,
 )
+from pipeline.animation.loop import step_into
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
 from pipeline.flow import Flow, Placed, VelocityField
@@ -81,6 +82,9 @@ of the edges that are so long."""
 
 MOST_MEASURED = 500
 """Sub-steps up to which edges are followed to measure their stretch."""
+
+LOOP_GAP, LOOP_SAMPLE = 0.01, 1000
+"""Distance, over the subject's size, from which on a loop jumps; and points that are followed, at most."""
 
 LONG, SAMPLE = 1e8, BLOCK
 """Vertices × sub-steps from which on a frame may be slow, and vertices that are moved to find out."""
@@ -353,6 +357,60 @@ def _sharpness(shot: Shot, first: FirstFrame) -> Iterator[Finding]:
         f"at f/{stop:g} {'nothing' if sharp < 0.005 else f'{sharp:.0%}'} of the side of the subject that "
         f"faces the lens is sharp on frame {number}. Write {remedy}.",
     )
+
+
+def loop_report(shot: Shot, first: FirstFrame) -> tuple[str, list[Finding]]:
+    """Return how near a loop comes to its first frame, in words, and what is wrong with it; "" for no loop.
+
+    Vertices of the first frame are moved on to the frame after the last, which shows the first again.
+    Raises FrameError where a frame fails.
+    """
+    motion, frames, loop = shot.motion, shot.frames, shot.loop
+    if loop is None:
+        return "", []
+    if loop.kind == "dissolve":
+        last = f"{frames.last - loop.count + 1}-{frames.last}"
+        into = f"{frames.first}-{frames.first + loop.count - 1}"
+        count = len(frames) - loop.count
+        return f"loop: frames {last} dissolve into {into}; movies have {count} frames", []
+    start = first.points[:: -(-len(first.points) // LOOP_SAMPLE)]
+    points = start.astype(np.float64)
+    for number in range(frames.first + 1, frames.last + 2):
+        points = step_into(motion, motion.flow, number).apply(points)
+    away = np.linalg.norm(points - start, axis=1) / first.extent
+    found, again = [*_unlike_cameras(shot)], frames.last + 1
+    text = f"loop: frame {again}, the first again, is {away.mean():.2%} of the subject's size from it"
+    if away.max() > LOOP_GAP:
+        remedy = "Write loop: true, or a dissolve" if loop.kind == "turns" else "Write integrator: adaptive"
+        found.append(
+            Finding(
+                ("loop",),
+                f"the flows do not return: in frame {again} points are up to {away.max():.2%} of the "
+                f"subject's size from where they began. {remedy}, unless the subject looks the same there.",
+            )
+        )
+    return f"{text}, at most {away.max():.2%}", found
+
+
+def _unlike_cameras(shot: Shot) -> Iterator[Finding]:
+    """Check that the camera of a loop returns."""
+    camera, clock = shot.picture.camera, shot.motion.clock
+    before, after = (
+        camera.at(clock.time(number))._asdict() for number in (shot.frames.first, shot.frames.last + 1)
+    )
+    for view in (before, after):
+        around = view.pop("azimuth") + view.pop("orbit")
+        view["azimuth"] = [math.cos(around), math.sin(around)]
+        view["roll"] = [math.cos(view["roll"]), math.sin(view["roll"])]
+    for name, value in before.items():
+        is_number = isinstance(value, int | float | list | tuple) and None not in np.ravel(value)
+        if not (np.allclose(value, after[name], atol=1e-6) if is_number else value == after[name]):
+            yield Finding(
+                ("camera",),
+                f"the camera does not return: {name} differs between frame {shot.frames.last + 1} of the "
+                f"loop and frame {shot.frames.first}. End its keys at frame {shot.frames.last + 1} as they "
+                "begin, and let orbit go around in whole turns.",
+            )
 
 
 def _size(shot: Shot, first: FirstFrame) -> Iterator[Finding]:

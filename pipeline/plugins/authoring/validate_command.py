@@ -23,7 +23,7 @@ from pipeline.errors import FlowsculptError, FrameError, ShotError, UsageError
 from pipeline.flow.flow import python_flows
 from pipeline.long_computations import Progress, reporting_to
 from pipeline.plugins.authoring.first_frame import FirstFrame, FirstFrames
-from pipeline.plugins.authoring.scene_rules import Finding, findings
+from pipeline.plugins.authoring.scene_rules import Finding, findings, loop_report
 from pipeline.production.execution.project import Project
 from pipeline.production.picture_sequences import light_notes, shown_picture, white
 from pipeline.production.request.keys import picture_keys
@@ -169,6 +169,10 @@ def _check_scene(
     try:
         first = check.firsts[shot.subject] = first_frames.of(shot.motion)
         found = [*findings(shot, first), *_of_flows(check, shot.motion)]
+        if not any(finding.is_error for finding in found):
+            looped, doubts = loop_report(shot, first)
+            check.notes += [f"{check.name}: {looped}"] if looped else []
+            found += doubts
         check.notes += [f"{check.name}: model repaired: {line}" for line in first.repairs]
         check.notes += [f"{check.name}: model: {line}" for line in first.notes]
     except FlowsculptError as error:

@@ -31,7 +31,7 @@ from pipeline.production.stages import DELIVER
 from pipeline.production.store import paths, readers
 from pipeline.production.store.history import History
 from pipeline.production.store.store import Key, Store, key_of
-from pipeline.production.tasks.encoding import cut_together
+from pipeline.production.tasks.encoding import cut_together, in_loop, loop_dissolve
 from render.base.atomic_write import disk_errors
 from render.base.plural import plural
 from render.base.serialise import to_plain
@@ -174,6 +174,7 @@ class DeliverySource:
     has_coverage  True if the subject's coverage is known in all of them
     frames        reads the frames in a format
     poster        reads one of them, for the slate
+    loops         True if the first frame follows the last
     """
 
     name: str
@@ -192,6 +193,7 @@ class DeliverySource:
     sounds: tuple[AudioClip, ...]
     frames: Callable[[FrameFormat], Iterator[LabelledFrame]]
     poster: Callable[[FrameFormat], LabelledFrame]
+    loops: bool = False
 
 
 def shot_source(
@@ -215,14 +217,17 @@ def shot_source(
         rate=rate,
         size=request.quality.rendered_size,
         projection=request.projection,
-        start=numbers[0],
-        count=len(numbers),
+        start=numbers[loop_dissolve(request)],
+        count=len(numbers) - loop_dissolve(request),
         facts=(("version", reader.version), *_facts(request, str(frames), len(numbers), rate), ("key", key)),
-        content=reader.content(numbers),
+        content=[*reader.content(numbers), *([] if request.loop is None else [list(request.loop)])],
         lost=lost,
         has_coverage=all(reader.has_coverage(n) for n in finished),
         sounds=request.sounds,
-        frames=lambda form: (reader.read(n, form) for n in numbers),
+        frames=lambda form: in_loop(
+            request, numbers, lambda shown: (reader.read(n, form) for n in shown), _mix
+        ),
+        loops=request.loop is not None,
         poster=lambda form: reader.read(finished[len(finished) // 2], form),
     )
 
@@ -447,7 +452,8 @@ class Delivery:
             clips = [clip.later(self._leader) for clip in self._sounds]
             sound = samples_of(clips, source.count + self._leader, source.rate)
         code, counted = timecode(first, rate), _counted(prefetch(frames), passed)
-        write_movie(path, counted, rate, encode, code, sound, source.projection)
+        loops = source.loops and part == "frames" and not self._leader
+        write_movie(path, counted, rate, encode, code, sound, source.projection, loops)
 
     def _frames(self, encode: Encode, form: FrameFormat) -> Iterator[Frame]:
         if self._leader:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -43,6 +43,7 @@ from pipeline.production.stages import RELIGHT
 from pipeline.production.store import readers
 from pipeline.production.store.locks import writing
 from pipeline.production.store.store import Key, Store, key_of
+from pipeline.production.tasks.encoding import in_loop
 from pipeline.production.tasks.finish import exr_attributes
 from pipeline.shot.documents.field_types import HEX_PATTERN, linear_of
 from pipeline.shot.yaml.inheritance import OPTION, inherited
@@ -53,7 +54,7 @@ from render.base.render_errors import RenderError
 from render.base.serialise import Triple
 from render.movie.codecs import movie_encode
 from render.movie.encode import write_movie
-from render.movie.movie_frames import Frame, prefetch
+from render.movie.movie_frames import Frame, mix_frames, prefetch
 from render.post.colour import quantise, to_display
 from render.post.image import read_header, write_exr
 from render.scene.aovs import RenderedFrame
@@ -144,17 +145,16 @@ class RelitFrames:
         rate, bits = FrameRate.of(request.manifest.rate), movie_bits(request.quality_name)
         key = key_of(RELIGHT.recipe, request.movie_key([self.key(n) for n in self.numbers]))
         if not self.store.bring("movie", key):
-            frames, encode = prefetch(self._shown(passed)), movie_encode(bits)
-            projection = request.projection
-            self.store.put(
-                "movie", key, lambda path: write_movie(path, frames, rate.fps, encode, projection=projection)
-            )
+            shown = in_loop(request, self.numbers, partial(self._shown, passed), mix_frames)
+            frames, encode = prefetch(shown), movie_encode(bits)
+            options: Any = {"projection": request.projection, "loops": request.loop is not None}
+            self.store.put("movie", key, lambda path: write_movie(path, frames, rate.fps, encode, **options))
         self.store.link("movie", key, self.movie_path)
 
-    def _shown(self, passed: Callable[[], None]) -> Iterator[Frame]:
-        """Yield the frames as a display shows them."""
+    def _shown(self, passed: Callable[[], None], numbers: list[int]) -> Iterator[Frame]:
+        """Yield frames as a display shows them."""
         picture = self.request.shot.picture
-        for number in self.numbers:
+        for number in numbers:
             light = self._read(self.key(number), self.place(number))[0]["beauty"]
             yield quantise(to_display(light, picture.lights.exposure, view=picture.view), bits=16)
             passed()

@@ -99,6 +99,7 @@ class VertexTextures:
 
     positions  float32 (H, W, 3), -1 to 1 over the bounds
     normals    uint8 (H, W, 3)
+    is_round   True if the first frame follows the last
     """
 
     drawn: DrawnMesh
@@ -109,9 +110,12 @@ class VertexTextures:
     extent: Floats
     precision: str
     rate: float
+    is_round: bool = False
 
     @classmethod
-    def of(cls, drawn: DrawnMesh, passed: Callable[[], None] = lambda: None) -> VertexTextures:
+    def of(
+        cls, drawn: DrawnMesh, passed: Callable[[], None] = lambda: None, is_round: bool = False
+    ) -> VertexTextures:
         """Fill the textures of a mesh. Raises UsageError as `even_step` and `Layout.of` do."""
         layout, numbers = Layout.of(drawn), drawn.mesh.frames
         rate = float(drawn.mesh.rate.fps) / even_step(numbers)
@@ -128,7 +132,7 @@ class VertexTextures:
             normals[layout.rows_of(index)] = layout.spread(np.rint(127.5 + 127.5 * vectors).astype(np.uint8))
             passed()
         precision = "half" if _HALF * extent.max() <= _COARSEST * edge else "float"
-        return cls(drawn, layout, positions, normals, centre, extent, precision, rate)
+        return cls(drawn, layout, positions, normals, centre, extent, precision, rate, is_round)
 
     def facts(self, names: dict[str, str]) -> dict[str, Any]:
         """Return what shaders need to know, as JSON data; `names` are the files."""
@@ -141,7 +145,7 @@ class VertexTextures:
             "frames": self.layout.frames,
             "first_frame": mesh.frames[0],
             "rate": self.rate,
-            "loops": self.layout.frames > 1 and bool(np.array_equal(first, last)),
+            "loops": self.layout.frames > 1 and (self.is_round or bool(np.array_equal(first, last))),
             "width": self.layout.width,
             "height": self.layout.height,
             "blocks": self.layout.blocks,

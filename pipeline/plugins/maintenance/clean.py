@@ -82,8 +82,8 @@ def _needs(request: RenderRequest, store: Store) -> Iterator[tuple[str, Key]]:
             yield from (("raw", key) for key in (keys[number].raw, *keys[number].staged.values()))
             yield "frame", keys[number].frame
             yield from ((form, request.still_key(form, keys[number].frame)) for form in FORMS)
-        for numbers in (request.requested, tuple(request.angles)):
-            yield "movie", request.movie_key([keys[n].frame for n in sorted(numbers)])
+        for part in (request, request.whole()):
+            yield "movie", part.movie_key([keys[n].frame for n in sorted(part.requested)])
 
 
 def _shown_copies(store: Store) -> dict[Path, tuple[str, Key]]:

@@ -38,7 +38,7 @@ from pipeline.production.request.framing import (
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import paths
 from pipeline.production.store.store import Store
-from pipeline.production.tasks.encoding import cut_together
+from pipeline.production.tasks.encoding import cut_together, in_loop, loop_dissolve
 from pipeline.shot import Motion
 from render.graphics.cards import Screen
 from render.movie.codecs import PLAYBLAST, timecode
@@ -107,7 +107,9 @@ class Animatic:
         if camera_file(request, self.stream.store) is not None:
             return sorted(asked)
         angles = sorted(request.angles)
-        return angles[: angles.index(max(asked)) + AHEAD + 1] if request.follow == 1.0 else angles
+        if request.follow != 1.0 or request.is_round:
+            return angles
+        return angles[: angles.index(max(asked)) + AHEAD + 1]
 
     def _framed(self, asked: Set[int], tell: FrameCallback) -> Iterator[Framed]:
         request, stream, wanted = self.sketch.request, self.stream, self.played(asked)
@@ -171,13 +173,16 @@ def write_playblast(
     store: Store, path: Path, request: RenderRequest, pictures: Iterator[Picture], tell: FrameCallback
 ) -> int:
     """Write an MP4 of the requested frames and return their number."""
-    numbers, rate = sorted(request.requested), request.shot.rate.fps
+    numbers, rate, lead = sorted(request.requested), request.shot.rate.fps, loop_dissolve(request)
     told = told_frames(numbers, pictures, tell)
-    start = timecode(numbers[0], rate)
-    sound = samples_of(request.sounds, len(numbers), request.shot.rate)
-    projection = request.projection
-    store.write(path, lambda draft: write_movie(draft, told, rate, PLAYBLAST, start, sound, projection))
-    return len(numbers)
+    first = list(itertools.islice(told, lead))  # they come first, and are shown last
+    parts = iter([told, iter(first)])
+    looped = in_loop(request, numbers, lambda _: next(parts), mix_frames)
+    start, count = timecode(numbers[lead], rate), len(numbers) - lead
+    sound = samples_of(request.sounds, count, request.shot.rate)
+    options = start, sound, request.projection, request.loop is not None
+    store.write(path, lambda draft: write_movie(draft, looped, rate, PLAYBLAST, *options))
+    return count
 
 
 def told_frames(
@@ -217,7 +222,8 @@ def framings_while(
     def extent_of(index: int) -> Extent:
         return _together([_extent(arrays) for arrays in stream.each(request, numbers[index])])
 
-    framer = Framer([request.view(n) for n in numbers], extent_of, request.aspect, request.follow)
+    views, is_round = [request.view(n) for n in numbers], request.is_round
+    framer = Framer(views, extent_of, request.aspect, request.follow, is_round)
     stage, left = request.shot.picture.stage, iter(numbers)
     for count, _ in enumerate(played, start=1):
         if count % INTERVAL == 0 or count == len(numbers):
@@ -240,7 +246,8 @@ def framing_of_still(
     later = [_moved(motion, extent, numbers[last:]) for motion, extent in ends]
     extents = [_together(each) for each in (*known, *zip(*later, strict=False))]
     views = [request.view(n) for n in numbers[: len(extents)]]
-    framing = frame_all(views, lambda i: extents[i], request.aspect, request.follow)[last - 1]
+    options = request.follow, request.is_round
+    framing = frame_all(views, lambda i: extents[i], request.aspect, *options)[last - 1]
     return with_stage_in_view(framing, request.shot.picture.stage, request.flat_aspect)
 
 

@@ -26,6 +26,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from pipeline.errors import FlowsculptError, FrameError, MissingInputError, UsageError
 from pipeline.frames import FrameRange
@@ -58,12 +59,13 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import lock_name, making, writing
 from pipeline.production.store.paths import published
 from pipeline.production.store.store import DAMAGED, Key, Store
+from pipeline.production.tasks.encoding import in_loop, loop_dissolve
 from render.base.atomic_write import disk_errors
 from render.base.input_files import digest_of_file
 from render.base.render_errors import RenderError
 from render.movie.codecs import movie_encode
 from render.movie.encode import write_movie
-from render.movie.movie_frames import Frame
+from render.movie.movie_frames import Frame, mix_frames
 from render.movie.probe import probe_movie
 from render.post.colour import quantise, to_display
 from render.post.image import read_exr
@@ -239,7 +241,7 @@ class Release:
         return keys
 
     def _movie_key(self, keys: Mapping[int, FrameKeys]) -> Key:
-        return self.request.movie_key([keys[n].frame for n in sorted(self.request.angles)])
+        return self.request.whole().movie_key([keys[n].frame for n in sorted(self.request.angles)])
 
     def _require(self, missing: str, stale: str) -> None:
         """Raise MissingInputError or UsageError if a file is missing or stale."""
@@ -450,21 +452,22 @@ class Patch(Release):
 
     def _whole_movie(self, key: Key) -> str:
         """Encode the movie unless the store has it, and return its digest."""
-        request, count = self.request, len(self.request.angles)
+        request, numbers = self.request.whole(), sorted(self.request.angles)
         rate, encode = request.shot.rate, movie_encode(movie_bits(request.quality_name))
 
         def write(path: Path) -> None:
-            sound = samples_of(request.whole().sounds, count, rate)
-            projection = request.projection
-            write_movie(path, self._shown(), rate.fps, encode, sound=sound, projection=projection)
+            frames = in_loop(request, numbers, self._shown, mix_frames)
+            sound = samples_of(request.sounds, len(numbers) - loop_dissolve(request), rate)
+            options: Any = {"projection": request.projection, "loops": request.loop is not None}
+            write_movie(path, frames, rate.fps, encode, sound=sound, **options)
 
         self.store.put("movie", key, write)
         return super()._whole_movie(key)
 
-    def _shown(self) -> Iterator[Frame]:
-        """Yield all frames in order, as the display of today shows them."""
+    def _shown(self, numbers: list[int]) -> Iterator[Frame]:
+        """Yield frames as the display of today shows them."""
         keys, files, picture = self._keys(), self._files(), self.request.shot.picture
-        for number in sorted(self.request.angles):
+        for number in numbers:
             path = files.get(number) or self.store.path("frame", keys[number].frame)
             try:
                 light = read_exr(path)[0]["beauty"]

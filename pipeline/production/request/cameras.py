@@ -182,10 +182,12 @@ def _inputs(request: RenderRequest) -> dict[int, Key]:
     views = {number: request.view(number) for number in numbers}
     move = request.shot.picture.stage.camera_move(request.flat_aspect)
     shared = key_of(FRAME_CAMERA.recipe, request.aspect, request.follow, request.net_pieces(), move)
+    if request.is_round:
+        shared += "round"
     parts = [
         key_of(request.mesh_key(request.angles[n].mesh), request.angles[n].spin, views[n]) for n in numbers
     ]
-    if request.follow != 1.0 or any(view.position is not None for view in views.values()):
+    if request.follow != 1.0 or request.is_round or any(view.position is not None for view in views.values()):
         return dict.fromkeys(numbers, _digest(shared, 0, parts))
     digests = {}
     for place, number in enumerate(numbers):

@@ -236,26 +236,44 @@ class Framing:
 
 
 def frame_all(
-    views: Sequence[View], points_of: Callable[[int], Extent], aspect: float, follow: float = 1.0
+    views: Sequence[View],
+    points_of: Callable[[int], Extent],
+    aspect: float,
+    follow: float = 1.0,
+    is_round: bool = False,
 ) -> list[Framing]:
     """Frame a sequence: `points_of(i)` gives what `views[i]` sees; it is computed with as float64.
 
     aspect  width to height
     follow  1 goes along with the sculpture; 0 holds the distance, the aim and the floor for the whole
             sequence, as a turntable wants them; in between, partly
+    is_round  True if the first frame follows the last, so that the camera is as calm there
 
     What a view says itself is taken as it is: a target, a distance, a position. The stage stands around the
     sculpture all the same, and is as large as it.
     """
-    return Framer(views, points_of, aspect, follow).framings(len(views))
+    return Framer(views, points_of, aspect, follow, is_round).framings(len(views))
 
 
 class Framer:
     """The cameras of a sequence while its frames come; arguments as of `frame_all`."""
 
     def __init__(
-        self, views: Sequence[View], points_of: Callable[[int], Extent], aspect: float, follow: float = 1.0
+        self,
+        views: Sequence[View],
+        points_of: Callable[[int], Extent],
+        aspect: float,
+        follow: float = 1.0,
+        is_round: bool = False,
     ) -> None:
+        self._count, self._lead = len(views), AHEAD if is_round else 0
+        if is_round:  # frames of the rounds before and after are framed too
+            count, of_round = len(views), points_of
+            views = [views[i % count] for i in range(-AHEAD, count + AHEAD)]
+
+            def points_of(i: int) -> Extent:
+                return of_round((i - AHEAD) % count)
+
         many = len(views)
         self._views, self._points_of, self._aspect, self._follow = views, points_of, aspect, follow
         self._landscapes = [landscape(view, aspect) for view in views]
@@ -268,14 +286,19 @@ class Framer:
     def framings(self, come: int) -> list[Framing]:
         """Return the framings that the first `come` frames determine, without those returned before.
 
-        If the camera does not follow the sculpture, there is none before all frames have come.
+        If the camera does not follow the sculpture, or in a round, there is none before all frames have come.
         """
+        if self._lead:
+            if come < self._count:
+                return []
+            come = len(self._views)
         self._survey(come)
         whole = come == len(self._views)
         if not whole and self._follow != 1.0:
             return []
         self._aim(come if whole else come - STEADINESS)
-        return self._place(come if whole else come - AHEAD)
+        placed = self._place(come if whole else come - AHEAD)
+        return placed[self._lead : self._lead + self._count] if self._lead else placed
 
     def _survey(self, come: int) -> None:
         for i in range(self._surveyed, come):
@@ -325,7 +348,11 @@ class Framer:
 
     def _framing(self, i: int, ground: float, distance: float, size: float, front: float) -> Framing:
         view, (x, _, z) = self._views[i], self._middles[i]
-        turn = view.azimuth if view.position is None else bearing(self._views[0], self._aims[0])[0]
+        turn = (
+            view.azimuth
+            if view.position is None
+            else bearing(self._views[self._lead], self._aims[self._lead])[0]
+        )
         placement = StagePlacement(origin=triple([x, ground, z]), size=size, turn=turn)
         camera = camera_of(view, self._aims[i], self._sides[i], distance, size, front)
         return Framing(camera, placement)

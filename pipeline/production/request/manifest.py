@@ -53,6 +53,7 @@ class ShotManifest:
     overrides        frames of each override
     restyled         frames whose look or lights an override changes
     stages           settings, as JSON, by the stages of plug-ins that it asks for
+    loop             how it loops, and the frames of its dissolve: `Loop` as plain data; or None
     """
 
     inputs: InputDigests
@@ -74,6 +75,7 @@ class ShotManifest:
     overrides: tuple[tuple[int, ...], ...]
     restyled: tuple[int, ...]
     stages: Mapping[str, str]
+    loop: tuple[str, int] | None
 
     @classmethod
     def of(cls, shot: Shot) -> ShotManifest:
@@ -101,6 +103,7 @@ class ShotManifest:
             overrides=tuple(override.frames.numbers for override in picture.overrides),
             restyled=tuple(n for override in picture.overrides if override.is_seen for n in override.frames),
             stages=_stages(shot.entries),
+            loop=None if shot.loop is None else astuple(shot.loop),
         )
 
     @property

@@ -323,6 +323,12 @@ class RenderRequest:
         """The share by which the camera follows the sculpture, 0 to 1; that of a turntable stands still."""
         return 0.0 if self.turntable else self.shot.picture.camera.follow
 
+    @property
+    def is_round(self) -> bool:
+        """True if the first frame follows the last, as in a loop without a dissolve."""
+        loop = self.manifest.loop
+        return self.turntable is None and loop is not None and loop[0] != "dissolve"
+
     def view(self, number: int) -> View:
         """Return the view of a picture. A turntable stands still, and its stage needs the object in frame."""
         view = self.shot.picture.camera.at(self._time(number))
@@ -458,6 +464,7 @@ class RenderRequest:
             self.follow,
             self.net_pieces(),
             self.shot.picture.stage.camera_move(self.flat_aspect),
+            *(["round"] if self.is_round else []),
         )
         return _CamerasKey(key)
 
@@ -513,4 +520,10 @@ class RenderRequest:
     def movie_key(self, frames: list[Key]) -> Key:
         rate, bits = self.manifest.rate, movie_bits(self.quality_name)
         sounds = [[sound.content for sound in self.sounds]] if self.sounds else []
-        return key_of(ASSEMBLE.recipe, frames, rate, self.shown_as, bits, *sounds)
+        loop = [] if self.loop is None else [["loop", *self.loop]]
+        return key_of(ASSEMBLE.recipe, frames, rate, self.shown_as, bits, *sounds, *loop)
+
+    @property
+    def loop(self) -> tuple[str, int] | None:
+        """How its movie loops: kind and count of `pipeline.shot.motion.Loop`; None for a part of the shot."""
+        return self.manifest.loop if self.is_whole and self.turntable is None else None

@@ -33,8 +33,31 @@ def assemble(context: Context) -> bool:
     keys, numbers = context.picture_keys(request), sorted(request.requested)
     key = request.movie_key([keys[n].frame for n in numbers])
     rate = FrameRate.of(request.manifest.rate)
-    frames = _shown(context, request, keys, numbers)
-    return _movie(context, key, request.movie_path, frames, rate, (request.sounds, len(numbers)))
+    frames = in_loop(request, numbers, partial(_shown, context, request, keys), mix_frames)
+    length = len(numbers) - loop_dissolve(request)
+    return _movie(context, key, request.movie_path, frames, rate, (request.sounds, length), request.loop)
+
+
+def loop_dissolve(request: RenderRequest) -> int:
+    """Return the frames by which the movie of a loop is shorter than its shot."""
+    return 0 if request.loop is None else request.loop[1]
+
+
+def in_loop(
+    request: RenderRequest,
+    numbers: list[int],
+    shown: Callable[[list[int]], Iterator[T]],
+    mix: Callable[[T, T, float], T],
+) -> Iterator[T]:
+    """Yield the frames of a request's movie: those of a dissolve into the beginning come last, mixed with it.
+
+    shown  yields frames by their numbers
+    mix    as of `render.movie.movie_frames.dissolve`
+    """
+    if not (count := loop_dissolve(request)):
+        return shown(numbers)
+    first, rest = numbers[:count], numbers[count:]
+    return dissolve([(len(rest), 0, shown(rest)), (count, count, shown(first))], mix)
 
 
 def film(context: Context) -> bool:
@@ -61,6 +84,7 @@ def _movie(
     frames: Iterator[Frame],
     rate: FrameRate,
     sounds: tuple[Sequence[AudioClip], int],
+    loop: tuple[str, int] | None = None,
 ) -> bool:
     """Write a movie with its sounds, which come with the number of its frames."""
     clock = WorkClock()
@@ -70,7 +94,9 @@ def _movie(
 
     def write(path: Path) -> None:
         sound = samples_of(*sounds, rate)
-        write_movie(path, reported, rate.fps, encode, sound=sound, projection=projection)
+        write_movie(
+            path, reported, rate.fps, encode, sound=sound, projection=projection, loops=loop is not None
+        )
 
     try:
         context.make("movie", key, target, write)

@@ -218,7 +218,7 @@ def frame_camera(context: Context) -> bool:
 
     def write(path: Path) -> None:
         views = [request.view(number) for number in framed]
-        framings = frame_all(views, points_of, request.aspect, request.follow)
+        framings = frame_all(views, points_of, request.aspect, request.follow, request.is_round)
         stage, aspect = request.shot.picture.stage, request.flat_aspect
         framings = [with_stage_in_view(framing, stage, aspect) for framing in framings]
         plain = {number: to_plain(framing) for number, framing in zip(framed, framings, strict=True)}

@@ -168,6 +168,36 @@ SoundField = Annotated[
 """`{file: music.wav}`, or `off`."""
 
 
+def _frame_count(value: Any) -> Any:
+    """Refuse seconds, with the frames that they are."""
+    seconds = float(value) if isinstance(value, float) else None
+    if isinstance(value, str) and value.endswith("s"):
+        seconds = number_in(value)
+    if seconds and math.isfinite(seconds):
+        raise bad_value(
+            f"{value} is not a count of frames. Write {round(24 * seconds)} for {seconds:g} s at 24 a second."
+        )
+    return value
+
+
+DissolveFrames = Annotated[int, BeforeValidator(_frame_count), Field(ge=0, le=1000)]
+
+
+class LoopDocument(Document):
+    """The last frames dissolve into the first, while both move; movies begin after the dissolve."""
+
+    example = "{dissolve: 24}"
+
+    dissolve: Annotated[DissolveFrames, Field(ge=1)] = Field(description="its length (frames)")
+
+
+LoopField = Annotated[
+    bool | Annotated[str, one_of(("turns",), "loop")] | LoopDocument,
+    ByForm(lambda value: 2 if isinstance(value, dict) else isinstance(value, str)),
+]
+"""`true`, `turns`, or `{dissolve: 24}`, as `motion.Loop.of` reads them."""
+
+
 def require_range(value: Any) -> Any:
     """Refuse numbers and lists, with the range that they mean."""
     if isinstance(value, str):
@@ -230,6 +260,11 @@ class ShotDocument(Document):
     speed: NumberField = Field(
         1.0, description="rate of the flow's time: 0 stands still, below 0 runs backwards"
     )
+    loop: LoopField = Field(
+        False,
+        description="the last frame meets the first: true runs the flows there and back; turns, where flows "
+        "return by themselves; or a dissolve",
+    )
     picture: PictureShapeDocument | None = optional(
         "the shape of the pictures: an aspect or a size; by default 16:9, 1920×1080 in `final`"
     )
@@ -275,21 +310,6 @@ class ShotDocument(Document):
 
 
 CardSeconds = Annotated[float, Field(ge=0, le=60)]
-
-
-def _frame_count(value: Any) -> Any:
-    """Refuse seconds, with the frames that they are."""
-    seconds = float(value) if isinstance(value, float) else None
-    if isinstance(value, str) and value.endswith("s"):
-        seconds = number_in(value)
-    if seconds and math.isfinite(seconds):
-        raise bad_value(
-            f"{value} is not a count of frames. Write {round(24 * seconds)} for {seconds:g} s at 24 a second."
-        )
-    return value
-
-
-DissolveFrames = Annotated[int, BeforeValidator(_frame_count), Field(ge=0, le=1000)]
 
 
 ClipFrames = Annotated[str, BeforeValidator(require_range)]

@@ -1,0 +1,75 @@
+"""Movies of shots that loop."""
+
+from __future__ import annotations
+
+import json
+
+import av
+import pytest
+
+from pipeline.production.execution.project import Project
+from pipeline.production.tasks.encoding import in_loop
+from render.movie.encode import LOOPS
+from tests.conftest import QUALITY
+
+DISSOLVE = "loop={dissolve: 2}"
+
+
+def movie(path) -> tuple[int, str]:
+    with av.open(str(path)) as container:
+        comment = container.metadata.get("comment", "")
+        return sum(1 for _ in container.decode(video=0)), comment
+
+
+def test_the_end_of_a_loop_is_mixed_with_the_frames_before_its_beginning(project):
+    request = Project(project.path, 1, settings=(DISSOLVE,)).request(project.shot, QUALITY)
+    mixed = in_loop(request, [1, 2, 3, 4, 5, 6], iter, lambda a, b, weight: (a, b, round(weight, 3)))
+    assert list(mixed) == [3, 4, (5, 1, 0.333), (6, 2, 0.667)]
+    plain = Project(project.path, 1).request(project.shot, QUALITY)
+    assert list(in_loop(plain, [1, 2, 3], iter, max)) == [1, 2, 3]
+    part = Project(project.path, 1, settings=(DISSOLVE,)).request(project.shot, QUALITY, "2-5")
+    assert list(in_loop(part, [2, 3, 4, 5], iter, max)) == [2, 3, 4, 5]
+
+
+def test_a_dissolve_is_encoded_from_the_frames_that_there_are(finished):
+    plan = finished.render(settings=(DISSOLVE,))
+    assert [job.stage for job in plan.jobs] == ["assemble"]
+    path = finished.path / "renders" / "T010_tiny" / QUALITY / "T010_tiny.mp4"
+    assert movie(path) == (4, LOOPS)
+    delivered = finished.call("deliver", "T010_tiny", "-q", QUALITY, "--set", DISSOLVE, "--as", "review,webp")
+    assert delivered.code == 0, delivered.err
+    folder = path.parent / "deliver"
+    assert movie(next(folder.glob("*.review.mp4"))) == (4, LOOPS)
+    assert b"ANIM" in next(folder.glob("*.webp")).read_bytes()[:64]
+    kept = finished.call("clean", "--dry-run", "--set", DISSOLVE)
+    assert kept.code == 0, kept.err
+
+
+@pytest.mark.quick
+def test_previews_of_loops_dissolve_too(project):
+    done = project.call("preview", "T010_tiny", "--set", DISSOLVE)
+    assert done.code == 0, done.err
+    (path,) = (project.path / "renders" / "T010_tiny" / "preview").glob("*.mp4")
+    assert movie(path) == (4, LOOPS)
+
+
+@pytest.mark.quick
+def test_a_loop_in_whole_turns_changes_cameras_alone(project):
+    """Meshes stay: only the camera and what rests on it is another one where the first frame follows."""
+    plain, round_ = (
+        Project(project.path, 1, settings=settings).request(project.shot, QUALITY)
+        for settings in ((), ("loop=turns",))
+    )
+    assert plain.source.surface_keys.meshes == round_.source.surface_keys.meshes
+    assert plain.cameras_key != round_.cameras_key
+    assert round_.is_round
+
+
+@pytest.mark.quick
+def test_textures_of_a_loop_say_that_they_loop(project):
+    """The last frame of a loop is another one than the first, which follows it."""
+    for settings, loops in (((), False), (("--set", "loop=true"), True)):
+        done = project.call("export", "vat", "T010_tiny", *settings)
+        assert done.code == 0, done.err
+        facts = project.path / "renders" / "T010_tiny" / "vat" / "T010_tiny.json"
+        assert json.loads(facts.read_text())["loops"] is loops
