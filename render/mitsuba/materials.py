@@ -69,6 +69,11 @@ def surface_bsdf(
                 relief = material.relief
                 height = bitmap(relief.texture.numbers(), coordinates, material.projection)
                 opaque = {"type": "bumpmap", "relief": height, "scale": relief.height, "material": opaque}
+            if material.pigment is not None and material.pigment.heights and is_compiled():
+                from render.mitsuba.pattern_textures import relief_normals  # needs a compiled variant
+
+                normals = relief_normals(material.pigment)
+                return {"type": "normalmap", "normalmap": normals, "body": two_sided(opaque)}
             return _with_normals((material,), two_sided(opaque), attributes, coordinates)
         case Painted():
             body = two_sided(_painted(material, attributes, coordinates))
@@ -326,6 +331,10 @@ def _colour(
 ) -> Description:
     if material.colour_texture is not None:
         return bitmap(material.colour_pixels(), coordinates, material.projection)
+    if material.pigment is not None and is_compiled():
+        from render.mitsuba.pattern_textures import pattern_texture  # needs a compiled variant
+
+        return pattern_texture(material.pigment)
     if material.pattern is not None:
         return _ramp_bitmap(material.pattern)
     if material.colour_from is None:
@@ -358,7 +367,7 @@ def _opaque(material: PatternedMaterial, colour: Description, coordinates: Textu
     if isinstance(material, Metal):
         return rough_conductor(colour, _roughness(material, coordinates))
     if isinstance(material, Satin):
-        has_texture = material.roughness_texture is not None
+        has_texture = material.has_varied_roughness
         metallic: Any = material.metallic
         if material.metallic_texture is not None:
             numbers = np.clip(material.metallic_texture.numbers(), 0.0, 1.0)
@@ -374,7 +383,7 @@ def _opaque(material: PatternedMaterial, colour: Description, coordinates: Textu
             "clearcoat_gloss": 0.75,
             "specular": 0.5,
         }
-    if material.roughness_texture is not None:  # roughplastic takes no texture
+    if material.has_varied_roughness:  # roughplastic takes no texture
         return {
             "type": "principled",
             "base_color": colour,
@@ -386,6 +395,10 @@ def _opaque(material: PatternedMaterial, colour: Description, coordinates: Textu
 
 def _roughness(material: Glossy, coordinates: TextureCoordinates, is_squared: bool = False) -> Any:
     """Return a number or a texture. is_squared: True for Mitsuba's principled BSDF, which squares it"""
+    if material.pigment is not None and material.pigment.roughness:
+        from render.mitsuba.pattern_textures import pattern_texture  # needs a compiled variant
+
+        return pattern_texture(material.pigment, "roughness", is_squared)
     if material.roughness_texture is None:
         return max(material.roughness, _MIN_ROUGHNESS)
     numbers = np.clip(material.roughness_texture.numbers(), _MIN_ROUGHNESS, 1.0)

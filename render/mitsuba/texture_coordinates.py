@@ -27,7 +27,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from render.base.render_errors import BadInputError
+from render.mitsuba.engine import is_compiled
 from render.scene.materials import Material
+from render.scene.patterns import Pigment
 from render.scene.surface import Surface
 from render.scene.texture_projection import TextureProjection, project_texture
 from render.scene.vertex_colours import vertex_phases
@@ -73,6 +76,18 @@ def texture_coordinates(surface: Surface, material: Material) -> tuple[Surface, 
         return _along_scratches(surface, axes)
     if material.texture_projection is not None:
         return _projected(surface, material.texture_projection, material.has_normal_map)
+    pigment = material.pattern
+    if isinstance(pigment, Pigment):
+        if is_compiled():
+            from render.mitsuba.pattern_textures import with_places  # needs a compiled variant
+
+            sampled = with_places(surface, pigment)
+            return sampled, TextureCoordinates(np.tile([0.0, SUBJECT], (len(surface.vertices), 1)))
+        if pigment.needs_samples:
+            raise BadInputError(
+                "spots, chips, and heights and roughness of a pigment need a compiled variant of Mitsuba. "
+                "Take another pigment, or see what flowsculpt doctor says about libLLVM"
+            )
     phases = vertex_phases(surface, material)
     first = np.zeros(len(surface.vertices)) if phases is None else phases
     return surface, TextureCoordinates(np.stack([first, np.full(len(first), SUBJECT)], axis=1))

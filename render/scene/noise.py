@@ -10,10 +10,15 @@ from numpy.typing import NDArray
 from render.base.kernel_cache import compiled
 
 Vectors = NDArray[np.float64]
+Numbers = NDArray[np.float64]
 
 _SEEDS = 2**32
 
 _WORD = np.uint64(0xFFFFFFFF)
+
+FINER, SHRINKS, JITTER = 2.17, 2.5, 0.85
+"""Chips of the next generation are so much smaller; the gap around the smallest chips, in gaps; and how far
+in a cell its point may lie."""
 
 
 def fractal_noise(points: Vectors, octaves: int, seed: int) -> Vectors:
@@ -23,26 +28,43 @@ def fractal_noise(points: Vectors, octaves: int, seed: int) -> Vectors:
     above 1. Interpolates the eight values of a lattice cell (quintic fade of Perlin, *Improving noise*,
     2002).
     """
-    total, strength, rotation = np.zeros((len(points), 3)), 0.5, _rotation()
+    total, strength, turn = np.zeros((len(points), 3)), 0.5, rotation()
     lattice = np.ascontiguousarray(points, dtype=np.float64)
     for octave in range(octaves):
         _add_value_noise(lattice, (0x9E3779B9 * (octave + 1) + seed) % _SEEDS, strength, total)
         strength *= 0.5
-        lattice = 2.0 * lattice @ rotation + 17.31  # lattices of two octaves never coincide
+        lattice = 2.0 * lattice @ turn + 17.31  # lattices of two octaves never coincide
     return total
 
 
-def nearest_spot(points: Vectors, seed: int) -> NDArray[np.float64]:
-    """Return the distance (N,) to the nearest spot, over the spot's size.
+def spots(points: Vectors, seed: int) -> tuple[Numbers, Numbers]:
+    """Return a number (N,) from 0 to 1 of the spot nearest to each point (N, 3), and the distance (N,) to it
+    over its size.
 
     Each unit cell has one spot, of size 0.5 to 1 (Worley, *A cellular texture basis function*, 1996).
     """
-    nearest = np.empty(len(points))
-    _find_spots(np.ascontiguousarray(points, dtype=np.float64), seed % _SEEDS, nearest)
-    return nearest
+    choice, nearest = np.empty(len(points)), np.empty(len(points))
+    _find_spots(np.ascontiguousarray(points, dtype=np.float64), seed % _SEEDS, choice, nearest)
+    return choice, nearest
 
 
-def _rotation() -> Vectors:
+def chips(points: Vectors, seed: int, share: float, gap: float, sizes: int) -> tuple[Numbers, Numbers]:
+    """Return a number (N,) from 0 to 1 of the chip at each point (N, 3), and the depth (N,) within it.
+
+    The depth is 0 or less outside, and grows by 1 in half a cell. Chips are the Voronoi cells of one point in
+    each unit cell, less their borders.
+
+    share  fraction of cells that have a chip
+    gap    least distance between chips, in unit cells; more around some
+    sizes  generations of chips, each FINER times as fine as the one before and in the gaps of it
+    """
+    choice, depth = np.empty(len(points)), np.empty(len(points))
+    lattice = np.ascontiguousarray(points, dtype=np.float64)
+    _find_chips(lattice, seed % _SEEDS, share, gap, sizes, choice, depth)
+    return choice, depth
+
+
+def rotation() -> Vectors:
     """Return a rotation (3, 3) by 1 radian about (1, 1, 1), under which no lattice repeats."""
     axis, angle = np.full(3, 1.0 / math.sqrt(3.0)), 1.0
     across = np.cross(np.eye(3), axis)
@@ -93,9 +115,9 @@ def _add_value_noise(points: Vectors, seed: int, strength: float, total: Vectors
 
 
 @compiled()
-def _find_spots(points: Vectors, seed: int, nearest: Vectors) -> None:
-    """Write the distance from points (N, 3) to the nearest spot, over its size, into `nearest` (N,)."""
-    numbers = np.zeros(4)
+def _find_spots(points: Vectors, seed: int, choice: Numbers, nearest: Numbers) -> None:
+    """Write the results of `spots`."""
+    numbers = np.zeros(5)
     for i in range(len(points)):
         x, y, z = points[i]
         low = math.floor(x), math.floor(y), math.floor(z)
@@ -105,6 +127,63 @@ def _find_spots(points: Vectors, seed: int, nearest: Vectors) -> None:
             cz = low[2] + neighbour % 3 - 1
             _cell_numbers(cx, cy, cz, seed, numbers)
             dx, dy, dz = x - cx - numbers[0], y - cy - numbers[1], z - cz - numbers[2]
-            distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-            best = min(best, distance / (0.5 + 0.5 * numbers[3]))
+            distance = math.sqrt(dx * dx + dy * dy + dz * dz) / (0.5 + 0.5 * numbers[3])
+            if distance < best:
+                best, choice[i] = distance, numbers[4]
         nearest[i] = best
+
+
+@compiled()
+def _find_chips(
+    points: Vectors, seed: int, share: float, gap: float, sizes: int, choice: Numbers, depth: Numbers
+) -> None:
+    """Write the results of `chips`. `render.mitsuba.pattern_textures` has the same for compiled variants."""
+    numbers, p, found = np.zeros(6), np.zeros(3), np.zeros(3)
+    for i in range(len(points)):
+        p[:] = points[i]
+        clear, depth[i] = math.inf, 0.0
+        for size in range(sizes):
+            inside, outside, choice[i] = _find_chip(p, seed + size, share, gap, numbers, found)
+            depth[i] = min(inside, 2.0 * clear - gap) if size else inside
+            if depth[i] > 0.0:
+                break
+            clear = FINER * min(clear, outside)
+            p *= FINER
+
+
+@compiled()
+def _find_chip(
+    p: Vectors, seed: int, share: float, gap: float, numbers: Numbers, found: Numbers
+) -> tuple[float, float, float]:
+    """Return the depth of a point in its chip, its distance to all chips if it is outside, and the number."""
+    low = math.floor(p[0]), math.floor(p[1]), math.floor(p[2])
+    best, border, choice, is_there, cell = math.inf, 0.0, 0.0, False, low
+    for neighbour in range(27):
+        at = low[0] + neighbour // 9 - 1, low[1] + neighbour // 3 % 3 - 1, low[2] + neighbour % 3 - 1
+        _cell_numbers(at[0], at[1], at[2], seed, numbers)
+        distance = 0.0
+        for k in range(3):
+            distance += (at[k] + 0.5 + JITTER * (numbers[k] - 0.5) - p[k]) ** 2
+        if distance < best:
+            best, choice, cell, is_there = distance, numbers[4], at, numbers[5] < share
+            border = gap * (0.5 + SHRINKS * numbers[3] ** 2)
+            for k in range(3):
+                found[k] = at[k] + 0.5 + JITTER * (numbers[k] - 0.5)
+    edge, outside = math.inf, math.inf
+    for neighbour in range(27):
+        at = cell[0] + neighbour // 9 - 1, cell[1] + neighbour // 3 % 3 - 1, cell[2] + neighbour % 3 - 1
+        if neighbour == 13:
+            continue
+        _cell_numbers(at[0], at[1], at[2], seed, numbers)
+        along, length = 0.0, 0.0
+        for k in range(3):
+            other = at[k] + 0.5 + JITTER * (numbers[k] - 0.5)
+            along += (0.5 * (other + found[k]) - p[k]) * (other - found[k])
+            length += (other - found[k]) ** 2
+        distance = along / math.sqrt(max(length, 1e-12))
+        edge = min(edge, distance)
+        if numbers[5] < share:
+            outside = min(outside, distance + gap * (0.5 + SHRINKS * numbers[3] ** 2))
+    if is_there:
+        return 2.0 * (edge - border), min(outside, border - edge), choice
+    return -1.0, outside, choice

@@ -1,8 +1,9 @@
-"""Colours by a number at each vertex: procedural patterns, and measures shown by colour maps.
+"""Colours by a number at each point: procedural patterns, and measures shown by colour maps.
 
-The number, a *phase*, is interpolated by faces, and a colour ramp maps it to colours. Borders between colours
-are therefore as sharp as the picture, however long the edges are: only their course is cut into straight
-pieces, one per face. Patterns are computed in rest positions, so they move with the material.
+A colour ramp maps the number, a *phase*, to colours, so borders between them are as sharp as the picture.
+Patterns are computed in rest positions, so they move with the material: at every sample of a picture in
+compiled variants (`render.mitsuba.pattern_textures`) and previews, elsewhere at vertices, between which faces
+interpolate. Measures are numbers at vertices.
 """
 
 from __future__ import annotations
@@ -10,19 +11,25 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cache
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from render.base.render_errors import BadInputError
-from render.base.serialise import NOT_PLAIN, Colour, Triple
+from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT, Colour, Triple
 from render.scene.rgb_spaces import REC709, converted_pixels, linear_of_srgb
 from render.scene.surface import Surface
 
-PATTERNS = ("layers", "gradient", "rings", "marble", "speckles")
+CELLS = ("spots", "chips")
+"""Patterns of cells with one colour each: phases jump from cell to cell."""
+
+PATTERNS = ("layers", "gradient", "rings", "radial", "marble", "speckles", *CELLS)
 TEXELS = 2048
 """Colours in the ramp of a pattern."""
+
+OUTSIDE = -0.02
+"""Depth in a spot or chip that stands for all outside."""
 
 Phases = NDArray[np.float64]
 
@@ -32,18 +39,27 @@ class Pigment:
     """A pattern and its colours.
 
     pattern     "layers" (repeated along the axis), "gradient" (along the axis), "rings" (around the axis;
-                the last one continues outwards), "marble" (veins across the axis) or "speckles"
-    colours     linear Rec.709 reflectances, two or more. Layers and rings: in order from the centre.
-                Gradient: along the axis. Marble and speckles: the ground, then the colours on it
-    scale       scene units: thickness of a layer or ring, length of a gradient, distance between veins, size
-                of the cells of speckles
+                the last one continues outwards), "radial" (shells around the centre, repeated), "marble"
+                (veins across the axis), "speckles" (of all colours, one in the other), "spots" (round, of
+                one colour each) or "chips" (angular, of one colour each)
+    colours     linear Rec.709 reflectances, two or more. Layers, rings, radial: in order from the centre.
+                Gradient: along the axis. Others: the ground, then the colours on it
+    scale       scene units: thickness of a layer, ring or shell, length of a gradient, distance between
+                veins, size of the cells of speckles, spots and chips
     axis        direction of the pattern
     centre      origin of the pattern; the middle of a gradient
-    softness    width of borders, as a fraction of a layer, vein or speckle; 0 is as sharp as the picture
-    share       marble and speckles: fraction of the ground that veins or the largest speckles cover
+    softness    width of borders, as a fraction of a layer, vein or speckle, of the radius of a spot, or of
+                half a cell of chips; 0 is as sharp as the picture
+    share       marble and speckles: fraction of the ground that veins or the largest speckles cover; spots:
+                the radius of the largest, in cells; chips: the fraction of cells that have one
     turbulence  displacement of the pattern by noise, in scales
     octaves     of the noise, each half as large as the one before
-    seed        of the noise and of the positions of speckles
+    seed        of the noise and of the positions of speckles, spots and chips
+    heights     relief: the height of each colour, scene units, or none. It changes shading only
+    roughness   of each colour, or none for that of the material
+    gap         between chips, in cells; some have more
+    sizes       generations of chips, the smaller ones in the gaps of the larger ones
+    sampled     the version of what a sample of a picture shows of the same fields
     """
 
     pattern: str
@@ -54,8 +70,13 @@ class Pigment:
     softness: float = 0.04
     share: float = 0.25
     turbulence: float = 0.0
-    octaves: int = 4
+    octaves: int = 1
     seed: int = 0
+    heights: tuple[float, ...] = field(default=(), metadata=OMIT_DEFAULT)
+    roughness: tuple[float, ...] = field(default=(), metadata=OMIT_DEFAULT)
+    gap: float = field(default=0.08, metadata=OMIT_DEFAULT)
+    sizes: int = field(default=1, metadata=OMIT_DEFAULT)
+    sampled: int = field(default=2, init=False)
 
     def __post_init__(self) -> None:
         if self.pattern not in PATTERNS:
@@ -70,26 +91,49 @@ class Pigment:
             raise BadInputError(
                 f"pigment has turbulence {self.turbulence} and {self.octaves} octaves; the least are 0 and 1"
             )
-        for name in ("softness", "share"):
+        for name in ("heights", "roughness"):
+            if (count := len(getattr(self, name))) not in (0, len(self.colours)):
+                raise BadInputError(
+                    f"pigment has {count} {name} and {len(self.colours)} colours; write one for each colour"
+                )
+        if not all(0.0 <= each <= 1.0 for each in self.roughness):
+            raise BadInputError("pigment has a roughness out of range; each lies between 0 and 1")
+        for name in ("softness", "share", "gap"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise BadInputError(f"pigment has {name} {getattr(self, name)}; it lies between 0 and 1")
 
     @property
     def repeats(self) -> bool:
         """True if the colour ramp repeats; otherwise its end colours continue."""
-        return self.pattern in ("layers", "marble")
+        return self.pattern in ("layers", "radial", "marble")
+
+    @property
+    def needs_samples(self) -> bool:
+        """True if phases at vertices do not tell all."""
+        return self.pattern in CELLS or bool(self.heights or self.roughness)
 
     def phases(self, points: NDArray[np.floating]) -> Phases:
         """Return the phases (V,) of rest positions (V, 3). The ramp spans phases 0 to 1."""
         local = (np.asarray(points, dtype=np.float64) - self.centre) / self.scale
         axis = np.array(self.axis) / math.hypot(*self.axis)
-        if self.turbulence or self.pattern == "speckles":
-            from render.scene.noise import fractal_noise, nearest_spot  # numba is slow to import
+        if self.turbulence or self.pattern in ("speckles", *CELLS):
+            from render.scene.noise import chips, fractal_noise, spots  # numba is slow to import
 
         if self.turbulence:
             local = local + self.turbulence * fractal_noise(local, self.octaves, self.seed)
-        if self.pattern == "speckles":
-            return nearest_spot(local, self.seed)
+        if self.pattern in ("speckles", "spots"):
+            choice, distance = spots(local, self.seed)
+            if self.pattern == "speckles":
+                return distance
+            depth = 1.0 - distance / max(self.share, 1e-9)
+        if self.pattern == "chips":
+            choice, depth = chips(local, self.seed, self.share, self.gap, self.sizes)
+        if self.pattern in CELLS:
+            count = len(self.colours) - 1
+            return np.asarray((np.floor(choice * count) + in_ramp(np.clip(depth, OUTSIDE, 1.0))) / count)
+        if self.pattern == "radial":
+            distance = np.maximum(np.linalg.norm(local, axis=1), 0.5 * self.softness)  # no border at 0
+            return np.asarray(distance / len(self.colours))
         along = local @ axis
         if self.pattern == "rings":
             return np.asarray(np.linalg.norm(local - np.outer(along, axis), axis=1)) / len(self.colours)
@@ -97,14 +141,14 @@ class Pigment:
             return along + 0.5
         return along / (len(self.colours) if self.pattern == "layers" else 1.0)
 
-    def ramp(self) -> NDArray[np.float32]:
-        """Return the colours (TEXELS, 3) of phases from 0 to 1."""
+    def ramp(self, of: str = "colours") -> NDArray[np.float32]:
+        """Return the colours (TEXELS, 3) of phases from 0 to 1; or "heights" or "roughness" (TEXELS, 1)."""
         phases = (np.arange(TEXELS) + 0.5) / TEXELS
-        colours = np.array(self.colours, dtype=np.float64)
+        colours = np.array(getattr(self, of), dtype=np.float64).reshape(len(self.colours), -1)
         if self.pattern == "gradient":
             stops = np.linspace(0.0, 1.0, len(colours))
             ramp = np.stack([np.interp(phases, stops, part) for part in colours.T], axis=1)
-        elif self.pattern in ("layers", "rings"):
+        elif self.pattern in ("layers", "rings", "radial"):
             ramp = self._bands(phases, colours)
         else:
             ramp = self._on_ground(phases, colours)
@@ -123,10 +167,18 @@ class Pigment:
         return np.asarray(own + before * (previous - own) + after * (following - own))
 
     def _on_ground(self, phases: Phases, colours: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return veins, each in the middle of its part of the ramp, or speckles from the ramp's beginning."""
+        """Return veins, each in the middle of its part of the ramp, speckles from the ramp's beginning, or
+        spots and chips, each deeper and deeper along its own part of the ramp."""
         ground, *others = colours
         ramp = np.tile(ground, (len(phases), 1))
         for index, colour in enumerate(others):
+            if self.pattern in CELLS:
+                place = phases * len(others) - index
+                depth = (place - in_ramp(0.0)) / (in_ramp(1.0) - in_ramp(0.0))
+                cover = _smooth(depth / max(self.softness, 1e-6))
+                cover[(place < 0.0) | (place >= 1.0)] = 0.0
+                ramp += cover[:, None] * (colour - ramp)
+                continue
             if self.pattern == "speckles":
                 distance, half = phases, self.share * (len(others) - index) / len(others)
             else:  # each vein is thinner than the one before
@@ -136,6 +188,14 @@ class Pigment:
             cover = _smooth((half - distance) / soft + 0.5)[:, None]
             ramp += cover * (colour - ramp)
         return ramp
+
+
+def in_ramp(depth: Any) -> Any:
+    """Return the place from 0 to 1 of a depth from OUTSIDE to 1 in the part of the ramp of a cell's colour.
+
+    Both ends of that part are not used, since lookups blend neighbours.
+    """
+    return 0.01 + 0.98 * (depth - OUTSIDE) / (1.0 - OUTSIDE)
 
 
 def _smooth(x: NDArray[np.float64]) -> NDArray[np.float64]:

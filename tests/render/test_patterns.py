@@ -12,14 +12,16 @@ from hypothesis import strategies as st
 
 from render.base.render_errors import BadInputError
 from render.base.serialise import from_plain, to_plain
+from render.mitsuba.engine import Engine
 from render.scene.aovs import RenderedFrame
 from render.scene.materials import LOOKS
 from render.scene.noise import fractal_noise
-from render.scene.patterns import PATTERNS, TEXELS, Pigment
+from render.scene.patterns import CELLS, PATTERNS, TEXELS, Pigment
 from render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
 
+SMOOTH = [pattern for pattern in PATTERNS if pattern not in CELLS]
 RED, BLUE = (0.7, 0.05, 0.05), (0.05, 0.05, 0.7)
 
 
@@ -66,14 +68,115 @@ def test_what_is_on_the_ground_takes_more_of_it_with_a_larger_share(pattern: str
 
 
 @settings(deadline=None, max_examples=30)
-@given(st.integers(0, 2**32 - 1), st.sampled_from(PATTERNS), st.floats(0.05, 5))
-def test_neighbours_have_neighbouring_phases_so_that_faces_can_interpolate(
-    seed: int, pattern: str, scale: float
-) -> None:
+@given(st.integers(0, 2**32 - 1), st.sampled_from(SMOOTH), st.floats(0.05, 5))
+def test_neighbours_have_neighbouring_phases(seed: int, pattern: str, scale: float) -> None:
     pigment = Pigment(pattern, (RED, BLUE), scale=scale, turbulence=0.7, octaves=3, seed=seed)
     points = np.random.default_rng(seed).uniform(-3, 3, (200, 3))
     steps = np.abs(pigment.phases(points + 1e-6 * scale) - pigment.phases(points))
     assert steps.max() < 1e-4
+
+
+@pytest.mark.parametrize("pattern", CELLS)
+def test_a_spot_or_chip_has_one_colour_of_the_palette_and_all_are_used(pattern: str) -> None:
+    palette = ((0.9, 0.9, 0.9), RED, BLUE, (0.1, 0.6, 0.1))
+    pigment = Pigment(
+        pattern, palette, scale=0.5, softness=0.0, gap=0.1, sizes=2 if pattern == "chips" else 1
+    )
+    points = np.random.default_rng(3).uniform(-4, 4, (4000, 3))
+    shown = at(pigment, *points)
+    off = np.abs(shown[:, None] - np.array(palette)).max(axis=2)
+    assert (off.min(axis=1) < 1e-6).mean() > 0.995  # the others lie on borders
+    kinds = off.argmin(axis=1)
+    assert set(kinds) == {0, 1, 2, 3}
+    beside = off_palette(at(pigment, *(points + 1e-3)), palette)
+    changed = kinds != beside
+    assert changed.mean() < 0.06
+    assert ((kinds == 0) | (beside == 0))[changed].mean() > 0.9 or pattern == "spots"  # ground is between
+
+
+def off_palette(shown: np.ndarray, palette: tuple[tuple[float, float, float], ...]) -> np.ndarray:
+    """The number of the colour that each is."""
+    return np.abs(shown[:, None] - np.array(palette)).max(axis=2).argmin(axis=1)
+
+
+def test_smaller_chips_lie_in_the_gaps_of_larger_ones_and_leave_these_as_they_are() -> None:
+    points = np.random.default_rng(5).uniform(-3, 3, (20000, 3))
+    covers, before = [], np.zeros(len(points), bool)
+    for sizes in (1, 2, 3):
+        pigment = Pigment("chips", ((0, 0, 0), (1, 1, 1)), scale=0.8, share=0.8, softness=0.0, sizes=sizes)
+        here = at(pigment, *points)[:, 0] > 0.5
+        assert (before & ~here).mean() < 1e-3
+        covers.append(here.mean())
+        before = here
+    assert covers[0] < covers[1] - 0.05 < covers[2] - 0.06
+
+
+def test_shells_begin_at_the_centre_and_begin_again() -> None:
+    radial = Pigment("radial", (RED, BLUE), scale=0.5, centre=(0, 1, 0))
+    shown = at(radial, (0, 1, 0), (0.2, 1, 0), (0, 1.7, 0), (0, 1, 1.2), (0, 1, -1.7))
+    assert shown == pytest.approx(np.array([RED, RED, BLUE, RED, BLUE]), abs=1e-6)
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_a_sample_of_a_picture_shows_the_pattern_at_its_place_at_rest(pattern: str, engine: Engine) -> None:
+    import mitsuba as mi
+
+    from render.mitsuba.pattern_textures import PLACE, pattern_texture, with_places
+    from render.mitsuba.shapes import mesh
+
+    pigment = Pigment(pattern, (RED, BLUE, (0.1, 0.6, 0.1)), scale=0.3, turbulence=0.6, octaves=3, seed=4)
+    rest = np.float32([[0, 0, 0], [2, 0, 0], [0, 2, 0]])
+    moved = np.float32([[0, 0, 5], [3, 0, 5], [0, 1, 5]])  # stretched, squashed and away
+    normals = np.tile(np.float32([0, 0, -1]), (3, 1))
+    surface = Surface(moved, normals, np.int32([[0, 2, 1]]), rest=rest)
+    shape = mesh("plate", with_places(surface, pigment), {"type": "diffuse"}, np.zeros(2))
+    scene = mi.load_dict({"type": "scene", "plate": shape})
+    u, v = np.random.default_rng(1).uniform(0.02, 0.48, (2, 500))
+    ray = mi.Ray3f(mi.Point3f(mi.Float(3 * u), mi.Float(v), 0.0), mi.Vector3f(0.0, 0.0, 1.0))
+    si = scene.ray_intersect(ray)
+    place = np.array(si.shape.eval_attribute_3(f"vertex_{PLACE}", si))
+    assert place == pytest.approx(np.stack([2 * u, 2 * v, 0 * u]), abs=1e-5)
+    shown = np.array(pattern_texture(pigment).eval(si)).T
+    off = np.abs(shown - at(pigment, *np.stack([2 * u, 2 * v, 0 * u], axis=1))).max(axis=1)
+    assert np.quantile(off, 0.97) < 0.02  # the others lie on borders
+
+
+@pytest.mark.parametrize("stretch", [1.0, 2.0])
+def test_relief_is_as_steep_as_its_height_over_the_present_surface(stretch: float, engine: Engine) -> None:
+    import mitsuba as mi
+
+    from render.mitsuba.pattern_textures import relief_normals, with_places
+    from render.mitsuba.shapes import mesh
+
+    slope = Pigment("gradient", (RED, BLUE), scale=2.0, axis=(1, 0, 0), heights=(0.0, 0.4))
+    rest = np.float32([[-1, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]])
+    normals = np.tile(np.float32([0, 0, 1]), (4, 1))
+    surface = Surface(
+        rest * np.float32([stretch, 1, 1]), normals, np.int32([[0, 1, 3], [0, 3, 2]]), rest=rest
+    )
+    shape = mesh("plate", with_places(surface, slope), {"type": "diffuse"}, np.zeros(2))
+    scene = mi.load_dict({"type": "scene", "plate": shape})
+    si = scene.ray_intersect(mi.Ray3f(mi.Point3f(0.1, 0.2, 3.0), mi.Vector3f(0.0, 0.0, -1.0)))
+    local = mi.Vector3f(2.0 * relief_normals(slope).eval_3(si) - 1.0)
+    x, _, z = np.array(si.sh_frame.to_world(local)).ravel()
+    assert -x / z == pytest.approx(0.2 / stretch, rel=1e-2)
+
+
+def test_relief_and_roughness_reach_the_beauty_and_no_other_layer(
+    rendered: Rendered, sphere: Surface
+) -> None:
+    marked = replace(sphere, rest=sphere.vertices)
+    flat = Pigment("layers", (RED, RED), scale=0.2, softness=1.0)
+    plain, carved, dull = (
+        rendered(surface=marked, look=replace(LOOKS["glaze"], pigment=pigment))
+        for pigment in (flat, replace(flat, heights=(0.0, 0.05)), replace(flat, roughness=(0.5, 0.5)))
+    )
+    for name in ("matte", "normal", "depth", "position"):
+        assert np.array_equal(plain[name], carved[name])
+    assert plain["albedo"] == pytest.approx(carved["albedo"], abs=1e-4)
+    inside = plain["matte"] == 1.0
+    for other in (carved, dull):
+        assert np.abs(other["beauty"] - plain["beauty"])[inside].mean() > 0.01
 
 
 def test_noise_is_the_same_for_the_same_seed_and_keeps_its_bounds() -> None:
@@ -94,11 +197,15 @@ def test_a_pigment_that_makes_no_sense_is_refused() -> None:
         {"axis": (0, 0, 0)},
         {"softness": 1.5},
         {"octaves": 0},
+        {"heights": (0.1,)},
+        {"roughness": (0.1, 1.2)},
     ):
         with pytest.raises(BadInputError):
             Pigment(**{"pattern": "layers", "colours": (RED, BLUE), **wrong})
     with pytest.raises(BadInputError, match="one colour"):
         LOOKS["glass"].with_values(pigment=Pigment("layers", (RED, BLUE)))
+    with pytest.raises(BadInputError, match="no highlights"):
+        LOOKS["clay"].with_values(pigment=Pigment("layers", (RED, BLUE), roughness=(0.1, 0.2)))
 
 
 def test_a_look_with_a_pigment_survives_being_written_down() -> None:

@@ -49,6 +49,9 @@ _PROJECTIONS_WITH = {
 """The projections that have a setting, where not all have it."""
 
 
+Octaves = Annotated[int, Field(ge=1, le=8)]
+
+
 class PatternDocument(Document):
     colours: Annotated[list[Colour], Field(min_length=2, max_length=16)] = Field(
         description="two or more, linear Rec.709 or '#c04020'"
@@ -58,11 +61,19 @@ class PatternDocument(Document):
     centre: Triple = Field(ORIGIN, description="origin of the pattern (units)")
     softness: ZeroToOne = Field(0.04, description="of the borders between colours")
     turbulence: Annotated[float, Field(ge=0, le=10)] = Field(0.0, description="strength of its noise")
-    octaves: Annotated[int, Field(ge=1, le=8)] = Field(4, description="of its noise: how fine it is")
+    octaves: Octaves = Field(1, description="of its noise: 1 is smooth; with more, borders become rough")
     seed: Annotated[int, Field(ge=0, lt=2**32)] = Field(0, description="another one, another pattern")
+    heights: Annotated[list[Real], Field(max_length=16)] = Field(
+        default_factory=list, description="relief: the height of each colour (units); outlines stay"
+    )
+    roughness: Annotated[list[ZeroToOne], Field(max_length=16)] = Field(
+        default_factory=list, description="of each colour, in place of the material's"
+    )
 
     def build(self, pattern: str) -> Pigment:
-        given = self.model_dump(exclude={"colours", "axis", "centre"})
+        given: dict[str, Any] = self.model_dump(exclude={"colours", "axis", "centre"})
+        for name in ("heights", "roughness"):
+            given[name] = tuple(float(each) for each in given[name])
         colours = tuple(vector(colour) for colour in self.colours)
         return Pigment(pattern, colours, axis=axis(self.axis), centre=vector(self.centre), **given)
 
@@ -71,10 +82,24 @@ class MarbleDocument(PatternDocument):
     share: ZeroToOne = Field(0.15, description="fraction of the ground that the veins take")
     softness: ZeroToOne = Field(0.6, description="of the borders between colours")
     turbulence: Annotated[float, Field(ge=0, le=10)] = Field(0.9, description="strength of its noise")
+    octaves: Octaves = Field(4, description="of its noise: how fine it is")
 
 
 class SpecklesDocument(PatternDocument):
     share: ZeroToOne = Field(0.45, description="the radius of the largest speckle, in cells")
+    octaves: Octaves = Field(4, description="of its noise: how fine it is")
+
+
+class SpotsDocument(PatternDocument):
+    share: ZeroToOne = Field(0.45, description="the radius of the largest spot, in cells")
+
+
+class ChipsDocument(PatternDocument):
+    share: ZeroToOne = Field(0.9, description="the fraction of cells that have a chip")
+    gap: ZeroToOne = Field(0.08, description="least distance between chips, in cells")
+    sizes: Annotated[int, Field(ge=1, le=4)] = Field(
+        2, description="of chips: smaller and smaller ones lie in the gaps of larger ones"
+    )
 
 
 class PigmentDocument(OneOfSeveral):
@@ -88,8 +113,11 @@ class PigmentDocument(OneOfSeveral):
     layers: PatternDocument | None = optional("bands along an axis")
     gradient: PatternDocument | None = optional("from colour to colour along an axis")
     rings: PatternDocument | None = optional("bands about an axis")
+    radial: PatternDocument | None = optional("shells about a point, one after the other")
     marble: MarbleDocument | None = optional("veins in a ground")
-    speckles: SpecklesDocument | None = optional("dots in a ground")
+    speckles: SpecklesDocument | None = optional("dots in a ground, each with all colours")
+    spots: SpotsDocument | None = optional("round spots in a ground, of one colour each")
+    chips: ChipsDocument | None = optional("angular chips in a ground, of one colour each: terrazzo")
 
     def build(self) -> Pigment:
         (pattern,) = self.named

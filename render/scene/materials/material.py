@@ -157,6 +157,8 @@ class PatternedMaterial(Material):
         names = [name for name, source in sources.items() if source is not None]
         if len(names) > 1:
             raise BadInputError(f"look has {' and '.join(names)}; its colour comes from one of them")
+        if self.pigment and self.pigment.roughness and not hasattr(self, "roughness_texture"):
+            raise BadInputError(f"look has a pigment with roughness, and {self.model} has no highlights")
         if self.texture_projection and self.pattern:
             raise BadInputError(
                 f"look has a {names[0]}, and pictures from files beside it; use one of the two"

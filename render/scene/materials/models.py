@@ -49,6 +49,11 @@ class Glossy(PatternedMaterial):
     roughness_texture: Texture | None = field(default=None, kw_only=True)
     relief: Relief | None = field(default=None, kw_only=True)
 
+    @property
+    def has_varied_roughness(self) -> bool:
+        """True if a texture or a pigment gives the roughness."""
+        return self.roughness_texture is not None or bool(self.pigment and self.pigment.roughness)
+
 
 @dataclass(frozen=True)
 class Plastic(Glossy):
@@ -62,9 +67,10 @@ class Plastic(Glossy):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.subsurface and self.roughness_texture:
+        if self.subsurface and self.has_varied_roughness:
             raise BadInputError(
-                "look has subsurface and a picture of roughness; remove one, or give roughness as a number"
+                "look has subsurface and a picture or pattern of roughness; remove one, or give roughness as "
+                "a number"
             )
 
 
