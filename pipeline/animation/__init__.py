@@ -1,6 +1,13 @@
 """From a shot to its surfaces, frame after frame."""
 
-from pipeline.animation.frame import FrameReport, MeshFrame, descent, material_of, mesh_at_subframe
+from pipeline.animation.frame import (
+    FrameReport,
+    MeshFrame,
+    descent,
+    material_of,
+    mesh_at_subframe,
+    moved_to_subframe,
+)
 from pipeline.animation.loop import FrameProgress, FrameProgressCallback, animate, animate_reporting
 
 __all__ = [
@@ -13,4 +20,5 @@ __all__ = [
     "descent",
     "material_of",
     "mesh_at_subframe",
+    "moved_to_subframe",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -16,6 +16,8 @@ from pipeline.flow import checked_displacement
 from pipeline.mesh import PolygonMesh, TriangleMesh
 from pipeline.mesh.control_net import Lattice
 from pipeline.mesh.halfedge_mesh import IDENTITY, Ancestry, ancestry
+from pipeline.mesh.normals import NORMAL
+from pipeline.mesh.placed_copies import COPIES, STARTS, Placements
 from pipeline.resample import PolyhedralReport, Report
 from pipeline.resample.placement import REST
 from pipeline.shot import Motion
@@ -68,8 +70,9 @@ class FrameReport:
 class MeshFrame:
     """One frame of a shot's surface. With the shot, it is all that later frames depend on.
 
-    mesh        the surface; of a cloud the points, without faces, their radii as the attribute `radius`; of a
-                control net the points, with the net's own cells as faces
+    own         the surface; of a cloud the points, without faces, their radii as the attribute `radius`; of a
+                control net the points, with the net's own cells as faces; of rigid copies the one that all
+                are copies of, around its middle
     polygons    the polygons that `mesh` was triangulated from, if the surface has polygons; their vertices
                 are the first of the mesh's
     births      int64 (N, 3): the `identity` of each vertex born on the way into this frame, and those of its
@@ -77,16 +80,37 @@ class MeshFrame:
     identities  the number of identities given since the first frame
     unsorted    number of vertices born since the resampler last sorted them
     lattice     layout of the control points, if the vertices are those of a control net
+    copies      of rigid copies, their placements in this frame; else None
+    starts      of rigid copies, their placements at rest; else None
     """
 
     number: int
-    mesh: TriangleMesh
+    own: TriangleMesh
     report: FrameReport
     polygons: PolygonMesh | None = None
     births: AnyArray | None = None
     identities: int = 0
     unsorted: int = 0
     lattice: Lattice | None = None
+    copies: Placements | None = None
+    starts: Placements | None = None
+
+    @cached_property
+    def mesh(self) -> TriangleMesh:
+        """The surface; of rigid copies that of all, one after another, with material positions."""
+        if self.copies is None or self.starts is None:
+            return self.own
+        mesh = self.copies.repeated(self.own)
+        named = {MATERIAL: self.starts.points(self.own.vertices), IDENTITY: np.arange(len(mesh.vertices))}
+        if NORMAL in self.own.attributes:
+            named[NORMAL] = self.copies.directions(self.own.attributes[NORMAL])
+        return mesh.with_attributes(**named)
+
+    def with_moved_copies(self, displace: Callable[[Points], Points]) -> MeshFrame:
+        """Return the frame with its rigid copies carried and turned by the map of a flow."""
+        assert self.copies is not None, "only rigid copies move as a whole"
+        reach = 0.5 * float(np.linalg.norm(self.own.vertices, axis=1).max())
+        return replace(self, copies=self.copies.moved(reach, displace))
 
     def to_arrays(self) -> dict[str, AnyArray]:
         """Return the frame as named arrays, as ``numpy.savez(file, **arrays)`` takes them.
@@ -95,8 +119,9 @@ class MeshFrame:
         () and report (): a string of JSON. With seams also seams int32 (S, 2). With identities also births
         int64 (N, 3), identities () and unsorted (). With polygons also offsets int32 (P + 1,) and corners
         int32 (C,). With a control net also net int32 (4,): rows, columns, and 1 for each closed direction.
+        Rigid copies are stored as one, with copies and starts, float64 (N, 3, 4): see `Placements`.
         """
-        mesh, polygons = self.mesh, self.polygons
+        mesh, polygons = self.own, self.polygons
         arrays: dict[str, AnyArray] = {
             "vertices": mesh.vertices,
             "faces": mesh.faces,
@@ -109,6 +134,8 @@ class MeshFrame:
             arrays |= {"births": self.births, **numbers}
         if self.lattice is not None:
             arrays["net"] = self.lattice.as_array()
+        if self.copies is not None and self.starts is not None:
+            arrays |= {COPIES: self.copies.matrices, STARTS: self.starts.matrices}
         arrays |= {_ATTRIBUTE + name: values for name, values in mesh.attributes.items()}
         report = np.array(json.dumps(self.report.as_data()))
         return {**arrays, "number": np.array(self.number), "report": report}
@@ -124,13 +151,15 @@ class MeshFrame:
         mesh = TriangleMesh(arrays["vertices"], arrays["faces"], attributes, *tagged)
         return cls(
             number=int(arrays["number"]),
-            mesh=mesh,
+            own=mesh,
             report=FrameReport.from_data(json.loads(str(arrays["report"]))),
             polygons=_polygons(mesh, arrays),
             births=arrays.get("births"),
             identities=int(arrays.get("identities", 0)),
             unsorted=int(arrays.get("unsorted", 0)),
             lattice=_lattice(mesh, arrays),
+            copies=Placements(arrays[COPIES]) if COPIES in arrays else None,
+            starts=Placements(arrays[STARTS]) if COPIES in arrays else None,
         )
 
 
@@ -211,7 +240,12 @@ MAX_DISTANCE = 1.0  # frames: farther away another frame is nearer, and the surf
 
 
 def mesh_at_subframe(motion: Motion, frame: MeshFrame, subframe: float) -> TriangleMesh:
-    """Return the mesh of a frame moved to a sub-frame: 12.5 lies between the frames 12 and 13.
+    """Return the mesh of a frame moved to a sub-frame, as `moved_to_subframe` moves it."""
+    return moved_to_subframe(motion, frame, subframe).mesh
+
+
+def moved_to_subframe(motion: Motion, frame: MeshFrame, subframe: float) -> MeshFrame:
+    """Return a frame moved to a sub-frame: 12.5 lies between the frames 12 and 13.
 
     Vertices and faces are those of `frame`, in their order, moved by the shot's flow for the exact time,
     speed curves included. At the next frame's time they are where the simulation has them before it
@@ -224,5 +258,11 @@ def mesh_at_subframe(motion: Motion, frame: MeshFrame, subframe: float) -> Trian
         raise UsageError(f"{fact}; take a nearer frame")
     time, dt = motion.clock.between(frame.number, subframe)
     flow = motion.limit_steps(motion.flow, frame.number + (subframe > frame.number))
-    moved = checked_displacement(flow, frame.mesh.vertices, time, dt, frame.number)
-    return TriangleMesh(moved, frame.mesh.faces, creases=frame.mesh.creases)
+
+    def displace(points: Points) -> Points:
+        return checked_displacement(flow, points, time, dt, frame.number)
+
+    if frame.copies is not None:
+        return frame.with_moved_copies(displace)
+    moved = TriangleMesh(displace(frame.own.vertices), frame.own.faces, creases=frame.own.creases)
+    return replace(frame, own=moved)

@@ -103,6 +103,34 @@ class MovingSurface:
         return replace(frame, births=self._register.births, identities=self._register.given)
 
 
+class RigidCopies(MovingSurface):
+    """Copies that the flow carries and turns, and whose shape is that of the first frame."""
+
+    def __init__(self, frame: MeshFrame) -> None:
+        self._frame = frame
+
+    @classmethod
+    def at_rest(cls, motion: Motion, flow: Flow) -> RigidCopies:
+        """Return the copies of the subject as it is resampled alone in the first frame."""
+        alone, placements = motion.of_shape()
+        frame = at_rest(alone, flow).frame(motion.frames.first)
+        mesh, numbers = frame.mesh, len(placements) * len(frame.mesh.vertices)
+        normals = {name: values for name, values in mesh.attributes.items() if name == NORMAL}
+        own = TriangleMesh(mesh.vertices, mesh.faces, normals, **mesh.tagged_edges)
+        report, none = FrameReport(None, frame.report.measure), np.empty((0, 3), np.int64)
+        copies = MeshFrame(frame.number, own, report, births=none, identities=numbers)
+        return cls(replace(copies, copies=placements, starts=placements))
+
+    def move(self, step: FrameStep) -> None:
+        """Carry and turn the copies by one step of the flow."""
+        self._frame = replace(self._frame.with_moved_copies(step.apply), number=step.frame)
+
+    def frame(self, number: int, ready: Callable[[], None] = lambda: None) -> MeshFrame:
+        """Return the copies as frame `number`, all with the statistics of one."""
+        ready()
+        return self._frame
+
+
 class _ResampledSurface(MovingSurface, Generic[R]):
     """A surface that is resampled when its frame is taken."""
 
@@ -269,6 +297,8 @@ def at_rest(motion: Motion, flow: Flow) -> MovingSurface:
 
     Raises UsageError where points are to be resampled.
     """
+    if motion.is_rigid:
+        return RigidCopies.at_rest(motion, flow)
     first = motion.frames.first
     resampling = motion.resampling_at(first)
     if resampling is None:
@@ -339,6 +369,8 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> MovingSurface:
 
     Raises UsageError where the frame lacks what the shot's resampling resumes from.
     """
+    if motion.is_rigid:
+        return RigidCopies(frame)
     resampling = motion.resampling_at(frame.number)
     if resampling is None:
         return MovingSurface(motion, frame.mesh, frame.lattice)
@@ -430,7 +462,8 @@ class _VertexSample(NamedTuple):
     vertices: int
 
     @classmethod
-    def of(cls, points: Points) -> _VertexSample:
+    def of(cls, frame: MeshFrame) -> _VertexSample:
+        points = frame.own.vertices if frame.copies is None else frame.copies.origins
         stride = len(points) // EXTENT_SAMPLE
         return cls(points if stride < 2 else points[::stride].copy(), len(points))
 
@@ -444,12 +477,12 @@ def animate_reporting(
     """Yield the frames of `animate`, which calls `ready`; report the progress within each that takes long."""
     motion, frames, told = shot.motion, animate(shot, resume, ready=ready), set[str]()
     number = motion.frames.first if resume is None else resume.number + 1
-    before = None if resume is None else _VertexSample.of(resume.mesh.vertices)
+    before = None if resume is None else _VertexSample.of(resume)
     del resume  # a frame that its taker has dropped takes no memory while the next one is computed
     while number <= motion.frames.last:
         with reporting_to(_FrameWatch(motion, number, before, callback, told).receive):
             frame = next(frames)
-        number, before = frame.number + 1, _VertexSample.of(frame.mesh.vertices)
+        number, before = frame.number + 1, _VertexSample.of(frame)
         yield frame
         del frame
 

@@ -20,6 +20,7 @@ from pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
 from pipeline.errors import UsageError
 from pipeline.mesh.meshes import TriangleMesh
 from pipeline.mesh.normals import unit
+from pipeline.mesh.placed_copies import Placements
 from pipeline.mesh.solids import cut_into, positive, square_grid, welded
 from render.scene.texture_projection import turns_around, unfolded_box
 
@@ -238,31 +239,31 @@ class RepeatedSurface(AnalyticSurface):
     """Copies of a surface, or the one surface moved.
 
     middles  (N, 3) of the spheres around the copies, which do not touch
-    offsets  (N, 3) from the surface to its copies
     """
 
     surface: AnalyticSurface
     middles: Points
-    offsets: Points
+    placements: Placements
 
     def __call__(self, points: Points) -> Points:
-        moved = self._offsets(points)
-        return self.surface(points - moved) + moved
+        copy = self._copies(points)
+        return self.placements.placed(self.surface(self.placements.local(points, copy)), copy)
 
     def normals(self, points: Points) -> Vectors:
-        return self.surface.normals(points - self._offsets(points))
+        copy = self._copies(points)
+        return self.placements.turned(self.surface.normals(self.placements.local(points, copy)), copy)
 
     def encloses(self, points: Points) -> AnyArray:
-        return self.surface.encloses(points - self._offsets(points))
+        return self.surface.encloses(self.placements.local(points, self._copies(points)))
 
     def texture(self, points: Points, faces: Faces) -> tuple[Floats, AnyArray]:
-        return self.surface.texture(points - self._offsets(points), faces)
+        return self.surface.texture(self.placements.local(points, self._copies(points)), faces)
 
-    def _offsets(self, points: Points) -> Points:
-        """Return the offsets (N, 3) of the copies whose middles are nearest to points."""
-        if len(self.offsets) == 1:
-            return self.offsets
-        return np.asarray(self.offsets[nearest_middles(points, self.middles)])
+    def _copies(self, points: Points) -> AnyArray:
+        """Return the numbers (N,) of the copies whose middles are nearest to points."""
+        if len(self.middles) == 1:
+            return np.zeros(len(points), np.int64)
+        return nearest_middles(points, self.middles)
 
 
 def nearest_middles(points: Points, middles: Points) -> AnyArray:

@@ -163,8 +163,8 @@ _GOLDEN = 1.2207440846057596  # the root of g⁴ = g + 1
 _PROBES = 4096
 
 
-def on_surface(mesh: TriangleMesh, count: int, seed: int) -> Points:
-    """Return points (count, 3) on a mesh, evenly by area.
+def on_surface(mesh: TriangleMesh, count: int, seed: int) -> tuple[Points, AnyArray]:
+    """Return points (count, 3) on a mesh, evenly by area, and the face (count,) of each.
 
     mesh  should have at least about as many faces as points
 
@@ -181,7 +181,7 @@ def on_surface(mesh: TriangleMesh, count: int, seed: int) -> Points:
     u, v = random.random((2, count, 1))
     u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
     u, v = 0.5 * u + 1.0 / 6.0, 0.5 * v + 1.0 / 6.0
-    return a[face] + u * (b - a)[face] + v * (c - a)[face]
+    return a[face] + u * (b - a)[face] + v * (c - a)[face], face
 
 
 def within(bounds: Floats, inside: Callable[[Points], AnyArray], count: int, seed: int) -> Points:

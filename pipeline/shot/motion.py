@@ -20,9 +20,11 @@ from pipeline.flow.parameters import ORIGIN, Curve, Number, Vector
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.analytic_surfaces import AnalyticSurface, RepeatedSurface, nearest_middles
 from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
+from pipeline.mesh.placed_copies import Mesh, Placements
 from pipeline.resample import Curvature, DistanceToCamera, Thresholds
 from pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Region
-from pipeline.shot.subjects import Copies, Mesh, PluginSurface, Solid, Subject, bounding_sphere, repeated
+from pipeline.shot.copies import Copies, bounding_sphere
+from pipeline.shot.subjects import PluginSurface, Solid, Subject
 from render.base.serialise import OMIT_DEFAULT
 from render.scene.painted_faces import PaintedFaces
 
@@ -274,6 +276,7 @@ class Motion:
                 is as far as the length scale of the flow allows, whatever the edges
     place       where the origin of the subject is before it moves, scene units
     copies      where copies of the subject are instead
+    shape       how the shape of rigid copies is resampled, once, in the first frame; then nothing is
     flow_places places of its flows in the shot file, for messages; by default flows.0, flows.1, …
     loop        how it goes on after the last frame
     """
@@ -287,6 +290,7 @@ class Motion:
     max_step: float | None = None
     place: Vector = ORIGIN
     copies: Copies | None = None
+    shape: Resampling | None = None
     flow_places: tuple[str, ...] = ()
     loop: Loop | None = None
 
@@ -356,7 +360,7 @@ class Motion:
         Where edge lengths vary, solids are meshed for the finest, and the first resampling collapses edges.
         Lengths below a third of the median are left to its splits.
         """
-        resampling = self.resampling_at(self.frames.first)
+        resampling = self.resampling_at(self.frames.first) or self.shape
         if resampling is None:
             return self._placed(self.subject.build())
         longest = resampling.thresholds.max_edge_length
@@ -390,14 +394,29 @@ class Motion:
     def copy_indices(self, rest: Points) -> AnyArray:
         """Return the index (V,) of the copy that vertices belong to, by their rest positions (V, 3).
 
-        The spheres around copies do not touch, and a copy at rest lies in its own.
+        The spheres around copies do not touch, and a copy at rest lies in its own. Rigid copies may touch,
+        and have equally many vertices, one after another.
         """
+        if self.is_rigid:
+            return np.repeat(np.arange(len(self._standing[0])), len(rest) // len(self._standing[0]))
         return nearest_middles(rest, self._standing[0])
 
     def painted(self, rest: Points, faces: Faces) -> PaintedFaces | None:
         """Return what is painted on faces (F, 3) of vertices by their rest positions (V, 3), or None."""
-        offsets = 0.0 if self._is_at_origin else self._standing[1][self.copy_indices(rest)]
-        return self.subject.painted(rest - offsets, faces)
+        if not self._is_at_origin:
+            rest = self._standing[1].local(rest, self.copy_indices(rest))
+        return self.subject.painted(rest, faces)
+
+    @property
+    def is_rigid(self) -> bool:
+        """True if its subject has copies that keep their shape."""
+        return self.copies is not None and self.copies.rigid
+
+    def of_shape(self) -> tuple[Motion, Placements]:
+        """Return the motion of one copy alone, around its middle, and the placements of the copies of it."""
+        (x, y, z), (middles, standing) = -self._sphere[0], self._standing
+        alone = replace(self, copies=None, place=(x, y, z), resampling=self.shape, shape=None)
+        return alone, Placements(np.concatenate([standing.matrices[:, :, :3], middles[:, :, None]], axis=2))
 
     @property
     def _is_at_origin(self) -> bool:
@@ -405,21 +424,24 @@ class Motion:
 
     def _placed(self, mesh: Mesh) -> Mesh:
         """Return the mesh of the subject where it stands, or that of its copies."""
-        return mesh if self._is_at_origin else repeated(mesh, self._standing[1])
+        return mesh if self._is_at_origin else self._standing[1].repeated(mesh)
 
     @cached_property
-    def _standing(self) -> tuple[Points, Points]:
-        """The middles (N, 3) of the subject's copies, and the offsets (N, 3) to them from where it is built.
+    def _sphere(self) -> tuple[Points, float]:
+        """Middle (3,) and radius of the sphere around the subject, by a mesh that fits any edge lengths."""
+        return bounding_sphere(self.subject.build().vertices)
 
-        They are found with a mesh that does not depend on edge lengths. Raises UsageError where the copies
-        find no room.
+    @cached_property
+    def _standing(self) -> tuple[Points, Placements]:
+        """The middles (N, 3) of the subject's copies, and their placements from where it is built.
+
+        Raises UsageError where the copies find no room.
         """
-        middle, radius = bounding_sphere(self.subject.build().vertices)
-        if self.copies is None:
-            offset = np.array([self.place])
-            return middle + offset, offset
-        middles = self.copies.middles(radius)
-        return middles, middles - middle
+        middle, radius = self._sphere
+        placements = Placements.of(np.array([self.place]))
+        if self.copies is not None:
+            placements = self.copies.placements(middle, radius)
+        return placements.points(middle[None]), placements
 
     def begins_rest_interval(self, frame: int) -> bool:
         """Tell whether a rest interval begins: the surface of that frame becomes the one at rest."""
@@ -436,7 +458,13 @@ class Motion:
         }
         if self.place != ORIGIN:
             data["place"] = list(self.place)
-        return data if self.copies is None else {**data, "copies": self.copies.data()}
+        if (copies := self.copies) is not None:
+            region = {} if copies.region is None else {"region": copies.region.cache_data(0.0)}
+            data["copies"] = {**as_data(copies), **region}
+            del data["copies"]["is"]
+        if self.shape is not None:
+            data["shape"] = self.shape.data()
+        return data
 
     def step_data(self, frame: int, is_checked: bool = True) -> Any:
         """Return what acts on the way into `frame` as JSON-able data.

@@ -65,7 +65,7 @@ class CloudInSolid(Cloud):
             sides = corners[:, 1:] - corners[:, :1]
             area = 0.5 * float(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum())
             fine = self.solid.build(_EDGE * (area / self.count) ** 0.5)
-            places = surface(on_surface(fine, self.count, self.seed))
+            places = surface(on_surface(fine, self.count, self.seed)[0])
         elif self.solid.solid == "sheet":
             raise UsageError("a sheet encloses no volume to fill; write fill: surface")
         else:

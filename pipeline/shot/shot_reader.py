@@ -303,11 +303,13 @@ def _motion(
     if subject is None:
         resample = "off"
     built = SeveralSubjects(tuple(document.subjects or ())) if subject is None else subject.build(folder)
-    resampling = None
+    resampling = shape = None
     if isinstance(resample, ResampleDocument):
         resampling = resample.build(clock)
         if isinstance(built, PluginSurface) and len(built.mesh.creases) and resample.creases is None:
             resampling = replace(resampling, creases="model")
+    if copies is not None and copies.rigid:
+        resampling, shape = None, resampling
     acting: list[Flow] = []
     for entry in flows:
         flow = entry.build(clock, integrate)
@@ -323,6 +325,7 @@ def _motion(
         max_step=None if document.max_step is None else float(document.max_step),
         place=place,
         copies=copies,
+        shape=shape,
     )
 
 

@@ -96,6 +96,8 @@ def check_copies(source: YamlSource) -> Iterator[Problem]:
             )
         if "net" in entry:
             yield (*where, "copies"), "a net is one grid of points and has no copies. Write several subjects."
+        if source.get(*where, "copies", "rigid") is True:
+            yield from _unfit_for_rigid(source, where)
         region = source.mapping(*where, "copies", "region")
         for setting in ("half_space", "falloff", "invert"):
             if region.get(setting) not in (None, 0, False):
@@ -104,6 +106,19 @@ def check_copies(source: YamlSource) -> Iterator[Problem]:
                     f"copies lie in a region with an end and a sharp border; {setting} gives it none. Take "
                     "sphere, box, capsule, cylinder or mesh, and leave falloff and invert out.",
                 )
+
+
+def _unfit_for_rigid(source: YamlSource, where: Where) -> Iterator[Problem]:
+    """Check that rigid copies are of a surface, and that its edges have one length."""
+    if "cloud" in source.mapping(*where):
+        yield (*where, "copies", "rigid"), "points have no shape to keep, and move alone. Leave rigid out."
+    at = (*where, "resample") if source.get(*where, "resample") is not None else ("resample",)
+    for setting, value in source.mapping(*at).items():
+        if isinstance(value, dict) and setting.endswith(("edge_length", "hard_angle")):
+            yield (
+                (*at, setting),
+                f"{setting} varies, and rigid copies keep the shape of the first frame. Write a number.",
+            )
 
 
 def check_files(source: YamlSource) -> Iterator[Problem]:

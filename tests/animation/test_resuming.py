@@ -76,7 +76,7 @@ def test_a_resampler_is_resumed_from_what_a_frame_holds(motion: Motion) -> None:
         "attribute.heat",
         "unsorted",
     }
-    tagged = dataclasses.replace(last, number=20, mesh=last.mesh.with_attributes(**tags))
+    tagged = dataclasses.replace(last, number=20, own=last.mesh.with_attributes(**tags))
     assert "heat" in next(animate(motion, resume=tagged)).mesh.attributes
 
 
@@ -99,7 +99,7 @@ def test_the_number_of_threads_changes_no_bit(motion: Motion) -> None:
 def test_a_frame_survives_a_file(motion: Motion, tmp_path: Path) -> None:
     *_, last = animate(motion)
     tagged = dataclasses.replace(
-        last, mesh=TriangleMesh(last.mesh.vertices, last.mesh.faces, {"heat": last.mesh.vertices[:, 0]})
+        last, own=TriangleMesh(last.mesh.vertices, last.mesh.faces, {"heat": last.mesh.vertices[:, 0]})
     )
     np.savez(tmp_path / "f.npz", **tagged.to_arrays())  # type: ignore[arg-type]
     with np.load(tmp_path / "f.npz", allow_pickle=False) as arrays:

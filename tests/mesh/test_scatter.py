@@ -84,6 +84,6 @@ def test_faces_without_area_have_no_points() -> None:
     from pipeline.mesh import TriangleMesh
 
     mesh = TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 0, 1], [2, 0, 0]], [[0, 1, 3], [0, 2, 1]])
-    points = on_surface(mesh, 50, 0)
+    points, _ = on_surface(mesh, 50, 0)
     assert (points[:, 0] + points[:, 2] <= 1).all()
     assert (points[:, 2] > 0).all()

@@ -9,6 +9,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
+from pipeline.animation import MeshFrame
 from pipeline.errors import UsageError
 from pipeline.plugins.maintenance.clean import collect_garbage
 from pipeline.plugins.maintenance.store_repair import Evicted, repairs
@@ -17,6 +18,7 @@ from pipeline.plugins.turntable.turntable_movie import TurntableRequest
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import mesh_states
 from pipeline.production.planning.plan import Plan
+from pipeline.production.request.cameras import camera_file
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.history import History
 from render.post.compositing import ASSET, OBJECT
@@ -152,6 +154,35 @@ def test_each_copy_has_a_matte_and_all_of_them_are_one_asset(tmp_path: Path) -> 
     assert all(matte.max() > 0.9 for matte in each)
     assert np.allclose(sum(each), matte_of("beads", ASSET, sets[ASSET]), atol=2e-3)
     assert matte_of("crane", ASSET, sets[ASSET]).max() == matte_of("crane", OBJECT, sets[OBJECT]).max()
+
+
+def test_mattes_and_motion_vectors_of_rigid_copies_are_those_of_their_placements(tmp_path: Path) -> None:
+    text = SHOT.replace("resample:", f"{BEADS}resample:", 1).replace("{count: 3,", "{count: 3, rigid: true,")
+    text = text.replace("frames: 1-3", "frames: 1-2").replace("3: 40", "2: 40").replace("180}", "0}")
+    done(tmp_path, planned(tmp_path, text))
+    request = request_of(tmp_path)
+    if request.variant == "scalar_rgb":
+        return
+    layers, _ = read_exr(tmp_path / request.place("frame", 1))
+    crypto = {name: layers[name] for name in layers.arrays if name.startswith(OBJECT)}
+    beads = next(part for part in request.parts if part.source.subject == "beads")
+    now, after = (MeshFrame.from_arrays(np.load(tmp_path / beads.place("mesh", n))) for n in (1, 2))
+    framing = camera_file(request, Project(tmp_path, 2).store)[1]
+    height, width = layers["matte"].shape[:2]
+    assert now.copies is not None and after.copies is not None
+    here, there = (
+        framing.camera.project(f.mesh.vertices, request.aspect)[:, :2].reshape(3, -1, 2) for f in (now, after)
+    )
+    for number, (seen, next_seen) in enumerate(zip(here, there, strict=True), 1):
+        matte = matte_of(f"beads.{number}", OBJECT, crypto)
+        rows, columns = np.nonzero(matte > 0.5)
+        x, y = (seen * (0.5, -0.5) + 0.5).T * ((width,), (height,))
+        assert x.min() - 1 <= columns.min() <= columns.max() <= x.max() + 1
+        assert y.min() - 1 <= rows.min() <= rows.max() <= y.max() + 1
+        moves = (next_seen - seen) * (0.5 * width, 0.5 * height)
+        shown = layers["motion"][matte > 0.99]
+        assert len(shown) > 3
+        assert (shown > moves.min(axis=0) - 0.02).all() and (shown < moves.max(axis=0) + 0.02).all()
 
 
 def test_only_pictures_that_tell_copies_apart_have_other_keys(tmp_path: Path) -> None:

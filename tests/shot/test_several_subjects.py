@@ -13,9 +13,10 @@ from pipeline.animation import animate
 from pipeline.errors import ShotError, UsageError
 from pipeline.flow.regions import BoxRegion
 from pipeline.mesh import box, icosphere
+from pipeline.mesh.placed_copies import Placements
 from pipeline.mesh.solids import six_sided_box
 from pipeline.shot import Shot, read_shot
-from pipeline.shot.subjects import Copies, bounding_sphere, repeated
+from pipeline.shot.copies import Copies, bounding_sphere
 
 SHOT = """\
 title: Two
@@ -120,10 +121,10 @@ def test_copies_are_one_mesh_of_parts_that_flows_move_at_their_places() -> None:
 
 def test_repeated_polygons_keep_their_sides_and_creases() -> None:
     offsets = np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]])
-    twice = repeated(six_sided_box((2.0, 2.0, 2.0)), offsets)
+    twice = Placements.of(offsets).repeated(six_sided_box((2.0, 2.0, 2.0)))
     assert list(twice.sides) == [4] * 12 and twice.bounds.tolist() == [[-1, -1, -1], [6, 1, 1]]
     creased = box(2.0).with_creases([[0, 1]]).with_attributes(heat=np.arange(len(box(2.0).vertices)))
-    joined = repeated(creased, offsets)
+    joined = Placements.of(offsets).repeated(creased)
     count = len(creased.vertices)
     assert len(joined.creases) == 2 and joined.creases[1].tolist() == [count, count + 1]
     assert np.array_equal(joined.attributes["heat"][count:], creased.attributes["heat"])

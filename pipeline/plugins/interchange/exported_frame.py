@@ -164,7 +164,8 @@ def exported_frame(shot: Shot, frame: MeshFrame) -> ExportedFrame:
     """
     if is_cloud(frame):
         return _exported_cloud(shot, frame)
-    shading = Shading.of(frame, thresholds_at(shot.motion, frame.number), shot.picture.tessellate)
+    whole = frame if frame.copies is None else replace(frame, own=frame.mesh, copies=None, starts=None)
+    shading = Shading.of(whole, thresholds_at(shot.motion, frame.number), shot.picture.tessellate)
     if shading.split is None:
         return _exported_net(shot, shading)
     return _exported_mesh(shot, frame, shading.split)

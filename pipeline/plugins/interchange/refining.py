@@ -405,10 +405,7 @@ class Refiner:
         motion, first = self._motion, self.frames[0]
         mesh, resampling = motion.mesh_at_rest(), motion.resampling_at(first)
         angles = thresholds_at(motion, first).hard_angles(mesh)
-        if resampling is None:
-            mesh = mesh.with_creases(np.concatenate([mesh.creases, edges_by_angle(mesh, angles)]))
-        else:
-            mesh = creased(mesh, resampling, angles)
+        mesh = with_hard_edges(mesh, angles) if resampling is None else creased(mesh, resampling, angles)
         named = {REST: mesh.vertices, REST_NORMAL: vertex_normals(mesh)}
         return replace(mesh, attributes=named)
 
@@ -444,6 +441,11 @@ def _shown(surface: HalfedgeMesh, resampling: Resampling) -> TriangleMesh:
     normals = vertex_normals(mesh)
     normals[mesh.creases.ravel()] = 0.0
     return mesh.with_attributes(**{NORMAL: normals})
+
+
+def with_hard_edges(mesh: TriangleMesh, angles: float | Floats) -> TriangleMesh:
+    """Return a mesh whose edges above hard angles, radians, are creases as well."""
+    return mesh.with_creases(np.concatenate([mesh.creases, edges_by_angle(mesh, angles)]))
 
 
 def _name(before: Sequence[_Sweep]) -> str:

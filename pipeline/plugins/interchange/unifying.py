@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.animation.frame import FrameReport, MeshFrame
-from pipeline.animation.loop import step_into
+from pipeline.animation.loop import animate, step_into
 from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.errors import UsageError
 from pipeline.mesh import TriangleMesh
@@ -29,7 +30,8 @@ from pipeline.plugins.interchange.exported_frame import (
     texture_coordinates,
 )
 from pipeline.plugins.interchange.one_mesh import OneMesh, Reduction
-from pipeline.plugins.interchange.refining import KIND, UNIFY, Began, Refined, Refiner
+from pipeline.plugins.interchange.refining import KIND, UNIFY, Began, Refined, Refiner, with_hard_edges
+from pipeline.production.request.manifest import thresholds_at
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shading import vertex_motion
 from pipeline.production.store import readers
@@ -65,7 +67,8 @@ class Unification:
     is_plain: bool = False
 
     def __post_init__(self) -> None:
-        _ = self._refiner  # raises before anything is computed
+        if not self._is_rigid:
+            _ = self._refiner  # raises before anything is computed
 
     @property
     def name(self) -> str:
@@ -78,13 +81,14 @@ class Unification:
         shot = self.request.shot
         return key_of(
             UNIFY.recipe,
-            *(self._refiner.key, self.request.requested, str(shot.rate), self.vertices, self.until),
+            self.request.mesh_key(max(self.request.requested)) if self._is_rigid else self._refiner.key,
+            *(self.request.requested, str(shot.rate), self.vertices, self.until),
             *([None] if self.is_plain else surface_recipe(shot)),
         )
 
     def missing(self) -> list[int]:
         """Return the frames that are not refined yet."""
-        return self._refiner.missing()
+        return [] if self._is_rigid else self._refiner.missing()
 
     def one_mesh(self, began: Began = lambda name, total: lambda: None) -> OneMesh:
         """Return the mesh; what is not stored is computed.
@@ -95,11 +99,14 @@ class Unification:
         Raises FrameError where the surface cannot be refined (see `Refiner.refined`), and UsageError where
         fewer vertices are asked for than the subject has at rest.
         """
-        start = self._refiner.vertices_at_rest
+        rigid = self._rigid_copies
+        start = len(rigid.rest) if rigid else self._refiner.vertices_at_rest
         if self.vertices is not None and self.vertices < start:
             raise UsageError(
                 f"{self.name} has {start} vertices at rest, so one mesh of it cannot have {self.vertices}"
             )
+        if rigid:
+            return self._coloured(rigid)
         refined = self._refiner.refined(began)
         kept, reduction = self._reduced(refined, began)
         surface, _ = refined.surface(kept)
@@ -123,6 +130,31 @@ class Unification:
         mesh = replace(mesh, longest_at=lambda number: float(np.median(refined.lengths_at(number))))
         mesh = replace(mesh, reduction=reduction)
         return self._coloured(mesh)
+
+    @property
+    def _is_rigid(self) -> bool:
+        return self.request.shot.motion.is_rigid
+
+    @cached_property
+    def _rigid_copies(self) -> OneMesh | None:
+        """The mesh of rigid copies, whose vertices are the same in all frames; None for other subjects."""
+        if not self._is_rigid:
+            return None
+        motion, last = self.request.shot.motion, max(self.request.requested)
+        frames = {f.number: f for f in takewhile(lambda frame: frame.number <= last, animate(motion))}
+        first = frames[motion.frames.first]
+        own = with_hard_edges(first.own, thresholds_at(motion, first.number).hard_angles(first.own))
+        return OneMesh.of(
+            *(
+                self.request.source.subject,
+                self.request.requested,
+                motion.rate,
+                replace(first, own=own).mesh,
+                self.key,
+            ),
+            points_at=lambda number: frames[number].mesh.vertices,
+            velocities_at=lambda number: vertex_motion(motion, frames[number]).velocity(),
+        )
 
     @cached_property
     def _refiner(self) -> Refiner:

@@ -27,6 +27,7 @@ from pipeline.animation import FrameProgressCallback, MeshFrame, animate_reporti
 from pipeline.arrays import AnyArray
 from pipeline.errors import FrameError
 from pipeline.mesh.normals import MOST_PIECES
+from pipeline.mesh.placed_copies import all_copies
 from pipeline.production.request.keys import speed_data
 from pipeline.production.request.manifest import thresholds_at
 from pipeline.production.request.render_request import RenderRequest
@@ -116,8 +117,8 @@ class MeshSource:
 
 
 def _size(frame: MeshFrame) -> int:
-    attributes = sum(values.nbytes for values in frame.mesh.attributes.values())
-    return int(frame.mesh.vertices.nbytes + frame.mesh.faces.nbytes + attributes)
+    attributes = sum(values.nbytes for values in frame.own.attributes.values())
+    return int(frame.own.vertices.nbytes + frame.own.faces.nbytes + attributes)
 
 
 class SpillCache:
@@ -248,7 +249,7 @@ class SurfaceStream:
 
     def arrays(self, request: RenderRequest, number: int) -> dict[str, AnyArray]:
         """Return the arrays of a frame that was played, of a request of one subject."""
-        return dict(self.surfaces.get(_key(request, number)))
+        return all_copies(self.surfaces.get(_key(request, number)))
 
     def each(self, request: RenderRequest, number: int) -> list[dict[str, AnyArray]]:
         """Return the arrays of each subject of a frame that was played."""
@@ -281,7 +282,7 @@ class SurfaceStream:
 
     def _shade(self, request: RenderRequest, frame: MeshFrame) -> None:
         shading = Shading.of(frame, thresholds_at(request.shot.motion, frame.number), _pieces(request, frame))
-        arrays = shading.arrays()
+        arrays = shading.stored()
         if request.measures_speed:
             arrays[SPEED] = speeds(request.shot.motion, shading)
         self.surfaces.put(_key(request, frame.number), arrays)

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.animation import FrameReport, MeshFrame
+from pipeline.animation import FrameReport, MeshFrame, animate
 from pipeline.animation.frame import with_material
 from pipeline.arrays import AnyArray, Floats, Points, Vectors
 from pipeline.errors import UsageError
@@ -118,6 +118,9 @@ def built(motion: Motion, number: int, tessellate: int) -> dict[str, AnyArray]:
 
     Raises FrameError where the flow fails, and the errors of `Subject.build`.
     """
+    if motion.is_rigid:  # to carry and turn them takes as little as to carry some points
+        frame = next(frame for frame in animate(motion) if frame.number == number)
+        return Shading.of(frame, thresholds_at(motion, number), 1).arrays()
     mesh = with_material(_coarse(motion))
     lattice = motion.subject.lattice
     frame = MeshFrame(number, mesh, FrameReport(None, lambda: None), lattice=lattice)
@@ -290,7 +293,7 @@ class TrialPictures:
     ) -> dict[str, AnyArray]:
         """Return the arrays of one subject, whose requests before and after the edit are given."""
         motion = after.shot.motion
-        if change == Change.SUBJECT:
+        if change == Change.SUBJECT or (change == Change.FLOW and motion.is_rigid):
             arrays = built(motion, number, after.shot.picture.tessellate)
         elif change == Change.FLOW:
             arrays = self._carry(drawn, before, number).moved(motion, number)

@@ -64,7 +64,7 @@ class PageMeshes:
             try:
                 for path, _ in files:
                     self.store.digests.check(path)
-                arrays = joined([readers.arrays(key)(path) for path, key in files])
+                arrays = joined([readers.shading(key)(path) for path, key in files])
             except (CorruptFileError, OSError):
                 return None
             self._write(name, as_script(name, arrays))

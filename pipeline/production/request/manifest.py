@@ -197,10 +197,13 @@ def normals_keys(shot: Shot, meshes: Mapping[int, Key]) -> dict[int, Key]:
 
 
 def thresholds_at(motion: Motion, number: int) -> Thresholds:
-    """Return the thresholds of a frame; without resampling the default, whose hard angle makes creases."""
+    """Return the thresholds of a frame, or of the shape of rigid copies.
+
+    Without resampling they are the default, whose hard angle makes creases.
+    """
     from pipeline.resample import Thresholds
 
-    resampling = motion.resampling_at(number)
+    resampling = motion.resampling_at(number) or motion.shape
     return resampling.thresholds if resampling else Thresholds(1.0)
 
 

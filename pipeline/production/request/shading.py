@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.animation import MeshFrame, material_of, mesh_at_subframe
+from pipeline.animation import MeshFrame, material_of, moved_to_subframe
 from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.flow.flow_map import checked_cache_data
 from pipeline.mesh import TriangleMesh
@@ -31,6 +31,7 @@ from pipeline.mesh.normals import (
     twins_of,
     vertex_normals,
 )
+from pipeline.mesh.placed_copies import COPIES, STARTS, Placements, all_copies, shifted
 from pipeline.production.request.framing import Framing, rotate_y
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion
@@ -100,21 +101,17 @@ def diced(arrays: Mapping[str, AnyArray], pieces: int) -> dict[str, AnyArray]:
     shaded = ShadedMesh(vertices, normals, arrays["faces"], arrays["source_vertex"])
     fine = tessellate(shaded, pieces)
     itself = shaded._replace(source_vertex=np.arange(len(vertices), dtype=np.int32))
-    return {
-        **arrays,
-        "vertices": fine.vertices.astype(np.float32),
-        "normals": fine.normals.astype(np.float32),
-        "faces": fine.faces,
-        "source_vertex": fine.source_vertex,
-        "material": spread(arrays["material"], itself, fine).astype(np.float32),
-    }
+    cut = {**arrays, **_stored(fine)}
+    if "material" in arrays:
+        cut["material"] = spread(arrays["material"], itself, fine).astype(np.float32)
+    return cut
 
 
 @dataclass(frozen=True, eq=False)
 class Shading:
     """The rendered form of a mesh frame: points, the smooth surface of a control net, or patches of a mesh.
 
-    split   a mesh split at its creases, before dicing
+    split   a mesh split at its creases, before dicing; of rigid copies the one that all are copies of
     pieces  into which every edge is diced
     twin    (3F,) half-edges of a mesh, by `twins_of`
     """
@@ -129,8 +126,8 @@ class Shading:
         """Split a mesh at its creases, which the hard angle of the frame's thresholds decides."""
         if is_cloud(frame) or frame.lattice is not None:
             return cls(frame, None, pieces)
-        twin = twins_of(frame.mesh)
-        split = split_at_creases(frame.mesh, thresholds.hard_angles(frame.mesh), twin)
+        twin = twins_of(frame.own)
+        split = split_at_creases(frame.own, thresholds.hard_angles(frame.own), twin)
         return cls(frame, split, pieces, twin)
 
     def cut_for(
@@ -142,13 +139,24 @@ class Shading:
         """
         if is_cloud(self.frame):
             return self
-        uncut = replace(self, pieces=1)._cut(self.frame.mesh.vertices, self.split)
+        uncut = replace(self, pieces=1)._cut(self.frame.own.vertices, self.split)
+        vertices, faces = uncut.vertices, uncut.faces
+        if (copies := self.frame.copies) is not None:
+            vertices, faces = copies.points(vertices), shifted(faces, len(vertices) * np.arange(len(copies)))
         most = MOST_PIECES if self.split else MOST_SPANS
-        points = rotate_y(uncut.vertices, spin, around=around)
-        return replace(self, pieces=pieces_for(points, uncut.faces, camera, quality, pixels, most))
+        points = rotate_y(vertices, spin, around=around)
+        return replace(self, pieces=pieces_for(points, faces, camera, quality, pixels, most))
 
     def arrays(self) -> dict[str, AnyArray]:
-        """Return the arrays of the normals file, at the frame itself."""
+        """Return the arrays of what is rendered, at the frame itself: of rigid copies those of all."""
+        return all_copies(self.stored())
+
+    def stored(self) -> dict[str, AnyArray]:
+        """Return the arrays of the normals file, at the frame itself: of rigid copies one, and placements."""
+        if self.frame.copies is not None and self.frame.starts is not None:
+            shaded = self._cut(self.frame.own.vertices, self.split)
+            placed = {COPIES: self.frame.copies.matrices, STARTS: self.frame.starts.matrices}
+            return {**_stored(shaded), **placed}
         material = material_of(self.frame.mesh)
         if is_cloud(self.frame):
             points = self.frame.mesh.vertices
@@ -158,18 +166,12 @@ class Shading:
                 "source_vertex": np.arange(len(points), dtype=np.int32),
                 "material": material.astype(np.float32),
             }
-        shaded = self._cut(self.frame.mesh.vertices, self.split)
+        shaded = self._cut(self.frame.own.vertices, self.split)
         if self.frame.lattice is not None:
             material = bspline_values(material, self.frame.lattice, self.pieces)
         elif self.split is not None:
             material = spread(material, self.split, shaded)
-        return {
-            "vertices": shaded.vertices.astype(np.float32),
-            "normals": shaded.normals.astype(np.float32),
-            "faces": shaded.faces,
-            "source_vertex": shaded.source_vertex,
-            "material": material.astype(np.float32),
-        }
+        return {**_stored(shaded), "material": material.astype(np.float32)}
 
     def at(self, points: Points) -> tuple[Points, Vectors | None]:
         """Return vertices and normals, float64, with the vertices of the mesh moved to `points`.
@@ -197,14 +199,24 @@ class Shading:
         return split._replace(vertices=vertices, normals=turned)
 
 
+def _stored(shaded: ShadedMesh) -> dict[str, AnyArray]:
+    """Return the arrays of a shaded surface as they are stored, but for material positions."""
+    return {
+        "vertices": shaded.vertices.astype(np.float32),
+        "normals": shaded.normals.astype(np.float32),
+        "faces": shaded.faces,
+        "source_vertex": shaded.source_vertex,
+    }
+
+
 def is_cloud(frame: MeshFrame) -> bool:
     """Tell whether a frame has points only."""
-    return not len(frame.mesh.faces)
+    return not len(frame.own.faces)
 
 
 def radii(frame: MeshFrame) -> Floats:
     """Return (V,) radii of the spheres around vertices; zeros where there are faces."""
-    return frame.mesh.attributes[RADIUS] if is_cloud(frame) else np.zeros(len(frame.mesh.vertices))
+    return frame.own.attributes[RADIUS] if is_cloud(frame) else np.zeros(len(frame.mesh.vertices))
 
 
 # Dicing
@@ -282,26 +294,42 @@ class SurfaceMotion:
 
 def flow_motion(motion: Motion, shading: Shading) -> SurfaceMotion:
     """Return the movement of a shot's frame: its mesh, moved by the flow."""
-    return _moved_by_flow(motion, shading.frame, shading.at)
+    if shading.frame.copies is None:
+        return _moved_by_flow(motion, shading.frame, shading.at)
+    one = shading.at(shading.frame.own.vertices)
+    return _moved_by_flow(motion, shading.frame, lambda matrices: _copies_of(one, matrices))
 
 
 def vertex_motion(motion: Motion, frame: MeshFrame) -> SurfaceMotion:
     """Return the movement of the vertices of a shot's mesh frame, without normals."""
-    return _moved_by_flow(motion, frame, lambda points: (points, None))
+    if frame.copies is None:
+        return _moved_by_flow(motion, frame, lambda points: (points, None))
+    return _moved_by_flow(motion, frame, lambda matrices: _copies_of((frame.own.vertices, None), matrices))
 
 
-def _moved_by_flow(motion: Motion, frame: MeshFrame, shown: Callable[[Points], Shown]) -> SurfaceMotion:
-    """Return the movement of what `shown` makes of the vertices of a mesh frame."""
+def _copies_of(one: Shown, matrices: Floats) -> Shown:
+    """Return the vertices and normals of all copies of one, with the matrices of their placements."""
+    (points, normals), placements = one, Placements(matrices)
+    return placements.points(points), None if normals is None else placements.directions(normals)
+
+
+def _moved_by_flow(motion: Motion, frame: MeshFrame, shown: Callable[[Floats], Shown]) -> SurfaceMotion:
+    """Return the movement of what `shown` makes of the vertices of a frame, or the matrices of its copies."""
     first, last = motion.frames.first, motion.frames.last
 
-    def points(offset: float) -> Points:
+    def placed(offset: float) -> Floats:
         inside = min(max(frame.number + offset, first), last)
         if inside != frame.number + offset:
-            return frame.mesh.vertices + offset * _end_velocity(motion, frame)
-        return frame.mesh.vertices if offset == 0.0 else mesh_at_subframe(motion, frame, inside).vertices
+            return _movable(frame) + offset * _end_velocity(motion, frame)
+        return _movable(frame if offset == 0.0 else moved_to_subframe(motion, frame, inside))
 
     fps = float(motion.rate.fps)
-    return SurfaceMotion(lambda o: shown(points(o)), fps, frame.number == first, frame.number == last)
+    return SurfaceMotion(lambda o: shown(placed(o)), fps, frame.number == first, frame.number == last)
+
+
+def _movable(frame: MeshFrame) -> Floats:
+    """Return what the flow moves: vertices (V, 3), or the matrices (N, 3, 4) of rigid copies."""
+    return frame.own.vertices if frame.copies is None else frame.copies.matrices
 
 
 def speeds(motion: Motion, shading: Shading) -> AnyArray:
@@ -331,13 +359,14 @@ def turntable_motion(
     return SurfaceMotion(at, fps)
 
 
-def _end_velocity(motion: Motion, frame: MeshFrame) -> Vectors:
-    """Return (V, 3) scene units per frame at the first or last frame: a one-sided second-order difference."""
+def _end_velocity(motion: Motion, frame: MeshFrame) -> Floats:
+    """Return the change per frame of what moves, at an end: a one-sided second-order difference."""
+    now = _movable(frame)
     if motion.frames.first == motion.frames.last:
-        return np.zeros_like(frame.mesh.vertices)
+        return np.zeros_like(now)
     step = STEP if frame.number == motion.frames.first else -STEP
-    near, far = (mesh_at_subframe(motion, frame, frame.number + k * step).vertices for k in (1, 2))
-    return np.asarray((4.0 * near - far - 3.0 * frame.mesh.vertices) / (2.0 * step))
+    near, far = (_movable(moved_to_subframe(motion, frame, frame.number + k * step)) for k in (1, 2))
+    return np.asarray((4.0 * near - far - 3.0 * now) / (2.0 * step))
 
 
 def flow_cache_data(motion: Motion, number: int, offsets: tuple[float, ...]) -> list[Any]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.errors import MeshError, UsageError
+from pipeline.mesh.placed_copies import COPIES, Placements, all_copies, extremes
 from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.store import Key
 from render.post.image import read_exr
@@ -75,15 +76,24 @@ def mesh_frame(key: Key) -> Callable[[Path], MeshFrame]:
 
 
 def vertices(key: Key) -> Callable[[Path], Points]:
-    """Return a reader of the vertices (V, 3) of the mesh frame of `key`; nothing else is unpacked."""
+    """Return a reader of the vertices (V, 3) of the mesh frame of `key`; little else is unpacked.
+
+    Of rigid copies with many vertices it returns those that lie farthest in some direction.
+    """
 
     def read(path: Path) -> Points:
         with _opened(path) as named:
             found, points = str(named["key"]), named["vertices"]
+            copies = named.get(COPIES)
         _require_key(path, found, key)
-        return points
+        return points if copies is None else Placements(copies).points(extremes(points))
 
     return read
+
+
+def shading(key: Key) -> Callable[[Path], dict[str, AnyArray]]:
+    """Return a reader of the arrays of the shaded surface of `key`, with those of all its copies."""
+    return lambda path: all_copies(arrays(key)(path))
 
 
 def with_key(key: Key, named: Mapping[str, AnyArray]) -> dict[str, AnyArray]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.arrays import AnyArray
+from pipeline.mesh.placed_copies import all_copies
 from pipeline.production.request.cameras import camera_file
 from pipeline.production.request.framing import Framing, rotate_y
 from pipeline.production.request.keys import FrameKeys, raw_header
@@ -109,7 +110,7 @@ class _ShownSubject:
 
     def bounds(self) -> AnyArray:
         """Return the lowest and the highest coordinates (2, 3) of its vertices, not turned."""
-        points = self._stored_arrays["vertices"]
+        points = all_copies(self._stored_arrays)["vertices"]
         return np.stack([points.min(axis=0), points.max(axis=0)])
 
     def now(self) -> Geometry:
@@ -156,7 +157,7 @@ class _ShownSubject:
         if not picture.hide_facets or "faces" not in arrays:
             return picture.tessellate
         camera = self.framing.camera
-        return pieces_without_facets(arrays, camera, request.quality, self._spin, self.around)
+        return pieces_without_facets(all_copies(arrays), camera, request.quality, self._spin, self.around)
 
     @cached_property
     def _arrays(self) -> Mapping[str, AnyArray]:
@@ -167,6 +168,7 @@ class _ShownSubject:
             arrays, pieces = self._stored_arrays, self._pieces
             if picture.hide_facets and "faces" in arrays:
                 arrays = diced(arrays, pieces)
+            arrays = all_copies(arrays)
         else:
             arrays, pieces = self._shading.arrays(), self._shading.pieces
         if picture.look.wireframe is None or "faces" not in arrays:

@@ -106,7 +106,7 @@ class _FrameWriter:
 
     def _is_stored(self, frame: MeshFrame, now: float) -> bool:
         """Tell whether a frame is stored: one that is asked for, or that a killed job should go on from."""
-        is_due = len(frame.mesh.vertices) < LARGE or now - self._stored > KEPT_SECONDS
+        is_due = len(frame.own.vertices) < LARGE or now - self._stored > KEPT_SECONDS
         return frame.number in self._missing or is_due
 
     def _store(self, number: int, arrays: Mapping[str, AnyArray] | None, seconds: float) -> None:
@@ -188,7 +188,7 @@ def smooth_normals(context: Context) -> bool:
         key = request.normals_key(number)
 
         def write(path: Path) -> None:
-            write_npz(path, readers.with_key(key, shading_of(context, request, number).arrays()))
+            write_npz(path, readers.with_key(key, shading_of(context, request, number).stored()))
 
         return context.make("normals", key, request.place("normals", number), write)
 

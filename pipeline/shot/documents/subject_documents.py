@@ -18,6 +18,7 @@ from pydantic import (
 from pipeline.mesh.control_net import LEAST
 from pipeline.mesh.read import model_files, read_paint
 from pipeline.plugin import Plugin, plugins
+from pipeline.shot.copies import MOST_COPIES, Copies
 from pipeline.shot.documents.field_types import (
     DEGREE,
     MAPPING_IS_SECOND,
@@ -50,7 +51,7 @@ from pipeline.shot.point_subjects import (
     NetOfRows,
     NetOfSolid,
 )
-from pipeline.shot.subjects import MOST_COPIES, SOLIDS, Copies, Model, PluginSurface, Solid
+from pipeline.shot.subjects import SOLIDS, Model, PluginSurface, Solid
 from pipeline.shot.yaml.document_validation import bad_value
 from render.base.input_files import digest_of_file, joint_digest
 
@@ -272,9 +273,10 @@ class CopiesDocument(Document):
     count: Annotated[int, Field(ge=1, le=MOST_COPIES)] = Field(description="how many there are")
     seed: Annotated[int, Field(ge=0)] = Field(0, description="another one scatters them differently")
     region: RegionDocument = Field(description="holds all of them whole in the first frame")
+    rigid: bool = Field(False, description="keeps their shape: the flow carries and turns each as a whole")
 
     def build(self, clock: Clock) -> Copies:
-        return Copies(self.count, self.seed, self.region.build(clock))
+        return Copies(self.count, self.seed, self.region.build(clock), rigid=self.rigid)
 
 
 class SubjectSettings(Document):
