@@ -42,9 +42,13 @@ EMPTY_SIZE = (16, 9)  # size of a sequence without pictures, pixels: its aspect 
 
 @dataclass(frozen=True)
 class Proxies:
-    """The files of one sequence by frame, the faults of unreadable ones, and the size in pixels."""
+    """The files of one sequence by frame, the faults of unreadable ones, and the size in pixels.
+
+    scopes  the files of their levels
+    """
 
     files: dict[int, str]
+    scopes: dict[int, str]
     faults: dict[int, str]
     size: tuple[int, int]
 
@@ -60,30 +64,38 @@ class ProxyWriter:
 
     def proxies(self, sequence: PictureSequence, tell: Callable[[], None]) -> Proxies:
         """Write proxies of all readable pictures; call `tell` after each. Raises MachineError."""
-        files: dict[int, str] = {}
+        files, scopes = dict[int, str](), dict[int, str]()
         faults: dict[int, str] = {}
         with ThreadPoolExecutor(self.threads) as pool:
             names = pool.map(lambda number: self._proxy(sequence, number), sequence.pictures)
-            for number, name in zip(sequence.pictures, names, strict=True):
-                if name is None:
+            for number, written in zip(sequence.pictures, names, strict=True):
+                if written is None:
                     faults[number] = "it is damaged; flowsculpt verify repairs it"
                 else:
-                    files[number] = name
+                    files[number], scopes[number] = written
                 tell()
         if not files:
-            return Proxies(files, faults, EMPTY_SIZE)
+            return Proxies(files, scopes, faults, EMPTY_SIZE)
         height, width = read_png(self.folder / next(iter(files.values()))).shape[:2]
-        return Proxies(files, faults, (width, height))
+        return Proxies(files, scopes, faults, (width, height))
 
-    def _proxy(self, sequence: PictureSequence, number: int) -> str | None:
-        """Write one proxy, and return its file's name; None if the picture is damaged."""
+    def _proxy(self, sequence: PictureSequence, number: int) -> tuple[str, str] | None:
+        """Write one proxy and its levels, and return their files' names; None if the picture is damaged."""
         picture, key = sequence.pictures[number], sequence.still_key(self.form, number)
         display = sequence.display
+        scope = f"{key_of('scope', SCOPE_FORMAT, sequence.still_key('png', number))}.js"
 
-        def write(path: Path) -> None:
+        def shown() -> tuple[NDArray[Any], Mapping[str, Any]]:
             self.store.digests.check(picture.path)
             layers, finished = read_exr(picture.path)
             pixels = quantise(to_display(layers["beauty"], display.exposure, "srgb", display.view))
+            if not self.store.is_whole(self.scopes / scope):
+                text = scope_script(scope, pixels)
+                self.store.write(self.scopes / scope, lambda draft: draft.write_text(text, encoding="utf-8"))
+            return pixels, finished
+
+        def write(path: Path) -> None:
+            pixels, finished = shown()
             header = {"shot": sequence.shot, "frame": number, "key": key}
             if self.form == "jpeg":
                 write_jpeg(path, pixels, header, projection_of(finished))
@@ -92,11 +104,18 @@ class ProxyWriter:
 
         try:
             self.store.put(self.form, key, write)
+            if not self.store.is_whole(self.scopes / scope):
+                shown()
         except (CorruptFileError, RenderError):
             return None
         name = f"{key}{SUFFIXES[self.form]}"
         self.store.link(self.form, key, (self.folder / name).relative_to(self.store.root))
-        return name
+        return name, scope
+
+    @property
+    def scopes(self) -> Path:
+        """The folder of the levels of pictures."""
+        return self.folder.parent / "scopes"
 
     def sheet(self, proxies: Proxies) -> dict[str, Any] | None:
         """Write a sheet of thumbnails in rows; return its file, layout and frames."""
@@ -131,6 +150,31 @@ class ProxyWriter:
                 cell = sheet[row * height :, column * width :]
                 cell[: thumb.shape[0], : thumb.shape[1]] = thumb
         return sheet
+
+
+SCOPE_FORMAT, SCOPE_COLUMNS, SCOPE_LEVELS = 1, 96, 64
+"""Version of the scripts of levels, and columns and levels of their waveforms: `levels.js` has the same."""
+
+
+def scope_script(file: str, pixels: NDArray[np.uint8]) -> str:
+    """Return a call of the page's `reviewScope` with the levels of a picture (H, W, 3): deflate, base64.
+
+    Bytes (4, SCOPE_LEVELS, SCOPE_COLUMNS) of luma, red, green and blue are the root of the share of the
+    pixels of a column that have a level; 32-bit numbers (4, 256) are the pixels of each step.
+    """
+    height, width = pixels.shape[:2]
+    red, green, blue = np.moveaxis(pixels[..., :3], 2, 0)
+    luma = np.floor(0.2126 * red + 0.7152 * green + 0.0722 * blue + 0.5).astype(np.uint8)
+    columns = np.arange(width) * SCOPE_COLUMNS // width
+    whole = height * np.bincount(columns, minlength=SCOPE_COLUMNS).clip(1)
+    waves, counts = list[bytes](), list[bytes]()
+    for values in (luma, red, green, blue):
+        places = (values // (256 // SCOPE_LEVELS)).astype(np.int64) * SCOPE_COLUMNS + columns
+        found = np.bincount(places.ravel(), minlength=SCOPE_LEVELS * SCOPE_COLUMNS).reshape(SCOPE_LEVELS, -1)
+        waves.append(np.floor(255.0 * np.sqrt(found / whole) + 0.5).astype(np.uint8).tobytes())
+        counts.append(np.bincount(values.ravel(), minlength=256).astype("<u4").tobytes())
+    data = base64.b64encode(zlib.compress(b"".join((*waves, *counts)), 6)).decode("ascii")
+    return f"reviewScope({json.dumps(file)}, {json.dumps(data)});\n"
 
 
 FORMAT = 2

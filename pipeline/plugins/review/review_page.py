@@ -4,6 +4,7 @@ renders/review/<name>/index.html     open this
 renders/review/<name>/page/…         its scripts and style
 renders/review/<name>/data.js        the sequences and the measures
 renders/review/<name>/pictures/…     frames and sheets of thumbnails, by keys
+renders/review/<name>/scopes/…       waveforms and histograms of frames, by keys
 renders/review/<name>/models/…       meshes, by keys
 renders/review/<name>/layers/…       linear layers of some frames, by keys
 """
@@ -137,7 +138,7 @@ class ReviewPage:
         Raises MachineError if the disk refuses.
         """
         with disk_errors(self.folder):
-            for name in ("pictures", "models", "layers", "page"):
+            for name in ("pictures", "scopes", "models", "layers", "page"):
                 (self.folder / name).mkdir(parents=True, exist_ok=True)
         shots = {material.request.name: self._shot(material, tell, began) for material in self.shots}
         sequences = [self._sequence(sequence, tell) for sequence in self.sequences]
@@ -159,6 +160,7 @@ class ReviewPage:
         if script:
             self._write(self.folder / "three.js", f"window.reviewThree = {_json(script)};\n".encode())
         self._write(self.folder / "data.js", f"window.reviewData = {_json(data)};\n".encode())
+        scopes = {name for sequence in sequences for name in sequence["scopes"] if name}
         pictures = {name for sequence in sequences for name in sequence["files"] if name}
         models = {file for shot in shots.values() for _, file in shot["models"]}
         moving = {shot["motion"]["file"] for shot in shots.values() if "file" in shot["motion"]}
@@ -166,6 +168,7 @@ class ReviewPage:
         layers = {file for each in sequences for files in each["layers"].values() for file in files.values()}
         for folder, names in (
             ("pictures", pictures | sheets),
+            ("scopes", scopes),
             ("models", models | moving),
             ("layers", layers),
         ):
@@ -214,6 +217,7 @@ class ReviewPage:
             "size": list(proxies.size),
             "numbers": list(sequence.numbers),
             "files": [proxies.files.get(number) for number in sequence.numbers],
+            "scopes": [proxies.scopes.get(number) for number in sequence.numbers],
             "states": {number: list(state) for number, state in states.items()},
             "sheet": writer.sheet(proxies),
             "layers": layers.write(sequence, tell),

@@ -44,6 +44,17 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Desk:
 
 
 @pytest.fixture(scope="module")
+def layered(desk: Desk, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A page with the layers of frames 1, 12 and 24; it goes again, for the studio is shared."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(desk.root)
+        code, said = desk.command("review", NAME, "--layers", "3", "--name", "layered", "-q", "draft")
+    assert code == 0 and "layers of 9 frames" in said
+    yield desk.page("layered")
+    shutil.rmtree(desk.page("layered").parent)
+
+
+@pytest.fixture(scope="module")
 def tab(browser: Browser) -> Iterator[Tab]:
     context = browser.new_context(viewport={"width": 1200, "height": 720}, reduced_motion="reduce")
     yield context.new_page()

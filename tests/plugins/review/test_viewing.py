@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-import shutil
 import zlib
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,17 +19,6 @@ from render.post.image import read_exr, read_png, write_exr
 from render.scene.aovs import RenderedFrame
 from tests.plugins.review.looker import Looker, Opened
 from tests.plugins.review.studio import NAME, Desk
-
-
-@pytest.fixture(scope="module")
-def layered(desk: Desk, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A page with the layers of frames 1, 12 and 24; it goes again, for the studio is shared."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(desk.root)
-        code, said = desk.command("review", NAME, "--layers", "3", "--name", "layered", "-q", "draft")
-    assert code == 0 and "layers of 9 frames" in said
-    yield desk.page("layered")
-    shutil.rmtree(desk.page("layered").parent)
 
 
 def test_layers_are_the_finished_light_and_the_aovs_of_the_frame_it_was_made_from(tmp_path: Path) -> None:

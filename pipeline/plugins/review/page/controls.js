@@ -7,7 +7,7 @@ const MODE_NAMES = {
   grid: ["Grid", "All at once (G)"],
 };
 const SIZE_NAMES = { fit: ["Fit", "As large as fits (F)"], one: ["1:1", "A pixel for a pixel (Z)"] };
-const TABS = { notes: ["Notes", "Q"], measures: ["Measures", "P"], facts: ["Frame", "N"], shot: ["Shot", "Shift D"], mesh: ["Mesh", "M"] };
+const TABS = { notes: ["Notes", "Q"], measures: ["Measures", "P"], levels: ["Levels", "Shift Z"], facts: ["Frame", "N"], shot: ["Shot", "Shift D"], mesh: ["Mesh", "M"] };
 const id = (name) => document.getElementById(name);
 
 class Controls {

@@ -118,6 +118,7 @@ const KEYS = [
     ["", "", (r) => r.showTab("measures"), ["p"]],
     ["", "", (r) => r.showTab("facts"), ["n"]],
     ["", "", (r) => r.showTab("mesh"), ["m"]],
+    ["Shift Z", "Levels: waveforms and histogram", (r) => r.showTab("levels"), ["Z"]],
     ["Shift D", "Shot file, and how that of B differs", (r) => r.showTab("shot"), ["D"]],
     ["E", "Triangles of the mesh", (r) => r.panels.mesh.setLines(!r.panels.mesh.lines), ["e"]],
     ["Shift M", "All frames as one mesh, or simulated ones", (r) => r.panels.mesh.setMotion(!r.panels.mesh.plays), ["M"]],

@@ -24,6 +24,7 @@ class Review {
     this.panels = {
       notes: new NotesPanel(id("panel-notes"), this),
       measures: new MeasuresPanel(id("panel-measures"), this),
+      levels: new LevelsPanel(id("panel-levels"), this),
       facts: new FactsPanel(id("panel-facts"), this),
       shot: new ShotPanel(id("panel-shot"), this, data.sources),
       mesh: new MeshPanel(id("panel-mesh"), this, data.three, data.hint),
