@@ -332,3 +332,72 @@ def spread(values: AnyArray, shaded: ShadedMesh, fine: ShadedMesh) -> Floats:
     faces, cut = readable(shaded.faces, np.int32), readable(fine.faces, np.int32)
     spread_values(faces, cut, pieces, readable(shaded.source_vertex, np.int32), readable(values), spread)
     return spread
+
+
+def spread_curved(values: AnyArray, shaded: ShadedMesh, fine: ShadedMesh) -> Floats:
+    """Interpolate smooth values (N, k) of the vertices of a shaded mesh to its tessellation along curves.
+
+    shaded, fine  the argument and the result of `tessellate`
+
+    On each face the values are a cubic Bézier triangle: along an edge they leave a vertex as the linear map
+    does that fits its neighbours best, and the middle is that of point-normal triangles. Linear values are
+    exact, and so are those at vertices.
+    """
+    if fine is shaded or not len(shaded.faces):
+        return np.asarray(values, np.float64)
+    pieces = math.isqrt(len(fine.faces) // len(shaded.faces))
+    grid = [(i, j) for i in range(pieces + 1) for j in range(pieces + 1 - i)]
+    number = {place: k for k, place in enumerate(grid)}
+    cut = []
+    for i, j in (place for place in grid if sum(place) < pieces):  # in the order of `cut_faces`
+        cut.append([number[i, j], number[i + 1, j], number[i, j + 1]])
+        if i + j < pieces - 1:
+            cut.append([number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]])
+    _, first = np.unique(np.array(cut).ravel(), return_index=True)  # a corner at each place of the grid
+    y, z = np.array(grid).T / pieces
+    x = 1.0 - y - z
+    weights = [x**3, y**3, z**3, x * x * y, x * y * y, y * y * z, y * z * z, z * z * x, z * x * x, x * y * z]
+    weights[3:] = [3.0 * weight for weight in weights[3:9]] + [6.0 * weights[9]]
+    spread: Floats = np.empty((len(fine.vertices), values.shape[1]))
+    vertices = fine.faces.reshape(len(shaded.faces), -1)[:, first]
+    spread[vertices] = np.einsum("pw,wfk->fpk", np.stack(weights, axis=1), _bezier_values(values, shaded))
+    return spread
+
+
+def _bezier_values(values: AnyArray, shaded: ShadedMesh) -> Floats:
+    """Return the control values (10, F, k) of faces: of corners, two along each edge, and of the middle."""
+    ends = values[shaded.faces].astype(np.float64).transpose(1, 0, 2)
+    slopes, borders = _slopes(values, shaded), []
+    for start, end in ((0, 1), (1, 2), (2, 0)):
+        edge = shaded.vertices[shaded.faces[:, end]] - shaded.vertices[shaded.faces[:, start]]
+        rise = ends[end] - ends[start]
+        for corner, sign in ((start, 1.0), (end, -1.0)):
+            off = sign * np.einsum("fkx,fx->fk", slopes[shaded.faces[:, corner]], edge) - sign * rise
+            size, most = (np.linalg.norm(part, axis=1, keepdims=True) for part in (off, rise))
+            off *= np.minimum(1.0, most / np.maximum(size, 1e-300))  # no fold where neighbours fit badly
+            borders.append(ends[corner] + (sign * rise + off) / 3.0)
+    middle = np.mean(borders, axis=0)
+    return np.stack([*ends, *borders, middle + 0.5 * (middle - ends.mean(axis=0))])
+
+
+def _slopes(values: AnyArray, shaded: ShadedMesh) -> Floats:
+    """Return the derivatives (N, k, 3) of values at vertices: the least squares over the edges of faces."""
+    count, faces = len(shaded.vertices), shaded.faces
+    start, end = (
+        np.concatenate([faces[:, i] for i in order]) for order in ((0, 1, 2, 1, 2, 0), (1, 2, 0, 0, 1, 2))
+    )
+    edge, rise = (
+        shaded.vertices[end] - shaded.vertices[start],
+        (values[end] - values[start]).astype(np.float64),
+    )
+    weight = 1.0 / np.maximum(np.einsum("ex,ex->e", edge, edge), 1e-300)
+    products = np.concatenate([edge, rise], axis=1)[:, :, None] * edge[:, None] * weight[:, None, None]
+    sums = [np.bincount(start, part, count) for part in products.reshape(len(start), -1).T]
+    fitted = np.stack(sums, axis=1).reshape(count, -1, 3)
+    normals = shaded.normals[:, :, None] * shaded.normals[:, None]
+    square = (
+        fitted[:, :3] + normals * np.maximum(np.trace(fitted[:, :3], axis1=1, axis2=2), 1e-12)[:, None, None]
+    )
+    return np.asarray(
+        np.linalg.solve(square + 1e-9 * np.eye(3), fitted[:, 3:].transpose(0, 2, 1)).transpose(0, 2, 1)
+    )

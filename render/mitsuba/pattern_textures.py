@@ -190,17 +190,13 @@ def _numbers(cell: list[Any], seed: Any, count: int) -> list[Any]:
     return numbers
 
 
-@dr.syntax
 def _fractal_noise(p: Any, octaves: int, seed: int) -> Any:
     """Return displacements, as `noise.fractal_noise`."""
-    matrix = mi.Matrix3f(2.0 * noise.rotation().T)
-    lattice, total = mi.Vector3f(p), mi.Vector3f(0.0)
-    octave, strength = mi.UInt32(1), mi.Float(0.5)
-    while dr.hint(octave <= octaves, label="octaves", exclude=[octaves, seed, matrix]):
-        total += strength * _value_noise(lattice, octave * mi.UInt32(0x9E3779B9) + mi.UInt32(seed))
-        strength *= 0.5
-        lattice = mi.Vector3f(matrix @ lattice) + 17.31
-        octave += 1
+    turn, lattice, total = noise.rotation().T.tolist(), mi.Vector3f(p), mi.Vector3f(0.0)
+    for octave in range(octaves):
+        word = mi.UInt32((0x9E3779B9 * (octave + 1) + seed) % 2**32)
+        total += 0.5 ** (octave + 1) * _value_noise(lattice, word)
+        lattice = mi.Vector3f([2.0 * dr.dot(mi.Vector3f(row), lattice) + 17.31 for row in turn])
     return total
 
 

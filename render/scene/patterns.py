@@ -76,7 +76,7 @@ class Pigment:
     roughness: tuple[float, ...] = field(default=(), metadata=OMIT_DEFAULT)
     gap: float = field(default=0.08, metadata=OMIT_DEFAULT)
     sizes: int = field(default=1, metadata=OMIT_DEFAULT)
-    sampled: int = field(default=2, init=False)
+    sampled: int = field(default=3, init=False)
 
     def __post_init__(self) -> None:
         if self.pattern not in PATTERNS:

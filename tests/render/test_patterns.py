@@ -129,14 +129,16 @@ def test_a_sample_of_a_picture_shows_the_pattern_at_its_place_at_rest(pattern: s
     moved = np.float32([[0, 0, 5], [3, 0, 5], [0, 1, 5]])  # stretched, squashed and away
     normals = np.tile(np.float32([0, 0, -1]), (3, 1))
     surface = Surface(moved, normals, np.int32([[0, 2, 1]]), rest=rest)
-    shape = mesh("plate", with_places(surface, pigment), {"type": "diffuse"}, np.zeros(2))
-    scene = mi.load_dict({"type": "scene", "plate": shape})
+    bsdf = {"type": "diffuse", "reflectance": pattern_texture(pigment)}
+    shape = mesh("plate", with_places(surface, pigment), bsdf, np.zeros(2))
+    away = mi.ScalarTransform4f().translate([0, 0, 9])
+    scene = mi.load_dict({"type": "scene", "plate": shape, "other": {"type": "sphere", "to_world": away}})
     u, v = np.random.default_rng(1).uniform(0.02, 0.48, (2, 500))
     ray = mi.Ray3f(mi.Point3f(mi.Float(3 * u), mi.Float(v), 0.0), mi.Vector3f(0.0, 0.0, 1.0))
     si = scene.ray_intersect(ray)
     place = np.array(si.shape.eval_attribute_3(f"vertex_{PLACE}", si))
     assert place == pytest.approx(np.stack([2 * u, 2 * v, 0 * u]), abs=1e-5)
-    shown = np.array(pattern_texture(pigment).eval(si)).T
+    shown = np.array(si.bsdf().eval_diffuse_reflectance(si)).T  # called where the ray hits, as for pictures
     off = np.abs(shown - at(pigment, *np.stack([2 * u, 2 * v, 0 * u], axis=1))).max(axis=1)
     assert np.quantile(off, 0.97) < 0.02  # the others lie on borders
 

@@ -27,6 +27,7 @@ from pipeline.mesh.normals import (
     ShadedMesh,
     split_at_creases,
     spread,
+    spread_curved,
     tessellate,
     twins_of,
     vertex_normals,
@@ -93,8 +94,11 @@ def _patch_distance(points: AnyArray, normals: AnyArray, a: AnyArray, b: AnyArra
     return np.asarray(np.linalg.norm(out - back, axis=1) / 8.0)
 
 
-def diced(arrays: Mapping[str, AnyArray], pieces: int) -> dict[str, AnyArray]:
-    """Return the arrays of a surface whose edges are cut into pieces, on curved patches."""
+def diced(arrays: Mapping[str, AnyArray], pieces: int, has_pigment: bool = False) -> dict[str, AnyArray]:
+    """Return the arrays of a surface whose edges are cut into pieces, on curved patches.
+
+    has_pigment  as of `Shading`
+    """
     if pieces == 1:
         return dict(arrays)
     vertices, normals = (arrays[name].astype(np.float64) for name in ("vertices", "normals"))
@@ -103,7 +107,8 @@ def diced(arrays: Mapping[str, AnyArray], pieces: int) -> dict[str, AnyArray]:
     itself = shaded._replace(source_vertex=np.arange(len(vertices), dtype=np.int32))
     cut = {**arrays, **_stored(fine)}
     if "material" in arrays:
-        cut["material"] = spread(arrays["material"], itself, fine).astype(np.float32)
+        spread_by = spread_curved if has_pigment else spread
+        cut["material"] = spread_by(arrays["material"], itself, fine).astype(np.float32)
     return cut
 
 
@@ -114,12 +119,15 @@ class Shading:
     split   a mesh split at its creases, before dicing; of rigid copies the one that all are copies of
     pieces  into which every edge is diced
     twin    (3F,) half-edges of a mesh, by `twins_of`
+
+    has_pigment  True if rest positions follow curves between vertices too, for borders without corners
     """
 
     frame: MeshFrame
     split: ShadedMesh | None
     pieces: int
     twin: Indices | None = None
+    has_pigment: bool = False
 
     @classmethod
     def of(cls, frame: MeshFrame, thresholds: Thresholds, pieces: int) -> Shading:
@@ -169,6 +177,8 @@ class Shading:
         shaded = self._cut(self.frame.own.vertices, self.split)
         if self.frame.lattice is not None:
             material = bspline_values(material, self.frame.lattice, self.pieces)
+        elif self.split is not None and self.has_pigment:
+            material = spread_curved(material[self.split.source_vertex], self.split, shaded)
         elif self.split is not None:
             material = spread(material, self.split, shaded)
         return {**_stored(shaded), "material": material.astype(np.float32)}

@@ -31,7 +31,7 @@ from render.mitsuba.engine import Engine, choose
 from render.post.image import write_exr
 from render.scene.aovs import COPY, RenderedFrame
 from render.scene.painted_faces import PaintedFaces
-from render.scene.patterns import SPEED
+from render.scene.patterns import SPEED, Pigment
 from render.scene.scene import SUBJECT, Geometry, MotionSample, Scene, SceneSubject
 from render.scene.surface import Spheres, Surface, outlines
 
@@ -138,9 +138,14 @@ class _ShownSubject:
 
         request = self.request
         shading, pixels = shading_of(self.context, request, self._mesh), request.shot.picture.dicing
+        shading = replace(shading, has_pigment=self._has_pigment)
         if pixels is None:
             return replace(shading, pieces=self._pieces)
         return shading.cut_for(self.framing.camera, request.quality, pixels, self._spin, self.around)
+
+    @property
+    def _has_pigment(self) -> bool:
+        return isinstance(self.request.picture(self.number).look.pattern, Pigment)
 
     @cached_property
     def _stored_arrays(self) -> Mapping[str, AnyArray]:
@@ -167,7 +172,7 @@ class _ShownSubject:
         if picture.dicing is None:
             arrays, pieces = self._stored_arrays, self._pieces
             if picture.hide_facets and "faces" in arrays:
-                arrays = diced(arrays, pieces)
+                arrays = diced(arrays, pieces, self._has_pigment)
             arrays = all_copies(arrays)
         else:
             arrays, pieces = self._shading.arrays(), self._shading.pieces
