@@ -60,7 +60,7 @@ def test_the_page_finds_the_same_levels_as_the_command(opened: Opened) -> None:
 def test_levels_are_those_of_the_frame_that_is_shown(opened: Opened) -> None:
     """The upper half has the frame's number in eight squares, white for ones; the rest is black."""
     look = levels(opened(frame=3))
-    for frame, white in ((3, 2 / 16), (15, 4 / 16), (8, 1 / 16)):
+    for frame, white in ((3, 2 / 16), (15, 4 / 16), (12, 2 / 16)):
         look.ask(f"review.seek({frame})")
         look.wait(f"review.panels.levels.scopeOf(review.a, {frame})")
         told = " ".join(look.tab.inner_text("#panel-levels .legend").split("\n"))
