@@ -83,10 +83,14 @@ def build_scene(
     """
     scene = scene.at(scene.motion_sample.with_surfaces(quality.width))
     has_opacity = any(subject.material.has_opacity for subject in scene.subjects)
-    if has_opacity and not has_path_tracer(scene, quality):
+    fades = scene.is_lit and scene.stage.horizon_fade > 0.0
+    if (has_opacity or fades) and not has_path_tracer(scene, quality):
+        what, remedy = ("the opacity of a model", "Write paint: off")
+        if fades:
+            what, remedy = ("the fade of the horizon", "Leave horizon_fade out")
         raise BadInputError(
-            "the opacity of a model needs a compiled variant of Mitsuba and a shot without smoke. Write "
-            "paint: off, remove the smoke, or see what flowsculpt doctor says about libLLVM"
+            f"{what} needs a compiled variant of Mitsuba and a shot without smoke. {remedy}, remove the "
+            "smoke, or see what flowsculpt doctor says about libLLVM"
         )
     for subject in scene.subjects:
         subject.surface.check()
@@ -118,6 +122,8 @@ def _lit(
     size, lights, to_scene = quality.size, scene.lights, scene.placement.matrix()
     shapes, opaque, fractions = _subject_shapes(scene)
     shapes |= stage_shapes(scene, size) | _wireframes(scene, size)
+    if scene.stage.horizon_fade:
+        fractions["stage"] = {"type": "mesh_attribute", "name": "vertex_there"}
     unlit = {"type": "scene", "sensor": sensor(scene.camera, size, quality.crop), **shapes}
     lit = load_scene({**unlit, **emitters.emitters(lights, to_scene)})
     path, cut_outs = _path_integrator(scene, quality), None

@@ -102,6 +102,9 @@ def _backdrop(scene: Scene) -> Any:
     if scene.stage_fades or stage.is_graded:
         surface = replace(surface, attributes={"colour": stage.reflectances(scene.stage_fades)})
         colour = {"type": "mesh_attribute", "name": "vertex_colour"}
+    if stage.horizon_fade:
+        there = stage.opacity_at(stage.backdrop()[0])[:, None]
+        surface = replace(surface, attributes={**surface.attributes, "there": there})
     return mesh("stage", surface, _coated(colour, stage.roughness), _UV)
 
 

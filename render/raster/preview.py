@@ -110,9 +110,22 @@ class Canvas:
         light = np.empty((len(which), 3), np.float32)
         shaded = self.lighting.shade(shape, which, faces.outwards, is_stage)
         apply_shadow(shaded, shadow.visibility(shadow.coordinates(shape, which, faces.outwards)), light)
+        light = self._in_haze(light, shape.vertices[which], is_stage)
         colours = np.empty((len(shape.vertices), 3), np.float32)
         colours[which] = _values(light, self.lighting.setup, self.display)
         return colours
+
+    def _in_haze(
+        self, light: NDArray[np.float32], points: NDArray[np.float32], is_stage: bool
+    ) -> NDArray[np.float32]:
+        """Return the light (N, …, 3) of points (N, 3) of a stage whose horizon fades into that of the sky."""
+        stage, placement = self.lighting.setup.stage, self.lighting.setup.placement
+        if not (is_stage and stage.horizon_fade):
+            return light
+        there = stage.opacity_at((points - placement.origin) / placement.size)
+        there = there.reshape(-1, *[1] * (light.ndim - 1))
+        horizon = np.array(self.lighting.setup.lights.sky.horizon, np.float32)
+        return np.asarray(there * light + (1.0 - there) * horizon, np.float32)
 
     def _large_triangles(self, faces: VisibleFaces, shadow: ShadowMap, is_stage: bool) -> LargeTriangles:
         """Return the inputs of large triangles."""
@@ -120,6 +133,7 @@ class Canvas:
         values = np.empty((len(shape.vertices) if len(which) else 0, 12), np.float32)
         light = self.lighting.shade(shape, which, faces.outwards, is_stage).reshape(-1, 2, 3)
         light = np.concatenate([light, light.mean(axis=1, keepdims=True)], axis=1)
+        light = self._in_haze(light, shape.vertices[which], is_stage)
         shown = _values(light.reshape(-1, 3), setup, self.display).reshape(-1, 3, 3)
         values[which, :6], values[which, 9] = shown[:, :2].reshape(-1, 6), bulges(shown)
         values[which, 6:9] = shadow.coordinates(shape, which, faces.outwards).T

@@ -104,6 +104,7 @@ class Stage:
     halo_colour    of a soft spot on floor and wall behind the subject; None for none
     halo_size      distance from the middle of the spot at which half of its colour is left, stage units
     halo_distance  of its middle behind the subject's middle, stage units
+    horizon_fade   height of the haze in which ground melts into the sky, radians; 0 for none
     round          True for a round plinth, False for a square one
     shadow_catcher True if floor and wall are not seen, but the shadows on them
     """
@@ -124,6 +125,7 @@ class Stage:
     halo_colour: Colour | None = field(default=None, metadata=OMIT_DEFAULT)
     halo_size: float = field(default=3.0, metadata=OMIT_DEFAULT)
     halo_distance: float = field(default=6.0, metadata=OMIT_DEFAULT)
+    horizon_fade: float = field(default=0.0, metadata=OMIT_DEFAULT)
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -139,6 +141,8 @@ class Stage:
         for roughness in (self.roughness, self.plinth_roughness):
             if roughness is not None and not 0.0 <= roughness <= 1.0:
                 raise BadInputError(f"stage has roughness {roughness}; it must lie between 0 and 1")
+        if self.horizon_fade and (self.kind != "ground" or not 0.0 < self.horizon_fade < math.pi / 4.0):
+            raise BadInputError("only ground fades at its horizon, over an angle above 0° and below 45°")
         if not self.halo_size > 0.0:
             raise BadInputError(f"a halo has the size {self.halo_size}; it must be above 0")
 
@@ -226,6 +230,12 @@ class Stage:
             colours += 0.5 ** (away * away) * (np.array(self.halo_colour) - colours)
         return colours.astype(np.float32)
 
+    def opacity_at(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Return how much of the ground is there (N,) at points (N, 3), stage units: 1 near, 0 at its rim."""
+        radius = np.hypot(points[:, 0], points[:, 2])
+        t = _rising(np.clip((radius - FLAT_RADIUS) / (HORIZON_RADIUS - FLAT_RADIUS), 0.0, 1.0))
+        return np.asarray((1.0 - t * t * (3.0 - 2.0 * t)) ** 2, np.float32)
+
     def _rise(self, points: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return how far points (N, 3) are from the floor to the rim of a cyclorama (N, 1), 0 to 1."""
         t = np.clip((np.hypot(points[:, :1], points[:, 2:]) - self.floor) / self.sweep, 0.0, 1.0)
@@ -242,12 +252,15 @@ class Stage:
     def _level(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the profile of the ground and its normals: flat, then rising to the height of the eye.
 
-        The horizon is at that height.
+        The horizon is at that height. Where it fades, the ground rises by the angle of its haze.
         """
         t = np.linspace(0.0, 1.0, RINGS)
-        rise = HORIZON_HEIGHT * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
+        radius = FLAT_RADIUS + t * (HORIZON_RADIUS - FLAT_RADIUS)
+        rise = _rising(t) * HORIZON_HEIGHT
+        if self.horizon_fade:
+            rise += _rising(t) * radius * math.tan(self.horizon_fade)
         slope = np.arctan2(np.gradient(rise), np.gradient(t * (HORIZON_RADIUS - FLAT_RADIUS)))
-        curve = np.stack([FLAT_RADIUS + t * (HORIZON_RADIUS - FLAT_RADIUS), rise], axis=1)
+        curve = np.stack([radius, rise], axis=1)
         inwards = np.stack([-np.sin(slope), np.cos(slope)], axis=1)
         return np.concatenate([[[0.0, 0.0]], curve]), np.concatenate([[[0.0, 1.0]], inwards])
 
@@ -258,7 +271,7 @@ class Stage:
         jump of curvature would show as a line in reflections and gradients.
         """
         t = np.linspace(0.0, 1.0, RINGS)
-        slope = self.steepness * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
+        slope = self.steepness * _rising(t)
         steps = np.stack([np.cos(slope), np.sin(slope)], axis=1)
         curve = np.concatenate([[[0.0, 0.0]], np.cumsum((steps[1:] + steps[:-1]) / 2.0, axis=0)])
         curve = curve / curve[-1, 0] * self.sweep + [self.floor, 0.0]
@@ -266,6 +279,11 @@ class Stage:
         rings = 16 if self.is_graded else 2
         middle = np.stack([np.arange(rings) / rings * self.floor, np.zeros(rings)], axis=1)
         return np.concatenate([middle, curve]), np.concatenate([[[0.0, 1.0]] * rings, inwards])
+
+
+def _rising(t: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return a step from 0 to 1 whose slope and curvature begin and end at 0."""
+    return np.asarray(t**3 * (10.0 - 15.0 * t + 6.0 * t**2))
 
 
 def _revolve(profile: NDArray[np.float64], normals: NDArray[np.float64], sides: int = SIDES) -> Mesh:

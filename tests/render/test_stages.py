@@ -11,14 +11,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.mesh import icosphere
 from pipeline.production.request.framing import frame_all, with_stage_in_view
 from pipeline.shot.camera_path import View
 from render.base.render_errors import BadInputError
+from render.mitsuba.engine import Engine
+from render.raster import Shape, StageSetup, preview
 from render.scene.aovs import RenderedFrame
+from render.scene.materials import LOOKS
 from render.scene.reference_objects import CHROME, GREY, ball, chart, chart_colours, positions
 from render.scene.render_camera import Camera
 from render.scene.render_quality import Quality
-from render.scene.scene_lights import LightRig, Softbox
+from render.scene.scene_lights import LightRig, Sky, Softbox
 from render.scene.scene_stage import STAGES, Stage, StagePlacement
 
 Rendered = Callable[..., RenderedFrame]
@@ -92,6 +96,51 @@ def test_the_ground_is_level_near_the_subject_and_reaches_the_height_of_the_eye(
     radius = np.hypot(vertices[:, 0], vertices[:, 2])
     assert np.abs(vertices[radius < 41.0, 1]).max() < 1e-6
     assert vertices[radius > 399.0, 1] == pytest.approx(4.0)
+
+
+HAZE = Stage("ground", horizon_fade=math.radians(6.0))
+LOW = Camera((0.0, 1.0, 7.0), (0.0, 1.6, 0.0), field_of_view=math.radians(40.0))
+SKY = LightRig((), sky=Sky((0.1, 0.2, 0.9), (0.1, 0.1, 0.5), (0.1, 0.1, 0.5), visible=True))
+
+
+def test_ground_that_fades_is_whole_near_the_subject_and_gone_at_its_rim() -> None:
+    vertices, _, _ = HAZE.backdrop()
+    radius, there = np.hypot(vertices[:, 0], vertices[:, 2]), HAZE.opacity_at(vertices)
+    assert (there[radius <= 40.0] == 1.0).all() and (there[radius > 399.0] == 0.0).all()
+    assert (np.diff(there[np.argsort(radius)]) <= 1e-6).all()
+    rim = vertices[radius.argmax()]
+    assert math.degrees(math.atan2(rim[1] - 4.0, np.hypot(*rim[[0, 2]]))) == pytest.approx(6.0, abs=0.05)
+
+
+def steepest(column: np.ndarray) -> float:
+    """Return the largest change from one row to the next, over the whole change."""
+    return float(np.abs(np.diff(column)).max() / np.ptp(column))
+
+
+def test_a_hazy_horizon_has_no_line(rendered: Rendered, engine: Engine) -> None:
+    """At the left edge ground becomes sky: all at once, or over the six degrees of the haze."""
+    if engine.variant == "scalar_rgb":
+        pytest.skip("a hazy horizon needs a compiled variant")
+    quality = Quality(64, 36, 64, depth=3)
+    hard, soft = (
+        rendered(stage=stage, camera=LOW, lights=SKY, quality=quality)["beauty"][:, :6, 0].mean(axis=1)
+        for stage in (replace(HAZE, horizon_fade=0.0), HAZE)
+    )
+    assert steepest(hard) > 0.75 and steepest(soft) < 0.45
+    assert hard[[0, -1]] == pytest.approx(soft[[0, -1]], rel=0.1)
+
+
+def test_a_preview_has_the_haze_too() -> None:
+    ball = icosphere(3)
+    shape = Shape(ball.vertices + np.array([0.0, 1.0, 0.0]), ball.vertices, ball.faces, LOOKS["clay"])
+    hard, soft = (
+        preview(shape, StageSetup(SKY, stage, StagePlacement()), LOW, (256, 144), "srgb")
+        .picture[:, 4]
+        .astype(float)
+        .sum(axis=1)
+        for stage in (replace(HAZE, horizon_fade=0.0), HAZE)
+    )
+    assert steepest(hard) > 0.75 and steepest(soft) < 0.25
 
 
 views = st.tuples(
@@ -183,6 +232,8 @@ def test_a_chrome_ball_mirrors_what_a_grey_one_scatters(rendered: Rendered) -> N
         lambda: Stage(width=0.0),
         lambda: Stage(height=0.1),
         lambda: Stage(roughness=2),
+        lambda: Stage("cyclorama", horizon_fade=0.1),
+        lambda: Stage("ground", horizon_fade=1.0),
     ],
 )
 def test_a_stage_that_cannot_be_is_refused(make: Callable[[], Stage]) -> None:

@@ -129,6 +129,16 @@ def test_a_wall_has_colours_of_its_own_which_ground_refuses(tmp_path: Path) -> N
         shot_of(tmp_path, "stage: {halo_size: 3}")
 
 
+def test_the_horizon_of_ground_fades_over_degrees(tmp_path: Path) -> None:
+    stage = shot_of(tmp_path, "stage: {kind: ground, horizon_fade: 3}").picture.stage
+    assert stage == Stage("ground", horizon_fade=math.radians(3.0))
+    assert "horizon_fade" not in to_plain(Stage("ground"))
+    with pytest.raises(ShotError, match="stage has horizon_fade, which cyclorama does not use"):
+        shot_of(tmp_path, "stage: {horizon_fade: 3}")
+    with pytest.raises(ShotError, match="and a shadow catcher, which is not seen"):
+        shot_of(tmp_path, "stage: {kind: ground, horizon_fade: 3, shadow_catcher: true}")
+
+
 def test_a_stage_says_how_its_floor_and_its_plinth_are(tmp_path: Path) -> None:
     said = "stage: {kind: plinth, colour: [0.1, 0.2, 0.3], width: 2, height: 1, round: true, roughness: 0.1}"
     assert shot_of(tmp_path, said).picture.stage == Stage(

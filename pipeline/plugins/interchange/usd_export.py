@@ -42,6 +42,7 @@ from pipeline.plugins.interchange.usd_prims import (
     add_lights,
     add_material,
     bind,
+    connect_opacity,
     sample,
     sky_map,
     write_picture,
@@ -462,10 +463,10 @@ def _add_set(
     sizes = {number: framing.placement.size for number, framing in framings.items()}
     add_lights(stage, home, f"{home}/set/lights", picture.lights, sizes, sky)
     if picture.stage.kind != "none" and not picture.stage.shadow_catcher:
-        _add_floor(stage, home, picture.stage)
+        add_floor(stage, home, picture.stage)
 
 
-def _add_floor(stage: Usd.Stage, home: str, floor: Stage) -> None:
+def add_floor(stage: Usd.Stage, home: str, floor: Stage) -> None:
     """Add floor, wall and plinth, without reference objects."""
     vertices, normals, faces = floor.mesh()
     mesh = UsdGeom.Mesh.Define(stage, f"{home}/set/floor")
@@ -487,6 +488,11 @@ def _add_floor(stage: Usd.Stage, home: str, floor: Stage) -> None:
     if floor.roughness is not None:
         material = Satin(floor.colour, roughness=floor.roughness, coat=1.0)
     look = add_material(stage, f"{home}/materials/floor", material, is_coloured=is_coloured)
+    if floor.horizon_fade:
+        mesh.CreateDisplayOpacityPrimvar(UsdGeom.Tokens.vertex).Set(
+            Vt.FloatArray.FromNumpy(floor.opacity_at(vertices))
+        )
+        connect_opacity(stage, f"{home}/materials/floor")
     bind(mesh.GetPrim(), look)
 
 

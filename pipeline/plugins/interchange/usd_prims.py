@@ -256,6 +256,13 @@ def add_material(
     return material
 
 
+def connect_opacity(stage: Usd.Stage, path: str) -> None:
+    """Let the opacity of a material be that of vertices, the primvar displayOpacity."""
+    reader = _primvar_reader(stage, f"{path}/opacity", 1, "displayOpacity")
+    shader = UsdShade.Shader.Get(stage, f"{path}/surface")
+    shader.GetInput("opacity").ConnectToSource(reader.ConnectableAPI(), "result")
+
+
 def _picture_reader(stage: Usd.Stage, path: str, picture: str, name: str, output: str) -> UsdShade.Shader:
     """Add the shader that reads a linear picture, which repeats, by texture coordinates: its colours, `rgb`,
     or numbers, `r`."""
@@ -272,9 +279,10 @@ def _picture_reader(stage: Usd.Stage, path: str, picture: str, name: str, output
 
 def _primvar_reader(stage: Usd.Stage, path: str, size: int, name: str) -> UsdShade.Shader:
     """Add the shader that reads a primvar of so many floats."""
-    reader = _shader(stage, path, f"UsdPrimvarReader_float{size}")
+    kind = f"Float{size}" if size > 1 else "Float"
+    reader = _shader(stage, path, f"UsdPrimvarReader_{kind.lower()}")
     _set(reader, "varname", "String", name)
-    reader.CreateOutput("result", getattr(Sdf.ValueTypeNames, f"Float{size}"))
+    reader.CreateOutput("result", getattr(Sdf.ValueTypeNames, kind))
     return reader
 
 

@@ -143,11 +143,12 @@ class Player {
     for (const numbers of facts.stage.meshes) {
       const [points, normals, colours, sent, faces] = await Promise.all(numbers.map(bytesOf));
       const geometry = new THREE.BufferGeometry();
-      const add = (name, bytes) =>
-        geometry.setAttribute(name, new THREE.BufferAttribute(new Float32Array(bytes.buffer), 3));
+      const channels = (3 * colours.length) / points.length;  // 4 where the horizon fades
+      const add = (name, bytes, size = 3) =>
+        geometry.setAttribute(name, new THREE.BufferAttribute(new Float32Array(bytes.buffer), size));
       add("position", points);
       add("normal", normals);
-      add("color", colours);
+      add("color", colours, channels);
       geometry.setIndex(new THREE.BufferAttribute(new Uint32Array(faces.buffer), 1));
       const shines = facts.stage.roughness !== null;
       const material = shines
@@ -155,13 +156,14 @@ class Player {
             vertexColors: true, roughness: 1, specularIntensity: 0, clearcoat: 1, clearcoatRoughness: facts.stage.roughness,
           }))
         : new THREE.MeshLambertMaterial({ vertexColors: true });
-      material.side = THREE.DoubleSide;
+      Object.assign(material, { side: THREE.DoubleSide, transparent: channels === 4 });
       const mesh = new THREE.Mesh(geometry, material);
       mesh.receiveShadow = true;
       this.set.add(mesh);
       const seen = geometry.clone();
-      seen.setAttribute("color", new THREE.BufferAttribute(new Float32Array(sent.buffer), 3));
-      this.floors.push(new THREE.Mesh(seen, new THREE.MeshBasicMaterial({ vertexColors: true, side: THREE.DoubleSide })));
+      seen.setAttribute("color", new THREE.BufferAttribute(new Float32Array(sent.buffer), channels));
+      const sends = { vertexColors: true, side: THREE.DoubleSide, transparent: channels === 4 };
+      this.floors.push(new THREE.Mesh(seen, new THREE.MeshBasicMaterial(sends)));
     }
   }
 

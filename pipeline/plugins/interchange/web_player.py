@@ -226,6 +226,9 @@ def _stage(picture: Picture, blobs: _Blobs) -> dict[str, Any] | None:
     meshes = []
     for (vertices, normals, faces), colours in parts:
         sent = colours * irradiance(picture.lights, vertices, normals) / math.pi
+        if stage.horizon_fade:
+            there = stage.opacity_at(vertices)[:, None]
+            colours, sent = np.hstack([colours, there]), np.hstack([sent, there])
         floats = [blobs.add(array.astype("<f4")) for array in (vertices, normals, colours, sent)]
         meshes.append([*floats, blobs.add(faces.astype("<u4"))])
     return {"meshes": meshes, "roughness": stage.roughness, "catches": stage.shadow_catcher}

@@ -62,6 +62,9 @@ class StageDocument(Document):
     halo_distance: Annotated[float, Field(ge=0, le=20)] | None = optional(
         "of the spot behind the subject, in half-sizes; by default 6, for low cameras 12"
     )
+    horizon_fade: Annotated[float, Field(ge=0.2, le=20)] | None = optional(
+        "of ground: height of the haze in which the horizon melts into the sky; by default none (degrees)"
+    )
     shadow_catcher: bool | None = optional(
         "floor and wall are not seen, but the shadows on them, as alpha: for compositing"
     )
@@ -70,14 +73,19 @@ class StageDocument(Document):
     def _kind_has_all(self) -> Self:
         halo = ("halo_size", "halo_distance")
         wall = ("colour", "roughness", "shadow_catcher", "wall_colour", "halo_colour", *halo)
-        all_settings = (*wall, "width", "height", "round", "plinth_colour", "plinth_roughness")
-        settings = dict.fromkeys(STAGES, wall) | {"ground": wall[:3], "plinth": all_settings, "none": ()}
-        for name in all_settings:
+        plinth = (*wall, "width", "height", "round", "plinth_colour", "plinth_roughness")
+        ground = (*wall[:3], "horizon_fade")
+        settings = dict.fromkeys(STAGES, wall) | {"ground": ground, "plinth": plinth, "none": ()}
+        for name in (*plinth, "horizon_fade"):
             if getattr(self, name) is not None and name not in settings[self.kind]:
                 fitting = " or ".join(kind for kind in STAGES if name in settings[kind])
                 raise finding(
                     f"stage has {name}, which {self.kind} does not use. Remove it, or take {fitting}."
                 )
+        if self.horizon_fade and self.shadow_catcher:
+            raise finding(
+                "stage has horizon_fade, and a shadow catcher, which is not seen. Remove one of them."
+            )
         for name in halo:
             if getattr(self, name) is not None and self.halo_colour is None:
                 raise finding(f"stage has {name} without halo_colour. Write both, or remove it.")
@@ -85,6 +93,8 @@ class StageDocument(Document):
 
     def build(self) -> Stage:
         given: dict[str, Any] = self.model_dump(exclude_none=True, exclude={"kind"})
+        if self.horizon_fade is not None:
+            given["horizon_fade"] = math.radians(self.horizon_fade)
         given |= {name: vector(value) for name, value in given.items() if name.endswith("colour")}
         return dataclasses.replace(STAGES[self.kind], **given)
 

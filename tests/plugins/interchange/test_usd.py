@@ -17,13 +17,14 @@ from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade, UsdValidation
 from pipeline.animation import MeshFrame, animate, mesh_at_subframe
 from pipeline.errors import FrameError
 from pipeline.mesh.normals import split_at_creases
-from pipeline.plugins.interchange.usd_export import UsdExport, clip_times
+from pipeline.plugins.interchange.usd_export import UsdExport, add_floor, clip_times
 from pipeline.production.execution.project import Project
 from pipeline.production.request.cameras import camera_file
 from pipeline.production.request.manifest import thresholds_at
 from pipeline.production.store.readers import read_npz
 from pipeline.shot import read_shot
 from render.post.image import read_exr, write_png
+from render.scene.scene_stage import Stage
 from tests.conftest import commanded
 from tests.full_disk import disk_of
 from tests.plugins.review.studio import simulated
@@ -185,6 +186,24 @@ def test_rest_positions_and_colours_lie_at_the_vertices(root, stage):
     shader = UsdShade.MaterialBindingAPI(sculpture(stage)).ComputeBoundMaterial()[0].ComputeSurfaceSource()[0]
     source = shader.GetInput("diffuseColor").GetConnectedSource()[0]
     assert UsdShade.Shader(source.GetPrim()).GetInput("varname").Get() == "displayColor"
+
+
+def test_ground_that_fades_has_an_opacity_at_each_vertex(tmp_path):
+    stage, floor = Usd.Stage.CreateInMemory(), Stage("ground", horizon_fade=0.1)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/a").GetPrim())
+    UsdGeom.Scope.Define(stage, "/a/materials")
+    add_floor(stage, "/a", floor)
+    opacity = np.array(UsdGeom.Mesh(stage.GetPrimAtPath("/a/set/floor")).GetDisplayOpacityAttr().Get())
+    assert np.array_equal(opacity, floor.opacity_at(floor.mesh()[0])) and np.ptp(opacity) == 1.0
+    source = (
+        UsdShade.Shader.Get(stage, "/a/materials/floor/surface").GetInput("opacity").GetConnectedSources()
+    )
+    reader = UsdShade.Shader(source[0][0].source.GetPrim())
+    assert reader.GetInput("varname").Get() == "displayOpacity"
+    assert reader.GetIdAttr().Get() == "UsdPrimvarReader_float"
+    stage.GetRootLayer().Export(str(tmp_path / "a.usda"))
+    assert [fault for fault in findings(tmp_path / "a.usda") if "metersPerUnit" not in fault] == []
 
 
 def test_the_stage_says_its_axis_unit_rate_and_range(stage):

@@ -157,6 +157,24 @@ def test_keys_and_the_bar_move_through_time_and_dragging_leaves_the_shots_camera
     assert np.allclose(tab.evaluate("flowsculpt.player.camera.position.toArray()"), before, atol=1e-6)
 
 
+@pytest.mark.soak
+def test_a_hazy_horizon_has_no_line_on_the_page(browser: Browser, tmp_path: Path) -> None:
+    if three_js() is None:
+        pytest.skip("three.js is not set up here")
+    steps = []
+    for fade in ("", ", horizon_fade: 8"):
+        text = f"{SHOT}lights: bright_field\nstage: {{kind: ground{fade}}}\n"
+        shot = read_shot(tmp_path / "a.yaml", text)
+        mesh = painted(moving(icosphere(4)))
+        part = Moving("ball", KeyPoses.of(DrawnMesh.of(mesh)), shot.picture.look)
+        framing = Framing(Camera((1.5, 0.5, 12.0), (1.5, 0.5, 0.0)), StagePlacement((1.5, -1.0, 0.0), 1.5))
+        WebPage(shot, [part], dict.fromkeys(mesh.frames, framing), 16 / 9).write(tmp_path / "page.html")
+        with opened(browser, tmp_path / "page.html") as tab:
+            column = picture(tab, tmp_path, 1)[20:-60, 4].astype(float).sum(axis=1)
+        steps.append(np.abs(np.diff(column)).max() / np.ptp(column))
+    assert steps[1] < 0.5 * steps[0]
+
+
 def test_each_material_of_a_model_shows_its_picture_or_colour(browser: Browser, tmp_path: Path) -> None:
     if three_js() is None:
         pytest.skip("three.js is not set up here")
