@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from pipeline.resample import resample as resample
     from pipeline.shot import read_shot as read_shot
     from pipeline.shot.documents.field_types import Document as Document
+    from pipeline.shot.documents.subject_kinds import CopyLayout as CopyLayout
     from pipeline.shot.documents.subject_kinds import SubjectKind as SubjectKind
     from render.movie.codecs import ENCODES as ENCODES
     from render.movie.codecs import Encode as Encode
@@ -82,7 +83,7 @@ _MODULES = {
     "pipeline.resample": ("Chord", "Curved", "Exact", "Resampler", "Thresholds", "resample"),
     "pipeline.shot": ("read_shot",),
     "pipeline.shot.documents.field_types": ("Document",),
-    "pipeline.shot.documents.subject_kinds": ("SubjectKind",),
+    "pipeline.shot.documents.subject_kinds": ("CopyLayout", "SubjectKind"),
     "render.movie.codecs": ("ENCODES", "Encode"),
     "render.scene.aovs": ("RenderedFrame",),
     "render.scene.materials": ("LOOKS", "Material"),

@@ -92,6 +92,7 @@ class Plugin:
     flows          velocity fields and other flows, dataclasses with documented parameters, by their names
     looks          `Material`s by their names
     subjects       kinds of subjects, `SubjectKind`s, by their names: `subject: {PLUGIN.NAME: {…}}`
+    layouts        layouts of copies, `CopyLayout`s, by their names: `copies: {count: 9, PLUGIN.NAME: {…}}`
     encodes        `Encode`s of `deliver --as PLUGIN.NAME`, by their names
     documents      pydantic models of entries of shot files by their names: `{PLUGIN: {NAME: {…}}}` there
     stages         stages by the names of the entries with their settings
@@ -122,6 +123,7 @@ class Plugin:
     flows: Mapping[str, str] = field(default_factory=dict)
     looks: Mapping[str, str] = field(default_factory=dict)
     subjects: Mapping[str, str] = field(default_factory=dict)
+    layouts: Mapping[str, str] = field(default_factory=dict)
     encodes: Mapping[str, str] = field(default_factory=dict)
     documents: Mapping[str, str] = field(default_factory=dict)
     stages: Mapping[str, PictureStage] = field(default_factory=dict)
@@ -143,7 +145,7 @@ class Plugin:
     def sources(self) -> list[Path]:
         """The Python files of the packages and modules with what it adds to shots; none of flowsculpt's."""
         tasks = (stage.task for stage in self.stages.values())
-        doors = (self.flows, self.looks, self.subjects, self.documents)
+        doors = (self.flows, self.looks, self.subjects, self.layouts, self.documents)
         places = (*(place for door in doors for place in door.values()), *tasks)
         tops = {place.partition(":")[0].partition(".")[0] for place in places}
         specs = [find_spec(top) for top in sorted(tops - {"pipeline", "render"})]
@@ -196,7 +198,7 @@ class Plugins:
         if not part or not _NAME.fullmatch(plugin):
             return None
         loaded = self.loaded.get(plugin)
-        doors = ("flows", "looks", "subjects", "encodes", "documents")
+        doors = ("flows", "looks", "subjects", "layouts", "encodes", "documents")
         if loaded and any(part in getattr(loaded, door) for door in doors):
             return f"Plug-in {plugin} could not load it."
         if any(fault.startswith(f"plug-in {plugin} ") for fault in self.faults):  # perhaps a second one

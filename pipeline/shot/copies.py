@@ -12,8 +12,7 @@ import numpy as np
 from pipeline.arrays import Floats, Points
 from pipeline.errors import UsageError
 from pipeline.flow.regions import Region
-from pipeline.mesh.normals import unit
-from pipeline.mesh.placed_copies import Placements
+from pipeline.mesh.placed_copies import Placements, nearest_rotations
 from render.base.plural import plural
 from render.base.serialise import NOT_PLAIN, OMIT_DEFAULT
 
@@ -140,19 +139,13 @@ class Copies:
         return low * (high / low) ** np.random.default_rng([self.seed, 1]).random(self.count)
 
     def _random_turns(self) -> Floats:
-        """Return a rotation (count, 3, 3) for each copy; random ones are evenly spread (Shoemake 1992)."""
+        """Return a rotation (count, 3, 3) for each copy, all equally likely."""
         random = np.random.default_rng([self.seed, 2])
-        if self.turn == "upright":
-            angles = 2.0 * math.pi * random.random(self.count)
-            c, s, zero, one = np.cos(angles), np.sin(angles), np.zeros(self.count), np.ones(self.count)
-            return np.moveaxis(np.array([[c, zero, s], [zero, one, zero], [-s, zero, c]]), 2, 0)
-        w, x, y, z = unit(random.standard_normal((self.count, 4))).T
-        rows = [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-        return np.moveaxis(np.array(rows), 2, 0)
+        if self.turn == "random":  # a normal distribution has no direction
+            return nearest_rotations(random.standard_normal((self.count, 3, 3)))
+        angles = 2.0 * math.pi * random.random(self.count)
+        c, s, zero, one = np.cos(angles), np.sin(angles), np.zeros(self.count), np.ones(self.count)
+        return np.moveaxis(np.array([[c, zero, s], [zero, one, zero], [-s, zero, c]]), 2, 0)
 
 
 def bounding_sphere(points: Points) -> tuple[Points, float]:

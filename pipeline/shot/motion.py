@@ -27,6 +27,7 @@ from pipeline.shot.copies import Copies, bounding_sphere
 from pipeline.shot.subjects import PluginSurface, Solid, Subject
 from render.base.serialise import OMIT_DEFAULT
 from render.scene.painted_faces import PaintedFaces
+from render.scene.patterns import COPY_PLACE, Measure, Pigment
 
 _SECONDS = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*s\s*")
 
@@ -400,6 +401,13 @@ class Motion:
         if self.is_rigid:
             return np.repeat(np.arange(len(self._standing[0])), len(rest) // len(self._standing[0]))
         return nearest_middles(rest, self._standing[0])
+
+    def copy_places(self, pattern: Pigment | Measure | None, rest: Points) -> dict[str, AnyArray]:
+        """Return the vertex attribute that a pattern of whole copies reads, by rest positions (V, 3)."""
+        if not isinstance(pattern, Pigment) or not pattern.is_of_copies:
+            return {}
+        places = pattern.copy_places(self._standing[0])
+        return {COPY_PLACE: places[self.copy_indices(rest)].astype(np.float32)}
 
     def painted(self, rest: Points, faces: Faces) -> PaintedFaces | None:
         """Return what is painted on faces (F, 3) of vertices by their rest positions (V, 3), or None."""

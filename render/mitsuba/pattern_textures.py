@@ -37,9 +37,9 @@ def with_places(surface: Surface, pigment: Pigment) -> Surface:
 
     Raises BadInputError where it has no rest positions.
     """
-    rest = surface.require_rest("look has a pigment")
-    places = {PLACE: rest.astype(np.float32)}
+    places = {PLACE: pigment.places(surface).astype(np.float32)}
     if pigment.heights:
+        rest = surface.require_rest("look has a relief")
         rows = steps_at_rest(surface.vertices.astype(np.float64), rest, surface.faces)
         places |= {name: rows[:, k].astype(np.float32) for k, name in enumerate(ROWS)}
     return replace(surface, attributes={**surface.attributes, **places})
@@ -147,6 +147,8 @@ def _place(si: Any, active: Any) -> Any:
 
 def _phase(pigment: Pigment, places: Any) -> Any:
     """Return the phases of rest positions: `Pigment.phases`, by compiled code."""
+    if pigment.pattern == "palette":
+        return places.x
     p = (places - mi.Point3f(pigment.centre)) / pigment.scale
     if pigment.turbulence:
         p += pigment.turbulence * _fractal_noise(p, pigment.octaves, pigment.seed)

@@ -24,9 +24,12 @@ from render.scene.surface import Surface
 CELLS = ("spots", "chips")
 """Patterns of cells with one colour each: phases jump from cell to cell."""
 
-PATTERNS = ("layers", "gradient", "rings", "radial", "marble", "speckles", *CELLS)
+PATTERNS = ("layers", "gradient", "rings", "radial", "marble", "speckles", *CELLS, "palette")
 TEXELS = 2048
 """Colours in the ramp of a pattern."""
+
+COPY_PLACE = "copy_place"
+"""Name of the vertex attribute (V, 3) where patterns of one colour for each copy are evaluated."""
 
 OUTSIDE = -0.02
 """Depth in a spot or chip that stands for all outside."""
@@ -41,7 +44,8 @@ class Pigment:
     pattern     "layers" (repeated along the axis), "gradient" (along the axis), "rings" (around the axis;
                 the last one continues outwards), "radial" (shells around the centre, repeated), "marble"
                 (veins across the axis), "speckles" (of all colours, one in the other), "spots" (round, of
-                one colour each) or "chips" (angular, of one colour each)
+                one colour each), "chips" (angular, of one colour each) or "palette" (each copy of a subject
+                has one colour by chance)
     colours     linear Rec.709 reflectances, two or more. Layers, rings, radial: in order from the centre.
                 Gradient: along the axis. Others: the ground, then the colours on it
     scale       scene units: thickness of a layer, ring or shell, length of a gradient, distance between
@@ -59,6 +63,7 @@ class Pigment:
     roughness   of each colour, or none for that of the material
     gap         between chips, in cells; some have more
     sizes       generations of chips, the smaller ones in the gaps of the larger ones
+    per_copy    each copy of a subject has one colour, that at its middle at rest
     sampled     the version of what a sample of a picture shows of the same fields
     """
 
@@ -76,6 +81,7 @@ class Pigment:
     roughness: tuple[float, ...] = field(default=(), metadata=OMIT_DEFAULT)
     gap: float = field(default=0.08, metadata=OMIT_DEFAULT)
     sizes: int = field(default=1, metadata=OMIT_DEFAULT)
+    per_copy: bool = field(default=False, metadata=OMIT_DEFAULT)
     sampled: int = field(default=3, init=False)
 
     def __post_init__(self) -> None:
@@ -108,12 +114,34 @@ class Pigment:
         return self.pattern in ("layers", "radial", "marble")
 
     @property
+    def is_of_copies(self) -> bool:
+        """True if phases are those of COPY_PLACE, which is the same all over a copy."""
+        return self.per_copy or self.pattern == "palette"
+
+    def copy_places(self, middles: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the places (N, 3) of COPY_PLACE for copies with middles (N, 3) at rest."""
+        if self.pattern != "palette":
+            return middles
+        chosen = np.random.default_rng([self.seed, 4]).integers(len(self.colours), size=(len(middles), 1))
+        return (chosen + 0.5) / len(self.colours) * (1.0, 0.0, 0.0)
+
+    def places(self, surface: Surface) -> NDArray[np.float64]:
+        """Return where the pattern is evaluated at vertices, (V, 3). Raises BadInputError without them."""
+        if not self.is_of_copies:
+            return surface.require_rest("look has a pigment")
+        if COPY_PLACE not in surface.attributes:
+            raise BadInputError("look has a colour for each copy, and the surface has no places of copies")
+        return np.asarray(surface.attributes[COPY_PLACE], np.float64)
+
+    @property
     def needs_samples(self) -> bool:
         """True if phases at vertices do not tell all."""
         return self.pattern in CELLS or bool(self.heights or self.roughness)
 
     def phases(self, points: NDArray[np.floating]) -> Phases:
-        """Return the phases (V,) of rest positions (V, 3). The ramp spans phases 0 to 1."""
+        """Return the phases (V,) of places (V, 3). The ramp spans phases 0 to 1."""
+        if self.pattern == "palette":
+            return np.asarray(points, np.float64)[:, 0]
         local = (np.asarray(points, dtype=np.float64) - self.centre) / self.scale
         axis = np.array(self.axis) / math.hypot(*self.axis)
         if self.turbulence or self.pattern in ("speckles", *CELLS):
@@ -148,7 +176,7 @@ class Pigment:
         if self.pattern == "gradient":
             stops = np.linspace(0.0, 1.0, len(colours))
             ramp = np.stack([np.interp(phases, stops, part) for part in colours.T], axis=1)
-        elif self.pattern in ("layers", "rings", "radial"):
+        elif self.pattern in ("layers", "rings", "radial", "palette"):
             ramp = self._bands(phases, colours)
         else:
             ramp = self._on_ground(phases, colours)

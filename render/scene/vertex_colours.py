@@ -36,7 +36,7 @@ def vertex_phases(surface: Surface, material: Material) -> Floats | None:
         return None
     if isinstance(pattern, Measure):
         return pattern.phases(surface)
-    return pattern.phases(surface.require_rest("look has a pigment"))
+    return pattern.phases(pattern.places(surface))
 
 
 def vertex_colours(surface: Surface, material: Material) -> Floats | None:

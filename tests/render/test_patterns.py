@@ -117,7 +117,7 @@ def test_shells_begin_at_the_centre_and_begin_again() -> None:
     assert shown == pytest.approx(np.array([RED, RED, BLUE, RED, BLUE]), abs=1e-6)
 
 
-@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("pattern", PATTERNS[:-1])  # a palette has no places at rest
 def test_a_sample_of_a_picture_shows_the_pattern_at_its_place_at_rest(pattern: str, engine: Engine) -> None:
     import mitsuba as mi
 

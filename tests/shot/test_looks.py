@@ -87,7 +87,7 @@ def test_scratches_lie_across_an_axis(tmp_path: Path) -> None:
         ("{material: clay, pigment: {layers: {colours: [[1, 1, 1]]}}}", "must have at least 2"),
         (
             "{material: clay, pigment: {}}",
-            "rings, radial, marble, speckles, spots, chips, and this has none",
+            "rings, radial, marble, speckles, spots, chips, palette, and this has none",
         ),
         (f"{{material: clay, colour: [1, 1, 1], pigment: {{layers: {{{TWO}}}}}}}", "Remove one of them"),
         (f"{{material: glass, pigment: {{layers: {{{TWO}}}}}}}", "light goes through glass"),

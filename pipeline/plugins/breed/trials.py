@@ -226,8 +226,8 @@ def _shape(part: Shot, motion: Motion, frame: MeshFrame) -> Shape:
     look = part.picture.look
     shading = Shading.of(frame, thresholds_at(motion, frame.number), max(1, min(2, part.picture.tessellate)))
     arrays: dict[str, AnyArray] = shading.arrays()
-    attributes = {}
     pattern = look.pattern
+    attributes = motion.copy_places(pattern, arrays["material"].astype(np.float64))
     if isinstance(pattern, Measure) and pattern.of == SPEED:
         attributes[SPEED] = speeds(motion, shading)
     vertices = arrays["vertices"]

@@ -177,6 +177,8 @@ def _exported_mesh(shot: Shot, frame: MeshFrame, split: ShadedMesh) -> ExportedF
     look = shot.picture.look
     paint = shot.motion.painted(rest, mesh.faces)
     surface = rendered_surface(split.vertices, split.normals, split.faces, rest[source], velocities[source])
+    places = {n: v[source] for n, v in shot.motion.copy_places(look.pattern, rest).items()}
+    surface = replace(surface, attributes={**surface.attributes, **places})
     colours = vertex_colours(replace(surface, paint=paint), look)
     return ExportedFrame(
         *(mesh.vertices, mesh.faces, split.normals, split.faces, velocities, rest, mesh.creases),
@@ -205,6 +207,8 @@ def _exported_cloud(shot: Shot, frame: MeshFrame) -> ExportedFrame:
     velocities, nothing = vertex_motion(shot.motion, frame).velocity(), np.empty((0, 3))
     faces, numbers = nothing.astype(np.int32), frame.mesh.attributes.get(IDENTITY)
     surface = rendered_surface(points, np.zeros_like(points), faces, rest, velocities)
+    places = shot.motion.copy_places(shot.picture.look.pattern, rest)
+    surface = replace(surface, attributes={**surface.attributes, **places})
     return ExportedFrame(
         *(points, faces, nothing, faces, velocities, rest),
         colours=vertex_colours(surface, shot.picture.look),

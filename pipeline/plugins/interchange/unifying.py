@@ -198,6 +198,8 @@ class Unification:
         frame = mesh.frame(first)
         normals = frame.normals[: len(mesh.rest)]
         surface = rendered_surface(frame.points, normals, mesh.faces, mesh.rest, frame.velocities)
+        places = self.request.shot.motion.copy_places(look.pattern, mesh.rest)
+        surface = replace(surface, attributes={**surface.attributes, **places})
         return replace(
             mesh,
             colours=vertex_colours(replace(surface, paint=paint), look),

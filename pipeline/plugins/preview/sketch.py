@@ -26,7 +26,7 @@ from render.post.colour import quantise
 from render.raster import Edges, Shape, StageSetup, preview, wide_picture, with_lines
 from render.scene.materials import Material, Painted
 from render.scene.painted_faces import PaintedFaces
-from render.scene.patterns import SPEED
+from render.scene.patterns import COPY_PLACE, SPEED
 from render.scene.render_camera import Camera, WideCamera
 from render.scene.scene import stage_fades
 from render.scene.surface import Surface
@@ -81,7 +81,10 @@ class Sketch:
         setup = StageSetup(picture.lights, picture.stage, framing.placement, view, fades)
         first, *others = (
             shape_of(
-                arrays, look := part.picture(number).look, self.quick, _paint(part, number, arrays)
+                {**arrays, **_copy_places(part, number, arrays)},
+                look := part.picture(number).look,
+                self.quick,
+                _paint(part, number, arrays),
             )._replace(closed=self.closed and not look.has_opacity)
             for arrays, part in zip(surfaces, parts, strict=True)
         )
@@ -129,11 +132,17 @@ def _paint(part: RenderRequest, number: int, arrays: Mapping[str, AnyArray]) -> 
     return part.shot.motion.painted(arrays["material"].astype(np.float64), arrays["faces"])
 
 
+def _copy_places(part: RenderRequest, number: int, arrays: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
+    """Return the vertex attribute of a subject that a colour for each copy needs."""
+    rest = arrays["material"].astype(np.float64)
+    return part.shot.motion.copy_places(part.picture(number).look.pattern, rest)
+
+
 def shape_of(
     arrays: Mapping[str, AnyArray], look: Material, quick: bool = False, paint: PaintedFaces | None = None
 ) -> Shape:
     """Return the shape of a frame's arrays; of a cloud, a ball for each point, which is coarse if `quick`."""
-    attributes = {SPEED: arrays[SPEED]} if SPEED in arrays else {}
+    attributes = {name: arrays[name] for name in (SPEED, COPY_PLACE) if name in arrays}
     vertices, no_faces = arrays["vertices"], np.empty((0, 3), np.int32)
     normals, faces = arrays.get("normals", vertices), arrays.get("faces", no_faces)
     surface = Surface(vertices, normals, faces, attributes, arrays["material"], paint=paint)

@@ -209,8 +209,10 @@ class _ShownSubject:
             }
             names = [name for name in request.aovs.extra if name in values]
             attributes = {name: values[name]().astype(np.float32) for name in names}
+        rest, shot = self._arrays["material"].astype(np.float64), request.shot
+        attributes |= shot.motion.copy_places(request.picture(self.number).look.pattern, rest)
         if self.first_copy:
-            indices = request.shot.motion.copy_indices(self._arrays["material"].astype(np.float64))
+            indices = shot.motion.copy_indices(rest)
             attributes[COPY] = (indices[:, None] + self.first_copy).astype(np.float32)
         if not request.measures_speed:
             return attributes

@@ -70,6 +70,8 @@ class PatternDocument(Document):
         default_factory=list, description="of each colour, in place of the material's"
     )
 
+    per_copy: bool = Field(False, description="each copy has one colour, that at its middle at rest")
+
     def build(self, pattern: str) -> Pigment:
         given: dict[str, Any] = self.model_dump(exclude={"colours", "axis", "centre"})
         for name in ("heights", "roughness"):
@@ -118,6 +120,7 @@ class PigmentDocument(OneOfSeveral):
     speckles: SpecklesDocument | None = optional("dots in a ground, each with all colours")
     spots: SpotsDocument | None = optional("round spots in a ground, of one colour each")
     chips: ChipsDocument | None = optional("angular chips in a ground, of one colour each: terrazzo")
+    palette: PatternDocument | None = optional("one colour by chance for each copy of a subject")
 
     def build(self) -> Pigment:
         (pattern,) = self.named

@@ -5,20 +5,22 @@ Each of several subjects has a place, a look and flows of its own.
 
 import inspect
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
     create_model,
+    model_validator,
 )
 
 from pipeline.mesh.control_net import LEAST
 from pipeline.mesh.read import model_files, read_paint
 from pipeline.plugin import Plugin, plugins
-from pipeline.shot.copies import MOST_COPIES, Copies
+from pipeline.shot.copies import MOST_COPIES, Copies, Layout
 from pipeline.shot.documents.field_types import (
     DEGREE,
     MAPPING_IS_SECOND,
@@ -38,7 +40,7 @@ from pipeline.shot.documents.field_types import (
 from pipeline.shot.documents.flow_entries import DASHES, FlowDocument, RegionDocument
 from pipeline.shot.documents.look_documents import LookField
 from pipeline.shot.documents.resampling import ResampleField
-from pipeline.shot.documents.subject_kinds import SubjectKind
+from pipeline.shot.documents.subject_kinds import CopyLayout, SubjectKind
 from pipeline.shot.motion import Clock
 from pipeline.shot.point_subjects import (
     MOST_POINTS,
@@ -174,10 +176,12 @@ class PluginSurfaceDocument(OneOfSeveral, SizedDocument):
         return PluginSurface(digest, path=Path(name), name=name, mesh=mesh, **self.placing())
 
 
-def _kind_of_plugin(plugin: Plugin, name: str, kind: Any) -> tuple[str, Any]:
-    """Return the version of a plug-in and the field of its kind of subject. Raises TypeError for another."""
-    if not (isinstance(kind, type) and issubclass(kind, SubjectKind)):
-        raise TypeError("it is not a SubjectKind")
+def _kind_of_plugin(
+    plugin: Plugin, name: str, kind: Any, contract: type[Document] = SubjectKind
+) -> tuple[str, Any]:
+    """Return the version of a plug-in and the field of its kind. Raises TypeError for another contract."""
+    if not (isinstance(kind, type) and issubclass(kind, contract)):
+        raise TypeError(f"it is not a {contract.__name__}")
     description = inspect.cleandoc(kind.__doc__ or name).partition("\n")[0]
     return plugin.version, (kind | None, optional(description))
 
@@ -265,18 +269,51 @@ SubjectDocument = Annotated[
 """Each has `build(folder)`, with the folder of the shot file."""
 
 
-class CopiesDocument(Document):
-    """Copies of a subject at places in a region."""
+class CopiesDocument(OneOfSeveral):
+    """Copies of a subject, in a region or a layout of a plug-in."""
 
     example = "{count: 12, region: {sphere: {radius: 2}}}"
+    noun, several = "the place of copies", ("region",)
+    versions: ClassVar[Mapping[str, str]] = {}
+    """The version of the plug-in by the name of each layout."""
 
     count: Annotated[int, Field(ge=1, le=MOST_COPIES)] = Field(description="how many there are")
     seed: Annotated[int, Field(ge=0)] = Field(0, description="another one scatters them differently")
-    region: RegionDocument = Field(description="holds all of them whole in the first frame")
+    region: RegionDocument | None = optional("holds all of them whole in the first frame, at random places")
     rigid: bool = Field(False, description="keeps their shape: the flow carries and turns each as a whole")
+    size: list[Positive] = Field(
+        [1.0, 1.0], min_length=2, max_length=2, description="the smallest and the largest, by chance between"
+    )
+    turn: Literal["none", "upright", "random"] = Field(
+        "none", description="by chance: each about its own vertical axis, or in any way"
+    )
+
+    @model_validator(mode="after")
+    def _grows(self) -> Self:
+        if self.size[0] > self.size[1]:
+            raise bad_value(f"size goes from {self.size[0]:g} to {self.size[1]:g}; write the smallest first.")
+        return self
 
     def build(self, clock: Clock) -> Copies:
-        return Copies(self.count, self.seed, self.region.build(clock), rigid=self.rigid)
+        (name,) = self.named
+        region, layout = None if self.region is None else self.region.build(clock), None
+        if region is None:
+            entry = getattr(self, name)
+            settings = entry.model_dump_json(exclude_defaults=True)
+            digest = joint_digest([name, self.versions[name], settings, *entry.digests()])
+            layout = Layout(digest, entry.places)
+        size = float(self.size[0]), float(self.size[1])
+        return Copies(self.count, self.seed, region, layout, self.rigid, size, self.turn)
+
+
+if not TYPE_CHECKING:
+    _LAYOUTS = plugins().parts("layouts", partial(_kind_of_plugin, contract=CopyLayout))
+    CopiesDocument = create_model(
+        "CopiesDocument", __base__=CopiesDocument, **{name: field for name, (_, field) in _LAYOUTS.items()}
+    )
+    CopiesDocument.versions = {name: version for name, (version, _) in _LAYOUTS.items()}
+    CopiesDocument.several = ("region", *_LAYOUTS)
+    CopiesDocument.model_config |= exactly_one("region", *_LAYOUTS)
 
 
 class SubjectSettings(Document):

@@ -1,4 +1,4 @@
-"""The contract of plug-ins for kinds of subjects."""
+"""The contracts of plug-ins for kinds of subjects, and for layouts of their copies."""
 
 from abc import abstractmethod
 from pathlib import Path
@@ -6,6 +6,7 @@ from typing import Self
 
 from pydantic import PrivateAttr, ValidationInfo, model_validator
 
+from pipeline.arrays import Floats, Points
 from pipeline.mesh import TriangleMesh, require
 from pipeline.shot.documents.field_types import Document
 from pipeline.shot.yaml.document_validation import ParseContext, as_finding
@@ -43,3 +44,18 @@ class SubjectKind(Document):
         """Return a digest of all that decides the surface, `origin` included, and the surface."""
         settings = self.model_dump_json(exclude_defaults=True)
         return joint_digest([*origin, settings, *self._digests]), self._surface
+
+
+class CopyLayout(Document):
+    """A layout of copies of a plug-in: its settings, and the places that they make."""
+
+    def digests(self) -> tuple[str, ...]:
+        """Return the digests of the files that it has read: they decide frames too."""
+        return ()
+
+    @abstractmethod
+    def places(self, count: int, seed: int) -> tuple[Points, Floats]:
+        """Return places (count, 3), and the rotation (count, 3, 3) of each: x is ahead or outwards, y up.
+
+        Raises UsageError, whose message is reported at the place of the copies.
+        """
