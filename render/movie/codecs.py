@@ -27,7 +27,7 @@ class Encode:
     pixel_format  of the file; alpha_format, for frames with coverage, which is dropped where it is None
     options       of the codec
     codec_tag     the codec's name in the container, where it is not FFmpeg's choice
-    display       the display that frames are made for: rec709 or srgb
+    display       the display that frames are made for: rec709, srgb, pq or hlg
     min_size      pixels along a side
     """
 
@@ -53,8 +53,14 @@ class Encode:
         return ".".join([name, *own, *more]) + self.suffix
 
     @property
+    def colours(self) -> tuple[int, int, int]:
+        """The codes of primaries, transfer and matrix (ITU-T H.273)."""
+        primaries, transfer, matrix = _COLOURS.get(self.display, (1, 1, 1))
+        return primaries, transfer, 0 if self.is_rgb else matrix
+
+    @property
     def is_rgb(self) -> bool:
-        """True for full-range RGB, false for limited-range BT.709 Y′CbCr."""
+        """True for full-range RGB, false for limited-range Y′CbCr."""
         return self.pixel_format in ("gbrp16le", "bgra")
 
     @property
@@ -71,6 +77,8 @@ class Encode:
         """Return the pixel format of the file for frames of 3 or 4 channels."""
         return self.alpha_format if channels == 4 and self.alpha_format else self.pixel_format
 
+
+_COLOURS = {"pq": (9, 16, 9), "hlg": (9, 18, 9)}
 
 _MP4 = Container("mp4", ".mp4", {"movflags": "+faststart+write_colr"}, "aac")
 _MOV = Container("mov", ".mov", {"movflags": "+write_colr"}, "pcm_s24le")
@@ -109,6 +117,15 @@ PRORES4444 = Encode("prores4444", _MOV, "prores_ks", "yuv444p10le", _PRORES, alp
 AV1 = Encode("av1", _MP4, "libsvtav1", "yuv420p10le", _SVT_AV1, min_size=64)
 """AV1 of 10 bits, for the web: the smallest."""
 
+HDR10 = replace(H265, name="hdr10", display="pq")
+"""H.265 of high dynamic range, in PQ with the light of its frames, for televisions and HDR screens."""
+
+HDR10_AV1 = replace(AV1, name="hdr10-av1", display="pq")
+"""The same in AV1, for the web."""
+
+HLG = replace(H265, name="hlg", display="hlg")
+"""H.265 in hybrid log-gamma, for broadcasters; it also plays on screens of standard range."""
+
 FFV1 = Encode("ffv1", MATROSKA, "ffv1", "gbrp16le", _FFV1)
 """FFV1 in Matroska, RGB of 16 bits, for the archive: nothing is lost, damage is noticed."""
 
@@ -121,7 +138,10 @@ H264_8_BITS = replace(H264, pixel_format="yuv420p")
 PHONE = replace(H264_8_BITS, name="phone")
 """H.264 of 8 bits, for phones, social networks and browsers: not all of them play 10."""
 
-ENCODES = {encode.name: encode for encode in (REVIEW, PHONE, H264, H265, PRORES4444, AV1, FFV1, WEBP)}
+ENCODES = {
+    encode.name: encode
+    for encode in (REVIEW, PHONE, H264, H265, HDR10, HDR10_AV1, HLG, PRORES4444, AV1, FFV1, WEBP)
+}
 """The deliverables, by name."""
 
 PLAYBLAST = replace(REVIEW, options={**_X264, "preset": "superfast", "g": "12", "bf": "0"})
@@ -136,6 +156,7 @@ MEANT = {
     "dnxhd": "prores4444",
     "exr": "ffv1",
     "gif": "webp",
+    "hdr": "hdr10",
     "hevc": "h265",
     "lossless": "ffv1",
     "instagram": "phone",
@@ -144,6 +165,7 @@ MEANT = {
     "mobile": "phone",
     "mov": "prores4444",
     "mp4": "h264",
+    "pq": "hdr10",
     "preview": "review",
     "prores": "prores4444",
     "quicktime": "prores4444",

@@ -22,12 +22,27 @@ from render.movie.codecs import Encode, require_size
 from render.movie.movie_frames import Frame, pad_to_even, require_frame, to_pixel_format
 from render.movie.movie_sound import AudioStream, Samples
 from render.movie.projection_tags import is_tagged, tag_movie
+from render.post.hdr import ContentLight
 from render.scene.render_camera import PERSPECTIVE, Projection
 
-_BT709, _RGB = 1, 0
 _LIMITED, _FULL = 1, 2
 LOOPS = "Seamless loop: the first frame follows the last."
 """The comment of a movie that loops."""
+
+_LIGHT_OPTIONS = {
+    "libx265": (
+        "x265-params",
+        "hdr10=1:master-display=G(13250,34500)B(7500,3000)R(34000,16000)WP(15635,16450)L(10000000,1)",
+        "max-cll",
+    ),
+    "libsvtav1": (
+        "svtav1-params",
+        "mastering-display=G(0.265,0.69)B(0.15,0.06)R(0.68,0.32)WP(0.3127,0.329)L(1000,0.0001)",
+        "content-light",
+    ),
+}
+"""By encoder: the option that describes the light of frames, its words for a P3 D65 display of 0.0001 to 1000
+nits, and the name of the light of the content."""
 
 _REORDER = 3  # the fewest frames that an encoder can reorder: I, P, B
 
@@ -41,6 +56,7 @@ def write_movie(
     sound: Iterator[Samples] | None = None,
     projection: Projection = PERSPECTIVE,
     loops: bool = False,
+    light: ContentLight | None = None,
 ) -> int:
     """Encode display frames (H, W, 3) or (H, W, 4) as they come; return how many there were.
 
@@ -49,6 +65,7 @@ def write_movie(
     sound       blocks from `render.movie.movie_sound.blocks`; dropped where the file can hold no sound
     projection  of the frames; the file is tagged with it where `projection_tags.is_tagged`
     loops       True if the first frame follows the last; the file's comment then says so
+    light       of the frames, for an encode of PQ
 
     Where colour has half the resolution, an odd last column or row is repeated once. The movie appears under
     its name only when complete, and the same input gives the same bytes.
@@ -67,7 +84,10 @@ def write_movie(
     # Frames have colour at full resolution, which FFmpeg halves where the encode asks for it.
     with (
         _movie_file(path, encode, shape, projection) as file,
-        _open_movie(file, encode, shape, rate, can_reorder) as (movie, container),
+        _open_movie(file, encode, shape, rate, _codec_options(encode, can_reorder, light)) as (
+            movie,
+            container,
+        ),
     ):
         if timecode and encode.has_timecode:
             movie.container_metadata["timecode"] = timecode
@@ -83,7 +103,7 @@ def write_movie(
                     "must have the same"
                 )
             padded = pad_to_even(frame) if encode.is_subsampled else frame
-            movie.write_frame(to_pixel_format(padded, full), pixel_format=full)
+            movie.write_frame(to_pixel_format(padded, full, encode.colours[2]), pixel_format=full)
             count += 1
             if audio is not None:
                 audio.write_until(count / rate)
@@ -115,7 +135,7 @@ def _movie_file(
 
 @contextmanager
 def _open_movie(
-    file: _MovieFile, encode: Encode, shape: tuple[int, ...], rate: Fraction, can_reorder: bool
+    file: _MovieFile, encode: Encode, shape: tuple[int, ...], rate: Fraction, codec_options: dict[str, str]
 ) -> Iterator[tuple[Any, Any]]:
     """Open a movie for frames of one shape; yield imageio's plugin and FFmpeg's container.
 
@@ -129,13 +149,13 @@ def _open_movie(
         movie.init_video_stream(encode.codec, fps=float(rate), pixel_format=encode.format_of(shape[2]))
         stream, codec = movie._video_stream, movie._video_stream.codec_context
         stream.time_base = 1 / rate
-        codec.options = _codec_options(encode, can_reorder)
+        codec.options = codec_options
         if encode.is_subsampled:
             # Frames are converted by as many threads; the options say how many encode. FFmpeg's threads write
             # over the first pixels of each other's rows where the width is no multiple of 16.
             codec.thread_count = 1
-        codec.color_primaries = codec.color_trc = _BT709
-        codec.colorspace, codec.color_range = (_RGB, _FULL) if encode.is_rgb else (_BT709, _LIMITED)
+        codec.color_primaries, codec.color_trc, codec.colorspace = encode.colours
+        codec.color_range = _FULL if encode.is_rgb else _LIMITED
         if encode.codec_tag:
             codec.codec_tag = encode.codec_tag
         if encode.codec == "prores_ks":  # it writes the colours of frames, not of the stream
@@ -151,7 +171,7 @@ def _open_movie(
         raise
 
 
-def _codec_options(encode: Encode, can_reorder: bool) -> dict[str, str]:
+def _codec_options(encode: Encode, can_reorder: bool, light: ContentLight | None) -> dict[str, str]:
     """Return the options of the codec on this machine, for a movie long enough to reorder frames or not.
 
     With AVX-512, x264's look-ahead is not deterministic: sixty encodes of eight frames of 192 × 108 gave nine
@@ -164,6 +184,9 @@ def _codec_options(encode: Encode, can_reorder: bool) -> dict[str, str]:
         options["x264-params"] += ":asm=AVX2"
     if encode.codec == "libx265" and not can_reorder:
         options["x265-params"] += ":bframes=0"
+    if light is not None:
+        name, display, content = _LIGHT_OPTIONS[encode.codec]
+        options[name] += f":{display}:{content}={light.brightest},{light.average}"
     return options
 
 

@@ -18,11 +18,8 @@ from render.post.colour import dither_pattern
 Frame = NDArray[np.uint8] | NDArray[np.uint16]
 """A display frame (H, W, 3), or (H, W, 4) with coverage; uint8 counts 0 … 255, uint16 0 … 65535."""
 
-_RED, _GREEN, _BLUE = np.float32(0.2126), np.float32(0.7152), np.float32(0.0722)
-"""Weights of luma (ITU-R BT.709-6, 3.2)."""
-
-_CB, _CR = np.float32(224 / 1.8556), np.float32(224 / 1.5748)
-"""Steps of 8 bits per difference of blue, and of red, from luma (ITU-R BT.709-6, 3.3 and 3.4)."""
+_LUMA = {1: (0.2126, 0.7152, 0.0722), 9: (0.2627, 0.6780, 0.0593)}
+"""Weights of red, green and blue in luma, by matrix (ITU-T H.273): BT.709-6, 3.2, and BT.2020-2, table 4."""
 
 
 def require_frame(frame: NDArray[Any]) -> None:
@@ -42,8 +39,10 @@ def pad_to_even(frame: Frame) -> Frame:
     return padded
 
 
-def to_pixel_format(frame: Frame, pixel_format: str) -> NDArray[Any]:
+def to_pixel_format(frame: Frame, pixel_format: str, matrix: int = 1) -> NDArray[Any]:
     """Return a frame in FFmpeg's pixel format yuv444p, yuv444p10le, yuva444p10le, gbrp16le or bgra.
+
+    matrix  of Y′CbCr (ITU-T H.273): 1 is BT.709, 9 BT.2020
 
     Planar formats give (planes, H, W), bgra (H, W, 4). Coverage is dropped where the format has none.
     """
@@ -53,7 +52,7 @@ def to_pixel_format(frame: Frame, pixel_format: str) -> NDArray[Any]:
         sixteen = frame.astype(np.uint16) * 257 if frame.dtype == np.uint8 else frame
         return np.moveaxis(sixteen[..., [1, 2, 0]], 2, 0)
     kept = frame if pixel_format.startswith("yuva") else frame[..., :3]
-    return _ycbcr(kept, 10 if "p10" in pixel_format else 8)
+    return _ycbcr(kept, 10 if "p10" in pixel_format else 8, matrix)
 
 
 def prepare() -> None:
@@ -63,13 +62,15 @@ def prepare() -> None:
         _ycbcr(np.zeros((2, 2, 3), np.uint16), bits)
 
 
-def _ycbcr(frame: Frame, bits: int) -> NDArray[Any]:
-    """Convert full-range RGB to limited-range BT.709 planes, dithered; coverage keeps its full range."""
+def _ycbcr(frame: Frame, bits: int, matrix: int = 1) -> NDArray[Any]:
+    """Convert full-range RGB to limited-range planes, dithered; coverage keeps its full range."""
     height, width, channels = frame.shape
     top, scale = np.float32(np.iinfo(frame.dtype).max), np.float32(2 ** (bits - 8))
     noise = dither_pattern(height, width) if frame.dtype == np.uint16 else _half(height, width)
     planes = np.empty((channels, height, width), np.uint8 if bits == 8 else np.uint16)
-    _convert_to_ycbcr(np.ascontiguousarray(frame), top, scale, noise, planes)
+    red, green, blue = _LUMA[matrix]
+    weights = np.array([red, green, blue, 112.0 / (1.0 - blue), 112.0 / (1.0 - red)], np.float32)
+    _convert_to_ycbcr(np.ascontiguousarray(frame), top, scale, noise, weights, planes)
     if channels == 4:
         planes[3] = np.rint(frame[..., 3].astype(np.float32) / top * np.float32(2**bits - 1))
     return planes
@@ -99,6 +100,7 @@ def _convert_to_ycbcr(
     white: np.float32,
     scale: np.float32,
     dither: NDArray[np.float32],
+    weights: NDArray[np.float32],
     planes: NDArray[Any],
 ) -> None:
     """Convert full-range RGB (H, W, 3 or 4) to limited-range Y, Cb, Cr, in planes (3, H, W).
@@ -106,6 +108,7 @@ def _convert_to_ycbcr(
     white   the frame's value of white
     scale   steps per step of 8 bits
     dither  (H, W): a value is rounded up where its fraction is 1 - dither or more
+    weights of red, green and blue in luma; steps of 8 bits per difference of blue, and of red, from luma
     """
     black, middle, luma_range = np.float32(16.0), np.float32(128.0), np.float32(219.0)
     for i in range(frame.shape[0]):
@@ -113,11 +116,11 @@ def _convert_to_ycbcr(
             red = np.float32(frame[i, j, 0]) / white
             green = np.float32(frame[i, j, 1]) / white
             blue = np.float32(frame[i, j, 2]) / white
-            luma = red * _RED + green * _GREEN + blue * _BLUE
+            luma = red * weights[0] + green * weights[1] + blue * weights[2]
             offset = dither[i, j]
             planes[0, i, j] = np.int32((black + luma_range * luma) * scale + offset)
-            planes[1, i, j] = np.int32((middle + _CB * (blue - luma)) * scale + offset)
-            planes[2, i, j] = np.int32((middle + _CR * (red - luma)) * scale + offset)
+            planes[1, i, j] = np.int32((middle + weights[3] * (blue - luma)) * scale + offset)
+            planes[2, i, j] = np.int32((middle + weights[4] * (red - luma)) * scale + offset)
 
 
 T = TypeVar("T")

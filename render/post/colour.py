@@ -20,6 +20,7 @@ from render.base.atomic_write import atomic_write
 from render.base.kernel_cache import compiled
 from render.base.render_errors import BadInputError, MachineError
 from render.base.user_cache import cache_path
+from render.post.hdr import HDR_DISPLAYS, hlg_of_nits, nits_of_pq
 from render.post.view import ACES, ColourView
 from render.scene.rgb_spaces import WORKING_SPACES
 
@@ -32,18 +33,29 @@ _TOE = 2.0**-6
 _WHITE = 2.0**6
 """The table's axes run over log2(1 + x/toe) from 0 to this radiance, which the view shows as white."""
 
+_HDR_WHITE = 2.0**10
+"""The same for views of high dynamic range."""
+
 
 def to_display(
     light: Floats, exposure: float = 0.0, display: str = "rec709", view: ColourView = ACES
 ) -> Floats:
     """Convert light (H, W, 3) of the view's working space to display values 0 … 1; `exposure` in stops.
 
-    Raises BadInputError for a display that is not in DISPLAYS, or a view that cannot be computed.
+    Raises BadInputError for a display that is in neither DISPLAYS nor HDR_DISPLAYS, or a view that cannot be
+    computed.
     """
-    lut = _lut(view, view.display(display))
+    lut, white = (
+        (_hdr_lut(view.in_hdr(), display), _HDR_WHITE)
+        if display in HDR_DISPLAYS
+        else (
+            _lut(view, view.display(display)),
+            _WHITE,
+        )
+    )
     flat = np.ascontiguousarray(light, dtype=np.float32).reshape(-1, 3)
     shown = np.empty_like(flat)
-    apply_lut(flat, 2.0**exposure, _TOE, _WHITE, lut, shown)
+    apply_lut(flat, 2.0**exposure, _TOE, white, lut, shown)
     return shown.reshape(light.shape)
 
 
@@ -128,14 +140,21 @@ def _lut(view: ColourView, display: str) -> Floats:
             return np.asarray(lut)
     except (OSError, ValueError, EOFError):
         pass
-    lut = _bake(view, display)
+    lut = _bake(view, display, _WHITE)
     with suppress(MachineError), atomic_write(file, flush=False) as draft, draft.open("wb") as stream:
         np.save(stream, lut)
     return lut
 
 
-def _bake(view: ColourView, display: str) -> Floats:
-    axis = _TOE * (2.0 ** (np.linspace(0.0, 1.0, _SIDE) * np.log2(1.0 + _WHITE / _TOE)) - 1.0)
+@cache
+def _hdr_lut(view: ColourView, display: str) -> Floats:
+    """Return the table (65, 65, 65, 3) of a view of PQ, in PQ or in HLG."""
+    shown = _bake(view, view.movie, _HDR_WHITE)
+    return shown if display == "pq" else hlg_of_nits(nits_of_pq(shown)).astype(np.float32)
+
+
+def _bake(view: ColourView, display: str, white: float) -> Floats:
+    axis = _TOE * (2.0 ** (np.linspace(0.0, 1.0, _SIDE) * np.log2(1.0 + white / _TOE)) - 1.0)
     red, green, blue = np.meshgrid(axis, axis, axis, indexing="ij")
     colours = np.stack([red, green, blue], axis=-1).reshape(_SIDE * _SIDE, _SIDE, 3)
     return _ocio_display(colours.astype(np.float32), view, display).reshape(_SIDE, _SIDE, _SIDE, 3)

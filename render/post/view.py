@@ -52,6 +52,15 @@ class ColourView:
         """Return the same view of linear Rec.709, which quick previews compute in."""
         return replace(self, working_space=REC709.name)
 
+    def in_hdr(self) -> ColourView:
+        """Return ACES 2.0 for movies of high dynamic range, in PQ. Raises BadInputError for another view."""
+        if (self.config, self.view, self.movie) != (ACES.config, ACES.view, ACES.movie):
+            raise BadInputError(
+                f"HDR movies show light by ACES 2.0, not by the shot's view {self.view!r} on {self.movie!r}; "
+                "leave its view out, or deliver h265"
+            )
+        return replace(self, view="ACES 2.0 - HDR 1000 nits (P3 D65)", movie="Rec.2100-PQ - Display")
+
     def display(self, use: str) -> str:
         """Return the display for rec709 (movies) or srgb (pages). Raises BadInputError for others."""
         uses = {"rec709": self.movie, "srgb": self.still}

@@ -23,7 +23,8 @@ from pipeline.production.request.render_request import RenderRequest
 from render.graphics.typesetting import BurnIn
 from render.movie.codecs import ENCODES
 from render.movie.probe import probe_movie
-from tests.conftest import QUALITY
+from render.post.hdr import nits_of_pq
+from tests.conftest import QUALITY, TINY
 
 NAME = "T010_tiny"
 HOME = Path("renders") / NAME / QUALITY / "deliver"
@@ -94,6 +95,24 @@ def test_a_film_is_delivered_with_its_own_sound_and_a_slate_before_it(there):
         audio = np.concatenate([f.to_ndarray().reshape(-1, 2)[:, 0] for f in movie.decode(audio=0)])
     assert np.flatnonzero(audio)[0] == 2 * 48000  # it begins with the film, not with the slate
     assert probe_movie(home / "reel.h265.mp4").sound == "aac"
+
+
+def test_a_film_of_high_dynamic_range_has_a_slate_and_burn_ins_of_graphics_white(there):
+    words = ("-f", "2-3", "--as", "hdr10", "--slate", "head", "--burn-in", "all")
+    done = there.call("deliver", NAME, "-q", QUALITY, *words)
+    assert done.code == 0, done.err
+    path = there.path / HOME / f"{NAME}.2-3.hdr10.mp4"
+    facts = probe_movie(path)
+    assert (facts.frames, facts.primaries, facts.transfer, facts.matrix) == (48 + 2, 9, 16, 9)
+    with av.open(str(path)) as movie:
+        planes = [f.reformat(format="yuv444p16le").to_ndarray() for f in movie.decode(video=0)]
+    slate, last = (nits_of_pq((each[..., 0] / 256.0 - 16.0) / 219.0) for each in (planes[0], planes[-1]))
+    assert 120 < slate.max() < 240
+    assert 100 < last[-20:].max() < 300  # the burn-in, at the lower edge
+    Path("shots/T011_raw.yaml").write_text(TINY + "view: {view: Raw}\n")
+    refused = there.call("deliver", "T011_raw", "-q", QUALITY, "--as", "hlg")
+    assert refused.code == 2
+    assert "HDR movies show light by ACES 2.0, not by the shot's view 'Raw'" in refused.err
 
 
 def test_frames_that_failed_are_cards_that_say_why(there):

@@ -63,7 +63,7 @@ def test_an_unknown_display_is_named() -> None:
 
 def test_a_damaged_cache_is_baked_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("platformdirs.user_cache_path", lambda name: tmp_path)
-    monkeypatch.setattr(colour, "_bake", lambda view, display: np.full((65, 65, 65, 3), 0.25, np.float32))
+    monkeypatch.setattr(colour, "_bake", lambda *_: np.full((65, 65, 65, 3), 0.25, np.float32))
     (tmp_path / "views").mkdir()
     fresh = colour._lut.__wrapped__(ACES, ACES.still)
     file = next((tmp_path / "views").glob("*.npy"))

@@ -27,6 +27,7 @@ from render.movie.codecs import ENCODES, Encode, encode_named
 from render.movie.encode import write_movie
 from render.movie.movie_sound import RATE, Sound, blocks
 from render.movie.probe import probe_movie
+from render.post.hdr import HDR_DISPLAYS
 
 pytestmark = pytest.mark.renderer
 
@@ -45,7 +46,10 @@ BARS = np.array(
 )
 """Colour bars, near to what a gamut's corners are."""
 FILM_RATE = Fraction(24000, 1001)
-EACH = pytest.mark.parametrize("encode", ENCODES.values(), ids=list(ENCODES))
+ALL = pytest.mark.parametrize("encode", ENCODES.values(), ids=list(ENCODES))
+OF_SDR = {name: encode for name, encode in ENCODES.items() if encode.display not in HDR_DISPLAYS}
+EACH = pytest.mark.parametrize("encode", OF_SDR.values(), ids=list(OF_SDR))
+"""Encodes of high dynamic range differ from them in colours and their light alone."""
 
 
 def bars(count: int, height: int = 72, width: int = 128, coverage: bool = False) -> Iterator[np.ndarray]:
@@ -58,12 +62,13 @@ def bars(count: int, height: int = 72, width: int = 128, coverage: bool = False)
         yield np.tile(row, (height, 1, 1)).astype(np.uint16)
 
 
-def rgb(planes: np.ndarray) -> np.ndarray:
-    """Limited-range BT.709 planes of 16 bits (H, W, 3) as RGB 0 … 255, by the recommendation's equations."""
+def rgb(planes: np.ndarray, matrix: int) -> np.ndarray:
+    """Limited-range planes of 16 bits (H, W, 3) as RGB 0 … 255, by equations of BT.709 (1) or BT.2020 (9)."""
     y, cb, cr = np.moveaxis(planes.astype(np.float64) / 256.0, 2, 0)
     y, cb, cr = (y - 16.0) / 219.0, (cb - 128.0) / 224.0, (cr - 128.0) / 224.0
-    red, blue = y + 1.5748 * cr, y + 1.8556 * cb
-    return 255.0 * np.stack([red, (y - 0.2126 * red - 0.0722 * blue) / 0.7152, blue], axis=-1)
+    r, b = (0.2126, 0.0722) if matrix == 1 else (0.2627, 0.0593)
+    red, blue = y + 2.0 * (1.0 - r) * cr, y + 2.0 * (1.0 - b) * cb
+    return 255.0 * np.stack([red, (y - r * red - b * blue) / (1.0 - r - b), blue], axis=-1)
 
 
 def decoded(path: Path) -> list[np.ndarray]:
@@ -76,11 +81,12 @@ def decoded(path: Path) -> list[np.ndarray]:
             if frame.format.name.startswith("gbr"):
                 frames.append(frame.reformat(format="rgb48le").to_ndarray() / 257.0)
             else:
-                frames.append(rgb(frame.reformat(format="yuv444p16le").to_ndarray()))
+                matrix = int(container.streams.video[0].codec_context.colorspace)
+                frames.append(rgb(frame.reformat(format="yuv444p16le").to_ndarray(), matrix))
         return frames
 
 
-@EACH
+@ALL
 def test_an_encode_keeps_count_size_rate_and_colours(encode: Encode, tmp_path: Path) -> None:
     path = tmp_path / f"a{encode.suffix}"
     assert write_movie(path, bars(6), FILM_RATE, encode, "00:00:01:18") == 6
@@ -97,7 +103,10 @@ def test_an_encode_keeps_count_size_rate_and_colours(encode: Encode, tmp_path: P
         return
     assert facts.rate == FILM_RATE
     assert facts.timecode == "00:00:01:18"
+    transfers = {"pq": 16, "hlg": 18}
     expected = (1, 1, 0, 2) if encode.is_rgb else (1, 1, 1, 1)
+    if encode.display in transfers:
+        expected = (9, transfers[encode.display], 9, 1)
     assert (facts.primaries, facts.transfer, facts.matrix, facts.range) == expected
     assert not facts.alpha
 

@@ -51,6 +51,7 @@ from pipeline.shot.yaml.named_files import is_edit
 from render.base.plural import plural
 from render.graphics.typesetting import FIELDS, BurnIn
 from render.movie.codecs import encode_named
+from render.post.hdr import HDR_DISPLAYS
 from render.scene.render_quality import DEFAULT_QUALITY
 
 
@@ -100,8 +101,9 @@ def deliver(
     the viewer, and names that end with _360 or _180_LR, which many players rely on.
 
     review: H.264 of intra frames, to step through · phone: H.264 of 8 bits, for phones and social networks ·
-    h264, h265: 10 bits · prores4444: with the subject's alpha · av1: for the web · ffv1: lossless, for the
-    archive · webp: for pages.
+    h264, h265: 10 bits · hdr10, hdr10-av1: high dynamic range, for screens and the web · hlg: the same for
+    broadcasters · prores4444: with the subject's alpha · av1: for the web · ffv1: lossless, for the archive ·
+    webp: for pages.
     """
     if slate is not None:
         require_one_of(slate, SLATES, f"--slate {slate}: a slate goes at the head or apart.")
@@ -119,6 +121,8 @@ def deliver(
     project = options.project(common)
     wanted = _Wanted(project, tuple(names), options.quality(quality, project, names), frames, relit)
     wanted.relit_frames()  # refuses names that are none before anything is rendered
+    if any(encode.display in HDR_DISPLAYS for encode in order.encodes):
+        wanted.require_hdr()
     if common.dry_run:
         report_plan(common, wanted.plan())
         if not common.json:
@@ -164,6 +168,11 @@ class _Wanted:
         if self.relit is None:
             return []
         return [relit_version(request, self.project.store, self.relit) for request in self._all_requests()]
+
+    def require_hdr(self) -> None:
+        """Raises BadInputError where light cannot be shown in high dynamic range."""
+        for request in self._all_requests():
+            request.shot.picture.view.in_hdr()
 
     def _all_requests(self) -> list[RenderRequest]:
         return [request for name in self.names for request in self._requests(name)]

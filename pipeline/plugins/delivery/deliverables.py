@@ -41,6 +41,7 @@ from render.movie.codecs import ENCODES, FILM_START, NAME_ENDS, Encode, timecode
 from render.movie.encode import write_movie
 from render.movie.movie_frames import Frame, dissolve, mix_frames, prefetch
 from render.post.colour import quantise, to_display
+from render.post.hdr import HDR_DISPLAYS, ContentLight, hdr_graphics
 from render.scene.render_camera import Projection
 
 LabelledFrame = tuple[Frame, Mapping[str, str | int]]
@@ -141,7 +142,9 @@ class FrameReader:
 
 
 def opaque(frame: NDArray[Any], form: FrameFormat) -> Frame:
-    """Return a frame (H, W, 3) in a format: with full coverage if the format has coverage."""
+    """Return a drawn frame (H, W, 3) in a format: with full coverage if the format has coverage."""
+    if form.display in HDR_DISPLAYS:
+        frame = hdr_graphics(frame, form.display)
     if not form.has_coverage:
         return frame
     full = np.full((*frame.shape[:2], 1), np.iinfo(frame.dtype).max, dtype=frame.dtype)
@@ -392,9 +395,10 @@ class Delivery:
         for encode, path, part in self._files():
             kind, key = _KINDS[encode.suffix], self._key(encode, part)
             count = self._slate_frames if part == "slate" else self.source.count + self._leader
+            passes = 2 if encode.display == "pq" else 1  # the first measures their light
             reused = self.store.bring(kind, key)
             if not reused:
-                self.store.put(kind, key, partial(self._write, encode, part, bar(path.name, count)))
+                self.store.put(kind, key, partial(self._write, encode, part, bar(path.name, passes * count)))
             self.store.link(kind, key, path)
             made.append(DeliveredFile(path, encode.name, count, reused))
         return made
@@ -445,15 +449,20 @@ class Delivery:
     def _write(self, encode: Encode, part: str, passed: Callable[[], None], path: Path) -> None:
         source, rate = self.source, self.source.rate.fps
         form = FrameFormat(encode.display, encode.alpha_format is not None and source.has_coverage)
-        frames = self._slates(encode, form) if part == "slate" else self._frames(encode, form)
+
+        def frames() -> Iterator[Frame]:
+            shown = self._slates(encode, form) if part == "slate" else self._frames(encode, form)
+            return _counted(prefetch(shown), passed)
+
+        light = ContentLight.of(frames()) if encode.display == "pq" else None
         first = source.start - (self._slate_frames if part == "slate" else self._leader)
         sound = None
         if part == "frames" and encode.container.audio_codec:  # also under the slate before them
             clips = [clip.later(self._leader) for clip in self._sounds]
             sound = samples_of(clips, source.count + self._leader, source.rate)
-        code, counted = timecode(first, rate), _counted(prefetch(frames), passed)
+        code = timecode(first, rate)
         loops = source.loops and part == "frames" and not self._leader
-        write_movie(path, counted, rate, encode, code, sound, source.projection, loops)
+        write_movie(path, frames(), rate, encode, code, sound, source.projection, loops, light)
 
     def _frames(self, encode: Encode, form: FrameFormat) -> Iterator[Frame]:
         if self._leader:
@@ -461,20 +470,33 @@ class Delivery:
         for number, (frame, labels) in enumerate(self.source.frames(form), self.source.start):
             if self.options.burn_in is not None:
                 facts = {**labels, "timecode": timecode(number, self.source.rate.fps)}
-                labelled = self.options.burn_in.over(frame[..., :3], facts)
+                labelled = _labelled(self.options.burn_in, frame[..., :3], facts, form.display)
                 frame = np.concatenate([labelled, frame[..., 3:]], axis=2)
             yield frame
 
     def _slates(self, encode: Encode, form: FrameFormat) -> Iterator[Frame]:
         """Yield the slate SLATE_SECONDS long."""
         source = self.source
-        poster = source.poster(replace(form, has_coverage=False))[0].astype(np.float32) / np.float32(65535)
+        display = "rec709" if form.display in HDR_DISPLAYS else form.display  # a slate is graphics
+        poster = source.poster(FrameFormat(display, False))[0].astype(np.float32) / np.float32(65535)
         facts = (*source.facts, ("made as", encode.name))
         screen = Screen(source.projection, source.size)
         drawn = screen.show(Slate(source.title, source.subtitle, facts, poster).draw(screen.size))
         frame = opaque(quantise(drawn, bits=16), form)
         for _ in range(self._slate_frames):
             yield frame
+
+
+def _labelled(
+    burn_in: BurnIn, frame: Frame, facts: Mapping[str, str | int], display: str
+) -> NDArray[np.uint16] | NDArray[np.uint8]:
+    """Return a frame (H, W, 3) with facts over it, whose white is that of graphics."""
+    if display not in HDR_DISPLAYS:
+        return burn_in.over(frame, facts)
+    inks = burn_in.over(np.zeros_like(frame), facts)
+    kept = burn_in.over(np.full_like(frame, 65535), facts).astype(np.float32) - inks
+    mixed = frame * (kept / np.float32(65535)) + hdr_graphics(inks, display)
+    return np.asarray(np.rint(mixed).clip(0, 65535), dtype=np.uint16)
 
 
 def _counted(frames: Iterator[Frame], passed: Callable[[], None]) -> Iterator[Frame]:
