@@ -71,7 +71,7 @@ class Encode:
     @property
     def has_timecode(self) -> bool:
         """True where the container can hold the timecode of the first frame."""
-        return self.container is not _WEBP
+        return self.container not in (_WEBP, _AVIF)
 
     def format_of(self, channels: int) -> str:
         """Return the pixel format of the file for frames of 3 or 4 channels."""
@@ -84,6 +84,7 @@ _MP4 = Container("mp4", ".mp4", {"movflags": "+faststart+write_colr"}, "aac")
 _MOV = Container("mov", ".mov", {"movflags": "+write_colr"}, "pcm_s24le")
 MATROSKA = Container("matroska", ".mkv", {"fflags": "+bitexact"}, "pcm_s24le")  # else identifiers are random
 _WEBP = Container("webp", ".webp")
+_AVIF = Container("avif", ".avif")
 
 _X264 = {
     "preset": "medium",
@@ -123,6 +124,9 @@ HDR10 = replace(H265, name="hdr10", display="pq")
 HDR10_AV1 = replace(AV1, name="hdr10-av1", display="pq")
 """The same in AV1, for the web."""
 
+AVIF = replace(HDR10_AV1, name="avif", container=_AVIF)
+"""AVIF in PQ, for pages: a still of one frame, a picture that moves of several."""
+
 HLG = replace(H265, name="hlg", display="hlg")
 """H.265 in hybrid log-gamma, for broadcasters; it also plays on screens of standard range."""
 
@@ -140,7 +144,7 @@ PHONE = replace(H264_8_BITS, name="phone")
 
 ENCODES = {
     encode.name: encode
-    for encode in (REVIEW, PHONE, H264, H265, HDR10, HDR10_AV1, HLG, PRORES4444, AV1, FFV1, WEBP)
+    for encode in (REVIEW, PHONE, H264, H265, HDR10, HDR10_AV1, HLG, AVIF, PRORES4444, AV1, FFV1, WEBP)
 }
 """The deliverables, by name."""
 

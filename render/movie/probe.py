@@ -1,11 +1,10 @@
-"""Facts about a movie, found by decoding it to its end, with imageio's plugins."""
+"""Facts about a movie, found by decoding it to its end."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
 import av
 import imageio.v3 as iio
@@ -57,18 +56,16 @@ def probe_movie(path: Path) -> MovieFacts:
 
 
 def _probe(path: Path) -> MovieFacts:
-    """Read a movie with imageio. It has no colours: they are read from the stream that it opened."""
-    movie: Any
-    with iio.imopen(path, "r", plugin="pyav") as movie:
-        stream, codec = movie._video_stream, movie._video_stream.codec_context
-        pixel_format = str(stream.pix_fmt)
-        tags = {name.lower(): value for name, value in movie.metadata().items()}
-        corner = [("crop", "2:2")]  # which is soon converted to an array
+    with av.open(str(path)) as container:
+        stream = max(container.streams.video, key=lambda each: each.frames)  # an AVIF begins with a still
+        stream.thread_type = "AUTO"
+        codec, pixel_format = stream.codec_context, str(stream.codec_context.pix_fmt)
+        tags = {name.lower(): value for name, value in {**container.metadata, **stream.metadata}.items()}
         facts = MovieFacts(
-            frames=sum(1 for _ in movie.iter(format="gray", filter_sequence=corner, thread_type="AUTO")),
+            frames=sum(1 for _ in container.decode(stream)),
             width=codec.width,
             height=codec.height,
-            rate=Fraction(stream.average_rate),
+            rate=Fraction(stream.average_rate or 0),
             pixel_format=pixel_format,
             primaries=int(codec.color_primaries),
             transfer=int(codec.color_trc),

@@ -77,7 +77,7 @@ def decoded(path: Path) -> list[np.ndarray]:
         return [frame[..., :3].astype(np.float64) for frame in iio.imiter(path, plugin="pillow")]
     with av.open(str(path)) as container:
         frames = []
-        for frame in container.decode(video=0):
+        for frame in container.decode(max(container.streams.video, key=lambda stream: stream.frames)):
             if frame.format.name.startswith("gbr"):
                 frames.append(frame.reformat(format="rgb48le").to_ndarray() / 257.0)
             else:
@@ -102,7 +102,7 @@ def test_an_encode_keeps_count_size_rate_and_colours(encode: Encode, tmp_path: P
         assert abs(facts.rate - FILM_RATE) < Fraction(1, 5)  # its times are whole milliseconds
         return
     assert facts.rate == FILM_RATE
-    assert facts.timecode == "00:00:01:18"
+    assert facts.timecode == ("00:00:01:18" if encode.has_timecode else "")
     transfers = {"pq": 16, "hlg": 18}
     expected = (1, 1, 0, 2) if encode.is_rgb else (1, 1, 1, 1)
     if encode.display in transfers:

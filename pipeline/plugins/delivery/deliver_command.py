@@ -102,8 +102,8 @@ def deliver(
 
     review: H.264 of intra frames, to step through · phone: H.264 of 8 bits, for phones and social networks ·
     h264, h265: 10 bits · hdr10, hdr10-av1: high dynamic range, for screens and the web · hlg: the same for
-    broadcasters · prores4444: with the subject's alpha · av1: for the web · ffv1: lossless, for the archive ·
-    webp: for pages.
+    broadcasters · avif: the same for pages · prores4444: with the subject's alpha · av1: for the web ·
+    ffv1: lossless, for the archive · webp: for pages.
     """
     if slate is not None:
         require_one_of(slate, SLATES, f"--slate {slate}: a slate goes at the head or apart.")

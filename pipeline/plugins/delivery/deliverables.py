@@ -325,7 +325,7 @@ SLATES = ("head", "apart")  # the places of a slate: before the first frame, or 
 
 SLATE_SECONDS = 2
 
-_KINDS = {".mp4": "movie", ".mov": "mov", ".mkv": "mkv", ".webp": "webp"}
+_KINDS = {".mp4": "movie", ".mov": "mov", ".mkv": "mkv", ".webp": "webp", ".avif": "avif"}
 
 
 def _encode_of_plugin(plugin: Plugin, name: str, encode: Any) -> Encode:

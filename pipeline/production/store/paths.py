@@ -36,6 +36,7 @@ SUFFIXES = {
     "mov": ".mov",
     "mkv": ".mkv",
     "webp": ".webp",
+    "avif": ".avif",
     "png": ".png",
     "png16": ".png",
     "jpeg": ".jpg",
