@@ -19,7 +19,7 @@ from pipeline.errors import UsageError, suggestion
 from pipeline.plugin import plugins
 from pipeline.production.request.lookup import today_name
 from pipeline.production.store.paths import require_store
-from pipeline.production.store.remote_store import VARIABLE, remote_stores
+from pipeline.production.store.remote_store import READ_ONLY, VARIABLE, remote_stores
 from render.mitsuba.engine import VARIANTS, available_cores
 from render.scene.render_quality import CONVENTIONS, QUALITIES, qualities_of_size
 
@@ -337,6 +337,14 @@ class CommonOptions:
             "share; see docs/farm.md.",
         ),
     ] = None
+    store_read_only: Annotated[
+        bool,
+        _common(
+            "--store-read-only",
+            envvar=READ_ONLY,
+            help="Take what the store has, and write nothing to it.",
+        ),
+    ] = False
     profile: Annotated[
         str | None,
         _common(
@@ -371,6 +379,8 @@ class CommonOptions:
         if given.store:
             os.environ[VARIABLE] = remote_stores().checked(given.store)  # so do they
             tell_of_store(progress)
+        if given.store_read_only:
+            os.environ[READ_ONLY] = "1"
         return Common(
             json=given.json_,
             progress=progress,

@@ -8,7 +8,7 @@ from pipeline.cli.options import Common
 from pipeline.cli.output import exit_with, print_result
 from pipeline.errors import MachineError, UsageError
 from pipeline.production.store.locks import writing
-from pipeline.production.store.remote_store import VARIABLE
+from pipeline.production.store.remote_store import READ_ONLY, VARIABLE, is_read_only
 from pipeline.production.store.store import Name, Store, Uploaded, missed_uploads, upload_all
 from render.base.plural import plural
 
@@ -22,6 +22,10 @@ def push(common: Common) -> None:
     store = Store(common.root)
     if store.remote is None:
         raise UsageError(f"push: no remote store is set; name one with --store or {VARIABLE}")
+    if is_read_only():
+        raise UsageError(
+            f"push: {store.url} may only be read here; leave out --store-read-only and {READ_ONLY}"
+        )
     if fault := store.remote.fault():
         raise MachineError(f"{store.url}: {fault}")
     if common.dry_run:

@@ -12,7 +12,13 @@ import zipfile
 from pathlib import Path
 
 from pipeline.production.store.digests import digest_of
-from pipeline.production.store.remote_store import RemoteStore, has_kernels, kernels_key, note_all_compiled
+from pipeline.production.store.remote_store import (
+    RemoteStore,
+    has_kernels,
+    is_read_only,
+    kernels_key,
+    note_all_compiled,
+)
 from render.base.atomic_write import atomic_write
 from render.base.user_cache import kernel_homes
 
@@ -32,7 +38,8 @@ def send_kernels(remote: RemoteStore) -> str:
         _pack(archive)
     digest = digest_of(archive)
     there = digest in remote.digests(KIND).get(key, ())
-    return f"{key}.{digest}" if there or remote.send(KIND, key, archive, digest) else ""
+    sent = there or (not is_read_only() and remote.send(KIND, key, archive, digest))
+    return f"{key}.{digest}" if sent else ""
 
 
 def fetch_kernels(remote: RemoteStore, planned: str | None = None) -> bool:

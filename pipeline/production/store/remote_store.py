@@ -21,6 +21,9 @@ from render.base.user_cache import kernel_homes
 VARIABLE = "FLOWSCULPT_STORE"
 """The environment variable that holds the address. Processes and farms pass it on to their jobs."""
 
+READ_ONLY = "FLOWSCULPT_STORE_READ_ONLY"
+"""The environment variable that keeps processes from writing to the remote store, by 1."""
+
 LOG = logging.getLogger("flowsculpt.store")
 """Logger of warnings, which the command line and jobs pass on to the user."""
 
@@ -92,6 +95,11 @@ class RemoteStores(Protocol):
 def store_url() -> str | None:
     """Return the address of the remote store that the environment names, or None."""
     return os.environ.get(VARIABLE) or None
+
+
+def is_read_only() -> bool:
+    """Tell whether the environment keeps this process from writing to the remote store."""
+    return os.environ.get(READ_ONLY, "") not in ("", "0")
 
 
 def remote_stores() -> RemoteStores:

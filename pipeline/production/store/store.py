@@ -46,6 +46,7 @@ from pipeline.production.store.remote_store import (
     LOG,
     SIDE_BY_SIDE,
     RemoteStore,
+    is_read_only,
     remote_stores,
     store_url,
 )
@@ -291,7 +292,8 @@ class Store:
             content = self._read(kind, key, reader)
         except DAMAGED:
             self.discard(kind, key)
-            self.remote.reject(kind, key)
+            if not is_read_only():
+                self.remote.reject(kind, key)
             raise damaged from None
         if (self.root / target).exists():
             self.link(kind, key, target, replace=True)
@@ -443,13 +445,15 @@ class Uploaded(NamedTuple):
 
 
 def upload(store: Store, name: Name, digest: str, replace: bool = False) -> bool:
-    """Send a stored file to the remote store; return whether that has it now. Without one, do nothing.
+    """Send a stored file to the remote store; return whether that has it now.
+
+    Without one, or where it may only be read, do nothing.
 
     replace  remove other files of the key there
 
     Raises MachineError where the disk refuses the mark.
     """
-    if store.remote is None:
+    if store.remote is None or is_read_only():
         return False
     mark = _mark(store.root, name)
     with disk_errors(mark):
@@ -472,7 +476,9 @@ def missed_uploads(root: Path) -> list[Name]:
 
 def upload_missed(store: Store) -> Uploaded:
     """Send the files that are marked. One that is gone or damaged meanwhile loses its mark."""
-    return upload_all(store, missed_uploads(store.root)) if store.remote else Uploaded(0, 0)
+    if store.remote is None or is_read_only():
+        return Uploaded(0, 0)
+    return upload_all(store, missed_uploads(store.root))
 
 
 def upload_all(store: Store, names: Iterable[Name]) -> Uploaded:

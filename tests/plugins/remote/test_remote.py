@@ -11,7 +11,7 @@ from pipeline.errors import FrameError, MachineError, UsageError
 from pipeline.plugins.remote import remote_files, remote_requests
 from pipeline.plugins.remote.push_command import lacking_names, upload_lacking
 from pipeline.plugins.remote.remote_files import RemoteFiles
-from pipeline.production.store.remote_store import VARIABLE
+from pipeline.production.store.remote_store import READ_ONLY, VARIABLE
 from pipeline.production.store.store import Store, missed_uploads, upload_missed
 
 KEY = "ab" * 16
@@ -89,6 +89,20 @@ def test_nothing_is_fetched_to_answer_whether_it_is_held(stores):
     fill(ours)
     assert theirs.holds("cameras", KEY) and not theirs.holds("cameras", OTHER)
     assert not list(theirs.root.rglob("*.json"))
+
+
+def test_a_remote_store_that_may_only_be_read_gives_and_takes_nothing(stores, share, monkeypatch):
+    ours, theirs = stores
+    fill(ours)
+    monkeypatch.setenv(READ_ONLY, "1")
+    assert theirs.bring("cameras", KEY)
+    assert fill(theirs, OTHER).read_bytes() == content_of(OTHER)
+    assert upload_missed(theirs) == (0, 0)
+    assert not missed_uploads(theirs.root)
+    assert len(sent(share)) == 1
+    sent(share)[0].write_bytes(b"foreign")
+    theirs.discard("cameras", KEY)
+    assert len(sent(share)) == 1  # even what is damaged stays
 
 
 def test_without_a_remote_store_nothing_leaves_the_root(tmp_path, share):

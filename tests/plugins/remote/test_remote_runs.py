@@ -54,6 +54,8 @@ def test_commands_tell_what_is_wrong_with_the_remote_store(tmp_path, s3, monkeyp
     monkeypatch.setenv(VARIABLE, "")  # which commands set, and pytest sets back
     code, said = commanded(tmp_path, "push")
     assert code == 2 and "no remote store is set; name one with --store" in said
+    code, said = commanded(tmp_path, "push", "--store", "s3://nowhere/show", "--store-read-only")
+    assert code == 2 and "s3://nowhere/show may only be read;" in said
     code, said = commanded(tmp_path, "push", "--store", "s3://nowhere/show")
     assert code == 4 and said.startswith("s3://nowhere/show: no such bucket or folder")
     code, said = commanded(tmp_path, "status", "--store", "s4://bucket")
