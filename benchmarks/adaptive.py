@@ -22,12 +22,12 @@ from collections.abc import Callable
 from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
-from shutil import copytree
 from typing import TypeVar
 
 import numpy as np
 
 from benchmarks.errors import put, shown
+from benchmarks.measured_shots import copy_shots
 from benchmarks.raw_files import as_read
 from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import AnyArray
@@ -50,8 +50,6 @@ MOST_OF_HALVED, MOST_OF_OTHERS, MOST_ERROR = 0.5, 1.05, 1.05
 """Targets: seconds over those of uniform sampling, and error over its error."""
 
 T = TypeVar("T")
-
-SHOTS = Path(__file__).parents[1] / "shots"
 
 
 def scene_of(root: Path, shot: str, frame: int) -> Scene:
@@ -116,7 +114,7 @@ def main(width: int = 480, reference: int = 128) -> list[Target]:
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
-        copytree(SHOTS, root / "shots")
+        copy_shots(root)
         for shot, frame in FRAMES.items():
             rows.append(measure(shot, scene_of(root, shot, frame), width, reference))
     show("Adaptive sampling", rows)

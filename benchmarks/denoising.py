@@ -19,11 +19,11 @@ import tempfile
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from shutil import copytree
 
 import numpy as np
 
 from benchmarks.errors import put, shown
+from benchmarks.measured_shots import copy_shots
 from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import AnyArray
 from render.post.denoise import denoise
@@ -37,7 +37,7 @@ FRAMES = {
     "B030_marble": 40,
     "B050_glass": 40,
     "B060_smoke": 40,
-    "B070_ring": 40,
+    "B070_sunlit": 40,
     "B100_torus": 40,
 }
 """Shots of clay, glaze, honey, marble, glass, smoke, clay in the sun, and chrome."""
@@ -45,7 +45,6 @@ FRAMES = {
 SCALES = {"draft": "100%", "daily": "50%", "final": "25%"}
 EFFORTS = ("fast", "balanced", "high")
 MOST = 1.02
-SHOTS = Path(__file__).parents[1] / "shots"
 
 
 def measure(root: Path, shot: str, reference: int) -> list[Row]:
@@ -102,7 +101,7 @@ def main(reference: int = 128, *shots: str) -> list[Target]:
     """Measure all; return the target."""
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as folder:
-        copytree(SHOTS, Path(folder) / "shots")
+        copy_shots(Path(folder))
         for shot in shots or FRAMES:
             rows += measure(Path(folder), shot, reference)
             show(f"Errors of {shot}, steps of 255, and CPU seconds", rows[-len(SCALES) :])

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -21,6 +20,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from benchmarks.first_film import CHECKOUT, run
+from benchmarks.measured_shots import copy_shots
 from benchmarks.report import Row, Target, keep, show
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import SourceCache
@@ -68,7 +68,7 @@ def main(names: list[str]) -> list[Target]:
 
 def measure(name: str, root: Path, forms: dict[str, tuple[str, ...]]) -> Iterator[Row]:
     """Yield size and CPU seconds of each format of a shot."""
-    shutil.copytree(CHECKOUT / "shots", root / "shots", symlinks=True)
+    copy_shots(root)
     shot = root / "shots" / f"{name.partition(' ')[0]}.yaml"
     if name == LONG:
         shot.write_text(slowed(shot.read_text(encoding="utf-8"), FRAMES), encoding="utf-8")

@@ -20,6 +20,7 @@ import numpy as np
 import trimesh
 
 from benchmarks import peers
+from benchmarks.measured_shots import gallery, shot_file
 from benchmarks.report import Row, Target, keep, show
 from pipeline.animation import MeshFrame, animate
 from pipeline.arrays import AnyArray, Floats, Points
@@ -33,7 +34,6 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import SourceCache
 from pipeline.production.store.store import Store
 
-SHOTS = Path(__file__).parents[1] / "shots"
 LOOKS = 10  # frames of each shot that are compared
 SAMPLES = 3000  # points of each surface
 SHARE = 0.95
@@ -48,7 +48,7 @@ def main(names: list[str]) -> list[Target]:
     if not peers.found("igl"):
         print("one_mesh is left out: it needs the module igl, which make bench installs")
         return []
-    for name in names or sorted(file.stem for file in SHOTS.glob("[AB]*.yaml")):
+    for name in names or gallery():
         for request in _parts(name):
             if request.shot.motion.subject.is_surface:
                 rows.append(measure(request))
@@ -59,7 +59,7 @@ def main(names: list[str]) -> list[Target]:
 
 
 def _parts(name: str) -> tuple[RenderRequest, ...]:
-    source = SourceCache().source(SHOTS / f"{name}.yaml", (), False)
+    source = SourceCache().source(shot_file(name), (), False)
     return RenderRequest(source, "final", "none", tuple(source.manifest.frames)).parts
 
 

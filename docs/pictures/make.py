@@ -12,7 +12,8 @@ from render.post.image import read_exr
 HERE = Path(__file__).parent
 SHOTS = ("A010_cube", "A020_lorenz", "A030_taffy")
 STEP = 3
-MILLISECONDS = 110
+MILLISECONDS = 125
+QUALITY = 88
 
 
 def main() -> None:
@@ -23,8 +24,9 @@ def main() -> None:
         append_images=others,
         duration=MILLISECONDS,
         loop=0,
-        quality=80,
+        quality=QUALITY,
         method=6,
+        kmax=1,  # whole pictures: parts that change little would be left as blocks of the picture before
     )
 
 

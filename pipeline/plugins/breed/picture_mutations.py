@@ -36,7 +36,7 @@ COLOURED = ("clay", "putty", "glaze", "ceramic", "taffy", "pearl", "cream", "cof
 CLEAR = ("honey", "glass", "frosted", "smoke")
 METALS = ("chrome", "brushed")
 
-RIGS = ("studio", "gallery", "three_point", "softbox")
+RIGS = ("studio", "gallery", "three_point", "softbox", "porcelain", "lacquer")
 
 PALE_STAGE, DARK_STAGE = Lch(0.64, 0.035, 80.0), Lch(0.4, 0.03, 260.0)
 """Stages for dark and for light or clear subjects, before their hues are chosen."""
@@ -184,7 +184,7 @@ def relit(draft: Draft) -> str:
         return ""
     names = [name for name in RIGS if name != rig]
     if look_name(draft.data.get("look", "clay")) in (*METALS, *CLEAR):
-        names = [name for name in names if name in ("gallery", "studio")]
+        names = [name for name in names if name in ("gallery", "studio", "lacquer")]
     name = draft.chance.random.choice(names)
     draft.data["lights"] = name
     return f"under {name.replace('_', '-')} light"

@@ -25,7 +25,7 @@ BREEDABLE = [
     "A020_lorenz",
     "A030_taffy",
     "B010_honey",
-    "B060_smoke",
+    "B060_bloom",
     "B080_motes",
     "B120_pillars",
 ]
