@@ -9,7 +9,7 @@ import uuid
 
 import pytest
 
-from pipeline.production.store.remote_store import VARIABLE
+from pipeline.production.store.remote_store import READ_ONLY, VARIABLE
 from pipeline.production.store.store import missed_uploads
 from tests.conftest import QUALITY, commanded
 from tests.plugins.remote.s3 import BUCKET
@@ -52,10 +52,12 @@ def test_a_film_that_is_pushed_is_made_nowhere_again(project, finished, s3):
 
 def test_commands_tell_what_is_wrong_with_the_remote_store(tmp_path, s3, monkeypatch):
     monkeypatch.setenv(VARIABLE, "")  # which commands set, and pytest sets back
+    monkeypatch.setenv(READ_ONLY, "")
     code, said = commanded(tmp_path, "push")
     assert code == 2 and "no remote store is set; name one with --store" in said
     code, said = commanded(tmp_path, "push", "--store", "s3://nowhere/show", "--store-read-only")
-    assert code == 2 and "s3://nowhere/show may only be read;" in said
+    monkeypatch.setenv(READ_ONLY, "")
+    assert code == 2 and "s3://nowhere/show may only be read here" in said
     code, said = commanded(tmp_path, "push", "--store", "s3://nowhere/show")
     assert code == 4 and said.startswith("s3://nowhere/show: no such bucket or folder")
     code, said = commanded(tmp_path, "status", "--store", "s4://bucket")
