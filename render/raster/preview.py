@@ -27,6 +27,7 @@ from render.raster.raster_shapes import (
     Shape,
     StageSetup,
     VisibleFaces,
+    body_colours,
     contact_opacity,
     stage_shape,
 )
@@ -42,6 +43,7 @@ from render.raster.see_through import (
 from render.raster.shadows import LOOKS_DARK, PACKED_DARK, ContactShadow, ShadowMap
 from render.raster.triangles import (
     SUPERSAMPLING,
+    WHITE,
     LargeTriangles,
     Subsamples,
     average,
@@ -90,6 +92,28 @@ class Canvas:
         """Draw triangles with hidden surfaces removed. first_id: id of the shape's first face"""
         colours = self._vertex_colours(faces, shadow, is_stage)
         self._draw(faces, colours, self._large_triangles(faces, shadow, is_stage), first_id)
+
+    def draw_pigment(self, faces: VisibleFaces, shadow: ShadowMap, first_id: int) -> None:
+        """Colour what is seen of a shape by its pigment, in every subsample.
+
+        Light is linear in the colour of a body, so a black and a white body tell it for all colours.
+        """
+        ids = self.drawn.face_ids - first_id
+        rows, columns = np.nonzero((ids >= 0) & (ids < len(faces.shape.faces)))
+        seen, lit = ids[rows, columns], []
+        for colour in (0.0, 1.0):
+            nearness = np.zeros_like(self.drawn.nearness)
+            drawn = Subsamples(nearness, np.zeros_like(self.drawn.colour), np.full((0, 0), -1, np.int32))
+            shape = faces.shape._replace(colours=np.full((len(faces.shape.vertices), 3), colour))
+            replace(self, display="", drawn=drawn).draw(replace(faces, shape=shape), shadow)
+            lit.append(_unpacked(drawn.colour[rows, columns]))
+        colours = faces.shape.pigment_at(seen, faces.screen, np.stack([columns, rows], axis=1))
+        material = faces.shape.material
+        share = body_colours(material, colours) / body_colours(material, np.ones((1, 3)))
+        light = (lit[0] + share * (lit[1] - lit[0])).astype(np.float32)
+        shown = np.clip(WHITE * _values(light, self.lighting.setup, self.display) + 0.5, 0.0, WHITE)
+        red, green, blue = shown.astype(np.uint32).T
+        self.drawn.colour[rows, columns] = red << 20 | green << 10 | blue
 
     def draw_normals(self, faces: VisibleFaces, shadow: ShadowMap) -> None:
         """Draw the normals of a shape, from 0 to 1 along each axis, in place of light."""
@@ -189,6 +213,14 @@ def _values(light: NDArray[np.float32], setup: StageSetup, display: str) -> NDAr
     packed = np.empty_like(light)
     pack_light(light, packed)
     return packed
+
+
+def _unpacked(colour: NDArray[np.uint32]) -> NDArray[np.float32]:
+    """Return the linear light (N, 3) of subsamples (N,) of packed light."""
+    channels = np.stack([colour >> shift & 1023 for shift in (20, 10, 0)], axis=-1)
+    light = np.empty((1, len(colour), 3), np.float32)
+    unpack_light((channels[None] / WHITE).astype(np.float32), light)
+    return light[0]
 
 
 def displayed(light: NDArray[np.float32], setup: StageSetup, display: str) -> NDArray[np.float32]:
@@ -302,16 +334,21 @@ def preview(
     has_floor, opacity = setup.stage.kind != "none", contact_opacity(whole.material)
     contact = ContactShadow.of(whole.vertices, setup.placement, has_floor, opacity)
     lighting = Lighting.of(setup, contact, np.array(camera.origin))
-    canvas = Canvas.of(camera, lighting, size, "" if clear else display, edges is not None)
+    has_ids = edges is not None or any(shape.pigment for shape in opaque)
+    canvas = Canvas.of(camera, lighting, size, "" if clear else display, has_ids)
     faces = canvas.visible(whole)
     shadow = ShadowMap.of(faces.shape, setup, faces.outwards)
-    drawn = 0
+    drawn, patterned = 0, []
     for shape in opaque:
-        canvas.draw(_faces_of(shape, faces, canvas), shadow, drawn)
+        own = _faces_of(shape, faces, canvas)
+        canvas.draw(own, shadow, drawn)
+        patterned += [(own, drawn)] if shape.pigment else []
         drawn += len(shape.faces)
     if has_floor:
         stage = stage_shape(setup.stage, setup.placement, setup.fades)
         canvas.draw(canvas.visible(stage), shadow, len(whole.faces), is_stage=True)
+    for own, first in patterned:
+        canvas.draw_pigment(own, shadow, first)
     if clear:
         picture = _through(canvas, _faces_of(_joined(clear), faces, canvas), shadow, display)
     else:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from render.base.kernel_cache import compiled
 from render.post.view import ACES, ColourView
 from render.scene.materials import BrushedMetal, Diffuse, Gouraud, Material, Metal, Plastic, Satin, Smoke
+from render.scene.patterns import Pigment
 from render.scene.render_camera import Camera
 from render.scene.scene_lights import LightRig
 from render.scene.scene_stage import Stage, StagePlacement
@@ -138,7 +139,8 @@ class Shape(NamedTuple):
     """A surface: vertices (V, 3), normals (V, 3), faces (F, 3) and its material.
 
     colours (V, 3) replace the material's colour (see `render.scene.vertex_colours`). Of a closed surface only
-    faces towards the camera are drawn, which is faster.
+    faces towards the camera are drawn, which is faster. A pigment is drawn where there are rest positions
+    (V, 3); previews show no relief and one roughness.
     """
 
     vertices: NDArray[np.floating]
@@ -147,12 +149,53 @@ class Shape(NamedTuple):
     material: Material
     colours: Floats | None = None
     closed: bool = False
+    rest: NDArray[np.floating] | None = None
+
+    @property
+    def pigment(self) -> Pigment | None:
+        """The pigment that is drawn, or None."""
+        pattern = self.material.pattern
+        return pattern if self.rest is not None and isinstance(pattern, Pigment) else None
+
+    def pigment_at(
+        self, faces: NDArray[np.integer], screen: NDArray[np.float32], places: NDArray[np.floating]
+    ) -> NDArray[np.float64]:
+        """Return the colours (N, 3) of a pigment at columns and rows (N, 2) of the screen, on faces (N,).
+
+        screen  (V, 3), as the kernel `project` computes it
+        """
+        assert self.rest is not None and self.pigment is not None, "has no pigment"
+        points = np.empty((len(faces), 3))
+        rest = np.ascontiguousarray(self.rest, np.float32)
+        _points_at(self.faces, faces, screen, np.ascontiguousarray(places, np.float64), rest, points)
+        return self.pigment.colours_at(points)
 
     def for_kernels(self) -> Shape:
         """Return the shape in single precision and C order."""
         vertices, normals = (np.ascontiguousarray(a, np.float32) for a in (self.vertices, self.normals))
         faces = np.ascontiguousarray(self.faces, np.int32)
         return self._replace(vertices=vertices, normals=normals, faces=faces)
+
+
+@fast
+def _points_at(
+    faces: Array, which: Array, screen: Array, places: Array, values: Array, points: Array
+) -> None:
+    """Interpolate values (V, 3) of vertices at places (N, 2) of faces on the screen, into points (N, 3)."""
+    for n in range(which.shape[0]):
+        a, b, c = faces[which[n], 0], faces[which[n], 1], faces[which[n], 2]
+        x, y = places[n, 0] - screen[c, 0], places[n, 1] - screen[c, 1]
+        ax, ay = screen[a, 0] - screen[c, 0], screen[a, 1] - screen[c, 1]
+        bx, by = screen[b, 0] - screen[c, 0], screen[b, 1] - screen[c, 1]
+        area = ax * by - bx * ay
+        u = v = w = 1.0
+        if area != 0.0 and min(screen[a, 2], screen[b, 2], screen[c, 2]) > 0.0:  # it is before the camera
+            u = min(max((x * by - bx * y) / area, 0.0), 1.0)
+            v = min(max((ax * y - x * ay) / area, 0.0), 1.0)
+            w = max(1.0 - u - v, 0.0)
+            u, v, w = u * screen[a, 2], v * screen[b, 2], w * screen[c, 2]
+        for k in range(3):
+            points[n, k] = (u * values[a, k] + v * values[b, k] + w * values[c, k]) / (u + v + w)
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,8 @@ def fractal_noise(points: Vectors, octaves: int, seed: int) -> Vectors:
     for octave in range(octaves):
         _add_value_noise(lattice, (0x9E3779B9 * (octave + 1) + seed) % _SEEDS, strength, total)
         strength *= 0.5
-        lattice = 2.0 * lattice @ turn + 17.31  # lattices of two octaves never coincide
+        if octave < octaves - 1:
+            lattice = 2.0 * lattice @ turn + 17.31  # lattices of two octaves never coincide
     return total
 
 
@@ -143,7 +144,9 @@ def _find_chips(
         p[:] = points[i]
         clear, depth[i] = math.inf, 0.0
         for size in range(sizes):
-            inside, outside, choice[i] = _find_chip(p, seed + size, share, gap, numbers, found)
+            inside, outside, choice[i] = _find_chip(
+                p, seed + size, share, gap, size < sizes - 1, numbers, found
+            )
             depth[i] = min(inside, 2.0 * clear - gap) if size else inside
             if depth[i] > 0.0:
                 break
@@ -152,14 +155,31 @@ def _find_chips(
 
 
 @compiled()
+def _least_squared(cell: tuple[int, int, int], p: Vectors) -> float:
+    """Return the least squared distance of a point from where the point of a cell of chips may lie."""
+    squared = 0.0
+    for k in range(3):
+        away = abs(p[k] - cell[k] - 0.5) - 0.5 * JITTER
+        if away > 0.0:
+            squared += away * away
+    return squared
+
+
+@compiled()
 def _find_chip(
-    p: Vectors, seed: int, share: float, gap: float, numbers: Numbers, found: Numbers
+    p: Vectors, seed: int, share: float, gap: float, is_measured: bool, numbers: Numbers, found: Numbers
 ) -> tuple[float, float, float]:
-    """Return the depth of a point in its chip, its distance to all chips if it is outside, and the number."""
+    """Return the depth of a point in its chip, its distance to all chips if it is outside, and the number.
+
+    is_measured  whether the distance is needed; otherwise it may be any
+    """
     low = math.floor(p[0]), math.floor(p[1]), math.floor(p[2])
     best, border, choice, is_there, cell = math.inf, 0.0, 0.0, False, low
-    for neighbour in range(27):
+    for step in range(27):
+        neighbour = (step + 13) % 27  # the nearest first
         at = low[0] + neighbour // 9 - 1, low[1] + neighbour // 3 % 3 - 1, low[2] + neighbour % 3 - 1
+        if _least_squared(at, p) > best:
+            continue
         _cell_numbers(at[0], at[1], at[2], seed, numbers)
         distance = 0.0
         for k in range(3):
@@ -169,11 +189,12 @@ def _find_chip(
             border = gap * (0.5 + SHRINKS * numbers[3] ** 2)
             for k in range(3):
                 found[k] = at[k] + 0.5 + JITTER * (numbers[k] - 0.5)
-    edge, outside = math.inf, math.inf
-    for neighbour in range(27):
+    edge, outside, radius = math.inf, math.inf, math.sqrt(best)
+    for step in range(1, 27):
+        neighbour = (step + 13) % 27
         at = cell[0] + neighbour // 9 - 1, cell[1] + neighbour // 3 % 3 - 1, cell[2] + neighbour % 3 - 1
-        if neighbour == 13:
-            continue
+        if 0.5 * (math.sqrt(_least_squared(at, p)) - radius) > (max(edge, outside) if is_measured else edge):
+            continue  # no plane half way to a point there is nearer
         _cell_numbers(at[0], at[1], at[2], seed, numbers)
         along, length = 0.0, 0.0
         for k in range(3):

@@ -169,6 +169,10 @@ class Pigment:
             return along + 0.5
         return along / (len(self.colours) if self.pattern == "layers" else 1.0)
 
+    def colours_at(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Return the colours (V, 3) of rest positions (V, 3), linear Rec.709."""
+        return looked_up(self, self.phases(points))
+
     def ramp(self, of: str = "colours") -> NDArray[np.float32]:
         """Return the colours (TEXELS, 3) of phases from 0 to 1; or "heights" or "roughness" (TEXELS, 1)."""
         phases = (np.arange(TEXELS) + 0.5) / TEXELS
@@ -216,6 +220,13 @@ class Pigment:
             cover = _smooth((half - distance) / soft + 0.5)[:, None]
             ramp += cover * (colour - ramp)
         return ramp
+
+
+def looked_up(pattern: Pigment | Measure, phases: Phases) -> NDArray[np.float64]:
+    """Return the colours (V, 3) of phases (V,), linear Rec.709."""
+    ramp = pattern.ramp()
+    phases = phases % 1.0 if pattern.repeats else np.clip(phases, 0.0, 1.0)
+    return np.asarray(ramp[np.minimum((phases * len(ramp)).astype(int), len(ramp) - 1)], dtype=np.float64)
 
 
 def in_ramp(depth: Any) -> Any:

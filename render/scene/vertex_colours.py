@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from render.scene.materials import Material, Painted, PatternedMaterial
 from render.scene.painted_faces import VERTEX_COLOURS
-from render.scene.patterns import Measure
+from render.scene.patterns import Measure, looked_up
 from render.scene.render_camera import Camera
 from render.scene.scene_stage import StagePlacement
 from render.scene.surface import Surface
@@ -51,9 +51,7 @@ def vertex_colours(surface: Surface, material: Material) -> Floats | None:
     phases = vertex_phases(surface, material)
     if phases is None or material.pattern is None:
         return None
-    ramp = material.pattern.ramp()
-    phases = phases % 1.0 if material.pattern.repeats else np.clip(phases, 0.0, 1.0)
-    return np.asarray(ramp[np.minimum((phases * len(ramp)).astype(int), len(ramp) - 1)], dtype=np.float64)
+    return looked_up(material.pattern, phases)
 
 
 def _painted_colours(surface: Surface, painted: Painted) -> Floats | None:

@@ -29,7 +29,7 @@ from pipeline.resample import Curvature
 from pipeline.shot import Motion, Shot
 from render.post.colour import quantise
 from render.raster import Shape, StageSetup, preview, wide_picture
-from render.scene.patterns import SPEED, Measure
+from render.scene.patterns import SPEED, Measure, Pigment
 from render.scene.render_camera import Camera, WideCamera
 from render.scene.scene import stage_fades
 from render.scene.surface import Surface
@@ -236,6 +236,8 @@ def _shape(part: Shot, motion: Motion, frame: MeshFrame) -> Shape:
     faces, material = arrays["faces"], arrays["material"]
     paint = motion.painted(material.astype(np.float64), faces) if look.shows_paint else None
     surface = Surface(vertices, arrays["normals"], faces, attributes, material, paint=paint)
+    if isinstance(pattern, Pigment):
+        return Shape(vertices, arrays["normals"], faces, look, rest=pattern.places(surface))
     return Shape(vertices, arrays["normals"], faces, look, vertex_colours(surface, look))
 
 

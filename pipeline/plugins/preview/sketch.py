@@ -26,7 +26,7 @@ from render.post.colour import quantise
 from render.raster import Edges, Shape, StageSetup, preview, wide_picture, with_lines
 from render.scene.materials import Material, Painted
 from render.scene.painted_faces import PaintedFaces
-from render.scene.patterns import COPY_PLACE, SPEED
+from render.scene.patterns import COPY_PLACE, SPEED, Pigment
 from render.scene.render_camera import Camera, WideCamera
 from render.scene.scene import stage_fades
 from render.scene.surface import Surface
@@ -149,6 +149,8 @@ def shape_of(
     if isinstance(look, Painted) and look.has_opacity and paint is not None:
         surface = without_holes(surface, look, paint)
         vertices, normals, faces = surface.vertices, surface.normals, surface.faces
+    if isinstance(look.pattern, Pigment) and "radii" not in arrays:
+        return Shape(vertices, normals, faces, look, rest=look.pattern.places(surface))
     colours = vertex_colours(surface, look)
     if "radii" not in arrays:
         return Shape(vertices, normals, faces, look, colours)
