@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from pipeline.flow.keyframes import elapsed
 from pipeline.flow.parameters import Number, Vector, VectorParameter, number_at, vector_at
@@ -25,14 +25,14 @@ class Lens(NamedTuple):
     focal_length  millimetres
     aperture      f-number: the focal length over the diameter of the opening
     unit          millimetres in a scene unit; None derives it from the sculpture's size
-    focus         what is sharp: None, the target; "front", the nearest point of the sculpture; a distance
-                  along the lens, scene units; or a place
+    focus         what is sharp: None, the target; "front", the nearest point of the sculpture; the name of a
+                  subject, its nearest point; a distance along the lens, scene units; or a place
     """
 
     focal_length: float
     aperture: float
     unit: float | None = None
-    focus: float | Vector | Literal["front"] | None = None
+    focus: float | Vector | str | None = None
 
 
 class WideLens(NamedTuple):
@@ -121,7 +121,7 @@ class CameraPath:
     position: VectorParameter | None = None
     follow: float = 1.0
     aperture: Number | None = None
-    focus: Number | VectorParameter | Literal["front"] | None = None
+    focus: Number | VectorParameter | str | None = None
     unit: float | None = None
     projection: Projection = PERSPECTIVE
     eye_distance: float = EYE_DISTANCE
@@ -165,7 +165,7 @@ class CameraPath:
             focal_length = number_at(self.focal_length, time)
         return Lens(focal_length, number_at(self.aperture, time), self.unit, self._focus(time))
 
-    def _focus(self, time: float) -> float | Vector | Literal["front"] | None:
+    def _focus(self, time: float) -> float | Vector | str | None:
         if self.focus is None or isinstance(self.focus, float | tuple | str):
             return self.focus
         values = self.focus.at(time)

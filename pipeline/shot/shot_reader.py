@@ -74,6 +74,7 @@ CHECKS = (
 )
 FILE_CHECKS = (
     subject_checks.check_one_or_several,
+    subject_checks.check_focus,
     subject_checks.check_copies,
     picture_checks.check_drawn_alone,
 )

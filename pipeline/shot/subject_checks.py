@@ -14,7 +14,8 @@ from pipeline.errors import MeshError, MissingInputError, UsageError, shortened,
 from pipeline.mesh.control_net import LEAST, Lattice
 from pipeline.mesh.points import read_net, read_points
 from pipeline.mesh.read import names_parts
-from pipeline.shot.documents.field_types import LARGEST, is_number
+from pipeline.shot.documents.camera_documents import FOCUS_WORDS
+from pipeline.shot.documents.field_types import LARGEST, is_number, is_written_number
 from pipeline.shot.point_subjects import NETS, NetOfSolid, radii_of
 from pipeline.shot.subjects import SOLIDS, Measure, Solid
 from pipeline.shot.yaml.document_validation import missing_file
@@ -42,6 +43,15 @@ _SETTINGS = {
 """Settings of a cloud or net by what it is made from."""
 
 _MADE_FROM: Mapping[type, str] = {str: "a file", list: "rows", dict: "a solid"}
+
+
+def check_focus(source: YamlSource) -> Iterator[Problem]:
+    """Check that a focus by name is that of a subject."""
+    focus, subjects = source.get("camera", "focus"), source.get("subjects")
+    names = (*FOCUS_WORDS, *(subjects if isinstance(subjects, dict) else ()))
+    if isinstance(focus, str) and not is_written_number(focus) and focus not in names:
+        hint = suggestion(focus, names)
+        yield ("camera", "focus"), f"camera.focus: {shortened(focus)} is not a thing to focus on. {hint}"
 
 
 def check_one_or_several(source: YamlSource) -> Iterator[Problem]:

@@ -21,6 +21,7 @@ from pipeline.production.request.framing import (
     Extent,
     Framing,
     frame_all,
+    together,
     with_stage_in_view,
 )
 from pipeline.production.request.manifest import thresholds_at
@@ -113,7 +114,7 @@ def tried(shot: Shot) -> Trial:
             extents[index].append(BoundingSpheres(points, radii(frame)) if is_cloud(frame) else points)
             if frame.number in kept:
                 kept[frame.number].append(frame)
-    framings = _framings(shot, numbers, [_together(each) for each in extents])
+    framings = _framings(shot, numbers, [together(each) for each in extents])
     return _drawn(shot, motions, kept, framings, growth, [[*kept].index(number) for number in shown])
 
 
@@ -149,15 +150,6 @@ def _coarser(motion: Motion) -> Motion:
             max_growth=MOST_GROWTH,
         ),
     )
-
-
-def _together(extents: Sequence[Extent]) -> Extent:
-    """Return one extent of all subjects."""
-    if len(extents) == 1:
-        return extents[0]
-    spheres = [e if isinstance(e, BoundingSpheres) else BoundingSpheres(e, np.zeros(len(e))) for e in extents]
-    points, sizes = zip(*spheres, strict=True)
-    return BoundingSpheres(np.concatenate(points), np.concatenate(sizes))
 
 
 def _framings(shot: Shot, numbers: Sequence[int], extents: Sequence[Extent]) -> dict[int, Framing]:

@@ -33,6 +33,7 @@ from pipeline.production.request.framing import (
     Framer,
     Framing,
     frame_all,
+    together,
     with_stage_in_view,
 )
 from pipeline.production.request.render_request import RenderRequest
@@ -220,8 +221,9 @@ def framings_while(
     """Yield camera and stage of frames while the stream plays them, each when its camera is settled."""
 
     def extent_of(index: int) -> Extent:
-        return _together([_extent(arrays) for arrays in stream.each(request, numbers[index])])
+        return together([_extent(arrays) for arrays in stream.each(request, numbers[index])], names)
 
+    names = [part.subject for part in request.shot.parts]
     views, is_round = [request.view(n) for n in numbers], request.is_round
     framer = Framer(views, extent_of, request.aspect, request.follow, is_round)
     stage, left = request.shot.picture.stage, iter(numbers)
@@ -244,7 +246,8 @@ def framing_of_still(
     motions = [part.motion for part in request.shot.parts]
     ends = zip(motions, known[-1], strict=True)
     later = [_moved(motion, extent, numbers[last:]) for motion, extent in ends]
-    extents = [_together(each) for each in (*known, *zip(*later, strict=False))]
+    names = [part.subject for part in request.shot.parts]
+    extents = [together(each, names) for each in (*known, *zip(*later, strict=False))]
     views = [request.view(n) for n in numbers[: len(extents)]]
     options = request.follow, request.is_round
     framing = frame_all(views, lambda i: extents[i], request.aspect, *options)[last - 1]
@@ -256,18 +259,9 @@ def _extent(arrays: dict[str, AnyArray]) -> Extent:
     return BoundingSpheres(points, arrays["radii"]) if "radii" in arrays else points
 
 
-def _together(extents: Sequence[Extent]) -> Extent:
-    """Return one extent of all subjects."""
-    if len(extents) == 1:
-        return extents[0]
-    spheres = [e if isinstance(e, BoundingSpheres) else BoundingSpheres(e, np.zeros(len(e))) for e in extents]
-    points, radii = zip(*spheres, strict=True)
-    return BoundingSpheres(np.concatenate(points), np.concatenate(radii))
-
-
 def _moved(motion: Motion, extent: Extent, numbers: Sequence[int]) -> list[Extent]:
     """Return a sample of an extent at later frames, up to the first at which the flow fails."""
-    points, radii = extent if isinstance(extent, BoundingSpheres) else (extent, None)
+    points, radii = extent[:2] if isinstance(extent, BoundingSpheres) else (extent, None)
     chosen = outline(points)
     moved, later = points[chosen].astype(np.float64), list[Extent]()
     for number in numbers:

@@ -9,9 +9,10 @@ and cameras can be found while frames still come.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -34,14 +35,33 @@ NEAREST = 0.01
 
 
 class BoundingSpheres(NamedTuple):
-    """Spheres: centres (N, 3) of any float type, and radii (N,), scene units."""
+    """Spheres: centres (N, 3) of any float type, and radii (N,), scene units.
+
+    parts  by the names of several subjects, which of the spheres are theirs
+    """
 
     points: AnyArray
     radii: AnyArray
+    parts: Mapping[str, slice] = MappingProxyType({})
+
+    def of(self, name: str) -> BoundingSpheres:
+        """Return the spheres of a subject; all where none has that name."""
+        part = self.parts.get(name, slice(None))
+        return BoundingSpheres(self.points[part], self.radii[part])
 
 
 Extent = AnyArray | BoundingSpheres
 """Points (N, 3) of any float type, or spheres; a picture must show them all."""
+
+
+def together(extents: Sequence[Extent], names: Iterable[str] = ()) -> Extent:
+    """Return the extents of subjects as one, with their names if there are several."""
+    if len(extents) == 1:
+        return extents[0]
+    spheres = [e if isinstance(e, BoundingSpheres) else BoundingSpheres(e, np.zeros(len(e))) for e in extents]
+    points, radii = (np.concatenate(column) for column in list(zip(*spheres, strict=True))[:2])
+    ends = np.cumsum([0, *(len(each.points) for each in spheres)]).tolist()
+    return BoundingSpheres(points, radii, dict(zip(names, map(slice, ends, ends[1:]), strict=False)))
 
 
 def rotate_y(
@@ -144,7 +164,7 @@ def _extents(points: Extent, directions: Floats, slant: Floats) -> Floats:
 
     Planes bound a picture, so framing needs nothing else.
     """
-    centres, radii = points if isinstance(points, BoundingSpheres) else (points, None)
+    centres, radii = points[:2] if isinstance(points, BoundingSpheres) else (points, None)
     reach = np.full(len(directions), -np.inf)
     for some in (slice(i, i + BLOCK) for i in range(0, len(centres), BLOCK)):
         along = directions @ centres[some].T
@@ -318,8 +338,9 @@ class Framer:
             aim = self._aims[i] = centre if view.target is None else np.array(view.target)
             side = self._sides[i] = axes_of(view, aim)
             self._reach[i] = self._around[i] = fitting_distance(points, aim, side, view, self._aspect)
-            if view.blur is not None and view.blur.focus == "front":
-                self._fronts[i] = _extents(points, side[2:], np.ones(1))[0] - side[2] @ aim
+            if view.blur is not None and isinstance(view.blur.focus, str):
+                named = points.of(view.blur.focus) if isinstance(points, BoundingSpheres) else points
+                self._fronts[i] = _extents(named, side[2:], np.ones(1))[0] - side[2] @ aim
             if view.target is not None or self._aspect != STAGE_ASPECT:
                 wide = self._landscapes[i]
                 self._around[i] = fitting_distance(points, centre, side, wide, STAGE_ASPECT)
@@ -419,7 +440,7 @@ def camera_of(
     """Return the camera of a view at a distance.
 
     size   the half-size of the sculpture
-    front  how far the sculpture reaches from `aim` towards the camera
+    front  how far the sculpture, or the subject in focus, reaches from `aim` towards the camera
     """
     if view.position is None:
         away = distance * view.dolly if view.distance is None else view.distance
@@ -456,7 +477,7 @@ def _blur(
     unit = HALF_A_SCULPTURE / size if lens.unit is None else lens.unit
     if lens.focus is None:
         sharp = away
-    elif lens.focus == "front":
+    elif isinstance(lens.focus, str):
         sharp = away - front
     elif isinstance(lens.focus, float):
         sharp = lens.focus

@@ -19,7 +19,14 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.mesh.control_net import bspline_surface
 from pipeline.production.request.cameras import note_framing
-from pipeline.production.request.framing import BoundingSpheres, frame_all, rotate_y, with_stage_in_view
+from pipeline.production.request.framing import (
+    BoundingSpheres,
+    Extent,
+    frame_all,
+    rotate_y,
+    together,
+    with_stage_in_view,
+)
 from pipeline.production.request.manifest import thresholds_at
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shading import Shading, radii
@@ -210,9 +217,10 @@ def frame_camera(context: Context) -> bool:
         angle = angles[framed[index]]
         if index in held:  # framing looks at each frame twice
             return held.pop(index)
-        points, around = _spheres(context, angle.mesh)
-        extent = BoundingSpheres(rotate_y(points, angle.spin), around)
-        if (1 + len(held)) * points.nbytes <= HELD_BYTES:
+        extent = _spheres(context, angle.mesh)
+        assert isinstance(extent, BoundingSpheres), "meshes are spheres without a radius"
+        extent = extent._replace(points=rotate_y(extent.points, angle.spin))
+        if (1 + len(held)) * extent.points.nbytes <= HELD_BYTES:
             held[index] = extent
         return extent
 
@@ -241,13 +249,11 @@ def frame_camera(context: Context) -> bool:
     return True
 
 
-def _spheres(context: Context, number: int) -> BoundingSpheres:
+def _spheres(context: Context, number: int) -> Extent:
     """Return what a camera must show of a mesh frame. Raises what `read_mesh_frame` raises."""
-    parts = [_spheres_of(context, part, number) for part in context.request.parts]
-    if len(parts) == 1:
-        return parts[0]
-    points, around = zip(*parts, strict=True)
-    return BoundingSpheres(np.concatenate(points), np.concatenate(around))
+    parts = context.request.parts
+    spheres = [_spheres_of(context, part, number) for part in parts]
+    return together(spheres, [part.source.subject for part in parts])
 
 
 def _spheres_of(context: Context, request: RenderRequest, number: int) -> BoundingSpheres:

@@ -1,7 +1,7 @@
 """The entries `camera` and `shutter` of a shot file. Angles are degrees there, lenses in millimetres."""
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
@@ -87,6 +87,9 @@ def _focus_form(value: Any) -> int:
     return 2 * kind + isinstance(value, list)
 
 
+FOCUS_WORDS = ("subject", "front")
+"""What focus may be besides numbers and the names of subjects."""
+
 FocusField = Annotated[
     Positive
     | Triple
@@ -96,7 +99,7 @@ FocusField = Annotated[
     | Annotated[OverTimeTriple, within(ANYWHERE)]
     | Annotated[FromSound, within(ABOVE_0)]
     | Annotated[FromSoundTriple, within(ANYWHERE)]
-    | Annotated[str, one_of(("subject", "front"), "thing to focus on")],
+    | str,
     ByForm(_focus_form),
 ]
 
@@ -150,7 +153,8 @@ class CameraDocument(Document):
         "f-number: the smaller, the more is out of focus; without it everything is sharp"
     )
     focus: FocusField | None = optional(
-        "what is sharp: subject, its nearest point (front), a distance from the lens, or a place (units)"
+        "what is sharp: subject, its nearest point (front), that of one of several subjects by its name, a "
+        "distance from the lens, or a place (units)"
     )
     unit: Positive | None = optional(
         "length of a scene unit; by default a sculpture is about 200 mm large, in vr180 2 m (mm)"
@@ -210,9 +214,9 @@ def _number(value: float | Keyed[Any] | OverTime | FromSound | None, clock: Cloc
     return None if value is None else number(value, clock)
 
 
-def _focus(value: Any, clock: Clock) -> Number | VectorParameter | Literal["front"] | None:
+def _focus(value: Any, clock: Clock) -> Number | VectorParameter | str | None:
     if value is None or isinstance(value, str):
-        return "front" if value == "front" else None
+        return None if value == "subject" else value
     first = next(iter(value.keys.values())) if isinstance(value, Keyed) else value
     first = first.value if isinstance(first, KeyDocument) else first
     is_place = isinstance(first, list | OverTimeTriple | FromSoundTriple)
