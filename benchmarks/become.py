@@ -72,13 +72,15 @@ def pairs(folder: Path, names: list[str]) -> list[tuple[PlacedShape, PlacedShape
 
 
 def main(folder: Path, detail: Detail, names: list[str]) -> None:
-    print("| | mean / 95 %, there | back | least det J | CPU s |\n|---|---|---|---|---|")
+    print("| | mean / 95 %, there | back | worst part | least det J | CPU s |\n|---|---|---|---|---|---|")
     for start, target in pairs(folder, names):
         began = time.process_time()
-        mean, most, back, far, least = fit_between(start, target, detail).residual
+        mean, most, back, far, patch, least = fit_between(start, target, detail).residual
         seconds = time.process_time() - began
         stored_fits.cache_path("fits", []).unlink()
-        numbers = f"{mean:.2%} / {most:.2%} | {back:.2%} / {far:.2%} | {least:.2g} | {seconds:.0f}"
+        numbers = (
+            f"{mean:.2%} / {most:.2%} | {back:.2%} / {far:.2%} | {patch:.2%} | {least:.2g} | {seconds:.0f}"
+        )
         print(f"| {start.name} to {target.name} | {numbers} |", flush=True)
 
 

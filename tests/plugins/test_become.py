@@ -11,11 +11,11 @@ import pytest
 from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError, ShotError, UsageError
 from pipeline.mesh.solids import box, icosphere
-from pipeline.plugins.become import fitting, stored_fits
+from pipeline.plugins.become import fitting, stored_fits, target
 from pipeline.plugins.become.become_flow import Become
 from pipeline.plugins.become.stored_fits import PlacedShape, fit_between
 from pipeline.plugins.become.target import FittedSurface, SolidGrowth, lengths
-from pipeline.plugins.become.velocity_path import PathSpace, carried, energy, padded
+from pipeline.plugins.become.velocity_path import PathSpace, energy
 from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.shot import read_shot
 from pipeline.shot.subjects import Solid
@@ -54,12 +54,13 @@ def cubed(points: Points, faces: Floats) -> FittedSurface:
 def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """Fits of a few small rounds, in a cache of their own."""
 
-    def rounds_of(growth: SolidGrowth, detail: str) -> list[fitting.FitRound]:
+    def rounds_of(goal: FittedSurface, detail: str) -> list[fitting.FitRound]:
         space = PathSpace(12, 0.09)
-        first = fitting.FitRound(PathSpace(12, 0.12), 1e-3, 800, 0.1, growth.start, True)
+        first = fitting.FitRound(PathSpace(12, 0.12), 1e-3, 800, 0.1, goal.growth.start, True)
         return [first, *(fitting.FitRound(space, 1e-6, 800, 0.06) for _ in range(3))]
 
     monkeypatch.setattr(fitting, "rounds_of", rounds_of)
+    monkeypatch.setattr(target, "NODES", 40)
     monkeypatch.setattr(fitting, "START", PathSpace(12, 0.12))
     monkeypatch.setattr(stored_fits, "EDGES", 16)
     monkeypatch.setattr(
@@ -95,19 +96,19 @@ def test_a_solid_grows_from_its_thickest_place_by_the_way_through_it() -> None:
     growth = SolidGrowth.of(FittedSurface(0.5 + 0.2 * mesh.vertices, mesh.faces.astype(np.int64)))
     assert growth.start < growth.end == pytest.approx(0.2 * np.sqrt(0.25 + 0.25 + 2.25), rel=0.15)
     x = np.array([[0.5, 0.5, 0.5 + 0.2 * 1.2]])
-    assert growth.residual(x, growth.end)[0][0] < 0.0 < growth.residual(x, growth.start)[0][0]
+    assert growth.part(growth.end).residual(x)[0][0] < 0.0 < growth.part(growth.start).residual(x)[0][0]
 
 
 def test_a_surface_reaches_its_target_with_the_same_bits_on_one_and_on_two_threads(quick: Path) -> None:
-    ball, target = icosphere(8), box((1.4, 1.4, 1.4), 0.15)
+    ball, goal = icosphere(8), box((1.4, 1.4, 1.4), 0.15)
     ends: list[Floats] = []
     for threads in (1, 2):
         numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
-        rest, onto = cubed(ball.vertices, ball.faces), cubed(target.vertices, target.faces)
+        rest, onto = cubed(ball.vertices, ball.faces), cubed(goal.vertices, goal.faces)
         state = fitting.fitted(rest, onto, "coarse", None, lambda state, rounds: None)
-        ends.append(state.z)
+        ends.append(state.legs[-1].z)
     assert np.array_equal(*ends)
-    x = carried(padded(state.space.knots(state.z)), state.space.n, state.rest.points)
+    x = state.legs[-1].carry(state.rest.points)
     away = lengths(x - onto.nearest(x)[0]) / onto.diagonal
     assert away.mean() < 0.01 < lengths(rest.points - onto.nearest(rest.points)[0]).mean() / onto.diagonal
 
@@ -134,9 +135,11 @@ def test_a_fit_that_was_interrupted_goes_on_and_ends_with_the_same_bits(quick: P
         patch.setattr(fitting, "next_round", third_fails)
         fit_between(ball, goal, "coarse")
     assert [file.name.endswith(".unfinished.npz") for file in quick.glob("*.npz")] == [True]
-    assert np.array_equal(fit_between(ball, goal, "coarse").z, whole.z)
+    assert np.array_equal(fit_between(ball, goal, "coarse").legs[0].z, whole.legs[0].z)
     fit_between.cache_clear()
-    assert np.array_equal(fit_between(ball, goal, "coarse").z, whole.z), "it is read from the cache"
+    assert np.array_equal(fit_between(ball, goal, "coarse").legs[0].z, whole.legs[0].z), (
+        "it is read from the cache"
+    )
 
 
 def test_the_flow_arrives_in_any_steps_and_goes_back_exactly(quick: Path) -> None:
@@ -172,7 +175,10 @@ def test_a_residual_that_is_too_large_is_refused_and_told(
     monkeypatch.setattr("pipeline.plugins.become.become_flow.DOUBTFUL", 1e-6)
     assert any("is reached within" in text and warns for text, warns in flow.findings())
     monkeypatch.setattr("pipeline.plugins.become.become_flow.REFUSED", 1e-6)
-    with pytest.raises(UsageError, match=r"ends over .*% of the diagonal away from the box; 0% is the most"):
+    with pytest.raises(
+        UsageError,
+        match=r"parts of the surface end over .*% of the diagonal away from the box; 0% is the most",
+    ):
         flow.displace(icosphere(2).vertices, 0.0, 0.5)
 
 

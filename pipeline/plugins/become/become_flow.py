@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.errors import FrameError, UsageError
-from pipeline.flow import Flow, Streamlines
+from pipeline.flow import Flow
 from pipeline.flow.keyframes import Keyframes
 from pipeline.flow.parameters import Number, Vector, number_at
 from pipeline.plugins.become.fitting import Detail
@@ -50,9 +50,7 @@ class Become(Flow):
                 f"flow {self.name}: the subject is at ({where}), outside of the cube around "
                 f"{self._start.name} and {self.target.name}, where no path is known. Let others act after it."
             )
-        if fit.is_reversed:
-            before, after = 1.0 - before, 1.0 - after
-        return Streamlines(fit.field).displace(points, before, after - before)
+        return fit.displace(points, before, after)
 
     def cache_data(self, time: float, dt: float) -> Any:
         before, after = self._shares(time, dt)
@@ -94,7 +92,7 @@ class Become(Flow):
         fit = fit_between(self._start, self.target, self.detail)
         if fit.residual.worst > REFUSED:
             raise UsageError(
-                f"5 % of the surface ends over {fit.residual.worst:.1%} of the diagonal "
+                f"parts of the surface end over {fit.residual.worst:.1%} of the diagonal "
                 f"away from {self.target.name}; {REFUSED:.0%} is the most. {self._remedy}"
             )
         return fit
@@ -107,10 +105,11 @@ class Become(Flow):
     def findings(self) -> Iterator[tuple[str, bool]]:
         """Yield how far from its target it arrives, and warnings. Raises as `fit`."""
         fit, name = self.fit(), self.target.name
-        mean, most, back, far, least = fit.residual
+        mean, most, back, far, patch, least = fit.residual
         yield (
             f"{self._start.name} becomes {name}: it ends {mean:.2%} of the diagonal away on average, 95 % "
-            f"within {most:.2%}; {name} is {back:.2%} and {far:.2%} from it. Volumes shrink to {least:.2g}.",
+            f"within {most:.2%}; {name} is {back:.2%} and {far:.2%} from it. The worst part is {patch:.2%} "
+            f"away. Volumes shrink to {least:.2g}.",
             False,
         )
         if fit.residual.worst > DOUBTFUL:

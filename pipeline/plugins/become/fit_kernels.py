@@ -8,6 +8,7 @@ of the points, whatever the number of threads.
 
 from __future__ import annotations
 
+import heapq
 import math
 
 import numpy as np
@@ -137,11 +138,11 @@ def pull_back(grid: Floats, n: int, points: Points, force: Floats, spread: Float
 
 @kernel("void(f8[:, ::1], f8[:, ::1], i8[::1])")
 def nearest_rows(rows: Floats, queries: Floats, out: AnyArray) -> None:
-    """Compute the index of the nearest of rows (R, 6) to each query (Q, 6), the first of equally near ones.
+    """Compute the index of the nearest of rows (R, C) to each query (Q, C), the first of equally near ones.
 
     Only rows whose first number is near enough are looked at: they ascend by it.
     """
-    count = len(rows)
+    count, columns = rows.shape
     for q in range(len(queries)):
         start = np.searchsorted(rows[:, 0], queries[q, 0])
         best, found, below, above = math.inf, -1, start - 1, start
@@ -150,16 +151,17 @@ def nearest_rows(rows: Floats, queries: Floats, out: AnyArray) -> None:
                 r = below if side == 0 else above
                 if r < 0 or r >= count:
                     continue
-                d = rows[r, 0] - queries[q, 0]
-                if d * d > best:
+                d2 = (rows[r, 0] - queries[q, 0]) ** 2
+                if d2 > best:
                     if side == 0:
                         below = -1
                     else:
                         above = count
                     continue
-                d2 = d * d
-                for c in range(1, 6):
+                for c in range(1, columns):
                     d2 += (rows[r, c] - queries[q, c]) ** 2
+                    if d2 > best:
+                        break
                 if d2 < best or (d2 == best and r < found):
                     best, found = d2, r
                 if side == 0:
@@ -206,11 +208,13 @@ def arrival(a: float, b: float, c: float, h: float) -> float:
     return u
 
 
-@kernel("void(f8[:, :, ::1], b1[:, :, ::1], f8, i8)")
-def sweep(u: Floats, is_open: AnyArray, h: float, rounds: int) -> None:
+@kernel("void(f8[:, :, ::1], b1[:, :, ::1], f8)")
+def sweep(u: Floats, is_open: AnyArray, h: float) -> None:
     """Lower u (N, N, N) at open nodes to the distance, through open nodes, from where it is lower already."""
     n = u.shape[0]
-    for turn in range(8 * rounds):
+    idle = 0
+    for turn in range(8 * n):
+        is_idle = True
         for a in range(1, n - 1):
             i = a if turn & 1 else n - 1 - a
             for b in range(1, n - 1):
@@ -225,4 +229,98 @@ def sweep(u: Floats, is_open: AnyArray, h: float, rounds: int) -> None:
                             h,
                         )
                         if new < u[i, j, k]:
+                            is_idle = is_idle and new > u[i, j, k] - 1e-6
                             u[i, j, k] = new
+        idle = idle + 1 if is_idle else 0
+        if idle == 8:
+            break
+
+
+@kernel("b1(b1[::1])")
+def is_simple(filled: AnyArray) -> bool:
+    """Tell whether a node can be taken from a solid without a change of the solid's topology.
+
+    filled  (27,) of the node's neighbours, i · 9 + j · 3 + k; they are connected by faces, edges and corners,
+            what is empty by faces
+
+    Source: Bertrand, Malandain, *A new characterization of three-dimensional simple points*, Pattern
+    Recognition Letters 15 (1994).
+    """
+    waiting, seen = np.empty(27, np.int64), np.zeros(27, np.bool_)
+    for solid in range(2):
+        parts = 0
+        for first in range(27):
+            i, j, k = first // 9 - 1, first // 3 % 3 - 1, first % 3 - 1
+            size = abs(i) + abs(j) + abs(k)
+            if size == 0 or seen[first] or filled[first] != (solid == 1) or (solid == 0 and size != 1):
+                continue
+            parts += 1
+            if parts > 1:
+                return False
+            waiting[0], count = first, 1
+            seen[first] = True
+            while count:
+                count -= 1
+                at = waiting[count]
+                i, j, k = at // 9 - 1, at // 3 % 3 - 1, at % 3 - 1
+                for other in range(27):
+                    a, b, c = other // 9 - 1, other // 3 % 3 - 1, other % 3 - 1
+                    size = abs(a) + abs(b) + abs(c)
+                    if size == 0 or seen[other] or filled[other] != (solid == 1) or (solid == 0 and size > 2):
+                        continue
+                    near = max(abs(a - i), abs(b - j), abs(c - k)) == 1
+                    if near and (solid == 1 or abs(a - i) + abs(b - j) + abs(c - k) == 1):
+                        seen[other] = True
+                        waiting[count] = other
+                        count += 1
+        if parts == 0:
+            return False
+    return True
+
+
+@kernel("void(f8[:, :, ::1], b1[:, :, ::1])")
+def thin(depth: Floats, filled: AnyArray) -> None:
+    """Take nodes from a solid, the least deep ones first, as long as its topology stays.
+
+    What is left of a solid without holes is one node, of others loops around the holes.
+    """
+    n = depth.shape[0]
+    around = np.zeros(27, np.bool_)
+    queue = [(0.0, np.int64(-1))]
+    for i in range(1, n - 1):
+        for j in range(1, n - 1):
+            for k in range(1, n - 1):
+                if filled[i, j, k]:
+                    queue.append((depth[i, j, k], np.int64((i * n + j) * n + k)))
+    heapq.heapify(queue)
+    while queue:
+        _, at = heapq.heappop(queue)
+        if at < 0:
+            continue
+        i, j, k = at // (n * n), at // n % n, at % n
+        if not filled[i, j, k]:
+            continue
+        for other in range(27):
+            around[other] = filled[i + other // 9 - 1, j + other // 3 % 3 - 1, k + other % 3 - 1]
+        if not is_simple(around):
+            continue
+        filled[i, j, k] = False
+        for other in range(27):
+            a, b, c = i + other // 9 - 1, j + other // 3 % 3 - 1, k + other % 3 - 1
+            if filled[a, b, c] and depth[a, b, c] <= depth[i, j, k]:
+                heapq.heappush(queue, (depth[a, b, c], np.int64((a * n + b) * n + c)))
+
+
+@kernel("void(f8[:, :, :, ::1], f8[:, :, ::1], i8[::1])")
+def extend(values: Floats, signed: Floats, order: AnyArray) -> None:
+    """Copy values (N, N, N, K) to nodes, in this order, from the neighbour with the least signed distance."""
+    n = signed.shape[0]
+    for at in order:
+        i, j, k = at // (n * n), at // n % n, at % n
+        least, a, b, c = signed[i, j, k], i, j, k
+        for other in range(27):
+            p, q, r = i + other // 9 - 1, j + other // 3 % 3 - 1, k + other % 3 - 1
+            if 0 <= p < n and 0 <= q < n and 0 <= r < n and signed[p, q, r] < least:
+                least, a, b, c = signed[p, q, r], p, q, r
+        for m in range(values.shape[3]):
+            values[i, j, k, m] = values[a, b, c, m]

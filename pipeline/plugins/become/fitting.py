@@ -1,4 +1,4 @@
-"""Fits of a path that carries one closed surface onto another: correspondences, from coarse to fine.
+"""Fits of paths that carry one closed surface onto another: correspondences, from coarse to fine.
 
 Nobody knows which point goes where. A fit finds out as iterative closest points do (Besl, McKay, *A method
 for registration of 3-D shapes*, PAMI 14, 1992), with planes in place of points (Chen, Medioni, *Object
@@ -6,15 +6,20 @@ modelling by registration of multiple range images*, Image and Vision Computing 
 nearest point for granted, fits a path, and looks again. Nearest points are right only where the surfaces are
 near each other, so the target grows (ours):
 
-1. The surface is fitted to the ball in the target's thickest place.
+1. The surface is fitted to what is near the target's core: a thick place in its middle or, with holes, loops
+   around them.
 2. That part grows through the target, step by step: to all that is at most u away from there, through the
    solid. Limbs leave the body at their tips, as thick as they will be, and what is between them is never
-   filled, so that no web has to be torn. Every step begins with the path of the one before, all of which
-   changes: at its end nothing of the growth is seen, and the path is near the shortest one.
+   filled, so that no web has to be torn. A step is repeated until the surface has followed. Every step begins
+   with the path of the one before, all of which changes: at its end nothing of the growth is seen.
 3. Rounds on finer grids, with both surfaces whole.
 
 In 2 and 3 half of the data are points of the surface, each with the nearest plane of the target, and half are
-points of the target, each with the nearest point of the carried surface in position and normal.
+points of the target, each with the nearest point of the carried surface: in position, in normal, and in
+distances through the solid from landmarks, which differ across a bay.
+
+A long limb stretches the surface so much that a change where it begins moves its tip far, and a fit stalls.
+So a long growth is a sequence of paths, legs: each begins with the surface as the one before has left it.
 """
 
 from __future__ import annotations
@@ -27,8 +32,17 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.plugins.become import fit_kernels as kernels
-from pipeline.plugins.become.target import FittedSurface, SolidGrowth, lengths
-from pipeline.plugins.become.velocity_path import Data, PathSpace, carried, energy, minimised, padded
+from pipeline.plugins.become.target import FittedSurface, GrownPart, lengths
+from pipeline.plugins.become.velocity_path import (
+    STEPS,
+    Data,
+    Pair,
+    PathSpace,
+    carried,
+    energy,
+    minimised,
+    padded,
+)
 
 Detail = Literal["coarse", "medium", "fine"]
 
@@ -41,8 +55,9 @@ class FitRound(NamedTuple):
     samples  points of each surface that are fitted
     edge     the longest edge of the carried surface
     until    u to which the target has grown; None where it is whole
-    begins   True where only the ball in the thickest place is fitted
+    begins   True where only what is near the core is fitted
     along    weight of distances along planes over those across
+    is_leg   True where another leg begins
     """
 
     space: PathSpace
@@ -52,31 +67,50 @@ class FitRound(NamedTuple):
     until: float | None = None
     begins: bool = False
     along: float = 0.05
+    is_leg: bool = False
 
 
-ITERATIONS, GROWING, BEGINNING = 20, 9, 30
-"""Of L-BFGS in a round of whole surfaces, of growth, and of the beginning."""
+ITERATIONS, GROWING, BEGINNING = 20, 10, 30
+"""Of L-BFGS in a round of whole surfaces, in a pass of growth, and at the beginning."""
 
 START = PathSpace(16, 0.08)
 """The space of the first rounds."""
 
+GROWTH, THIN_GROWTH = PathSpace(32, 0.05), PathSpace(48, 0.035)
+"""The spaces of growth: the second where much of the target is thinner than two cells of the first."""
+
+THIN = 0.1
+"""The share of a target that may be thinner than two cells."""
+
 STEP = 0.04
 """How far the target grows at once, in sides of the cube."""
+
+LEG = 0.2
+"""How far it grows in one leg, about."""
+
+LAG, PASSES = 0.01, 4
+"""Distance, in sides of the cube, within which 98 % of what has grown must be reached, and passes at most."""
+
+URGENT = 4.0
+"""The weight at most, over that of others, of what is not reached yet."""
 
 NORMAL = 0.045
 """The distance, in diagonals of the target, that counts as much as normals that differ by one radian."""
 
+APART = 0.7
+"""How much a difference of distances through the solid counts over a distance in space."""
+
 _FINISH: Mapping[Detail, tuple[tuple[int, float, float, int, float], ...]] = {
     "coarse": ((24, 0.05, 1e-5, 4000, 0.02), (32, 0.04, 1e-6, 5000, 0.016)),
     "medium": (
-        (24, 0.05, 1e-5, 4000, 0.02),
+        (32, 0.05, 1e-5, 4000, 0.02),
         (40, 0.04, 1e-6, 6000, 0.014),
         (40, 0.03, 3e-7, 7000, 0.011),
         (48, 0.026, 1e-7, 8000, 0.009),
         (48, 0.024, 1e-7, 9000, 0.008),
     ),
     "fine": (
-        (24, 0.05, 1e-5, 4000, 0.02),
+        (32, 0.05, 1e-5, 4000, 0.02),
         (40, 0.04, 1e-6, 6000, 0.014),
         (40, 0.03, 3e-7, 7000, 0.011),
         (48, 0.026, 1e-7, 8000, 0.009),
@@ -89,13 +123,18 @@ _FINISH: Mapping[Detail, tuple[tuple[int, float, float, int, float], ...]] = {
 """Cells, ℓ, λ, samples and longest edge of the last rounds."""
 
 
-def rounds_of(growth: SolidGrowth, detail: Detail) -> list[FitRound]:
+def rounds_of(target: FittedSurface, detail: Detail) -> list[FitRound]:
     """Return the rounds of a fit to a target."""
-    coarse = PathSpace(24, 0.06)
+    growth = target.growth
     first = [FitRound(START, weight, 6000, 0.03, growth.start, True) for weight in (1e-2, 1e-3, 1e-4)]
-    steps = int(np.ceil((growth.end - growth.start) / STEP))
-    grown = np.linspace(growth.start, growth.end, steps + 1)[1:].tolist()
-    growing = [FitRound(coarse, 1e-5, 6000, 0.03, until, along=0.1) for until in grown for _ in range(2)]
+    space = THIN_GROWTH if target.thin_share(GROWTH.n) > THIN else GROWTH
+    way = growth.end - growth.start
+    steps = int(np.ceil(way / STEP))
+    each = int(np.ceil(steps / max(1, round(way / LEG))))
+    growing = [
+        FitRound(space, 1e-5, 3000, 0.02, until, along=0.1, is_leg=step > 0 and step % each == 0)
+        for step, until in enumerate(np.linspace(growth.start, growth.end, steps + 1)[1:].tolist())
+    ]
     finish = [
         FitRound(PathSpace(n, length), weight, samples, edge)
         for n, length, weight, samples, edge in _FINISH[detail]
@@ -104,74 +143,126 @@ def rounds_of(growth: SolidGrowth, detail: Detail) -> list[FitRound]:
 
 
 @dataclass(frozen=True)
+class Leg:
+    """A path, one of those that follow each other."""
+
+    space: PathSpace
+    z: Floats
+
+    def carry(self, points: Points, backwards: bool = False) -> Points:
+        """Return where the path carries points (P, 3)."""
+        return carried(padded(self.space.knots(self.z)), self.space.n, points, backwards=backwards)
+
+
+@dataclass(frozen=True)
 class State:
     """What a round begins with.
 
-    done    number of rounds before it
-    space   of the path
-    z       the path
-    rest    the surface, with more vertices where it is stretched
+    done  number of rounds before it
+    legs  the paths so far; rounds change the last
+    rest  the surface where the last begins, with more vertices where it is stretched
     """
 
     done: int
-    space: PathSpace
-    z: Floats
+    legs: tuple[Leg, ...]
     rest: FittedSurface
 
     @classmethod
     def at_rest(cls, surface: FittedSurface) -> State:
-        return cls(0, START, np.zeros(START.size), surface)
+        return cls(0, (Leg(START, np.zeros(START.size)),), surface)
 
-    def carry(self, points: Points) -> Points:
-        """Return where the path carries points (P, 3)."""
-        return carried(padded(self.space.knots(self.z)), self.space.n, points)
+    def with_leg(self, leg: Leg) -> State:
+        """Return the state with another last leg."""
+        return replace(self, legs=(*self.legs[:-1], leg))
+
+    def after_leg(self) -> State:
+        """Return the state where one more leg begins."""
+        arrived = FittedSurface(self.legs[-1].carry(self.rest.points), self.rest.faces)
+        fresh = Leg(START, np.zeros(START.size))
+        return State(self.done, (*self.legs, fresh), arrived)
 
 
-MOST_VERTICES = 16_000
+MOST_VERTICES = 40_000
 """Vertices of a carried surface up to which more are added."""
 
 
-def next_round(state: State, one: FitRound, target: FittedSurface, growth: SolidGrowth) -> State:
+def next_round(state: State, one: FitRound, target: FittedSurface) -> State:
     """Return the state after a round."""
-    state = _refined(replace(state, z=state.space.converted(state.z, one.space), space=one.space), one.edge)
-    x, faces = state.carry(state.rest.points), state.rest.faces
-    now = FittedSurface(x, faces)
-    normals, areas = now.vertex_normals
-    some = _spread(len(x), one.samples)
-    share = areas[some] / areas[some].sum()
-    data: Data
-    if one.begins:
-        assert one.until is not None
-        data, points, iterations = Front(growth, one.until, share), state.rest.points[some], BEGINNING
+    if one.is_leg:
+        state = state.after_leg()
+    part = None if one.until is None else target.growth.part(one.until)
+    pairs: list[Pair] = []
+    if one.begins or part is None:
+        state, _ = _after_pass(state, one, target, part, pairs)
     else:
-        if one.until is None:
-            (places, facing), there, iterations = (
-                target.nearest(x[some]),
-                target.samples(one.samples),
-                ITERATIONS,
-            )
+        for number in range(PASSES):
+            state, lag = _after_pass(state, one, target, part, pairs)
+            if number and lag <= LAG:
+                break
+    return replace(state, done=state.done + 1)
+
+
+def _after_pass(
+    state: State, one: FitRound, target: FittedSurface, part: GrownPart | None, pairs: list[Pair]
+) -> tuple[State, float]:
+    """Return the state after a search for correspondences and a fit, and how far it lagged before.
+
+    part   what the surface is fitted to; None for the whole target
+    pairs  of L-BFGS, which are replaced
+    """
+    space, last = one.space, state.legs[-1]
+    state = _refined(state.with_leg(Leg(space, last.space.converted(last.z, space))), one.edge)
+    z, rest = state.legs[-1].z, state.rest
+    x = state.legs[-1].carry(rest.points)
+    normals, areas = FittedSurface(x, rest.faces).vertex_normals
+    some = _spread(areas, one.samples)
+    share = np.full(len(some), 1.0 / len(some))
+    data: Data
+    lag = 0.0
+    if one.begins:
+        assert part is not None
+        data, points, iterations = Front(part, share), rest.points[some], BEGINNING
+    else:
+        there = target.samples(one.samples)
+        if part is None:
+            (places, facing), iterations = target.nearest(x[some]), ITERATIONS
         else:
-            places, facing = growth.places(x[some], normals[some], one.until)
-            samples, sample_normals = target.samples(one.samples // 2)
-            grown = growth.reached(samples) <= one.until
-            there, iterations = (samples[grown], sample_normals[grown]), GROWING
-        scale = NORMAL * target.diagonal
-        here = _nearest(np.hstack([x, scale * normals]), np.hstack([there[0], scale * there[1]]))
-        even = np.full(len(here), 1.0 / len(here))
-        points = state.rest.points[np.concatenate([some, here])]
+            (places, facing), iterations = part.places(x[some], normals[some]), GROWING
+            grown = part.holds(there[0])
+            there = there[0][grown], there[1][grown]
+        here = _matched((x, normals), there, target)
+        behind = lengths(x[here] - there[0])
+        lag = float(np.quantile(behind, 0.98))
+        weights = np.ones(len(here)) if part is None else 1.0 + np.minimum(behind / LAG, URGENT)
+        points = rest.points[np.concatenate([some, here])]
         onto = Planes(places, facing, share, 0.3 * one.along)
-        data = joined((0.5, onto, len(some)), (0.5, Planes(*there, even, one.along), len(here)))
-    z = minimised(lambda z: energy(one.space, z, points, data, one.weight), state.z, iterations)
-    return replace(state, z=z, done=state.done + 1)
+        back = Planes(*there, weights / weights.sum(), one.along)
+        data = joined((0.5, onto, len(some)), (0.5, back, len(here)))
+    steps = STEPS if part is None or one.begins else STEPS // 2  # legs are short
+    z = minimised(lambda z: energy(space, z, points, data, one.weight, steps), z, iterations, pairs)
+    return state.with_leg(Leg(space, z)), lag
 
 
-def _spread(count: int, most: int) -> AnyArray:
-    """Return at most `most` of the numbers below `count`, evenly."""
-    return np.arange(count) if count <= most else np.arange(most) * count // most
+def _matched(
+    carried_points: tuple[Points, Points], there: tuple[Points, Points], target: FittedSurface
+) -> AnyArray:
+    """Return the indices of carried points (P, 3) that belong to those of the target (Q, 3), with normals."""
+    scale = NORMAL * target.diagonal
+    rows, queries = (
+        np.hstack([points, scale * normals, APART * target.growth.landmarks_at(points)])
+        for points, normals in (carried_points, there)
+    )
+    return _nearest(rows, queries)
+
+
+def _spread(areas: Floats, most: int) -> AnyArray:
+    """Return at most `most` of vertices with these shares of the area, evenly by area."""
+    reached = np.cumsum(areas)
+    return np.unique(np.searchsorted(reached, (np.arange(most) + 0.5) / most * reached[-1]))
 
 
 def _nearest(rows: Floats, queries: Floats) -> AnyArray:
-    """Return the index of the nearest of rows (R, 6) to each of queries (Q, 6)."""
+    """Return the index of the nearest of rows (R, C) to each of queries (Q, C)."""
     order = np.argsort(rows[:, 0], kind="stable")
     found = np.empty(len(queries), np.int64)
     kernels.nearest_rows(np.ascontiguousarray(rows[order]), np.ascontiguousarray(queries), found)
@@ -184,7 +275,8 @@ def _refined(state: State, longest: float) -> State:
     Faces on both sides of an edge are not cut together: the vertices are samples.
     """
     points, faces = state.rest.points, state.rest.faces
-    now = state.carry(points)
+    leg = state.legs[-1]
+    now = leg.carry(points)
     for _ in range(6):
         ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1)
         edges = lengths((now[ends[..., 0]] - now[ends[..., 1]]).reshape(-1, 3)).reshape(-1, 3)
@@ -198,7 +290,7 @@ def _refined(state: State, longest: float) -> State:
         faces[rows] = np.stack([a, middle, c], axis=1)
         faces = np.concatenate([faces, np.stack([middle, b, c], axis=1)])
         added = 0.5 * (points[pairs[:, 0]] + points[pairs[:, 1]])
-        points, now = np.concatenate([points, added]), np.concatenate([now, state.carry(added)])
+        points, now = np.concatenate([points, added]), np.concatenate([now, leg.carry(added)])
     return replace(state, rest=FittedSurface(points, faces))
 
 
@@ -225,14 +317,13 @@ class Planes:
 
 @dataclass(frozen=True)
 class Front:
-    """Points should be on the surface of what has grown until some u. weights: (P,), which add up to 1."""
+    """Points should be on the surface of a part. weights: (P,), which add up to 1."""
 
-    growth: SolidGrowth
-    until: float
+    part: GrownPart
     weights: Floats
 
     def __call__(self, x: Points) -> tuple[float, Floats]:
-        distance, gradient = self.growth.residual(x, self.until)
+        distance, gradient = self.part.residual(x)
         force = 2.0 * (self.weights * distance)[:, None] * gradient
         return float(np.sum(self.weights * distance**2)), force
 
@@ -257,6 +348,7 @@ class Residual(NamedTuple):
 
     mean, most    from the carried surface to the target, by area; `most` is 95 % of it within
     back, far     from the target to the carried surface
+    patch         the largest mean over a patch of 0.5 % of either surface: what a tear or a lost limb is
     least         the least determinant of the mapping's gradient on the surface
     """
 
@@ -264,12 +356,13 @@ class Residual(NamedTuple):
     most: float
     back: float
     far: float
+    patch: float
     least: float
 
     @property
     def worst(self) -> float:
-        """The larger of both 95 %."""
-        return max(self.most, self.far)
+        """The largest of both 95 % and half of that of the worst patch."""
+        return max(self.most, self.far, 0.5 * self.patch)
 
 
 Watch = Callable[[State, int], None]
@@ -284,10 +377,9 @@ def fitted(
     rest, target  closed surfaces of one part and the same genus, in the unit cube, away from its sides
     state         that of an earlier call, to go on from; None to begin
     """
-    growth = SolidGrowth.of(target)
-    rounds = rounds_of(growth, detail)
+    rounds = rounds_of(target, detail)
     state = State.at_rest(rest) if state is None else state
     for one in rounds[state.done :]:
-        state = next_round(state, one, target, growth)
+        state = next_round(state, one, target)
         watch(state, len(rounds))
     return state

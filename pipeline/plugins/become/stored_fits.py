@@ -6,19 +6,19 @@ A fit that is interrupted goes on after its last round.
 
 from __future__ import annotations
 
-import fcntl
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pipeline.arrays import Floats, Points
+from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError, UsageError
+from pipeline.flow import Streamlines
 from pipeline.flow.catalogue.external_fields import Sampled
 from pipeline.flow.parameters import Vector
 from pipeline.flow.samples import Samples
@@ -26,16 +26,17 @@ from pipeline.long_computations import report_progress
 from pipeline.mesh.face_soup import components
 from pipeline.mesh.meshes import TriangleMesh
 from pipeline.mesh.validation import require
-from pipeline.plugins.become.fitting import Detail, Residual, State, fitted
-from pipeline.plugins.become.target import FittedSurface, SolidGrowth, face_vectors, lengths
+from pipeline.plugins.become.fitting import THIN, Detail, Leg, Residual, State, fitted
+from pipeline.plugins.become.target import FittedSurface, face_vectors, lengths
 from pipeline.plugins.become.velocity_path import KNOTS, PathSpace, carried_with_jacobians, padded
+from pipeline.production.store.locks import of_key
 from pipeline.shot.motion import as_data
 from pipeline.shot.subjects import Model, PluginSurface, Solid
 from render.base.atomic_write import atomic_write
 from render.base.render_errors import MachineError
 from render.base.user_cache import cache_path, writable_cache
 
-VERSION = 2
+VERSION = 3
 """Raised when equal shapes give another fit."""
 
 MARGIN = 1.35
@@ -46,9 +47,6 @@ EDGES = 45
 
 REFUSED, DOUBTFUL = 0.03, 0.01
 """Residuals over the diagonal above which a fit is refused, and from which on it is warned of."""
-
-THIN = 0.1
-"""The share of a target that may be thinner than two cells."""
 
 _HOLES = ("no hole", "one hole", "two holes", "three holes")
 
@@ -106,34 +104,49 @@ class PathVelocity(Sampled):
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A path that carries one shape onto another in the cube with the corner `low` (3,) and a side.
+    """Paths that carry one shape onto another in the cube with the corner `low` (3,) and a side.
 
-    path_space, z  the path, as single precision holds it
-    is_reversed    True where the path leads from the target to the start
+    legs           the paths, as single precision holds them, one after another
+    ends           share of the whole way at which each leg ends; the last is 1
+    is_reversed    True where the paths lead from the target to the start
     residual       of the way that is asked for
     remarks        warnings about the shapes
     """
 
     low: Floats
     side: float
-    path_space: PathSpace
-    z: Floats
+    legs: tuple[Leg, ...]
+    ends: tuple[float, ...]
     is_reversed: bool
     residual: Residual
     remarks: tuple[str, ...]
 
     @cached_property
-    def field(self) -> PathVelocity:
-        """The velocities over the times 0 to 1 of the path."""
-        n = self.path_space.n
+    def _fields(self) -> tuple[PathVelocity, ...]:
+        """The velocities of each leg, over the times 0 to 1."""
+        return tuple(self._field(leg) for leg in self.legs)
+
+    def _field(self, leg: Leg) -> PathVelocity:
+        n = leg.space.n
         axis = self.side * np.arange(n + 1) / n
-        knots = self.path_space.knots(self.z).transpose(0, 2, 3, 4, 1)
+        knots = leg.space.knots(leg.z).transpose(0, 2, 3, 4, 1)
         velocity = self.side * np.pad(knots, ((0, 0), (0, 1), (0, 1), (0, 1), (0, 0)), mode="wrap")
         samples = Samples(
             (axis,) * 3, np.linspace(0.0, 1.0, KNOTS), np.ascontiguousarray(velocity), ("become",)
         )
         x, y, z = self.low.tolist()
         return PathVelocity(samples, "cubic", "repeat", (x, y, z))
+
+    def displace(self, points: Points, before: float, after: float) -> Points:
+        """Return where points (P, 3) are carried between two shares of the way."""
+        if self.is_reversed:
+            before, after = 1.0 - before, 1.0 - after
+        legs = list(zip((0.0, *self.ends), self.ends, self._fields, strict=False))
+        for begin, end, field in legs if before < after else reversed(legs):
+            here, there = ((min(max(at, begin), end) - begin) / (end - begin) for at in (before, after))
+            if here != there:
+                points = Streamlines(field).displace(points, here, there - here)
+        return points
 
     def holds(self, points: Points) -> bool:
         """Tell whether points (P, 3) lie in the cube."""
@@ -161,18 +174,18 @@ def fit_between(start: PlacedShape, target: PlacedShape, detail: Detail) -> Fit:
     )
     key = json.dumps([VERSION, [shape.data() for shape in ends], detail], sort_keys=True)
     path = cache_path("fits", [key], ".npz")
-    with _alone(path):
+    with of_key(writable_cache(), path.stem, lambda: None):  # so that one of several processes computes it
         stored = _loaded(path)
         if stored is None:
             stored = _computed(path, rest, onto, detail, f"fitting {target.name}")
-    space, z = PathSpace(int(stored["n"]), float(stored["length"])), stored["z"].astype(np.float64)
+    until = (*np.cumsum(stored["shares"])[:-1].tolist(), 1.0)
     residual = Residual(*stored["residual"].tolist())
     if is_reversed:  # the residual counts at the end that is seen
         share = onto.diagonal / rest.diagonal
-        mean, most, back, far = (share * number for number in residual[:4])
-        residual = Residual(mean, most, back, far, residual.least)
+        mean, most, back, far, patch = (share * number for number in residual[:-1])
+        residual = Residual(mean, most, back, far, patch, residual.least)
     remarks = tuple(_remarks(start, ends[1], float(stored["thin"])))
-    return Fit(low, side, space, z, is_reversed, residual, remarks)
+    return Fit(low, side, _legs(stored), until, is_reversed, residual, remarks)
 
 
 def _require_alike(start: PlacedShape, target: PlacedShape) -> None:
@@ -199,13 +212,6 @@ def _remarks(start: PlacedShape, onto: PlacedShape, thin: float) -> Iterator[str
         )
 
 
-def _thin_share(surface: FittedSurface, n: int) -> float:
-    """Return the share of a surface that is thinner than two of n cells, seen from one cell below it."""
-    points, normals = surface.samples(4000)
-    depths, _ = SolidGrowth.of(surface).residual(points - normals / n, np.inf)
-    return float(np.mean(depths > -0.7 / n))
-
-
 def _hard_share(mesh: TriangleMesh) -> float:
     """Return the share of edges whose faces meet at more than 40 degrees."""
     vectors = face_vectors(mesh.vertices, mesh.faces)
@@ -224,42 +230,74 @@ def _computed(
 
     def watch(state: State, rounds: int) -> None:
         report_progress(activity, state.done, rounds)
-        kept = {"points": state.rest.points, "faces": state.rest.faces, "z": state.z, "done": state.done}
-        _store(unfinished, {**kept, "n": state.space.n, "length": state.space.length})
+        kept = {"points": state.rest.points, "faces": state.rest.faces, "done": np.array(state.done)}
+        _store(unfinished, kept | _arrays(state.legs))
 
     state = None
     if (kept := _loaded(unfinished)) is not None:
-        space = PathSpace(int(kept["n"]), float(kept["length"]))
-        state = State(int(kept["done"]), space, kept["z"], FittedSurface(kept["points"], kept["faces"]))
+        state = State(int(kept["done"]), _legs(kept), FittedSurface(kept["points"], kept["faces"]))
     state = fitted(rest, onto, detail, state, watch)
-    z = state.z.astype(np.float32)
-    residual = residual_of(state.space, z.astype(np.float64), state.rest, onto)
-    grid = {"n": np.array(state.space.n), "length": np.array(state.space.length)}
-    thin = np.array(_thin_share(onto, state.space.n))
-    fit = {**grid, "z": z, "residual": np.array(residual), "thin": thin}
+    fit = _arrays([replace(leg, z=leg.z.astype(np.float32)) for leg in state.legs])
+    legs = _legs(fit)
+    residual, shares = residual_of(legs, state.rest, onto)
+    thin = np.array(onto.thin_share(legs[-1].space.n))
+    fit |= {"residual": np.array(residual), "thin": thin, "shares": np.array(shares)}
     _store(path, fit)
     with suppress(OSError):
         unfinished.unlink()
     return fit
 
 
-def residual_of(space: PathSpace, z: Floats, rest: FittedSurface, target: FittedSurface) -> Residual:
-    """Return how far a path carries a surface from its target."""
-    x, determinants = carried_with_jacobians(padded(space.knots(z)), space.n, rest.points)
-    now = FittedSurface(x, rest.faces)
-    distances, areas = lengths(x - target.nearest(x)[0]), now.vertex_normals[1]
-    order = np.argsort(distances, kind="stable")
-    shares = np.cumsum(areas[order]) / areas.sum()
-    there = target.samples(10_000)[0]
-    back = lengths(there - now.nearest(there)[0])
-    numbers = (
-        np.sum(areas * distances) / areas.sum(),
-        distances[order[min(int(np.searchsorted(shares, 0.95)), len(order) - 1)]],
-        back.mean(),
-        np.quantile(back, 0.95),
+def _arrays(legs: Sequence[Leg]) -> dict[str, AnyArray]:
+    """Return arrays to store legs as."""
+    spaces = {"n": [leg.space.n for leg in legs], "length": [leg.space.length for leg in legs]}
+    return {name: np.array(numbers) for name, numbers in spaces.items()} | {
+        f"z{number}": leg.z for number, leg in enumerate(legs)
+    }
+
+
+def _legs(arrays: dict[str, AnyArray]) -> tuple[Leg, ...]:
+    """Return the legs that `_arrays` made arrays of."""
+    spaces = zip(arrays["n"].tolist(), arrays["length"].tolist(), strict=True)
+    return tuple(
+        Leg(PathSpace(n, length), arrays[f"z{number}"].astype(np.float64))
+        for number, (n, length) in enumerate(spaces)
     )
-    mean, most, returning, far = (float(number) / target.diagonal for number in numbers)
-    return Residual(mean, most, returning, far, float(determinants.min()))
+
+
+def residual_of(
+    legs: Sequence[Leg], rest: FittedSurface, target: FittedSurface
+) -> tuple[Residual, list[float]]:
+    """Return how far legs carry a surface from its target, and the share of each in the way.
+
+    rest  the surface where the last leg begins
+    """
+    x, determinants, ways = rest.points, np.ones(len(rest.points)), []
+    for leg in reversed(legs[:-1]):
+        x = leg.carry(x, backwards=True)
+    for leg in legs:
+        before = x
+        x, factors = carried_with_jacobians(padded(leg.space.knots(leg.z)), leg.space.n, x)
+        determinants *= factors
+        areas = FittedSurface(x, rest.faces).vertex_normals[1]
+        ways.append(float(np.sqrt(np.sum(areas * lengths(x - before) ** 2) / areas.sum())))
+    now = FittedSurface(x, rest.faces)
+    away, back = (_distances(one, other) for one, other in ((now, target), (target, now)))
+    patch = max(float(d.reshape(-1, PATCH).mean(axis=1).max()) for d in (away, back))
+    numbers = (away.mean(), np.quantile(away, 0.95), back.mean(), np.quantile(back, 0.95), patch)
+    mean, most, returning, far, patch = (float(number) / target.diagonal for number in numbers)
+    shares = [way / sum(ways) for way in ways]
+    return Residual(mean, most, returning, far, patch, float(determinants.min())), shares
+
+
+PATCH = 50
+"""Samples in a patch; they follow each other in the order of the tree, where neighbours are near."""
+
+
+def _distances(surface: FittedSurface, other: FittedSurface) -> Floats:
+    """Return distances of samples of a surface from another."""
+    points = surface.samples(200 * PATCH)[0]
+    return lengths(points - other.nearest(points)[0])
 
 
 def _loaded(path: Path) -> dict[str, Any] | None:
@@ -275,13 +313,3 @@ def _store(path: Path, arrays: dict[str, Any]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_write(path, flush=False) as draft, draft.open("wb") as file:
             np.savez(file, **arrays)
-
-
-@contextmanager
-def _alone(path: Path) -> Iterator[None]:
-    """Wait until no other process computes a fit, so that it is computed once."""
-    folder = writable_cache() / "fits"
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / f"{path.stem}.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield

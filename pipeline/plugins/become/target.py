@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pipeline.arrays import Faces, Floats, Points, Vectors
+from pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
 from pipeline.flow.regions import TriangleTree, with_distances
 from pipeline.plugins.become import fit_kernels as kernels
 
@@ -40,6 +40,17 @@ class FittedSurface:
     def diagonal(self) -> float:
         """Of the bounding box."""
         return float(np.sqrt((np.ptp(self.points, axis=0) ** 2).sum()))
+
+    @cached_property
+    def growth(self) -> SolidGrowth:
+        """How the solid that it encloses grows."""
+        return SolidGrowth.of(self)
+
+    def thin_share(self, n: int) -> float:
+        """Return the share that is thinner than two of n cells of the cube, seen from one cell below it."""
+        points, normals = self.samples(4000)
+        depths, _ = self.growth.part(FAR).residual(points - normals / n)
+        return float(np.mean(depths > -0.7 / n))
 
     @cached_property
     def holes(self) -> int:
@@ -83,93 +94,121 @@ class FittedSurface:
         return a + s[:, None] * (b - a) + r[:, None] * (c - a), self.face_normals[face]
 
 
-DEEP = 0.9
-"""Depth over the greatest from which on a place counts as thickest; of these the one nearest the middle is
-taken."""
+FAR = 10.0
+"""Distance where there is no way."""
+
+DEEP = 0.7
+"""Depth over the greatest from which on a place may be the core; of these the one is taken from which no
+other place is far through the solid."""
 
 FULL = 0.7
-"""How much of a ball the part of a solid fills that a fit begins with."""
+"""How much of a ball, or of tubes, the part of a solid fills that a fit begins with."""
+
+LANDMARKS = 6
+"""Places of a solid whose distances through it tell apart what is near in space only."""
 
 
 @dataclass(frozen=True, eq=False)
 class SolidGrowth:
-    """How a solid grows from its thickest place: distances from there within it.
+    """How a solid grows from its core, the thickest place or, with holes, loops around them.
 
-    grid   padded grid of NODES³ cells with three numbers a node: signed distance from the surface, negative
-           inside; distance u from the thickest place through the solid, and on from its surface; 0
-    start  the largest u up to which the solid fills much of a ball; with holes it is `end`, for what grows
-           around a hole meets itself
-    end    the largest u of the solid
+    signed   distance from the surface (NODES, NODES, NODES), negative inside
+    through  distances (NODES, NODES, NODES, 1 + LANDMARKS) through the solid: u from the core, and from
+             landmarks far from each other. Outside of the solid they are those of the nearest place of its
+             surface: between two limbs each side has its own.
+    start    the largest u up to which the solid fills much of a ball, or of tubes around the core
+    end      the largest u of the solid
     """
 
-    grid: Floats
+    signed: Floats
+    through: Floats
     start: float
     end: float
 
     @classmethod
     def of(cls, surface: FittedSurface) -> SolidGrowth:
         signed = signed_distances(surface)
-        nodes = np.stack(np.meshgrid(*[np.arange(NODES)] * 3, indexing="ij"), axis=-1) / NODES
-        inside, deep = signed < 0.0, signed <= DEEP * signed.min()
-        off_centre = ((nodes[deep] - nodes[inside].mean(axis=0)) ** 2).sum(axis=-1)
-        seed = np.flatnonzero(deep)[np.argmin(off_centre)]
-        straight = np.sqrt(((nodes - nodes.reshape(-1, 3)[seed]) ** 2).sum(axis=-1))
-        u = np.where(straight <= -signed.ravel()[seed], straight, 10.0)
-        kernels.sweep(u, inside & (u == 10.0), 1.0 / NODES, 3)
-        reached = inside & (u < 10.0)
-        kernels.sweep(u, ~reached, 1.0 / NODES, 2)
+        inside = signed < 0.0
+        u, radius, length = _from_core(signed, inside, surface.holes)
+        reached = inside & (u < FAR)
         ordered = np.sort(u[reached])
-        end, radius = float(ordered[-1]), -float(signed.ravel()[seed])
+        end = float(ordered[-1])
         size = np.arange(1, len(ordered) + 1) / NODES**3
-        round_until = ordered[size >= FULL * 4.0 / 3.0 * np.pi * ordered**3]
-        start = end if surface.holes else max(radius, float(round_until[-1]))
-        values = np.stack([signed, np.minimum(u, 2.0), np.zeros_like(u)], axis=-1)
-        grid = np.pad(values, ((1, 2), (1, 2), (1, 2), (0, 0)), mode="edge").ravel()
-        return cls(grid, start, end)
+        whole = np.pi * ordered**2 * (4.0 / 3.0 * ordered + length)
+        start = max(radius, float(ordered[size >= FULL * whole][-1]))
+        return cls(signed, _through(u, reached, signed), min(start, end), end)
 
-    def residual(self, points: Points, until: float) -> tuple[Floats, Vectors]:
-        """Return signed distances (P,) from the part with u up to `until`, about, and their gradients."""
-        signed, towards, u, along = self._values(points)
-        front = u - until > signed
-        return np.where(front, u - until, signed), np.where(front[:, None], along, towards)
+    @cached_property
+    def _grids(self) -> list[Floats]:
+        return [_padded(self.through[..., k : k + 3]) for k in range(1, 1 + LANDMARKS, 3)]
 
-    def places(self, points: Points, normals: Vectors, until: float) -> tuple[Points, Vectors]:
-        """Return where points (P, 3) of a surface should be on what has grown until u, and normals there.
+    def landmarks_at(self, points: Points) -> Floats:
+        """Return distances (P, LANDMARKS) through the solid from its landmarks."""
+        values, gradient = np.empty((2, *points.shape)), np.empty((len(points), 3, 3))
+        for grid, into in zip(self._grids, values, strict=True):
+            kernels.gradients(grid, NODES, points * NODES, into, gradient)
+        return np.hstack([*values])
+
+    def part(self, until: float) -> GrownPart:
+        """Return what has grown until u."""
+        u = self.through[..., 0]
+        inner = np.maximum(self.signed, u - until)
+        known = (self.signed < 0.0) & (inner < 0.0)
+        distance = np.where(known, inner, FAR)
+        kernels.sweep(distance, ~known, 1.0 / NODES)
+        return GrownPart(_padded(np.stack([self.signed, u, distance], axis=-1)), until)
+
+
+@dataclass(frozen=True, eq=False)
+class GrownPart:
+    """The part of a solid with u up to `until`.
+
+    grid  padded grid of NODES³ cells with three numbers a node: signed distance from the surface of the
+          solid, u, and signed distance from the surface of the part, about
+    """
+
+    grid: Floats
+    until: float
+
+    def residual(self, points: Points) -> tuple[Floats, Vectors]:
+        """Return signed distances (P,) from the part, about, and their gradients."""
+        values, ways = self._values(points)
+        return values[:, 2], ways[2]
+
+    def places(self, points: Points, normals: Vectors) -> tuple[Points, Vectors]:
+        """Return where points (P, 3) of a surface should be on the part, and normals there.
 
         Points within it whose normals point where it grows go on that way, and others to the nearest place.
         """
         x = points.copy()
-        signed, towards, u, along = self._values(x)
+        values, (towards, along, _) = self._values(x)
         ahead = np.einsum("ij,ij->i", normals, along)
-        grows = (
-            (signed < 0.0) & (u < until) & (ahead > np.maximum(np.einsum("ij,ij->i", normals, towards), 0.3))
-        )
+        beside = np.einsum("ij,ij->i", normals, towards)
+        grows = (values[:, 0] < 0.0) & (values[:, 1] < self.until) & (ahead > np.maximum(beside, 0.3))
         rows = np.flatnonzero(grows)
         for _ in range(NODES):
-            signed, _, u, along = self._values(x[rows])
-            rest = np.minimum(until - u, -signed)
+            values, ways = self._values(x[rows])
+            rest = np.minimum(self.until - values[:, 1], -values[:, 0])
             moving = rest > 0.05 / NODES
             rows = rows[moving]
             if not len(rows):
                 break
-            x[rows] += np.minimum(rest[moving], 1.0 / NODES)[:, None] * along[moving]
+            x[rows] += np.minimum(rest[moving], 1.0 / NODES)[:, None] * ways[1][moving]
         for _ in range(3):
-            distance, gradient = self.residual(x, until)
+            distance, gradient = self.residual(x)
             far = distance[:, None] * gradient
             x -= np.where(grows[:, None], 0.0, far)
-        _, gradient = self.residual(x, until)
-        return x, gradient
+        return x, self.residual(x)[1]
 
-    def reached(self, points: Points) -> Floats:
-        """Return u (P,) at points (P, 3)."""
-        return self._values(points)[2]
+    def holds(self, points: Points) -> AnyArray:
+        """Tell which points (P, 3) of the surface of the solid belong to the part."""
+        return self._values(points)[0][:, 1] <= self.until
 
-    def _values(self, points: Points) -> tuple[Floats, Vectors, Floats, Vectors]:
-        """Return signed distances and their directions, u and its directions."""
+    def _values(self, points: Points) -> tuple[Floats, list[Vectors]]:
+        """Return the numbers (P, 3) of the grid, and the directions in which each grows."""
         values, gradient = np.empty_like(points), np.empty((len(points), 3, 3))
         kernels.gradients(self.grid, NODES, points * NODES, values, gradient)
-        towards, along = (gradient[:, k] / np.maximum(lengths(gradient[:, k]), 1e-9)[:, None] for k in (0, 1))
-        return values[:, 0], towards, values[:, 1], along
+        return values, [gradient[:, k] / np.maximum(lengths(gradient[:, k]), 1e-9)[:, None] for k in range(3)]
 
 
 def signed_distances(surface: FittedSurface) -> Floats:
@@ -177,3 +216,57 @@ def signed_distances(surface: FittedSurface) -> Floats:
     shape, corners = (NODES, NODES, NODES), surface.points[surface.faces]
     memory = with_distances(surface.tree, corners, np.zeros(3), 1.0 / NODES, shape)
     return memory[-(NODES**3) :].reshape(shape)
+
+
+def _padded(values: Floats) -> Floats:
+    return np.pad(values, ((1, 2), (1, 2), (1, 2), (0, 0)), mode="edge").ravel()
+
+
+def _from_core(signed: Floats, inside: AnyArray, holes: int) -> tuple[Floats, float, float]:
+    """Return distances u from the core of a solid, FAR where there is no way, its radius and its length."""
+    if holes:
+        core = inside.copy()
+        kernels.thin(-signed, core)
+        u = np.where(core, 0.0, FAR)
+        radius, length = 1.0 / NODES, 1.2 * float(core.sum()) / NODES
+    else:
+        nodes = np.stack(np.meshgrid(*[np.arange(NODES)] * 3, indexing="ij"), axis=-1) / NODES
+        seed = _middle(signed, inside)
+        straight = np.sqrt(((nodes - nodes.reshape(-1, 3)[seed]) ** 2).sum(axis=-1))
+        radius, length = -float(signed.ravel()[seed]), 0.0
+        u = np.where(straight <= radius, straight, FAR)
+    kernels.sweep(u, inside & (u == FAR), 1.0 / NODES)
+    return u, radius, length
+
+
+def _middle(signed: Floats, inside: AnyArray) -> int:
+    """Return the flat index of a deep node from which the farthest one through the solid is near."""
+    deep = np.flatnonzero(signed <= DEEP * signed.min())
+    far = _distances_from(int(np.argmin(signed)), inside)
+    least, most = np.full_like(signed, FAR), np.zeros(len(deep))
+    for _ in range(3):
+        far = _distances_from(int(np.argmax(np.where(far < FAR, np.minimum(far, least), -1.0))), inside)
+        least, most = np.minimum(least, far), np.maximum(most, far.flat[deep])
+    return int(deep[np.argmin(most)])
+
+
+def _distances_from(node: int, is_open: AnyArray) -> Floats:
+    """Return distances (N, N, N) through open nodes from the one with this flat index."""
+    far = np.full(is_open.shape, FAR)
+    far.flat[node] = 0.0
+    kernels.sweep(far, is_open & (far == FAR), 1.0 / NODES)
+    return far
+
+
+def _through(u: Floats, reached: AnyArray, signed: Floats) -> Floats:
+    """Return distances (N, N, N, 1 + LANDMARKS) through a solid from its core, u, and from landmarks."""
+    found, least = [u.copy()], np.where(reached, u, -1.0)
+    for _ in range(LANDMARKS):
+        far = _distances_from(int(np.argmax(least)), reached)
+        found.append(far)
+        least = np.minimum(least, far)
+    values = np.ascontiguousarray(np.stack(found, axis=-1))
+    outside = np.flatnonzero(~reached)
+    order = outside[np.argsort(signed.ravel()[outside], kind="stable")]
+    kernels.extend(values, np.ascontiguousarray(signed), order)
+    return values

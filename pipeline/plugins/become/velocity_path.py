@@ -149,14 +149,16 @@ def _share(grids: Floats, time: float, addend: Floats) -> None:
         grids[k + 1] += share * addend
 
 
-def carried(grids: Floats, n: int, points: Points, steps: int = STEPS) -> Points:
-    """Return where padded grids (T, …) carry points (P, 3) from time 0 to 1."""
+def carried(grids: Floats, n: int, points: Points, steps: int = STEPS, backwards: bool = False) -> Points:
+    """Return where padded grids (T, …) carry points (P, 3) from time 0 to 1, or from 1 to 0."""
     x = points * n
-    v, h = np.empty_like(x), n / steps
+    v, h = np.empty_like(x), (-n if backwards else n) / steps
     for step in range(steps):
-        kernels.velocities(_blended(grids, step / steps), n, x, v)
+        at = (step, step + 0.5)
+        begin, middle_time = (1.0 - a / steps if backwards else a / steps for a in at)
+        kernels.velocities(_blended(grids, begin), n, x, v)
         middle = x + 0.5 * h * v
-        kernels.velocities(_blended(grids, (step + 0.5) / steps), n, middle, v)
+        kernels.velocities(_blended(grids, middle_time), n, middle, v)
         x = x + h * v
     return x / n
 
@@ -175,22 +177,24 @@ def carried_with_jacobians(
     return x / n, np.linalg.det(jacobian)
 
 
-def energy(space: PathSpace, z: Floats, points: Points, data: Data, weight: float) -> tuple[float, Floats]:
+def energy(
+    space: PathSpace, z: Floats, points: Points, data: Data, weight: float, steps: int = STEPS
+) -> tuple[float, Floats]:
     """Return E of a path, and its derivatives by z.
 
     points  (P, 3), which the path carries to where `data` measures them
     weight  λ
     """
-    n, h = space.n, space.n / STEPS
+    n, h = space.n, space.n / steps
     grids = padded(space.knots(z))
     x, v = points * n, np.empty_like(points)
     starts, middles = [], []
-    for step in range(STEPS):
+    for step in range(steps):
         starts.append(x)
-        kernels.velocities(_blended(grids, step / STEPS), n, x, v)
+        kernels.velocities(_blended(grids, step / steps), n, x, v)
         middle = x + 0.5 * h * v
         middles.append(middle)
-        kernels.velocities(_blended(grids, (step + 0.5) / STEPS), n, middle, v)
+        kernels.velocities(_blended(grids, (step + 0.5) / steps), n, middle, v)
         x = x + h * v
     distance, force = data(x / n)
     force = force / n
@@ -202,9 +206,9 @@ def energy(space: PathSpace, z: Floats, points: Points, data: Data, weight: floa
         _share(by_knots, time, into)
         return out
 
-    for step in reversed(range(STEPS)):
-        by_middle = pull((step + 0.5) / STEPS, middles[step], h * force)
-        force = force + by_middle + pull(step / STEPS, starts[step], 0.5 * h * by_middle)
+    for step in reversed(range(steps)):
+        by_middle = pull((step + 0.5) / steps, middles[step], h * force)
+        force = force + by_middle + pull(step / steps, starts[step], 0.5 * h * by_middle)
     derivatives = space.derivatives(_unpadded(by_knots, n)) + 2.0 * weight * z
     return distance + weight * _dot(z, z), derivatives
 
@@ -222,10 +226,20 @@ FIRST_STEP, MOST_TRIES = 0.2, 14
 short ones would crumple what is near."""
 
 
+Pair = tuple[Floats, Floats, float]
+"""A change of z, that of the slope with it, and their product."""
+
+
 def minimised(
-    function: Callable[[Floats], tuple[float, Floats]], z: Floats, iterations: int, tolerance: float = 1e-3
+    function: Callable[[Floats], tuple[float, Floats]],
+    z: Floats,
+    iterations: int,
+    pairs: list[Pair],
+    tolerance: float = 1e-3,
 ) -> Floats:
     """Return z where a function is lower: limited-memory BFGS.
+
+    pairs  the latest changes, which are replaced: empty at first, or those of a similar function
 
     It ends after some iterations, or when two in a row lower the function by less than `tolerance` of it.
 
@@ -234,7 +248,6 @@ def minimised(
     point of the parabola through what is known along it, but at most to a tenth.
     """
     value, slope = function(z)
-    pairs: list[tuple[Floats, Floats, float]] = []
     idle = 0
     for _ in range(iterations):
         direction = _downhill(slope, pairs)
@@ -253,7 +266,7 @@ def minimised(
             break
         change, bend = tried - z, new_slope - slope
         if (product := _dot(change, bend)) > 1e-12 * _dot(change, change):
-            pairs = [*pairs, (change, bend, product)][-MEMORY:]
+            pairs[:] = [*pairs, (change, bend, product)][-MEMORY:]
         idle = idle + 1 if value - new < tolerance * value else 0
         z, value, slope = tried, new, new_slope
         if idle == 2:
@@ -261,7 +274,7 @@ def minimised(
     return z
 
 
-def _downhill(slope: Floats, pairs: list[tuple[Floats, Floats, float]]) -> Floats:
+def _downhill(slope: Floats, pairs: list[Pair]) -> Floats:
     """Return minus the approximate inverse Hessian times the slope: the two loops of L-BFGS.
 
     pairs  the latest changes of z and of the slope, and their products

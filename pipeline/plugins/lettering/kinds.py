@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, GetJsonSchemaHandler, model_validator
 from pydantic_core import CoreSchema
@@ -15,6 +15,7 @@ from pipeline.mesh import TriangleMesh
 from pipeline.shot.documents.field_types import LARGEST, Positive, optional
 from pipeline.shot.documents.subject_kinds import SubjectKind
 from pipeline.shot.yaml.document_validation import bad_value
+from render.base.input_files import digest_of_file
 from render.base.plural import plural
 
 if TYPE_CHECKING:  # the libraries of outlines take time to import, and most shots have none
@@ -92,9 +93,18 @@ class TextKind(OutlineKind):
     )
 
     def files(self) -> tuple[str | Path, ...]:
+        """Return the font, except for the default one: every installation has it in a place of its own."""
         from pipeline.plugins.lettering.fonts import font_file
 
-        return (font_file(self.font),)
+        return (font_file(self.font),) if self.font else ()
+
+    @model_validator(mode="after")
+    def _count_default_font(self) -> Self:
+        if not self.font:
+            from pipeline.plugins.lettering.fonts import font_file
+
+            self._digests.append(digest_of_file(Path(font_file(self.font))))
+        return self
 
     def shapes(self, folder: Path) -> Sequence[OutlineShape]:
         from pipeline.plugins.lettering.fonts import font_file
