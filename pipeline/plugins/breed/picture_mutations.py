@@ -36,7 +36,17 @@ COLOURED = ("clay", "putty", "glaze", "ceramic", "taffy", "pearl", "cream", "cof
 CLEAR = ("honey", "glass", "frosted", "smoke")
 METALS = ("chrome", "brushed")
 
-RIGS = ("studio", "gallery", "three_point", "softbox", "porcelain", "lacquer")
+RIGS = ("studio", "gallery", "three_point", "softbox", "porcelain", "lacquer", "duotone", "monument")
+"""Light rigs of opaque subjects; `macro` joins them where the subject fills the picture."""
+
+MIRROR_RIGS = ("gallery", "studio", "lacquer", "duotone")
+CLEAR_RIGS = ("gallery", "studio", "lacquer", "bright_field")
+
+ON_GROUND = {"monument": (0.42, 0.36, 0.3), "bright_field": (0.3, 0.27, 0.24)}
+"""Rigs whose horizon is seen, and the colours of their ground."""
+
+CLOSE = 0.72
+"""Factor on the camera's distance below which the subject fills the picture."""
 
 PALE_STAGE, DARK_STAGE = Lch(0.64, 0.035, 80.0), Lch(0.4, 0.03, 260.0)
 """Stages for dark and for light or clear subjects, before their hues are chosen."""
@@ -180,13 +190,23 @@ def relit(draft: Draft) -> str:
     """Exchange the light rig."""
     lights = draft.data.get("lights", "studio")
     rig = lights if isinstance(lights, str) else lights.get("rig")
-    if rig not in RIGS:
+    if rig not in (*RIGS, *CLEAR_RIGS, "macro"):
         return ""
-    names = [name for name in RIGS if name != rig]
-    if look_name(draft.data.get("look", "clay")) in (*METALS, *CLEAR):
-        names = [name for name in names if name in ("gallery", "studio", "lacquer")]
-    name = draft.chance.random.choice(names)
+    look, camera = look_name(draft.data.get("look", "clay")), draft.data.get("camera") or {}
+    names: tuple[str, ...] = MIRROR_RIGS if look in METALS else CLEAR_RIGS if look in CLEAR else RIGS
+    if names is RIGS and is_number(dolly := camera.get("dolly", 1)) and dolly < CLOSE:
+        names = (*RIGS, "macro")
+    stage = draft.data.get("stage", "cyclorama")
+    kind = stage if isinstance(stage, str) else stage.get("kind", "cyclorama")
+    if kind == "none" or (isinstance(stage, dict) and stage.get("shadow_catcher")):
+        names = tuple(name for name in names if name not in ON_GROUND)
+    name = draft.chance.random.choice([name for name in names if name != rig])
     draft.data["lights"] = name
+    if name in ON_GROUND:
+        draft.data["stage"] = {"kind": "ground", "colour": list(ON_GROUND[name]), "horizon_fade": 3}
+    elif rig in ON_GROUND and kind == "ground":
+        draft.data["stage"] = "cyclorama"
+        _suit_stage(draft)
     return f"under {name.replace('_', '-')} light"
 
 
@@ -205,7 +225,7 @@ def restaged(draft: Draft) -> str:
         new["round"] = draft.chance.happens(0.6)
     draft.data["stage"] = new
     if kind == "ground":
-        draft.data["lights"] = draft.chance.random.choice(RIGS)
+        draft.data["lights"] = draft.chance.random.choice([name for name in RIGS if name not in ON_GROUND])
     return "on a plinth" if new["kind"] == "plinth" else "on a cyclorama"
 
 

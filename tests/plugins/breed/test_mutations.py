@@ -14,7 +14,15 @@ from hypothesis import strategies as st
 from pipeline.plugins.breed.breeding import Litter, child_of
 from pipeline.plugins.breed.flow_mutations import MOTION, Draft, Idea
 from pipeline.plugins.breed.gene_values import Chance
-from pipeline.plugins.breed.picture_mutations import FORM, PICTURE
+from pipeline.plugins.breed.picture_mutations import (
+    CLEAR_RIGS,
+    FORM,
+    MIRROR_RIGS,
+    ON_GROUND,
+    PICTURE,
+    RIGS,
+    relit,
+)
 from pipeline.plugins.breed.shot_genome import Genome, flow_lists, leaves_of, text_of_shot
 from pipeline.shot import read_shot
 from pipeline.shot.yaml.yaml_source import YamlSource
@@ -122,3 +130,30 @@ def test_the_text_of_a_genome_reads_back_as_its_data() -> None:
     for name in BREEDABLE:
         data = genome(name).data
         assert YamlSource.read(Path("x"), text_of_shot(data)).data == data
+
+
+@pytest.mark.parametrize(
+    ("look", "camera", "rigs"),
+    [
+        ("clay", {}, set(RIGS)),
+        ("clay", {"dolly": 0.6}, {*RIGS, "macro"}),
+        ("chrome", {}, set(MIRROR_RIGS)),
+        ("glass", {}, set(CLEAR_RIGS)),
+    ],
+)
+def test_light_suits_the_look_and_its_stage_the_light(
+    look: str, camera: dict[str, Any], rigs: set[str]
+) -> None:
+    """Rigs whose horizon is seen stand on ground, which goes when they go."""
+    one, seen = draft("A010_cube", 5), set()
+    one.data |= {"look": look, "camera": camera}
+    for _ in range(60):
+        assert relit(one)
+        seen.add(one.data["lights"])
+        stage = one.data["stage"]
+        kind = stage if isinstance(stage, str) else stage["kind"]
+        assert (kind == "ground") == (one.data["lights"] in ON_GROUND)
+        if len(seen) == len(rigs):
+            break
+    assert seen == rigs
+    read_shot(SHOTS / "child.yaml", text_of_shot(one.data), beside={})
