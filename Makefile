@@ -58,6 +58,7 @@ pictures: figures film
 	$(BIN)/python docs/pictures/gallery.py
 	$(BIN)/python docs/pictures/sets.py
 	$(BIN)/python docs/pictures/looks.py
+	$(BIN)/python docs/pictures/pigments.py
 	$(BIN)/python docs/pictures/sheets.py
 	PYTHONPATH=. $(BIN)/python docs/pictures/web_page.py
 	PYTHONPATH=. $(BIN)/python docs/pictures/review.py
