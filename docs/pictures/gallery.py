@@ -31,7 +31,7 @@ STILLS = {
     "B110_ribbon": 96,
     "B120_pillars": 120,
     "B130_pulse": 131,
-    "B140_pearls": 120,
+    "B140_corolla": 66,
     "B150_pair": 170,
     "B160_loops": 50,
     "B170_endless": 44,

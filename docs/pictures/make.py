@@ -11,9 +11,9 @@ from render.post.image import read_exr
 
 HERE = Path(__file__).parent
 SHOTS = ("A010_cube", "A020_lorenz", "A030_taffy")
-STEP = 3
-MILLISECONDS = 125
-QUALITY = 88
+STEP = 2
+MILLISECONDS = 83
+QUALITY = 92
 
 
 def main() -> None:
@@ -31,7 +31,7 @@ def main() -> None:
 
 
 def _moving(shot: str) -> list[Image.Image]:
-    """Every third frame of a shot, as a page shows it."""
+    """Every second frame of a shot, as a page shows it."""
     frames = sorted(Path("renders", shot, "draft", "frames").glob("*.exr"))
     return [_picture(path) for path in frames[::STEP]]
 
