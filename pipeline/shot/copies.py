@@ -21,11 +21,11 @@ MOST_COPIES = 5000
 GAP = 1.02
 """Distance between the middles of two copies, in sums of their radii, at least: at rest they do not touch."""
 
-TRIES = 200
-"""Places that are tried for each copy."""
+TRIES, MIN_TRIES, MAX_TRIES = 200, 20_480, 200_000
+"""Places that are tried for each copy, and for all of them at least and at most."""
 
-MIN_TRIES, BATCH = 20_480, 512
-"""Places that are tried for all copies at least, and those that are tried together."""
+BATCH = 512
+"""Places that are tried together."""
 
 _SIDES = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z])
 DIRECTIONS: Floats = _SIDES / np.linalg.norm(_SIDES, axis=1, keepdims=True)
@@ -93,8 +93,9 @@ class Copies:
         radii, found, number = radius * self._sizes(), np.empty((self.count, 3)), 0
         for places in self._places(float(radii.max())):
             if number and len(places):  # most are too near to some copy of earlier batches
-                away = np.linalg.norm(found[:number] - places[:, None], axis=2) / GAP - radii[:number]
-                places = places[away.min(axis=1) > 0.999 * radii[number:].min()]
+                near = (0.999 * GAP * (radii[:number] + radii[number:].min())) ** 2
+                beyond = (found[:number] ** 2).sum(axis=1) - near - 2.0 * (places @ found[:number].T)
+                places = places[beyond.min(axis=1) + (places**2).sum(axis=1) > 0.0]
             for place in places:
                 least = GAP * (radii[:number] + radii[number])
                 if not number or (np.linalg.norm(found[:number] - place, axis=1) > least).all():
@@ -114,7 +115,7 @@ class Copies:
         assert self.region is not None, "a layout has places of its own"
         random = np.random.default_rng(self.seed)
         centre, half = (np.array(side) for side in self.region.bounds(0.0))
-        for _ in range(max(MIN_TRIES, TRIES * self.count) // BATCH):
+        for _ in range(max(MIN_TRIES, min(TRIES * self.count, MAX_TRIES)) // BATCH):
             places = centre + half * random.uniform(-1.0, 1.0, (BATCH, 3))
             ends = (places[:, None] + radius * DIRECTIONS).reshape(-1, 3)
             inside = (self.region.weight(ends, 0.0) == 1.0).reshape(-1, len(DIRECTIONS)).all(axis=1)
