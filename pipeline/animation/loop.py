@@ -79,6 +79,10 @@ def blocks_of(count: int) -> Iterator[slice]:
         yield slice(first, min(first + MOVED_TOGETHER, count))
 
 
+MOST_SHOWN = 20_000_000
+"""Vertices of all rigid copies of a subject: renders and exports take about 0.4 kB for each."""
+
+
 class MovingSurface:
     """A surface, point cloud or control net whose vertices only move."""
 
@@ -115,6 +119,12 @@ class RigidCopies(MovingSurface):
         alone, placements = motion.of_shape()
         frame = at_rest(alone, flow).frame(motion.frames.first)
         mesh, numbers = frame.mesh, len(placements) * len(frame.mesh.vertices)
+        if numbers > MOST_SHOWN:
+            raise FrameError(
+                f"{len(placements)} copies of {len(mesh.vertices):,} vertices are {numbers:,}, and "
+                f"{MOST_SHOWN:,} are the most that is drawn; raise max_edge_length, or lower count",
+                frame.number,
+            )
         normals = {name: values for name, values in mesh.attributes.items() if name == NORMAL}
         own = TriangleMesh(mesh.vertices, mesh.faces, normals, **mesh.tagged_edges)
         report, none = FrameReport(None, frame.report.measure), np.empty((0, 3), np.int64)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pipeline.animation import MeshFrame, animate, descent, moved_to_subframe
 from pipeline.animation.loop import step_into
-from pipeline.errors import ShotError
+from pipeline.errors import FrameError, ShotError
 from pipeline.mesh.placed_copies import Placements, nearest_rotations
 from pipeline.production.request.manifest import thresholds_at
 from pipeline.production.request.shading import Shading, flow_motion, vertex_motion
@@ -129,6 +129,12 @@ def test_copies_within_the_shutter_are_rigid_and_meet_the_next_frame() -> None:
     away = now.mesh.vertices.reshape(5, -1, 3) - now.copies.origins[:, None]
     stretch = np.einsum("nvi,nvi->nv", away, speeds - speeds.mean(axis=1, keepdims=True))
     assert np.abs(stretch).max() < 1e-3 * np.abs(speeds).max(), "a rigid body does not stretch"
+
+
+def test_more_vertices_than_can_be_drawn_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pipeline.animation.loop.MOST_SHOWN", 300)
+    with pytest.raises(FrameError, match="5 copies of 78 vertices are 390, and 300 are the most"):
+        next(animate(MOTION))
 
 
 def test_material_positions_and_copies_are_told_by_order() -> None:

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.animation import animate
 from pipeline.animation.loop import step_into
 from pipeline.arrays import Floats
 from pipeline.errors import FrameError, UsageError
@@ -18,6 +19,7 @@ from pipeline.flow.flow_map import FlowMap
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.validation import require
+from pipeline.plugins.interchange.exported_frame import exported_frame
 from pipeline.plugins.interchange.one_mesh import OneMesh
 from pipeline.plugins.interchange.refining import KIND, Refined, Refiner
 from pipeline.plugins.interchange.unifying import Unification, one_mesh
@@ -206,6 +208,38 @@ flows: [twist: {axis: y, amount: {ease: linear, keys: {1: 0, 3: 150}}}]
     assert (post.name, beads.name) == ("post", "beads")
     assert require(at_rest(post)).euler == 2
     assert require(at_rest(beads)).euler == 6
+
+
+def test_the_mesh_of_rigid_copies_is_that_of_their_frames(tmp_path: Path) -> None:
+    text = """\
+title: Beads
+frames: 1-4
+subjects:
+  beads:
+    solid: box
+    size: [0.3, 0.1, 0.2]
+    copies: {count: 3, seed: 1, rigid: true, size: [0.5, 2], region: {sphere: {radius: 2}}}
+    look: {material: clay, pigment: {palette: {colours: [[1, 0, 0], [0, 0, 1]], seed: 1}}}
+resample: {max_edge_length: 0.1}
+flows: [vortex_ring: {radius: 1, strength: 5}]
+"""
+    request, store = of_text(tmp_path, text), Store(tmp_path)
+    part = next(iter(request.parts))
+    mesh = one_mesh(part, store)
+    for frame in animate(part.shot.motion):
+        shown, exported = mesh.frame(frame.number), exported_frame(part.shot, frame)
+        assert np.array_equal(shown.points, frame.mesh.vertices)
+        assert np.array_equal(exported.points, frame.mesh.vertices)
+        assert exported.copies is not None and np.array_equal(np.unique(exported.copies), [1, 2, 3])
+        assert np.allclose(shown.velocities, exported.velocities)
+        own = frame.mesh.vertices.reshape(3, -1, 3) - frame.copies.origins[:, None]
+        assert ((exported.normals[: len(shown.points)].reshape(own.shape) * own).sum(axis=2) > 0).all()
+    assert mesh.colours is not None and exported.colours is not None
+    assert np.array_equal(mesh.colours, exported.colours) and np.ptp(mesh.colours[:, 1]) == 0
+    edges = mesh.creases.shape[0]
+    assert edges == len(frame.mesh.creases) > 0
+    with pytest.raises(UsageError, match="vertices at rest"):
+        one_mesh(part, store, vertices=10)
 
 
 def test_normals_are_carried_by_the_flow_from_the_surface_at_rest(tmp_path: Path) -> None:
