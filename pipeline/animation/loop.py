@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -24,6 +24,7 @@ from pipeline.mesh import PolygonMesh, TriangleMesh
 from pipeline.mesh.control_net import Lattice
 from pipeline.mesh.halfedge_mesh import Register, with_identities
 from pipeline.mesh.normals import NORMAL, carried_normals, tangent_distance, vertex_normals
+from pipeline.mesh.placed_copies import Placements, extremes
 from pipeline.resample import (
     Exact,
     PolygonResampler,
@@ -37,7 +38,7 @@ from pipeline.resample.placement import REST, REST_NORMAL
 from pipeline.resample.resampler import STATELESS
 from pipeline.resample.thresholds import edges_in_region
 from pipeline.shot import Motion, Resampling, Shot
-from pipeline.statistics import COUNTED_FRAMES, mesh_statistics
+from pipeline.statistics import COUNTED_FRAMES, MeshStatistics, mesh_statistics
 
 
 def step_into(motion: Motion, flow: Flow, frame: int) -> FrameStep:
@@ -127,8 +128,8 @@ class RigidCopies(MovingSurface):
             )
         normals = {name: values for name, values in mesh.attributes.items() if name == NORMAL}
         own = TriangleMesh(mesh.vertices, mesh.faces, normals, **mesh.tagged_edges)
-        report, none = FrameReport(None, frame.report.measure), np.empty((0, 3), np.int64)
-        copies = MeshFrame(frame.number, own, report, births=none, identities=numbers)
+        none = np.empty((0, 3), np.int64)
+        copies = MeshFrame(frame.number, own, frame.report, births=none, identities=numbers)
         return cls(replace(copies, copies=placements, starts=placements))
 
     def move(self, step: FrameStep) -> None:
@@ -136,9 +137,28 @@ class RigidCopies(MovingSurface):
         self._frame = replace(self._frame.with_moved_copies(step.apply), number=step.frame)
 
     def frame(self, number: int, ready: Callable[[], None] = lambda: None) -> MeshFrame:
-        """Return the copies as frame `number`, all with the statistics of one."""
+        """Return the copies as frame `number`."""
         ready()
-        return self._frame
+        frame, copies = self._frame, self._frame.copies
+        assert copies is not None, "rigid copies have placements"
+        return replace(frame, report=FrameReport(None, partial(_statistics_of_copies, frame.own, copies)))
+
+
+@lru_cache(1)
+def _statistics_of_shape(mesh: TriangleMesh) -> MeshStatistics:
+    return mesh_statistics(mesh, count_crossings=False)
+
+
+def _statistics_of_copies(one: TriangleMesh, copies: Placements) -> MeshStatistics:
+    """Return the statistics of rigid copies of a mesh; crossings of two copies are not counted."""
+    of_one, sizes = _statistics_of_shape(one), copies.sizes
+    return MeshStatistics(
+        mean_edge=of_one.mean_edge * float(sizes.mean()),
+        diameter=float(np.linalg.norm(np.ptp(copies.points(extremes(one.vertices)), axis=0))),
+        median_dihedral=of_one.median_dihedral,
+        area=of_one.area * float((sizes**2).sum()),
+        crossings=None,
+    )
 
 
 class _ResampledSurface(MovingSurface, Generic[R]):

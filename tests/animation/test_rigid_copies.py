@@ -12,6 +12,7 @@ from pipeline.mesh.placed_copies import Placements, nearest_rotations
 from pipeline.production.request.manifest import thresholds_at
 from pipeline.production.request.shading import Shading, flow_motion, vertex_motion
 from pipeline.shot import Motion, read_shot
+from pipeline.statistics import mesh_statistics
 
 SHOT = """
 title: Tiles
@@ -129,6 +130,15 @@ def test_copies_within_the_shutter_are_rigid_and_meet_the_next_frame() -> None:
     away = now.mesh.vertices.reshape(5, -1, 3) - now.copies.origins[:, None]
     stretch = np.einsum("nvi,nvi->nv", away, speeds - speeds.mean(axis=1, keepdims=True))
     assert np.abs(stretch).max() < 1e-3 * np.abs(speeds).max(), "a rigid body does not stretch"
+
+
+def test_statistics_are_those_of_all_copies() -> None:
+    motion = motion_of(text=SHOT.replace("rigid: true", "rigid: true, size: [0.4, 1]"))
+    *_, last = animate(motion)
+    found, whole = last.report.statistics, mesh_statistics(last.mesh, count_crossings=False)
+    assert found is not None and found.crossings is None
+    for name in ("mean_edge", "diameter", "median_dihedral", "area"):
+        assert getattr(found, name) == pytest.approx(getattr(whole, name), rel=1e-7)
 
 
 def test_more_vertices_than_can_be_drawn_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
