@@ -14,5 +14,6 @@ PLUGIN = Plugin(
             f"{_COMMANDS}:reproduce", "Render a published version again, and compare.", "Deliver"
         ),
     },
+    summaries=("pipeline.plugins.versions.hooks:tell_of_run",),
     sequences=("pipeline.plugins.versions.publishing:published_sequences",),
 )

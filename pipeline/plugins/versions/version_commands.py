@@ -1,14 +1,11 @@
-"""The commands `publish`, `versions` and `reproduce`, and the hooks that a studio runs for each version."""
+"""The commands `publish`, `versions` and `reproduce`."""
 
 from __future__ import annotations
 
-import json
 import os
 import shlex
-import shutil
-import subprocess
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,74 +24,17 @@ from pipeline.cli.options import (
     project_of,
 )
 from pipeline.cli.output import exit_with, print_error, print_result, print_warning, table
-from pipeline.errors import MachineError, MissingInputError, UsageError
+from pipeline.errors import MissingInputError, UsageError
 from pipeline.frames import FrameRange
-from pipeline.plugins.versions.publishing import Patch, Published, Release
+from pipeline.plugins.versions.hooks import Hook, hooks_of, tell_published
+from pipeline.plugins.versions.publishing import Patch, Release
 from pipeline.plugins.versions.reproduction import Comparison, Reproduction
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.provenance import FILE, Provenance, records
 from pipeline.production.store.paths import PUBLISHED, published
 from pipeline.production.store.remote_store import VARIABLE
 from render.base.plural import plural
-from render.base.python_process import environment_of_others
 from render.scene.render_quality import DEFAULT_QUALITY
-
-STANDARD_ERROR = 2  # the file descriptor of standard error
-
-
-@dataclass(frozen=True)
-class Hook:
-    """A command, its program and arguments, that runs for each published version.
-
-    It reads one JSON object from its standard input:
-
-        {"event": "published", "folder": "/show/renders/published/A010_cube/v001", "published_before": false,
-         "provenance": {"shot": "A010_cube", "version": "v001", …}}
-
-    Its own output goes to standard error, so that what `flowsculpt --json` prints stays JSON.
-    """
-
-    text: str
-    words: tuple[str, ...]
-
-    @classmethod
-    def of(cls, text: str) -> Hook:
-        """Read a command, without a shell. Raises UsageError or MissingInputError where it cannot run."""
-        try:
-            words = tuple(shlex.split(text))
-        except ValueError as error:
-            raise UsageError(f"--hook {text}: not a command ({error}); check its quotes") from None
-        if not words:
-            raise UsageError("--hook is empty; name a program and its arguments")
-        if shutil.which(words[0]) is None:
-            raise MissingInputError(
-                f"--hook {text}: program {words[0]} not found; check its name, path and permission to run"
-            )
-        return cls(text, words)
-
-    def tell(self, done: Published) -> None:
-        """Run the command and wait for its end. Raises MachineError where it does not end with 0."""
-        folder = done.folder.absolute()
-        provenance = json.loads((folder / FILE).read_text(encoding="utf-8"))
-        told = {"event": "published", "folder": str(folder), "published_before": done.before}
-        try:
-            ended = subprocess.run(
-                self.words,
-                env=environment_of_others(),
-                input=json.dumps({**told, "provenance": provenance}),
-                stdout=STANDARD_ERROR,
-                text=True,
-            )
-        except OSError as error:
-            raise self._failed(done, f"cannot run ({error.strerror})") from None
-        if ended.returncode != 0:
-            raise self._failed(done, f"ended with {ended.returncode}")
-
-    def _failed(self, done: Published, fact: str) -> MachineError:
-        return MachineError(
-            f"--hook {self.text}: it {fact}. {done.version} is published nevertheless, in {done.folder}; "
-            "the same command runs the hook again"
-        )
 
 
 def publish(
@@ -136,7 +76,7 @@ def publish(
     `flowsculpt publish A010_cube --hook "python track.py"` writes the provenance and the folder as JSON to
     the standard input of that command, for a studio's tracker; see docs/versions.md.
     """
-    hooks = [Hook.of(text) for text in hook or ()]
+    hooks = [*map(Hook.of, hook or ()), *hooks_of(common.profile.folder, "version_published")]
     project = options.project(common)
     request = project.request(find_shot(shot), options.quality(quality, project, [shot]))
     given = {"--crop": options.crop, "--scale": options.scale, "--variant": options.variant}
@@ -152,7 +92,7 @@ def publish(
         release = Patch(**vars(release), base=patch, frames=frames)
     done = release.publish(common.dry_run)
     for each in () if common.dry_run else hooks:
-        each.tell(done)
+        tell_published(each, done)
     facts = {
         "shot": request.name,
         "version": done.version,
