@@ -29,6 +29,9 @@ resample: {max_edge_length: 0.1}
 GRID = "{grid: {cells: [2, 3, 4], spacing: [1, 2, 3], centre: [0, 5, 0]}}"
 
 
+JITTERED = GRID[:-1] + ", jitter: [0.3, 0, 0.1]}"
+
+
 def motion_of(copies: str, where: Path = Path("a.yaml")) -> Motion:
     return read_shot(where, SHOT.replace("COPIES", copies)).subjects[0].motion
 
@@ -54,6 +57,12 @@ def test_a_grid_fills_rows_around_its_centre() -> None:
     )
     assert np.allclose(middles.mean(axis=0), (0, 5, 0)) and np.allclose(np.ptp(middles, axis=0), (1, 4, 9))
     assert len(np.unique(middles.round(6), axis=0)) == 24 and np.allclose(axes, np.eye(3))
+
+
+def test_jitter_moves_places_by_chance_along_its_axes() -> None:
+    (even, _), (moved, _) = placed(f"count: 24, layout: {GRID}"), placed(f"count: 24, layout: {JITTERED}")
+    assert (np.abs(moved - even) <= (0.3, 0, 0.1)).all() and np.ptp(moved - even, axis=0)[0] > 0.3
+    assert np.array_equal(moved[:, 1], even[:, 1])
 
 
 def test_a_ring_stands_around_its_axis_and_faces_outwards() -> None:

@@ -201,8 +201,8 @@ class OneLayout(CopyLayout, OneOfSeveral):
     spiral: SpiralDocument | None = optional("around an axis")
     surface: SurfaceDocument | None = optional("on a solid or a model")
     lean: Degrees = Field(0.0, description="of copies, outwards, or along x (degrees)")
-    jitter: Annotated[float, Field(ge=0, le=100)] = Field(
-        0.0, description="by how much places are moved by chance, at most, along each axis (units)"
+    jitter: Triple = Field(
+        ORIGIN, description="by how much places are moved by chance, at most, along x, y and z (units)"
     )
 
     def digests(self) -> tuple[str, ...]:
@@ -211,7 +211,7 @@ class OneLayout(CopyLayout, OneOfSeveral):
     def places(self, count: int, seed: int) -> Places:
         arrangement: Any = getattr(self, self.named[0])
         places, turns = arrangement.arranged(count, seed)
-        moves = self.jitter * np.random.default_rng([seed, 3]).uniform(-1.0, 1.0, (count, 3))
+        moves = np.array(self.jitter) * np.random.default_rng([seed, 3]).uniform(-1.0, 1.0, (count, 3))
         c, s = math.cos(DEGREE * self.lean), math.sin(DEGREE * self.lean)
         return places + moves, turns @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
