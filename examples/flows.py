@@ -20,7 +20,6 @@ from pipeline.flow.catalogue.basic import DoubleGyre, Rotation, Scaling, Squeeze
 from pipeline.flow.catalogue.deformations import Bend, Deformation
 from pipeline.flow.catalogue.external_fields import Attraction, FormulaField, Sampled, Target, Wind
 from pipeline.flow.catalogue.vortices import CurlNoise
-from pipeline.flow.parameters import shot_name
 from pipeline.flow.samples import read_samples
 
 if TYPE_CHECKING:
@@ -52,7 +51,7 @@ WRITTEN: tuple[VelocityField, ...] = (
 )
 """Flows with parameters other than numbers; those of samples come from a file."""
 
-AMOUNTS = {"twist": 0.9, "taper": -0.5, "stretch": 1.6, "shear": 0.6, "bend": 0.9}
+AMOUNTS = {"twist": 0.9, "taper": -0.5, "stretch": 1.35, "shear": 0.6, "bend": 0.9}
 
 
 def view(turn: float = 28.0, tilt: float = 22.0) -> AnyArray:
@@ -99,12 +98,12 @@ def _draw_streamlines(panel: Axes, places: AnyArray, seen: AnyArray) -> None:
     panel.add_collection(LineCollection(list(pieces), colors=colours, linewidths=0.25 + 0.9 * age))
 
 
-def _fit_axes(panel: Axes) -> None:
-    """Fit the axes of an unbounded flow to its streamlines."""
+def _fit_axes(panel: Axes, least: float) -> None:
+    """Fit the axes to all streamlines. least: from the middle to the edge"""
     (strands,) = panel.collections
     points = np.concatenate([path.vertices for path in strands.get_paths()])
     low, high = points.min(axis=0), points.max(axis=0)
-    middle, half = (low + high) / 2, 1.05 * (high - low).max() / 2
+    middle, half = (low + high) / 2, max(least, 1.05 * (high - low).max() / 2)
     panel.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half))
 
 
@@ -172,9 +171,8 @@ def _draw(flow: VelocityField | Deformation) -> None:
         _draw_block(panel, flow, seen)
     else:
         _draw_streamlines(panel, streamlines_of(flow), seen)
-    if isinstance(flow, Attractor):
-        _fit_axes(panel)
-    save(figure, f"flows/{shot_name(type(flow))}.png")
+        _fit_axes(panel, 0.0 if isinstance(flow, Attractor) else REACH)
+    save(figure, f"flows/{flow.name}.png")
 
 
 if __name__ == "__main__":
