@@ -35,7 +35,7 @@ Turn = Literal["none", "upright", "random"]
 
 
 @dataclass(frozen=True)
-class Layout:
+class OrderedPlaces:
     """Places in an order, each with axes of its own: x ahead or outwards, y up.
 
     digest  of all that decides them
@@ -60,7 +60,7 @@ class Copies:
     count: int
     seed: int
     region: Region | None = field(metadata=NOT_PLAIN)
-    layout: Layout | None = field(default=None, metadata=OMIT_DEFAULT)
+    layout: OrderedPlaces | None = field(default=None, metadata=OMIT_DEFAULT)
     rigid: bool = field(default=False, metadata=OMIT_DEFAULT)
     size: tuple[float, float] = field(default=(1.0, 1.0), metadata=OMIT_DEFAULT)
     turn: Turn = field(default="none", metadata=OMIT_DEFAULT)

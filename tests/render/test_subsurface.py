@@ -80,5 +80,5 @@ def test_what_cannot_scatter_light_says_so() -> None:
 
     with pytest.raises(BadInputError, match="each number lies between"):
         Subsurface((0.0, 1.0, 1.0))
-    with pytest.raises(BadInputError, match="subsurface and a picture of roughness"):
+    with pytest.raises(BadInputError, match="subsurface and a picture or pattern of roughness"):
         Plastic(COLOUR, subsurface=SHALLOW, roughness_texture=Texture("0" * 64, path="rough.png"))

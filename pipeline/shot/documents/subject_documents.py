@@ -20,7 +20,7 @@ from pydantic import (
 from pipeline.mesh.control_net import LEAST
 from pipeline.mesh.read import model_files, read_paint
 from pipeline.plugin import Plugin, plugins
-from pipeline.shot.copies import MOST_COPIES, Copies, Layout
+from pipeline.shot.copies import MOST_COPIES, Copies, OrderedPlaces
 from pipeline.shot.documents.field_types import (
     DEGREE,
     MAPPING_IS_SECOND,
@@ -301,7 +301,7 @@ class CopiesDocument(OneOfSeveral):
             entry = getattr(self, name)
             settings = entry.model_dump_json(exclude_defaults=True)
             digest = joint_digest([name, self.versions[name], settings, *entry.digests()])
-            layout = Layout(digest, entry.places)
+            layout = OrderedPlaces(digest, entry.places)
         size = float(self.size[0]), float(self.size[1])
         return Copies(self.count, self.seed, region, layout, self.rigid, size, self.turn)
 

@@ -293,7 +293,7 @@ def test_copies_are_painted_alike(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text(text.replace("0.25", "0.1"))
     (part,) = read_shot(tmp_path / "a.yaml").subjects
     frame = next(animate(part))
-    offsets = part.motion._standing[1][part.motion.copy_indices(material_of(frame.mesh))]
+    offsets = part.motion._standing[1].origins[part.motion.copy_indices(material_of(frame.mesh))]
     expected = on_box((material_of(frame.mesh) - offsets) / 0.2, frame.mesh.faces)
     assert paint_of(part, frame).coordinates == pytest.approx(expected, abs=1e-6)
 

@@ -99,7 +99,7 @@ def test_copies_and_several_subjects_have_coordinates_of_their_own(tmp_path: Pat
     balls, box = read_shot(tmp_path / "a.yaml").subjects
     frame = next(animate(balls))
     texture, rest = exported_frame(balls, frame).texture, material_of(frame.mesh)
-    _, offsets = balls.motion._standing
+    offsets = balls.motion._standing[1].origins
     copy = balls.motion.copy_indices(rest)
     expected, _ = balls.motion.subject.project.texture(rest - offsets[copy], frame.mesh.faces)
     assert texture == pytest.approx(expected)
