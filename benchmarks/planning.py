@@ -166,6 +166,7 @@ def write_gallery(shots: int) -> int:
     gallery = [path for path in gallery if path.stem not in ("film", "showreel")]
     Path("shots").mkdir()
     shutil.copy(HERE / "shots/pulse.opus", "shots")
+    shutil.copytree(HERE / "shots/models", "shots/models")
     names, frames = [], 0
     for number in range(shots):
         copy, place = divmod(number, len(gallery))
