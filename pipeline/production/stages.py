@@ -120,7 +120,7 @@ PLUGIN_STAGES = tuple(
 )
 FINISH = PipelineStage(
     "finish",
-    version=4,
+    version=5,
     packages=("pyoidn", "OpenImageIO"),
     doing="denoising",
     makes="frame",

@@ -86,11 +86,21 @@ def _finite(picture: Pixels) -> Pixels:
     return np.nan_to_num(picture, posinf=0.0, neginf=0.0)
 
 
+BORDER = 16
+"""Mirrored rows and columns that are denoised below and to the right of a picture. Without them, the last row
+is up to a tenth too dark or too bright where the height is no multiple of 16."""
+
+
 def _filtered(kind: str, effort: str, **images: Pixels) -> Pixels:
     """Return the image `kind` of `images` (H, W, 3) without noise; the others guide the filter."""
     import pyoidn  # slow to import, and many processes denoise nothing
 
-    given = {name: np.ascontiguousarray(image, dtype=np.float32) for name, image in images.items()}
+    height, width = images[kind].shape[:2]
+    beyond = [(0, min(BORDER, height - 1)), (0, min(BORDER, width - 1)), (0, 0)]
+    given = {
+        name: np.ascontiguousarray(np.pad(image, beyond, mode="reflect"), dtype=np.float32)
+        for name, image in images.items()
+    }
     given[pyoidn.OIDN_IMAGE_OUTPUT] = clean = np.empty_like(given[kind])
     filter_ = _filter(kind)
     for name, image in given.items():
@@ -100,7 +110,7 @@ def _filtered(kind: str, effort: str, **images: Pixels) -> Pixels:
     filter_.execute()
     if (reason := _device().get_error()) is not None:
         raise MachineError(f"the denoiser cannot run: {reason}; render with denoise: off")
-    return clean
+    return np.ascontiguousarray(clean[:height, :width])
 
 
 @cache
