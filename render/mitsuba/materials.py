@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
@@ -309,6 +310,9 @@ def rough_conductor(reflectance: Any, roughness: Any) -> Description:
 
 def rough_plastic(reflectance: Any, roughness: float) -> Description:
     """Return a coated BSDF with GGX roughness."""
+    if isinstance(reflectance, dict) and reflectance["type"] == "mesh_attribute":
+        # Mitsuba's roughplastic asks for a texture's mean, which a vertex attribute does not know.
+        return _principled_coat(reflectance, math.sqrt(roughness))
     return {
         "type": "roughplastic",
         "diffuse_reflectance": reflectance,
@@ -316,6 +320,11 @@ def rough_plastic(reflectance: Any, roughness: float) -> Description:
         "distribution": "ggx",
         "nonlinear": True,
     }
+
+
+def _principled_coat(colour: Any, roughness: Any) -> Description:
+    """Return a coated BSDF whose roughness is the square root of GGX's, and may be a texture."""
+    return {"type": "principled", "base_color": colour, "roughness": roughness, "specular": 0.5}
 
 
 def _rgb(colour: Sequence[float]) -> Description:
@@ -384,12 +393,7 @@ def _opaque(material: PatternedMaterial, colour: Description, coordinates: Textu
             "specular": 0.5,
         }
     if material.has_varied_roughness:  # roughplastic takes no texture
-        return {
-            "type": "principled",
-            "base_color": colour,
-            "roughness": _roughness(material, coordinates, is_squared=True),
-            "specular": 0.5,
-        }
+        return _principled_coat(colour, _roughness(material, coordinates, is_squared=True))
     return rough_plastic(colour, max(material.roughness, _MIN_ROUGHNESS))
 
 

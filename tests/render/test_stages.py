@@ -30,7 +30,11 @@ ASPECT = 16 / 9
 FRONT = Camera((0.0, 2.4, 7.6), (0.0, 0.7, 0.0))
 
 
-@pytest.mark.parametrize("stage", [*STAGES.values(), Stage("plinth", round=True), Stage(roughness=0.2)])
+GLOSSY = Stage(roughness=0.2)
+GRADED = replace(GLOSSY, wall_colour=(0.1, 0.1, 0.3))
+
+
+@pytest.mark.parametrize("stage", [*STAGES.values(), Stage("plinth", round=True), GLOSSY, GRADED])
 def test_every_stage_renders_and_is_no_part_of_the_matte(
     stage: Stage, rendered: Rendered, picture: RenderedFrame
 ) -> None:
