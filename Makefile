@@ -56,6 +56,7 @@ figures: .venv/ready-dev
 pictures: figures film
 	$(BIN)/python docs/pictures/make.py
 	$(BIN)/python docs/pictures/gallery.py
+	$(BIN)/python docs/pictures/stills.py
 	$(BIN)/python docs/pictures/sets.py
 	$(BIN)/python docs/pictures/looks.py
 	$(BIN)/python docs/pictures/pigments.py
