@@ -138,6 +138,7 @@ def s3() -> Iterator[dict[str, str]]:
 
 
 @pytest.mark.renderer
+@pytest.mark.soak
 def test_a_farm_does_its_stage_and_a_store_gives_the_film_to_others(marbling, s3, tmp_path) -> None:
     stand_in, profile = tmp_path / "bsub", marbling.show / "profiles" / "lsf" / "profile.yaml"
     answer = "Job <{}> is submitted to default queue <normal>."

@@ -75,6 +75,7 @@ def test_on_an_empty_root_everything_is_to_be_made(project: Any) -> None:
     assert not (project.path / ".flowsculpt/lock").exists()
 
 
+@pytest.mark.soak
 def test_one_frame_is_made_by_its_name_and_the_film_goes_on_from_there(
     project: Any, finished_project: Any
 ) -> None:
@@ -113,6 +114,7 @@ def replaced_by(root: Path, command: Callable[[], object]) -> dict[str, list[boo
     return {kind: [after[kind][name] > before[kind][name] for name in before[kind]] for kind in kinds}
 
 
+@pytest.mark.soak
 def test_forced_jobs_replace_what_the_store_holds(finished: Any) -> None:
     pictures = [path.read_bytes() for path in finished.frames()]
 

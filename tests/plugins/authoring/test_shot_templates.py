@@ -22,6 +22,8 @@ from pipeline.shot import read_shot
 from pipeline.shot.documents.flow_documents import DOCUMENTS
 
 each = pytest.mark.parametrize("flow", DOCUMENTS)
+SLOW = pytest.mark.soak
+"""A fit of `become` takes 20 seconds."""
 
 
 def begun(flow: str, folder: Path, coarser: float = 1.0) -> tuple[str, Path]:
@@ -36,7 +38,9 @@ def begun(flow: str, folder: Path, coarser: float = 1.0) -> tuple[str, Path]:
     return text, folder / "N1.yaml"
 
 
-@each
+@pytest.mark.parametrize(
+    "flow", [pytest.param(flow, marks=SLOW if flow == "become" else ()) for flow in DOCUMENTS]
+)
 def test_a_shot_of_each_flow_moves_what_it_shows(flow: str, tmp_path: Path) -> None:
     """Some frames on from where it is strongest, with a coarse surface."""
     _, path = begun(flow, tmp_path, coarser=4.0)
