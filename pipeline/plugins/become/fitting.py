@@ -98,7 +98,8 @@ NORMAL = 0.045
 """The distance, in diagonals of the target, that counts as much as normals that differ by one radian."""
 
 APART = 0.7
-"""How much a difference of distances through the solid counts over a distance in space."""
+"""How much a difference of distances through the solid counts over a distance in space. Where much of a
+target is thinner than two cells of THIN_GROWTH, its grid does not resolve them, and they count nothing."""
 
 _FINISH: Mapping[Detail, tuple[tuple[int, float, float, int, float], ...]] = {
     "coarse": ((24, 0.05, 1e-5, 4000, 0.02), (32, 0.04, 1e-6, 5000, 0.016)),
@@ -248,8 +249,9 @@ def _matched(
 ) -> AnyArray:
     """Return the indices of carried points (P, 3) that belong to those of the target (Q, 3), with normals."""
     scale = NORMAL * target.diagonal
+    apart = APART if target.thin_share(THIN_GROWTH.n) <= THIN else 0.0
     rows, queries = (
-        np.hstack([points, scale * normals, APART * target.growth.landmarks_at(points)])
+        np.hstack([points, scale * normals, apart * target.growth.landmarks_at(points)])
         for points, normals in (carried_points, there)
     )
     return _nearest(rows, queries)
