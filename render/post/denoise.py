@@ -88,7 +88,7 @@ def _finite(picture: Pixels) -> Pixels:
 
 BORDER = 16
 """Mirrored rows and columns that are denoised below and to the right of a picture. Without them, the last row
-is up to a tenth too dark or too bright where the height is no multiple of 16."""
+is up to a tenth too dark or too bright where 16 does not divide the height."""
 
 
 def _filtered(kind: str, effort: str, **images: Pixels) -> Pixels:

@@ -89,7 +89,7 @@ LEG = 0.2
 """How far it grows in one leg, about."""
 
 LAG, PASSES = 0.01, 4
-"""Distance, in sides of the cube, within which 98 % of what has grown must be reached, and passes at most."""
+"""Distance, in sides of the cube, within which 98 % of the grown part must be reached, and passes at most."""
 
 URGENT = 4.0
 """The weight at most, over that of others, of what is not reached yet."""

@@ -95,7 +95,7 @@ class FittedSurface:
 
 
 FAR = 10.0
-"""Distance where there is no way."""
+"""The distance of cells that cannot be reached through the solid."""
 
 DEEP = 0.7
 """Depth over the greatest from which on a place may be the core; of these the one is taken from which no
@@ -201,7 +201,7 @@ class GrownPart:
         return x, self.residual(x)[1]
 
     def holds(self, points: Points) -> AnyArray:
-        """Tell which points (P, 3) of the surface of the solid belong to the part."""
+        """Return True for points (P, 3) on the surface of the solid that belong to the part."""
         return self._values(points)[0][:, 1] <= self.until
 
     def _values(self, points: Points) -> tuple[Floats, list[Vectors]]:
@@ -223,7 +223,7 @@ def _padded(values: Floats) -> Floats:
 
 
 def _from_core(signed: Floats, inside: AnyArray, holes: int) -> tuple[Floats, float, float]:
-    """Return distances u from the core of a solid, FAR where there is no way, its radius and its length."""
+    """Return distances u from the core of a solid, FAR in cells out of reach, and its radius and length."""
     if holes:
         core = inside.copy()
         kernels.thin(-signed, core)

@@ -42,7 +42,7 @@ class OutlineShape:
     region: Any
 
 
-class PolylinePen(BasePen):  # type: ignore[misc]
+class PolylinePen(BasePen):  # type: ignore[misc]  # fontTools has no types
     """Collects contours as polylines that keep within a tolerance of the curves.
 
     contours  float64 (N, 2) each; a closed one does not repeat its first point
@@ -60,7 +60,7 @@ class PolylinePen(BasePen):  # type: ignore[misc]
         (x, y), (a, b, c, d, e, f) = point, self._transform
         return a * x + c * y + e, b * x + d * y + f
 
-    def _moveTo(self, point: tuple[float, float]) -> None:  # noqa: N802
+    def _moveTo(self, point: tuple[float, float]) -> None:  # noqa: N802  # BasePen calls it so
         self._points = [self._place(point)]
 
     def _lineTo(self, point: tuple[float, float]) -> None:  # noqa: N802

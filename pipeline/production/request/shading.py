@@ -210,7 +210,7 @@ class Shading:
 
 
 def _stored(shaded: ShadedMesh) -> dict[str, AnyArray]:
-    """Return the arrays of a shaded surface as they are stored, but for material positions."""
+    """Return the arrays of a shaded surface as they are stored, without material positions."""
     return {
         "vertices": shaded.vertices.astype(np.float32),
         "normals": shaded.normals.astype(np.float32),
