@@ -1,4 +1,4 @@
-"""Previews: stills and movies by a rasteriser, first pictures of a run, and the live page."""
+"""Previews by a rasteriser, first pictures of a run, the live page, and shots within other programs."""
 
 from pipeline.plugin import Command, Plugin
 
@@ -10,7 +10,17 @@ PLUGIN = Plugin(
             "pipeline.plugins.preview.preview_command:preview",
             "Draw a shot in seconds, without a path tracer, or live while you edit.",
             "Look",
-        )
+        ),
+        "edit": Command(
+            "pipeline.plugins.preview.program_commands:edit",
+            "Edit values of a shot file, for programs: JSON in, JSON out.",
+            "Write shots",
+        ),
+        "frames": Command(
+            "pipeline.plugins.preview.program_commands:frames",
+            "List the files and cameras of a shot's frames, for programs.",
+            "Look",
+        ),
     },
     watchers=("pipeline.plugins.preview.first_look:first_look",),
 )

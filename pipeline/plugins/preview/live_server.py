@@ -24,7 +24,14 @@ from typing import Any
 
 from pipeline.errors import FlowsculptError, MachineError, UsageError
 from pipeline.plugins.preview.live_session import LiveFeed, LiveSession
-from pipeline.plugins.preview.shot_editor import ShotEditor, StaleError, edits_in, where_in
+from pipeline.plugins.preview.shot_editor import (
+    MOST_BYTES,
+    ShotEditor,
+    StaleError,
+    edits_in,
+    json_object,
+    where_in,
+)
 from pipeline.plugins.preview.trial_pictures import TrialPictures
 from render.base.atomic_write import machine_error
 
@@ -52,8 +59,6 @@ PAGE = {
 _PICTURE = re.compile(r"frames/(\d{1,9})/(\d{1,9})\.jpg(?:\?\d+)?")
 
 TOKEN_BYTES = 24  # random bytes of the token in the address
-
-MOST_BYTES = 65536  # size of the largest body of a request
 
 Action = Callable[[Mapping[str, Any]], dict[str, Any]]
 """Answers a request of the page, from JSON to JSON. Raises FlowsculptError."""
@@ -223,12 +228,9 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(413, f"a request has at most {MOST_BYTES} bytes")
         else:
             try:
-                asked = json.loads(self.rfile.read(int(length)), parse_constant=_refuse_constant)
-            except (ValueError, RecursionError):
-                asked = None
-            if isinstance(asked, dict):
-                return asked
-            self.send_error(400, "a request is a JSON object")
+                return json_object(self.rfile.read(int(length)))
+            except UsageError as error:
+                self.send_error(400, str(error))
         return None
 
     def _answer(self, action: Action, asked: Mapping[str, Any]) -> None:
@@ -273,11 +275,6 @@ class _Handler(BaseHTTPRequestHandler):
             return
         finally:
             self._feed.unsubscribe(messages)
-
-
-def _refuse_constant(word: str) -> Any:
-    """Refuse NaN and infinite numbers, which Python's JSON would read."""
-    raise ValueError(word)
 
 
 def actions_of(editor: ShotEditor, session: LiveSession) -> dict[str, Action]:

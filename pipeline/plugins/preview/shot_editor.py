@@ -1,11 +1,13 @@
-"""The shot file as the live page edits it: what can be set, edits with undo and redo, and refusals.
+"""The shot file as the live page and other programs edit it: values, edits with undo and redo, and refusals.
 
-A page names the digest of the text that it shows. Where the file has another one by now, nothing is written.
+An editor names the digest of the text that it shows. Where the file has another one by now, nothing is
+written.
 """
 
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 import shutil
 from collections.abc import Mapping, Sequence
@@ -30,13 +32,15 @@ MOST_STEPS = 200  # edits that can be undone
 MOST_EDITS, DEEPEST_PATH = 64, 24
 """Values that one request may change, and steps of a path."""
 
+MOST_BYTES = 65536  # size of the largest request
+
 PATH_FORM = "the path of an edit is a list of names and numbers"
 
 _NUMBER = re.compile(r"-?\d{1,12}(\.\d{1,12})?")
 
 
 class StaleError(UsageError):
-    """Raised where the file is not what the page has read."""
+    """Raised where the file is not what the editor has read."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +74,7 @@ class ShotEditor:
         with self._lock:
             text = text_of(self.path)
             self._forget_others(text)
-            return self._state(text)
+            return self.state_of(text)
 
     def edit(self, digest: str, edits: Sequence[ValueEdit], gesture: str = "") -> dict[str, Any]:
         """Write edits into the file and return the new state.
@@ -84,7 +88,7 @@ class ShotEditor:
         with self._lock:
             before = self._current(digest)
             after = self._edited(before, edits)
-            state = self._state(after)
+            state = self.state_of(after)
             if after != before:
                 self._write(after, before)
                 self._note(Step(before, after, gesture))
@@ -127,7 +131,7 @@ class ShotEditor:
                     "Edit it there, or write it here."
                 )
 
-    def _state(self, text: str) -> dict[str, Any]:
+    def state_of(self, text: str) -> dict[str, Any]:
         """Return the state of a text. Raises ShotError where it is not a valid shot."""
         beside = inherited_files(self.path, text)
         read_shot(self.path, text, self.settings, beside, self.allow_code)
@@ -155,8 +159,8 @@ class ShotEditor:
 
     def _stale(self) -> StaleError:
         return StaleError(
-            f"{self.path}: the file has changed in the meantime; nothing was written. The page shows the new "
-            "file: edit again."
+            f"{self.path}: the file has changed in the meantime; nothing was written. Edit the new file, "
+            "which has been read."
         )
 
     def _forget_others(self, text: str) -> None:
@@ -182,7 +186,7 @@ class ShotEditor:
                 raise UsageError(f"{self.path}: there is nothing to {verb}")
             step = taken[-1]
             text = step.before if verb == "undo" else step.after
-            state = self._state(text)
+            state = self.state_of(text)
             self._write(text, before)
             given.append(taken.pop())
             return {**state, **self._can()}
@@ -214,6 +218,24 @@ class ShotEditor:
 def digest_of(text: str) -> str:
     """Return the SHA-256 of a text, in hexadecimal digits."""
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def json_object(body: bytes) -> dict[str, Any]:
+    """Return the JSON object of a request. Raises UsageError for anything else, such as NaN or a long one."""
+    if len(body) > MOST_BYTES:
+        raise UsageError(f"a request has at most {MOST_BYTES} bytes")
+    try:
+        asked = json.loads(body, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError):
+        asked = None
+    if not isinstance(asked, dict):
+        raise UsageError("a request is a JSON object")
+    return asked
+
+
+def _refuse_constant(word: str) -> Any:
+    """Refuse NaN and infinite numbers, which Python's JSON would read."""
+    raise ValueError(word)
 
 
 def edits_in(items: Any) -> list[ValueEdit]:
