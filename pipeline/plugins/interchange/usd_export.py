@@ -36,13 +36,11 @@ from pipeline.plugins.interchange.exported_frame import (
     stored_frame,
 )
 from pipeline.plugins.interchange.exported_materials import number_planes, parts_of
+from pipeline.plugins.interchange.usd_materials import MATERIALX, add_material, bind, connect_opacity
 from pipeline.plugins.interchange.usd_prims import (
     CameraSettings,
     add_camera,
     add_lights,
-    add_material,
-    bind,
-    connect_opacity,
     sample,
     sky_map,
     write_picture,
@@ -312,15 +310,18 @@ class SculptureFiles:
         names = dict.fromkeys(name for number in range(len(self.parts)) for name in self.pictures(number))
         return several + [name for name in names if name != "diffuseColor"]
 
-    def add_materials(self, stage: Usd.Stage, place: str) -> UsdShade.Material:
-        """Add the materials of a model and bind their faces; return that of the sculpture."""
+    def add_materials(self, stage: Usd.Stage, place: str, sizes: Mapping[int, float]) -> UsdShade.Material:
+        """Add the materials of a model and bind their faces; return that of the sculpture.
+
+        sizes  half the subject's size by frame number, scene units
+        """
         if len(self.parts) == 1:
-            return add_material(stage, place, self.look, self.pictures(0), has_colours(self.look))
+            return add_material(stage, place, self.look, self.pictures(0), has_colours(self.look), sizes)
         for number, part in enumerate(self.parts):
             is_dyed = getattr(part, "colour_from", None) == VERTEX_COLOURS
             own = add_material(stage, f"{place}_{number}", part, self.pictures(number), is_dyed)
             bind(stage.OverridePrim(f"{self.prim}/{subset_name(number)}"), own)
-        return add_material(stage, place, self.look, is_coloured=True)
+        return add_material(stage, place, self.look, is_coloured=True, sizes=sizes)
 
     def stale(self, numbers: Iterable[int]) -> list[int]:
         """Return the frames whose clips are missing, damaged, or of an earlier shot."""
@@ -421,9 +422,10 @@ def write_root(
     UsdGeom.Scope.Define(stage, f"{home}/materials")
     if sculptures[0].request.shot.subject:
         UsdGeom.Xform.Define(stage, f"{home}/{SCULPTURE}")
+    sizes = {number: framing.placement.size for number, framing in framings.items()}
     for sculpture in sculptures:
         place = f"{home}/materials/{sculpture.material}"
-        _add_sculpture(stage, sculpture, sculpture.add_materials(stage, place))
+        _add_sculpture(stage, sculpture, sculpture.add_materials(stage, place, sizes))
     if shot.picture.look.is_lit:
         _add_set(stage, home, shot.picture, framings, sky)
     if not camera.projection.is_wide:  # UsdGeomCamera has no such projection
@@ -581,6 +583,7 @@ class UsdExport:
         several = [[each.prim, to_plain(each.look)] for each in self._sculptures]
         return key_of(
             EXPORT.recipe,
+            MATERIALX,
             shot.heading,
             str(shot.rate),
             [to_plain(part) for part in (picture.look, picture.lights, picture.stage)],

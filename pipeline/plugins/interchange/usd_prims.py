@@ -1,4 +1,4 @@
-"""Camera, lights and looks of a shot as prims of a USD stage.
+"""Camera and lights of a shot as prims of a USD stage.
 
 UsdGeomCamera measures focal lengths and sensors in tenths of a scene unit. So a lens of 50 mm is 0.5 where a
 scene unit is a metre, and reads as 50 mm in programs that heed `metersPerUnit`.
@@ -6,9 +6,6 @@ scene unit is a metre, and reads as 50 mm in programs that heed `metersPerUnit`.
 UsdLux says radiance as intensity times colour or, where `normalize` is set, as that over the area of a light
 in the scene. Softboxes are written so, with the area at each frame, because Blender 5.0 takes intensity for
 power.
-
-UsdPreviewSurface, the material that every reader knows, has neither refraction nor scattering inside a body,
-and no patterns: those become colours of vertices.
 """
 
 from __future__ import annotations
@@ -19,15 +16,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.plugins.interchange.exported_frame import preview_surface
 from render.base.serialise import Colour, Triple
 from render.mitsuba.emitters import gradient_map
 from render.post.image import write_exr
 from render.scene.aovs import RenderedFrame
-from render.scene.materials import Material, PatternedMaterial
 from render.scene.render_camera import Camera
 from render.scene.scene_lights import LightRig, Softbox, Sun
 from render.scene.sky import SUN_WIDTH
@@ -208,95 +203,3 @@ def _free(name: str, taken: set[str]) -> str:
         valid += "_"
     taken.add(valid)
     return str(valid)
-
-
-def add_material(
-    stage: Usd.Stage,
-    path: str,
-    look: Material,
-    pictures: Mapping[str, str] | None = None,
-    is_coloured: bool = False,
-) -> UsdShade.Material:
-    """Add the material of a look.
-
-    pictures     files beside the stage by the input of the preview surface that they are for
-    is_coloured  True if its colours are those of vertices, where no picture has them
-    """
-    pictures = pictures or {}
-    material = UsdShade.Material.Define(stage, path)
-    shader = _shader(stage, f"{path}/surface", "UsdPreviewSurface")
-    surface = preview_surface(look)
-    _set(shader, "diffuseColor", "Color3f", surface.colour)
-    for name, value in (
-        ("roughness", surface.roughness),
-        ("metallic", surface.metallic),
-        ("clearcoat", surface.clearcoat),
-        ("opacity", surface.opacity),
-        ("ior", surface.refraction),
-    ):
-        _set(shader, name, "Float", value)
-    if surface.is_matt:
-        _set(shader, "useSpecularWorkflow", "Int", 1)
-        _set(shader, "specularColor", "Color3f", (0.0, 0.0, 0.0))
-    if isinstance(look, PatternedMaterial) and look.opacity and look.opacity.cutoff is not None:
-        _set(shader, "opacityThreshold", "Float", look.opacity.cutoff)
-    for name, file in pictures.items():
-        output = "rgb" if name in ("diffuseColor", "normal") else "r"
-        reader = _picture_reader(stage, path, file, "picture" if name == "diffuseColor" else name, output)
-        if name == "normal":
-            shader.CreateInput(name, Sdf.ValueTypeNames.Normal3f)
-            for setting, value in (("scale", 2.0), ("bias", -1.0)):
-                _set(reader, setting, "Float4", Gf.Vec4f(value))
-        shader.GetInput(name).ConnectToSource(reader.ConnectableAPI(), output)
-    if is_coloured and "diffuseColor" not in pictures:
-        reader = _primvar_reader(stage, f"{path}/colour", 3, "displayColor")
-        shader.GetInput("diffuseColor").ConnectToSource(reader.ConnectableAPI(), "result")
-    shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
-    material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
-    return material
-
-
-def connect_opacity(stage: Usd.Stage, path: str) -> None:
-    """Let the opacity of a material be that of vertices, the primvar displayOpacity."""
-    reader = _primvar_reader(stage, f"{path}/opacity", 1, "displayOpacity")
-    shader = UsdShade.Shader.Get(stage, f"{path}/surface")
-    shader.GetInput("opacity").ConnectToSource(reader.ConnectableAPI(), "result")
-
-
-def _picture_reader(stage: Usd.Stage, path: str, picture: str, name: str, output: str) -> UsdShade.Shader:
-    """Add the shader that reads a linear picture, which repeats, by texture coordinates: its colours, `rgb`,
-    or numbers, `r`."""
-    coordinates = _primvar_reader(stage, f"{path}/coordinates", 2, "st")
-    reader = _shader(stage, f"{path}/{name}", "UsdUVTexture")
-    _set(reader, "file", "Asset", Sdf.AssetPath(f"./{picture}"))
-    for setting, value in (("wrapS", "repeat"), ("wrapT", "repeat"), ("sourceColorSpace", "raw")):
-        _set(reader, setting, "Token", value)
-    coordinate = reader.CreateInput("st", Sdf.ValueTypeNames.Float2)
-    coordinate.ConnectToSource(coordinates.ConnectableAPI(), "result")
-    reader.CreateOutput(output, Sdf.ValueTypeNames.Float3 if output == "rgb" else Sdf.ValueTypeNames.Float)
-    return reader
-
-
-def _primvar_reader(stage: Usd.Stage, path: str, size: int, name: str) -> UsdShade.Shader:
-    """Add the shader that reads a primvar of so many floats."""
-    kind = f"Float{size}" if size > 1 else "Float"
-    reader = _shader(stage, path, f"UsdPrimvarReader_{kind.lower()}")
-    _set(reader, "varname", "String", name)
-    reader.CreateOutput("result", getattr(Sdf.ValueTypeNames, kind))
-    return reader
-
-
-def _shader(stage: Usd.Stage, path: str, kind: str) -> UsdShade.Shader:
-    shader = UsdShade.Shader.Define(stage, path)
-    shader.CreateIdAttr(kind)
-    return shader
-
-
-def bind(prim: Usd.Prim, material: UsdShade.Material) -> None:
-    """Bind a material to a prim."""
-    UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
-
-
-def _set(shader: UsdShade.Shader, name: str, kind: str, value: Any) -> None:
-    held = Gf.Vec3f(*value) if isinstance(value, tuple) else value
-    shader.CreateInput(name, getattr(Sdf.ValueTypeNames, kind)).Set(held)

@@ -18,7 +18,7 @@ from pipeline.plugins.interchange.fbx_paint import FBX_PAINT
 from pipeline.plugins.interchange.gltf_document import GltfDocument
 from pipeline.plugins.interchange.model_export import write_glb
 from pipeline.plugins.interchange.usd_files import USD_PAINT
-from pipeline.plugins.interchange.usd_prims import add_material
+from pipeline.plugins.interchange.usd_materials import add_material
 from render.scene.materials import Diffuse, Opacity, PatternedMaterial
 from render.scene.textures import ALPHA
 from tests.plugins.interchange import test_fbx_paint as fbx

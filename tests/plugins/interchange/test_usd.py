@@ -102,9 +102,11 @@ def opened(path: Path) -> Usd.Stage:
 
 
 def findings(path: Path) -> list[str]:
+    """Return what USD's validators find. usd-core knows no nodes of MaterialX: see test_openpbr.py."""
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     errors = UsdValidation.ValidationContext(validators).Validate(opened(path))
-    return [f"{error.GetName()}: {error.GetMessage()}" for error in errors]
+    said = [f"{error.GetName()}: {error.GetMessage()}" for error in errors]
+    return [one for one in said if not one.startswith("MissingShaderIdInRegistry: shaderId 'ND_")]
 
 
 def test_the_validators_of_usd_find_nothing(root):

@@ -13,8 +13,8 @@ from pipeline.mesh.mesh_formats import ScenePart
 from pipeline.mesh.read import read_paint
 from pipeline.plugins.interchange.one_mesh import OneMesh
 from pipeline.plugins.interchange.unifying import one_mesh
+from pipeline.plugins.interchange.usd_materials import add_material
 from pipeline.plugins.interchange.usd_one_mesh import write_one_mesh
-from pipeline.plugins.interchange.usd_prims import add_material
 from pipeline.production.execution.project import Project
 from render.post.image import read_exr, write_png
 from render.scene.materials import LOOKS
