@@ -19,6 +19,7 @@ from pipeline.cli.output import print_result, print_warning
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.plugin import plugins
 from pipeline.plugins.authoring.schema_command import SCHEMAS, defaults_of, write_schemas, write_text
+from pipeline.plugins.authoring.shot_copies import CopiedShot, copied_shot
 from pipeline.plugins.authoring.shot_templates import (
     FIRST_SHOT,
     FLOW_FILES,
@@ -146,19 +147,28 @@ class _NewShot:
 def _of_source(source: str, name: str) -> _NewShot:
     """Return a new shot of a flow, or the copy of a shot."""
     if source in DOCUMENTS:
-        beside = FLOW_FILES.get(source)
+        file = FLOW_FILES.get(source)
         text = without_shared(shot_of_flow(source, name), defaults_of(SHOTS))
-        return _NewShot(text, {SHOTS / f"{name}{beside[0]}": beside[1]} if beside else {})
+        return _NewShot(text, {SHOTS / f"{name}{file[0]}": file[1]} if file else {})
     known = shot_names()
     if source not in known and not source.endswith((".yaml", ".yml")):
         require_one_of(source, [*known, *DOCUMENTS], f"{source!r} is neither a flow nor a shot.")
-    text = shot_of_shot(text_of(find_shot(source)), name)
+    path = find_shot(source)
+    text = shot_of_shot(text_of(path), name)
+    copy = CopiedShot(text, text)
     try:
-        read_shot(SHOTS / f"{name}.yaml", text)
+        if path.parent.resolve() != SHOTS.resolve():
+            copy = copied_shot(text, path.parent, [file for file, _ in read_shot(path).files])
+        read_shot(SHOTS / f"{name}.yaml", copy.today)
     except FlowsculptError as error:
         first = str(error).splitlines()[0]
         raise UsageError(f"a copy of {source} would not be good in {SHOTS}/: {first}") from None
-    return _NewShot(text)
+    beside: dict[Path, Callable[[Path], object]] = {
+        copied: partial(shutil.copyfile, file)
+        for copied, file in copy.copies.items()
+        if not _same_contents(file, copied)
+    }
+    return _NewShot(copy.text, beside)
 
 
 def _of_model(model: Path, source: str, name: str) -> _NewShot:
@@ -176,6 +186,11 @@ def _of_model(model: Path, source: str, name: str) -> _NewShot:
         reference = Path(os.path.relpath(place, SHOTS.resolve())).as_posix()
         where = f"{model} stays where it is; the shot names it {reference}"
     else:
+        if model.suffix.lower() == ".gltf":
+            raise UsageError(
+                f"{model}: a glTF names other files, which its copy would miss. Put all of them into a "
+                f"folder in {SHOTS}, or export a GLB, which holds them."
+            )
         copied = SHOTS / MODELS / model.name
         reference = f"{MODELS}/{model.name}"
         where = f"{model} lies outside this folder; the shot shows its copy {copied}"
@@ -186,17 +201,12 @@ def _of_model(model: Path, source: str, name: str) -> _NewShot:
     return _NewShot(text, beside, [where, *template.notes])
 
 
-def _same_contents(model: Path, copied: Path) -> bool:
-    """Tell whether a copy of a model is there already. Raises UsageError where none can be made."""
-    if model.suffix.lower() == ".gltf":
-        raise UsageError(
-            f"{model}: a glTF names other files, which its copy would miss. Put all of them into a folder in "
-            f"{SHOTS}, or export a GLB, which holds them."
-        )
+def _same_contents(file: Path, copied: Path) -> bool:
+    """Tell whether a copy of a file is there already. Raises UsageError where it has other contents."""
     if not copied.exists():
         return False
-    if model.is_file() and not filecmp.cmp(model, copied, shallow=False):
-        raise UsageError(f"{copied} is there already with other contents; rename one of the two models")
+    if file.is_file() and not filecmp.cmp(file, copied, shallow=False):
+        raise UsageError(f"{copied} is there already with other contents; rename one of the two files")
     return True
 
 
