@@ -114,6 +114,8 @@ class Plugin:
                    returns an `Animation`, or raises FlowsculptError where the shot has none
     notes          function of a root and a shot that returns the file of its notes, which is published with
                    the shot; empty bytes where there are none
+    unneeded       functions of a root and the requests of its shots; each returns a word for files outside of
+                   the store, in the plural, and those that nothing needs: `clean` deletes them
     remote_stores  an object that finds remote stores by their addresses: see `RemoteStores`
     """
 
@@ -139,6 +141,7 @@ class Plugin:
     sequences: tuple[str, ...] = ()
     animations: tuple[str, ...] = ()
     notes: str = ""
+    unneeded: tuple[str, ...] = ()
     remote_stores: str = ""
 
     @property
@@ -264,6 +267,11 @@ class Plugins:
     def notes(self) -> list[Any]:
         """The functions that return files of notes."""
         return self._functions((plugin.name, plugin.notes) for plugin in self if plugin.notes)
+
+    @property
+    def unneeded(self) -> list[Any]:
+        """The functions that find files which nothing needs."""
+        return self._functions((plugin.name, place) for plugin in self for place in plugin.unneeded)
 
     @staticmethod
     def _functions(places: Iterable[tuple[str, str]]) -> list[Any]:

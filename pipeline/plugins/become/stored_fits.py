@@ -7,6 +7,7 @@ A fit that is interrupted goes on after its last round.
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -163,8 +164,8 @@ def fit_between(start: PlacedShape, target: PlacedShape, detail: Detail) -> Fit:
     Raises MeshError where a shape is open or of several parts, UsageError where they have not as many holes.
     """
     _require_alike(start, target)
-    is_reversed = target.roundness > start.roundness
-    ends = (target, start) if is_reversed else (start, target)
+    ends = _ends(start, target)
+    is_reversed = ends[0] is target
     points = np.concatenate([shape.mesh.bounds for shape in ends])
     low, high = points.min(axis=0), points.max(axis=0)
     side = MARGIN * float((high - low).max())
@@ -172,20 +173,34 @@ def fit_between(start: PlacedShape, target: PlacedShape, detail: Detail) -> Fit:
     rest, onto = (
         FittedSurface((shape.mesh.vertices - low) / side, shape.mesh.faces.astype(np.int64)) for shape in ends
     )
-    key = json.dumps([VERSION, [shape.data() for shape in ends], detail], sort_keys=True)
-    path = cache_path("fits", [key], ".npz")
+    path = path_of(start, target, detail)
     with of_key(writable_cache(), path.stem, lambda: None):  # so that one of several processes computes it
         stored = _loaded(path)
         if stored is None:
             stored = _computed(path, rest, onto, detail, f"fitting {target.name}")
+        else:
+            with suppress(OSError):  # the cache of another user
+                os.utime(path)  # `clean` deletes what has not been used for long
     until = (*np.cumsum(stored["shares"])[:-1].tolist(), 1.0)
     residual = Residual(*stored["residual"].tolist())
     if is_reversed:  # the residual counts at the end that is seen
         share = onto.diagonal / rest.diagonal
         mean, most, back, far, patch = (share * number for number in residual[:-1])
         residual = Residual(mean, most, back, far, patch, residual.least)
-    remarks = tuple(_remarks(start, ends[1], float(stored["thin"])))
+    thin = float(stored["thin"]) if residual.patch > 0.5 * DOUBTFUL else 0.0  # else nothing is lost
+    remarks = tuple(_remarks(start, ends[1], thin))
     return Fit(low, side, _legs(stored), until, is_reversed, residual, remarks)
+
+
+def path_of(start: PlacedShape, target: PlacedShape, detail: Detail) -> Path:
+    """Return the file of the fit between two shapes."""
+    shapes = [shape.data() for shape in _ends(start, target)]
+    return cache_path("fits", [json.dumps([VERSION, shapes, detail], sort_keys=True)], ".npz")
+
+
+def _ends(start: PlacedShape, target: PlacedShape) -> tuple[PlacedShape, PlacedShape]:
+    """Return two shapes, the rounder one first."""
+    return (target, start) if target.roundness > start.roundness else (start, target)
 
 
 def _require_alike(start: PlacedShape, target: PlacedShape) -> None:

@@ -12,5 +12,6 @@ PLUGIN = Plugin(
             "Write shots",
         )
     },
+    unneeded=("pipeline.plugins.breed.generation:unneeded_trials",),
     documents={"ancestry": "pipeline.plugins.breed.ancestry:AncestryDocument"},
 )

@@ -16,6 +16,7 @@ from pipeline.plugins.breed.generation import CHILDREN, Breeding, counted, forge
 from pipeline.plugins.breed.generation_page import OPTION, next_name, read_choice
 from pipeline.plugins.breed.shot_genome import Genome
 from pipeline.production.request.lookup import find_shot, names_edit
+from pipeline.production.store.locks import writing
 from pipeline.shot import Shot, read_shot
 from pipeline.shot.yaml.named_files import is_edit, name_fault
 from render.base.plural import plural
@@ -111,9 +112,10 @@ def breed(
 def _breed(
     common: Common, litter: Litter, shots: tuple[Shot, ...], candidates: int, favourites: tuple[str, ...]
 ) -> None:
-    forget_interrupted(common.root, litter.folder.parent)
-    breeding = Breeding(litter, shots, common.root, candidates, common.cores, favourites)
-    bred = breeding.write(partial(progress_bars, common.progress))
+    with writing(common.root):  # `clean` would delete its trials
+        forget_interrupted(common.root, litter.folder.parent)
+        breeding = Breeding(litter, shots, common.root, candidates, common.cores, favourites)
+        bred = breeding.write(partial(progress_bars, common.progress))
     left_out = f"; {counted(bred.left_out)}" if bred.left_out else ""
     children = plural(len(bred.children), "child", "children")
     lines = [

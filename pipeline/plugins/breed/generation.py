@@ -323,6 +323,11 @@ def _draft_folder(place: Path) -> Iterator[Path]:
             shutil.rmtree(draft, ignore_errors=True)
 
 
+def unneeded_trials(root: Path, requests: object) -> tuple[str, list[Path]]:
+    """Return the trials of runs that were interrupted: none runs while `clean` has the root for itself."""
+    return "trials of breed", sorted(path for path in (root / TRIALS).rglob("*") if path.is_file())
+
+
 def forget_interrupted(root: Path, generations: Path) -> None:
     """Remove what runs left that were interrupted or killed long ago: trials, and drafts of generations."""
     for folder in (*(root / TRIALS).glob("*"), *generations.glob(f"{DRAFT}*")):

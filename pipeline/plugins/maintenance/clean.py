@@ -5,11 +5,12 @@ from __future__ import annotations
 import contextlib
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
 from pipeline.errors import FlowsculptError, MachineError
+from pipeline.plugin import plugins
 from pipeline.plugins.maintenance.store_repair import by_digest, last_requests
 from pipeline.plugins.maintenance.verify import inode, shown_files
 from pipeline.production.request.keys import picture_keys
@@ -24,22 +25,24 @@ class Collected:
     """The outcome of a collection, done or only planned.
 
     removed  files of the store
-    kept     how many files stay
+    kept     how many files of it stay
     freed    bytes
     linked   how many copies in renders/ became links
+    others   what plug-ins did not need any more, in words: how many files, and their bytes
     """
 
     removed: tuple[Path, ...]
     kept: int
     freed: int
     linked: int = 0
+    others: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
 
 def collect_garbage(store: Store, requests: Iterable[RenderRequest], keep: int, dry_run: bool) -> Collected:
     """Remove stored files that neither `requests` nor the last `keep` runs of each shot need.
 
-    Files that renders/ shows stay; copies of them become links where the disk has links. Unless `dry_run`,
-    only the holder of the root's lock may call this.
+    Files that renders/ shows stay; copies of them become links where the disk has links. What plug-ins need
+    no more goes too. Unless `dry_run`, only the holder of the root's lock may call this.
     """
     requests = (*requests, *last_requests(store.root, keep))
     copies = _shown_copies(store)
@@ -64,7 +67,21 @@ def collect_garbage(store: Store, requests: Iterable[RenderRequest], keep: int, 
             for path in (store.root / folder).glob("*"):
                 if path.name != "renders":  # by which keys Snakemake knows movies
                     shutil.rmtree(path, ignore_errors=True)
-    return Collected(tuple(removed), kept, freed, linked)
+    return Collected(tuple(removed), kept, freed, linked, _others(store.root, requests, dry_run))
+
+
+def _others(root: Path, requests: Iterable[RenderRequest], dry_run: bool) -> dict[str, tuple[int, int]]:
+    """Remove what plug-ins need no more; return how many files and bytes, by what they are."""
+    others = {}
+    for function in plugins().unneeded:
+        what, files = function(root, requests)
+        if sizes := [path.stat().st_size for path in files]:
+            others[what] = (len(sizes), sum(sizes))
+        for path in () if dry_run else files:
+            path.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # others are in it
+                path.parent.rmdir()
+    return others
 
 
 def _needs(request: RenderRequest, store: Store) -> Iterator[tuple[str, Key]]:

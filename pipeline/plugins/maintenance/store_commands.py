@@ -57,9 +57,10 @@ def clean(
     """Delete stored files that nothing needs, and free the disk.
 
     Kept are files that today's shots need, at every quality begun so far, files that renders/ shows, and
-    those of the last runs, so that undoing an edit renders nothing. `flowsculpt clean --dry-run` says how
-    much would be freed; `flowsculpt clean --keep 0` frees the most. Nothing is ever deleted from the remote
-    store (--store).
+    those of the last runs, so that undoing an edit renders nothing. Trials of `breed` go when it was
+    interrupted, and fits of `become` that no shot here needs and no shot has used for 30 days.
+    `flowsculpt clean --dry-run` says how much would be freed; `flowsculpt clean --keep 0` frees the most.
+    Nothing is ever deleted from the remote store (--store).
     """
     project = project_of(common, settings)
     requests = list(begun_requests(project, print_warning))
@@ -68,6 +69,8 @@ def clean(
     verb = "Would free" if common.dry_run else "Freed"
     freed = f"{size(done.freed)} in {plural(len(done.removed), 'file')}"
     words = f"{verb} {freed}, and {'keep' if common.dry_run else 'kept'} {plural(done.kept, 'file')}."
+    for what, (count, space) in done.others.items():
+        words += f" {verb} {size(space)} in {plural(count, 'file')}: {what}."
     if done.linked:
         words += f" {plural(done.linked, 'copy', 'copies')} in renders/ became links to the store."
     facts = {
@@ -75,6 +78,7 @@ def clean(
         "freed_bytes": done.freed,
         "kept": done.kept,
         "linked": done.linked,
+        "others": {what: {"files": n, "bytes": space} for what, (n, space) in done.others.items()},
     }
     print_result(words, facts, common.json)
 

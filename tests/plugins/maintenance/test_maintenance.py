@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from pipeline.plugins.become.stored_fits import path_of
 from pipeline.plugins.maintenance.clean import collect_garbage
 from pipeline.plugins.maintenance.verify import verify
 from pipeline.production.execution.project import Project
 from pipeline.production.request.lookup import find_shot
+from pipeline.production.store.locks import writing
 from pipeline.production.store.store import Store
 from render.post.image import read_header
 from tests.conftest import QUALITY
@@ -99,3 +103,39 @@ def test_cleaning_keeps_what_today_and_the_last_runs_need(
     assert len(meshes) == 2 and gone.freed > 0 and {p for _, _, p in store.entries()} == everything
     collect_garbage(store, requests(), 0, dry_run=False)
     assert {p for _, _, p in store.entries()} == everything - set(gone.removed)
+
+
+def test_cleaning_deletes_trials_of_breed_and_fits_that_were_not_used_for_long(
+    project: Any, monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    monkeypatch.chdir(project.path)
+    fits = tmp_path_factory.mktemp("cache") / "fits"
+    fits.mkdir()
+    monkeypatch.setattr("pipeline.plugins.become.unneeded_fits.writable_cache", lambda: fits.parent)
+    monkeypatch.setattr("render.base.user_cache.readable_cache", lambda: fits.parent)
+    text = project.shot.read_text()
+    project.shot.write_text(text.replace("flows:", "flows:\n  - become: {solid: icosphere, detail: coarse}"))
+    requests = [Project(project.path, 2).request(find_shot(NAME), QUALITY)]
+    flow = requests[0].shot.motion.flow.flows[0].flow
+    ours = path_of(flow.start, flow.target, flow.detail)
+    old, unfinished, new = (fits / f"{name}.npz" for name in ("old", "b.unfinished", "new"))
+    trial = project.path / ".flowsculpt/breeding/abc/001.npz"
+    trial.parent.mkdir(parents=True)
+    for file in (ours, old, unfinished, new, trial):
+        file.write_bytes(bytes(100))
+    for file in (ours, old, unfinished):
+        os.utime(file, (0.0, time.time() - 31 * 86400))
+
+    store, others = Store(project.path), {"fits of become": (2, 200), "trials of breed": (1, 100)}
+    assert collect_garbage(store, requests, 2, dry_run=True).others == others and trial.exists()
+    assert collect_garbage(store, requests, 2, dry_run=False).others == others
+    assert sorted(fits.iterdir()) == sorted([ours, new]) and not trial.parent.exists()
+    assert not collect_garbage(store, requests, 2, dry_run=False).others
+
+    trial.parent.mkdir(parents=True)
+    trial.write_bytes(bytes(100))
+    told = project.call("--dry-run", "clean")
+    assert told.code == 0 and "Would free 100 bytes in 1 file: trials of breed." in told.out, told.err
+    with writing(project.path):  # as breed does
+        assert project.call("clean").code == 4 and trial.exists()
+    assert project.call("clean").code == 0 and not trial.exists()

@@ -1,0 +1,37 @@
+"""Fits that no shot of a project needs, and no shot at all has used for long."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+from pipeline.animation.flow_cost import flows_of
+from pipeline.errors import FlowsculptError
+from pipeline.flow.flow import PluginMap
+from pipeline.plugins.become.become_flow import Become
+from pipeline.plugins.become.stored_fits import path_of
+from pipeline.production.request.render_request import RenderRequest
+from render.base.user_cache import writable_cache
+
+KEPT_DAYS = 30
+"""Days without use after which a fit may go: all projects of the user share the cache."""
+
+
+def unneeded_fits(root: Path, requests: Iterable[RenderRequest]) -> tuple[str, list[Path]]:
+    """Return the fits, and what is left of interrupted ones, that were not used for KEPT_DAYS."""
+    oldest = time.time() - 86400.0 * KEPT_DAYS
+    found = writable_cache().joinpath("fits").glob("*.npz")
+    old = [path for path in found if path.stat().st_mtime < oldest]
+    needed = {path.name for request in requests for path in _needed(request)} if old else ()
+    return "fits of become", [path for path in sorted(old) if path.name not in needed]
+
+
+def _needed(request: RenderRequest) -> Iterator[Path]:
+    with suppress(FlowsculptError):  # a shot that cannot be read any more needs nothing
+        for part in request.parts:
+            for flow in flows_of(part.shot.motion.flow):
+                become = flow.flow if isinstance(flow, PluginMap) else flow
+                if isinstance(become, Become) and become.start is not None:
+                    yield path_of(become.start, become.target, become.detail)
