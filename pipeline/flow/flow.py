@@ -13,7 +13,7 @@ import sys
 import threading
 import traceback
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
@@ -120,7 +120,7 @@ class Flow(ABC):
     def of_subject(self, subject: Any, place: Vector, before: Sequence[Flow]) -> Flow:
         """Return the flow as it acts on a subject that stands at a place, after flows `before` it.
 
-        Only flows of a list of flows are asked, not those within compositions.
+        Only flows of a list of flows are asked; compositions refuse flows that define this.
         """
         return self
 
@@ -130,6 +130,10 @@ class Flow(ABC):
         Raises FlowsculptError where the frames would fail.
         """
         yield from ()
+
+    def facts(self, time: float) -> Mapping[str, Any]:
+        """Return what the headers of frames at `time` say of the flow, JSON-able; by default nothing."""
+        return {}
 
     @property
     def name(self) -> str:
@@ -184,6 +188,9 @@ class PluginMap(Flow):
 
     def findings(self) -> Iterator[tuple[str, bool]]:
         return self.flow.findings()
+
+    def facts(self, time: float) -> Mapping[str, Any]:
+        return self.flow.facts(time)
 
     @property
     def name(self) -> str:

@@ -17,8 +17,14 @@ from pipeline.plugins.become.stored_fits import PlacedShape, fit_between
 from pipeline.plugins.become.target import FittedSurface, SolidGrowth, lengths
 from pipeline.plugins.become.velocity_path import PathSpace, energy
 from pipeline.plugins.interchange.mesh_writers import write_mesh
+from pipeline.plugins.review.review_page import tabled
+from pipeline.production.execution.project import Project
+from pipeline.production.request.lookup import find_shot
+from pipeline.production.tasks.render import flow_facts
 from pipeline.shot import read_shot
 from pipeline.shot.subjects import Solid
+from render.post.image import read_header, write_exr
+from render.scene.aovs import RenderedFrame
 
 RANDOM = np.random.default_rng(0)
 
@@ -213,3 +219,44 @@ def test_one_flow_begins_where_the_one_before_it_arrives() -> None:
     last = shot("become: {solid: box, to: 6}}, {become: {solid: rod, from: 6}")
     assert last.start is not None and last.start.name == "the box" and last.target.name == "the rod"
     assert shot("twist: {amount: 3}}, {become: {solid: rod}").others == ("twist",)
+
+
+@pytest.mark.parametrize(
+    "composition",
+    [
+        "within: {{region: {{sphere: {{radius: 1}}}}, flows: [{0}]}}",
+        "repeated: {{period: 4, flows: [{0}]}}",
+        "reversed: {{flows: [{{twist: {{amount: 3}}}}, {0}]}}",
+        "blend: {{weight: 0.5, flows: [{{twist: {{amount: 3}}}}, {0}]}}",
+        "sequence: {{flows: [{{placed: {{flows: [{0}]}}}}]}}",
+    ],
+)
+def test_within_another_entry_it_is_refused_where_it_stands(composition: str) -> None:
+    flows = composition.format("{become: {solid: rod}}")
+    line = next(line for line in SHOT.format(flows=flows, subject="").splitlines() if "become" in line)
+    message = told(flows)
+    assert message.startswith(f"a.yaml:5:{line.index('{become') + 1}: become acts on a whole subject")
+    assert message.endswith("Make it an entry of flows.")
+
+
+def test_headers_of_frames_have_the_residual_and_the_review_page_shows_it(
+    quick: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path_factory.mktemp("show"))
+    flows = "become: {solid: box, size: [1.5, 1.5, 1.5], from: 3, to: 9, detail: coarse}"
+    Path("shots").mkdir()
+    Path("shots/a.yaml").write_text(SHOT.format(flows=flows, subject="{solid: icosphere}"))
+    request = Project(Path(), 1).request(find_shot("a"), "draft")
+    assert flow_facts(request, 3) == {} and not list(quick.iterdir()), "nothing has moved"
+    write_exr(
+        Path("a.exr"),
+        RenderedFrame({"beauty": np.zeros((2, 2, 3), np.float32)}, {}),
+        {"frame": 7} | flow_facts(request, 7),
+    )
+    shown = tabled([read_header(Path("a.exr"))])["same"]
+    assert shown["flows.0.becomes"] == "the box" and shown["flows.0.detail"] == "coarse"
+    fit = request.shot.motion.flow.flows[0].flow.fit()  # type: ignore[attr-defined]
+    assert 0.0 < fit.residual.mean == pytest.approx(shown["flows.0.residual.mean"], rel=1e-5)
+    names = ("within_95", "worst_part", "least_volume")
+    numbers = (fit.residual.most, fit.residual.patch, fit.residual.least)
+    assert [shown[f"flows.0.residual.{name}"] for name in names] == pytest.approx(numbers, rel=1e-5)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -125,6 +125,14 @@ class Become(Flow):
                 f"become begins with {self._start.name} at rest; what {first} does before is carried along.",
                 True,
             )
+
+    def facts(self, time: float) -> Mapping[str, Any]:
+        """Return what `findings` notes, once the flow has begun: shares of the target's diagonal."""
+        if number_at(self.progress, time) == 0.0:
+            return {}
+        names = ("mean", "within_95", "mean_of_target", "within_95_of_target", "worst_part", "least_volume")
+        numbers = dict(zip(names, self.fit().residual, strict=True))
+        return {"becomes": self.target.name, "detail": self.detail, "residual": numbers}
 
     @property
     def name(self) -> str:

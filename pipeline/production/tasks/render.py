@@ -8,10 +8,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline.animation.flow_cost import flows_of
 from pipeline.arrays import AnyArray
 from pipeline.mesh.placed_copies import all_copies
 from pipeline.production.request.cameras import camera_file
@@ -239,6 +240,17 @@ class _ShownSubject:
         return Surface(vertices, normals.astype(np.float32), faces, *more)
 
 
+def flow_facts(request: RenderRequest, number: int) -> dict[str, Any]:
+    """Return what the flows of a picture say of themselves, by their places in the shot file."""
+    mesh = request.angles[number].mesh
+    return {
+        motion.place_of_flow(k): dict(facts)
+        for motion in (part.shot.motion for part in request.parts)
+        for k, flow in enumerate(flows_of(motion.flow))
+        if (facts := flow.facts(motion.clock.flow_time(mesh)))
+    }
+
+
 def render(context: Context) -> bool:
     """Render the raw pictures of a batch: sample batches averaged, with AOVs.
 
@@ -302,6 +314,7 @@ class _Renderer:
         if checkpoint.resumed:
             context.write("resumed", number, passes=checkpoint.resumed)
         header = raw_header(request, number, self.framings[number], self.keys[number])
+        header |= flow_facts(request, number)
         attributes = raw_attributes(request, self.framings[number])
         write_exr(path, layers, header, dict(request.aovs.precision), attributes=attributes, is_raw=True)
         _write_statistics(context, number, self.keys[number].raw, layers, clock.lap(), checkpoint.resumed)

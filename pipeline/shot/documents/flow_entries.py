@@ -246,10 +246,22 @@ DASHES = BeforeValidator(_require_dashes)
 """Each entry of a list of flows begins with a dash."""
 
 
+def _require_independent(entry: Any) -> Any:
+    """Refuse a flow that depends on its subject: only those of a list of flows know theirs."""
+    flow = getattr(entry.chosen, "flow", Flow)
+    if issubclass(flow, Flow) and flow.of_subject is not Flow.of_subject:
+        fact = f"{next(iter(entry.model_fields_set))} acts on a whole subject, so no entry can contain it"
+        raise finding(f"{fact}. Make it an entry of flows.")
+    return entry
+
+
+_Part = Annotated[E, AfterValidator(_require_independent)]
+
+
 class Composition(Document, Generic[E]):
     """Base of the compositions of one list of flows."""
 
-    flows: Annotated[list[E], Field(min_length=1), DASHES] = Field(
+    flows: Annotated[list[_Part[E]], Field(min_length=1), DASHES] = Field(
         description="its flows, which act one after another"
     )
 
@@ -321,7 +333,7 @@ class MirroredDocument(TransformedDocument[E], Generic[E]):
 class BlendDocument(Document, Generic[E]):
     """A blend from one flow, or from rest, to another."""
 
-    flows: Annotated[list[E], Field(min_length=1, max_length=2), DASHES] = Field(
+    flows: Annotated[list[_Part[E]], Field(min_length=1, max_length=2), DASHES] = Field(
         description="one that starts from rest, or two: from the first to the second"
     )
     weight: WeightField = Field(description="of the last, from 0 to 1")
