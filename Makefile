@@ -61,6 +61,7 @@ pictures: figures film
 	$(BIN)/python docs/pictures/looks.py
 	$(BIN)/python docs/pictures/pigments.py
 	$(BIN)/python docs/pictures/sheets.py
+	$(BIN)/python docs/pictures/generations.py
 	PYTHONPATH=. $(BIN)/python docs/pictures/web_page.py
 	PYTHONPATH=. $(BIN)/python docs/pictures/review.py
 
