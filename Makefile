@@ -92,17 +92,14 @@ PIP := --quiet --no-compile --require-hashes -r requirements-pip.lock
 		"point make at one: make PYTHON=python3.12 film" >&2; exit 4; }
 	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || \
 		{ echo "flowsculpt needs Python's venv module: apt-get install python3-venv" >&2; exit 4; }
-	@echo "Setting up .venv, once. 1 of 3: packages (1.1 GB; about a minute if pip has them already)"
+	@echo "Setting up .venv, once. 1 of 2: packages (1.1 GB; about a minute if pip has them already)"
 	@$(PYTHON) -m venv --without-pip .venv
 	@$(PYTHON) -m pip --python $(BIN)/python install $(PIP) 2>/dev/null || \
 		{ $(BIN)/python -m ensurepip >/dev/null && $(BIN)/python -m pip install $(PIP); }
 	@$(BIN)/python -m pip install --quiet --no-compile --no-deps --require-hashes -r requirements.lock
 	@$(BIN)/python -m pip install --quiet --no-compile --no-deps --no-build-isolation -e .
 	@$(BIN)/python -m compileall -q -j $(CORES) -x '$(UNCOMPILED)' .venv/lib pipeline render
-	@echo "2 of 3: the renderer"
-	@$(BIN)/python -m render.mitsuba.engine
-	-@$(BIN)/python -m render.graphics.three_js
-	@echo "3 of 3: kernels, on all cores (about a minute on two)"
+	@echo "2 of 2: the renderer and kernels, on all cores (about a minute on two)"
 	@$(BIN)/flowsculpt -j $(CORES) doctor --prepare
 	@touch $@
 

@@ -134,10 +134,11 @@ class ProjectFolder:
         """Run the command in this process, where a test needs no process of its own: Python starts slowly."""
         import OpenImageIO  # noqa: F401 sets where its fonts are, which the patched environment would lose
 
-        from pipeline.cli.app import SIGNALS, main
+        from pipeline.cli.app import main
+        from render.base.python_process import ENDING
 
         out, err = StringIO(), StringIO()
-        handlers = [(number, signal.getsignal(number)) for number in SIGNALS]
+        handlers = [(number, signal.getsignal(number)) for number in ENDING]
         with (
             chdir(self.path),
             redirect_stdout(out),

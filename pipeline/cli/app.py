@@ -34,7 +34,7 @@ from pipeline.cli.standard_streams import READER_LEFT, OutputError, discard_outp
 from pipeline.errors import FlowsculptError, MachineError
 from pipeline.plugin import Command, fault_of_plugin, named, plugins
 from render.base.atomic_write import REMEDIES, machine_error
-from render.base.python_process import distrust_working_folder
+from render.base.python_process import ENDING, distrust_working_folder
 
 HELP = """Films of shapes that flow like putty, from a shot file to a finished film.
 
@@ -212,20 +212,16 @@ def name_a_home() -> None:
         os.environ["HOME"] = os.devnull
 
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Signals that interrupt a command: of a user, a farm or service manager, and a terminal that is closed."""
-
-
 def _interrupt_once(number: int, frame: FrameType | None) -> None:
     """Interrupt this process, and let no further signal disturb how it ends its jobs and says so."""
-    for other in SIGNALS:
+    for other in ENDING:
         signal.signal(other, signal.SIG_IGN)
     raise KeyboardInterrupt
 
 
 def main() -> None:
     """Run the command line. Errors that a user can mend are told without a traceback."""
-    for number in SIGNALS:
+    for number in ENDING:
         if signal.getsignal(number) != signal.SIG_IGN:  # as under nohup, and in the background of a script
             signal.signal(number, _interrupt_once)
     keep_freed_memory()

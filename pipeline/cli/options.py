@@ -364,7 +364,7 @@ class CommonOptions:
         from pipeline.production.planning.profile import Profile
 
         given = CommonOptions(*(getattr(self, f.name) or getattr(before, f.name) for f in fields(self)))
-        if given.nice:
+        if given.nice and hasattr(os, "nice"):  # Windows has other priorities
             os.nice(given.nice)  # processes that this one starts inherit it
         progress = not (given.no_progress or given.json_)
         profile = Profile.named(given.profile) if given.profile else Profile.local()

@@ -70,17 +70,21 @@ def opened_input(path: Path, most: int = MOST_BYTES) -> Iterator[tuple[BinaryIO,
     """
     require_input(path, most)
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        file = open(path, "rb", opener=_without_waiting)  # noqa: SIM115  # Path.open takes no opener
     except (OSError, ValueError) as error:
         raise _unreadable(path, error) from None
     try:
-        with os.fdopen(descriptor, "rb") as file:
-            facts = os.fstat(descriptor)
+        with file:
+            facts = os.fstat(file.fileno())
             if not stat.S_ISREG(facts.st_mode) or facts.st_size > most:  # it was replaced in between
                 raise BadInputError(f"{path}: it was changed while it was opened; run again")
             yield file, facts.st_size
     except OSError as error:
         raise _unreadable(path, error) from None
+
+
+def _without_waiting(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # a named pipe would wait for its writer
 
 
 def read_input(path: Path, most: int = MOST_BYTES) -> bytes:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import subprocess
 import sys
 from collections.abc import Callable
@@ -99,7 +98,9 @@ def serve(answer: Callable[..., bytes]) -> None:
 
 def allow_memory(count: int) -> None:
     """Set the bytes that this process may take in addition to what it has now."""
-    with suppress(OSError, ValueError):  # systems differ in what they can limit
+    with suppress(ImportError, OSError, ValueError):  # systems differ in what they can limit
+        import resource
+
         used = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (used + count, resource.RLIM_INFINITY))
 
@@ -107,7 +108,9 @@ def allow_memory(count: int) -> None:
 def _limit(seconds: float) -> None:
     """Limit memory and time of this process, and let it write no file."""
     allow_memory(MEMORY)
-    with suppress(OSError, ValueError):
+    with suppress(ImportError, OSError, ValueError):
+        import resource
+
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
         resource.setrlimit(resource.RLIMIT_CPU, (int(4 * seconds), int(4 * seconds)))

@@ -25,6 +25,10 @@ PACKAGE_ROOT = Path(__file__).resolve().parents[2]
 LOADED_OBJECTS = 400_000
 """Twice the objects that a process makes while it loads what it needs."""
 
+ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+"""Signals that end a process: of a user, a farm or service manager, and a terminal that is closed. Windows
+lacks the last."""
+
 SAFE_PATH = "PYTHONSAFEPATH"
 """The environment variable that means `-P` to every Python, also to one that others start."""
 
@@ -101,14 +105,11 @@ def may_fork() -> bool:
 @contextmanager
 def _signals_blocked() -> Iterator[None]:
     """Have signals wait, so that none interrupts a forked process in what this one does."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _HANDLED)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-_HANDLED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def _forked(work: Callable[[], int | None], output: int | None, folder: Path | None) -> None:
@@ -119,10 +120,10 @@ def _forked(work: Callable[[], int | None], output: int | None, folder: Path | N
             setattr(sys, stream, os.fdopen(number, "w", buffering=1, encoding="utf-8", closefd=False))
     if folder is not None:
         os.chdir(folder)
-    for number in _HANDLED:
+    for number in ENDING:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, signal.SIG_DFL)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, _HANDLED)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
     sys.exit(work())
 
 

@@ -7,11 +7,9 @@ One that only root may write, as in a container's image, is read and not written
 
 from __future__ import annotations
 
-import grp
 import hashlib
 import json
 import os
-import pwd
 import stat
 import sys
 import tempfile
@@ -47,7 +45,7 @@ def writable_cache() -> Path:
 
     Where not even that can be trusted, the folder is of this process alone.
     """
-    temporary = Path(tempfile.gettempdir()) / f"flowsculpt-cache-{os.getuid()}"
+    temporary = Path(tempfile.gettempdir()) / f"flowsculpt-cache-{user_number()}"
     return _first_writable(platformdirs.user_cache_path("flowsculpt"), temporary)
 
 
@@ -79,6 +77,8 @@ def _first_writable(*folders: Path) -> Path:
 
 def intruder(folder: Path) -> str | None:
     """Return who else may change what a folder holds, as "others may write …"; None where nobody may."""
+    if os.name != "posix":  # access is not in the mode there; a user's own folder is private
+        return None
     inner = {folder.absolute(), folder.resolve()}
     outer = {parent for path in inner for parent in path.parents}
     for place in (*inner, *outer):
@@ -96,8 +96,16 @@ def intruder(folder: Path) -> str | None:
     return None
 
 
+def user_number() -> int:
+    """Return the number of the user; 0 on systems that have none."""
+    return os.getuid() if hasattr(os, "getuid") else 0
+
+
 def _is_alone_in(group: int) -> bool:
     """Tell whether a group is the user's own, which many systems make for each user. Root's is."""
+    import grp
+    import pwd
+
     with suppress(KeyError):
         user, named = pwd.getpwuid(os.getuid()), grp.getgrgid(group)
         return named.gr_name == user.pw_name and set(named.gr_mem) <= {user.pw_name}

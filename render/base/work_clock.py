@@ -1,4 +1,4 @@
-"""Wall time and CPU seconds of work.
+"""Wall time, CPU seconds and memory of work.
 
 Under load the two differ: other programs have the cores while a process waits for them. CPU seconds hardly
 change, so they say what work costs.
@@ -6,15 +6,28 @@ change, so they say what work costs.
 
 from __future__ import annotations
 
-import resource
+import os
+import sys
 import time
 from typing import NamedTuple
 
 
 def cpu_seconds() -> float:
     """Return the CPU seconds, user and system, of this process and of its children that have ended."""
-    used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(each.ru_utime + each.ru_stime for each in used)
+    ended = os.times()
+    return time.process_time() + ended.children_user + ended.children_system
+
+
+def peak_memory() -> int:
+    """Return the most memory that this process has held, in MiB."""
+    try:
+        import resource
+    except ImportError:  # Windows, where psutil knows it
+        import psutil
+
+        return int(psutil.Process().memory_info().peak_wset) >> 20
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return int(peak) >> (20 if sys.platform == "darwin" else 10)  # which counts bytes, others KiB
 
 
 class Timing(NamedTuple):

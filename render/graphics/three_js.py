@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 
 from render.base import python_process
@@ -43,11 +44,20 @@ def fetch() -> None:
     if _installed().exists():
         return
     with tempfile.TemporaryDirectory() as work:
-        words = ["install", "--quiet", "--no-deps", "--no-compile", "--require-hashes", "--target", work]
-        pip = python_process.command("pip", *words, "-r", str(REQUIREMENTS))
-        done = subprocess.run(pip, env=python_process.environment())
+        pip = python_process.command("pip") if find_spec("pip") else ["uv", "pip"]  # uv makes venvs without
+        words = ["install", "--quiet", "--no-deps", "--require-hashes", "--target", work]
+        try:
+            done = subprocess.run(
+                [*pip, *words, "-r", str(REQUIREMENTS)], env=python_process.environment(), cwd=work
+            )
+        except FileNotFoundError:
+            raise MachineError(
+                "three.js cannot be fetched: neither pip nor uv is installed; pages have no 3-D view"
+            ) from None
         if done.returncode or not (Path(work) / PACKED).exists():
-            raise MachineError("three.js cannot be fetched (see pip's message); pages have no 3-D view")
+            raise MachineError(
+                f"three.js cannot be fetched (see {pip[-1]}'s message); pages have no 3-D view"
+            )
         with atomic_write(_installed()) as draft:
             shutil.copyfile(Path(work) / PACKED, draft)
 

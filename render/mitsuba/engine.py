@@ -26,7 +26,10 @@ from render.mitsuba import llvm
 from render.mitsuba.llvm import LibLlvm
 
 DEFAULT_ORDER = ("llvm_ad_rgb", "scalar_rgb")
-VARIANTS = ("cuda_ad_rgb", *DEFAULT_ORDER)
+GPU_VARIANTS = ("cuda_ad_rgb", "metal_ad_rgb")
+"""NVIDIA's GPUs, and Apple's: packages of Mitsuba have the one or the other, by their system."""
+
+VARIANTS = (*GPU_VARIANTS, *DEFAULT_ORDER)
 PROBE_SECONDS = 120.0
 
 CRASHES = {-number for number in signal.Signals if number.name in ("SIGABRT", "SIGBUS", "SIGILL", "SIGSEGV")}
@@ -106,7 +109,7 @@ def _trust_compiled_code() -> None:
 def choose(prefer: Sequence[str] | None = None, threads: int = 0) -> Engine:
     """Return the first variant of `prefer` (default: LLVM, then scalar) that renders a sample here.
 
-    A GPU is used only if `prefer` names cuda_ad_rgb. Raises BadInputError for an unknown variant,
+    A GPU is used only if `prefer` names its variant. Raises BadInputError for an unknown variant,
     MachineError where none works.
     """
     order = tuple(prefer) if prefer else DEFAULT_ORDER
@@ -145,9 +148,15 @@ def provide_llvm() -> None:
             if library is None:
                 shutil.rmtree(folder, ignore_errors=True)
                 raise MachineError(f"{package} does not work here")
-            print(f"libLLVM {library.version or ''} unpacked from {package}: fast rendering on this machine")
+            print(
+                f"libLLVM {library.version or ''} unpacked from {package}: fast rendering on this machine",
+                file=sys.stderr,
+            )
     except MachineError as error:
-        print(f"No libLLVM fetched ({error}): rendering works without it, at about half the speed")
+        print(
+            f"No libLLVM fetched ({error}): rendering works without it, at about half the speed",
+            file=sys.stderr,
+        )
 
 
 def is_compiled() -> bool:
@@ -164,7 +173,7 @@ def works(variant: str, library: LibLlvm | None = None) -> bool:
     if known is not None and "works" in known:
         return bool(known["works"])
     answer = _probe(variant, library)
-    if answer is not None and (answer or variant != "cuda_ad_rgb"):  # a driver may be installed later
+    if answer is not None and (answer or variant not in GPU_VARIANTS):  # a driver may be installed later
         store_answer(cached, {"works": answer, "variant": variant, "library": str(library and library.path)})
     return bool(answer)
 

@@ -11,7 +11,7 @@ import pytest
 from pipeline.errors import MachineError, UsageError
 from pipeline.production.execution.project import Project
 from pipeline.production.planning import profile
-from pipeline.production.planning.profile import ON_GPU, avoid, require_variant, variant_for
+from pipeline.production.planning.profile import avoid, require_variant, variant_for
 from pipeline.production.store.event_log import EventReader
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.tasks import render, worker
@@ -20,6 +20,7 @@ from render.mitsuba.engine import DEFAULT_ORDER, Engine
 pytestmark = pytest.mark.quick
 
 NAME = "T010_tiny"
+ON_GPU = "cuda_ad_rgb"
 
 
 @pytest.fixture

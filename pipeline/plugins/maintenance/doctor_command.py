@@ -9,12 +9,14 @@ from typing import Annotated, Any
 import typer
 
 from pipeline.cli.options import Common
-from pipeline.cli.output import exit_with, print_result, progress_bars
+from pipeline.cli.output import exit_with, print_result, print_warning, progress_bars
 from pipeline.plugins.maintenance.kernel_build import build_kernels, kernel_calls
 from pipeline.production.store.remote_store import note_all_compiled, remote_stores
 from pipeline.production.store.store import Store
 from render.base.kernel_cache import cache_folder
 from render.base.plural import plural
+from render.base.render_errors import MachineError
+from render.graphics import three_js
 from render.mitsuba import engine
 
 PACKAGES = ("numba", "mitsuba", "pyoidn", "OpenImageIO", "av", "snakemake")
@@ -24,19 +26,21 @@ def doctor(
     common: Common,
     prepare: Annotated[
         bool,
-        typer.Option("--prepare", help="Compile the kernels and bake the view transform, as set-up does."),
+        typer.Option("--prepare", help="Finish the installation: libLLVM, three.js, compiled kernels."),
     ] = False,
 ) -> None:
     """Show the renderer and packages in use, and what would make rendering faster.
 
-    `flowsculpt doctor --prepare` also compiles all kernels, on as many cores as -j says, so that no later
-    command waits for them. Where --store names a remote store, kernels that it holds are fetched and others
-    uploaded: compiled kernels are code, so name one that only people you trust may write to. The exit code
-    is 4 if no renderer works.
+    `flowsculpt doctor --prepare` finishes an installation, as by `uv tool install`: it fetches a libLLVM
+    where none works (on Debian and Ubuntu) and three.js for pages, and compiles all kernels, on as many
+    cores as -j says, so that no later command waits for them. Where --store names a remote store, kernels
+    that it holds are fetched and others uploaded: compiled kernels are code, so name one that only people
+    you trust may write to. The exit code is 4 if no renderer works.
     """
     store = Store(common.root)
     remote = store.remote
     if prepare and not common.dry_run:
+        _complete_environment()
         with progress_bars(common.progress) as bar:
             if remote is not None:
                 remote_stores().fetch_kernels(remote)
@@ -59,6 +63,15 @@ def doctor(
     }
     print_result(_diagnosis(facts), facts, common.json)
     exit_with(4 if renderer["renderer"] == "none" else 0)
+
+
+def _complete_environment() -> None:
+    """Fetch what no package index has for this environment; what cannot be had only makes less possible."""
+    engine.provide_llvm()
+    try:
+        three_js.fetch()
+    except MachineError as error:
+        print_warning(str(error))
 
 
 def _diagnosis(facts: dict[str, Any]) -> str:

@@ -34,6 +34,7 @@ from pipeline.production.tasks.job_server import job_server
 from render.base import python_process
 from render.base.atomic_write import PROBE, REMEDIES, disk_errors, machine_error
 from render.base.python_process import ForkedProcess, may_fork
+from render.base.user_cache import user_number
 
 RULES = {stage.name: "stills" for stage in STILLS}
 """The rule of each stage that does not have the name of its rule."""
@@ -238,7 +239,7 @@ def _require_user_name() -> None:
     try:
         getpass.getuser()
     except (KeyError, OSError):
-        os.environ["LOGNAME"] = str(os.getuid())
+        os.environ["LOGNAME"] = str(user_number())
 
 
 def _cancel_timers() -> None:

@@ -21,7 +21,7 @@ from pathlib import Path
 
 from pipeline.frames import FrameRange
 from pipeline.plugin import plugins
-from pipeline.production.planning.profile import ON_GPU, Share
+from pipeline.production.planning.profile import Share
 from pipeline.production.planning.timings import (
     LEAST_MIB,
     UNMEASURED_MIB,
@@ -320,7 +320,7 @@ class Plan:
 
     def gpus(self, job: Job) -> int | None:
         """Return 1 for a job of a farm that renders with CUDA, else None."""
-        on_gpu = job.stage == "render" and self.requests[job.requests[0]].variant == ON_GPU
+        on_gpu = job.stage == "render" and self.requests[job.requests[0]].variant == "cuda_ad_rgb"
         return 1 if self.farm and on_gpu else None
 
     def _measured_of(self, job: Job) -> MeasuredResources | None:

@@ -31,7 +31,7 @@ from pipeline.errors import MachineError, MissingInputError, UsageError, suggest
 from pipeline.production.store.paths import STATE
 from render.base.atomic_write import atomic_write
 from render.base.python_process import command_line
-from render.mitsuba.engine import DEFAULT_ORDER, VARIANTS, choose, works
+from render.mitsuba.engine import DEFAULT_ORDER, GPU_VARIANTS, VARIANTS, choose, works
 from render.mitsuba.llvm import OLDEST_VERSION
 
 PROFILES = Path("profiles")
@@ -210,10 +210,9 @@ def _file_in(folder: Path) -> Path | None:
     return next((file for file in files if file.is_file()), None)
 
 
-ON_GPU = "cuda_ad_rgb"
-
 _LACKING = {
-    ON_GPU: "Mitsuba finds no NVIDIA GPU with a driver that it can use",
+    "cuda_ad_rgb": "Mitsuba finds no NVIDIA GPU with a driver that it can use",
+    "metal_ad_rgb": "Mitsuba finds no GPU of Apple's that it can use",
     "llvm_ad_rgb": f"it has no libLLVM of version {OLDEST_VERSION} or later that works; on Debian and Ubuntu "
     "`python -m render.mitsuba.engine` there fetches one",
 }
@@ -259,8 +258,8 @@ def variant_for(
         if asked not in VARIANTS:
             raise UsageError(f"{asked!r} is not a variant of Mitsuba. {suggestion(asked, VARIANTS)}")
         return asked
-    if asked == ON_GPU and (asked in avoided or not _gpu_works()):
-        absent = f"{asked} cannot render here: {_LACKING[ON_GPU]}"
+    if asked in GPU_VARIANTS and (asked in avoided or not _gpu_works(asked)):
+        absent = f"{asked} cannot render here: {_LACKING[asked]}"
         chosen = _first_but(avoided)
         tell(f"{avoided.get(asked, absent)}; {shot} is rendered with {chosen} instead")
         return chosen
@@ -280,9 +279,9 @@ def _first_of(order: tuple[str, ...]) -> str:
 
 
 @cache
-def _gpu_works() -> bool:
+def _gpu_works(variant: str) -> bool:
     """Ask once a process; a failure is not stored, for a driver may be installed."""
-    return works(ON_GPU)
+    return works(variant)
 
 
 def avoid(root: Path, shot: str, variant: str, reason: str) -> bool:

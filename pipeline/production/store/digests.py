@@ -121,16 +121,12 @@ class Digests:
         record, name = home / f"{platform.node()}{SUFFIX}", os.fsencode(path.name)
         with disk_errors(record):
             home.mkdir(parents=True, exist_ok=True)
-            number = os.open(record, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o666)
-            try:
+            with record.open("a+b", buffering=0) as file:
                 lines = b"".join(b"%s  %s\n" % (digest.encode(), name) for digest in digests)
-                size = os.fstat(number).st_size
-                if size and os.pread(number, 1, size - 1) != b"\n":  # a full disk cut the last line short
-                    lines = b"\n" + lines
-                while os.write(number, lines) < len(lines):  # it fills up; the next try raises the error
+                if file.tell() and file.seek(-1, os.SEEK_END) >= 0 and file.read(1) != b"\n":
+                    lines = b"\n" + lines  # a full disk cut the last line short
+                while (file.write(lines) or 0) < len(lines):  # it fills up; the next try raises the error
                     lines = b"\n" + lines.lstrip()
-            finally:
-                os.close(number)
 
     def _records(self, folder: Path) -> list[Path]:
         home = self._home(folder)

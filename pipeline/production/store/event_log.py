@@ -26,7 +26,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -64,13 +63,10 @@ class EventLog:
         for _ in range(TRIES):
             with contextlib.suppress(OSError):
                 self.path.parent.mkdir(parents=True, exist_ok=True)
-                descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
-                try:
-                    if os.write(descriptor, line) == len(line):
+                with self.path.open("ab", buffering=0) as file:
+                    if file.write(line) == len(line):
                         return
                     line = b"\n" + line.lstrip()  # after a part of it, with which readers can do nothing
-                finally:
-                    os.close(descriptor)
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""Locks of a root, which the kernel releases when their process ends, however it ends.
+"""Locks of a root, which the system releases when their process ends, however it ends.
 
 Every writer shares the root's lock, task processes too; what removes files from the store (`clean`, `verify`)
 holds it alone. A run holds the lock of each shot and quality that it writes. A job that makes files which
@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import getpass
 import json
 import os
@@ -25,6 +24,7 @@ from pathlib import Path
 from pipeline.errors import MachineError
 from pipeline.production.store.paths import STATE
 from render.base.atomic_write import disk_errors
+from render.base.user_cache import user_number
 
 
 def start_of(process: int) -> float | None:
@@ -44,7 +44,8 @@ def is_at_work(process: int, start: float | None = None) -> bool:
     start  as `start_of` had it, if known: then another process of its number does not count
     """
     try:
-        os.kill(process, 0)
+        if os.name == "posix":  # elsewhere 0 is a signal too
+            os.kill(process, 0)
     except PermissionError:  # of another user, whose processes may be hidden
         return start is None or start_of(process) in (start, None)
     except (OSError, OverflowError):
@@ -151,24 +152,34 @@ def _held(
     path: Path, words: str = "", shared: bool = False, wait: Callable[[], object] | None = None
 ) -> Iterator[None]:
     """Hold a lock. Raises TakenError where another process does, unless `wait` is given and called."""
+    from portalocker import (
+        AlreadyLocked,
+        LockException,
+        LockFlags,
+        lock,
+    )  # which commands that read never need
+
     with disk_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         while True:
             descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
             try:
-                fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
-            except OSError as error:
+                lock(
+                    descriptor, (LockFlags.SHARED if shared else LockFlags.EXCLUSIVE) | LockFlags.NON_BLOCKING
+                )
+            except AlreadyLocked:
                 os.close(descriptor)
-                if error.errno in UNSUPPORTED:
-                    descriptor = -1
-                    break
-                if not isinstance(error, BlockingIOError):
-                    raise
                 if wait is None:
                     raise TakenError(_holder_in(path)) from None
                 wait()
                 time.sleep(POLL_SECONDS)
                 continue
+            except LockException as error:
+                os.close(descriptor)
+                if getattr(error.__cause__, "errno", None) not in UNSUPPORTED:
+                    raise error.__cause__ or error from None
+                descriptor = -1
+                break
             if _is_at(descriptor, path):
                 break
             os.close(descriptor)  # removed by its holder meanwhile
@@ -184,7 +195,8 @@ def _held(
         if descriptor >= 0:
             _OPEN.remove(descriptor)
             if not shared and path.name != ROOT.name:
-                path.unlink(missing_ok=True)
+                with suppress(PermissionError):  # Windows keeps files that are open; it holds nobody up
+                    path.unlink(missing_ok=True)
             os.close(descriptor)
 
 
@@ -195,7 +207,8 @@ def _leave_to_parent() -> None:
     _OPEN.clear()
 
 
-os.register_at_fork(after_in_child=_leave_to_parent)
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_leave_to_parent)
 
 
 def _is_at(descriptor: int, path: Path) -> bool:
@@ -208,7 +221,7 @@ def _myself(words: str) -> dict[str, str | int]:
     try:
         user = getpass.getuser()
     except (KeyError, OSError):  # a process of a container may have no name
-        user = str(os.getuid())
+        user = str(user_number())
     since = time.strftime("%Y-%m-%d %H:%M:%S")
     return {"user": user, "host": platform.node(), "process": os.getpid(), "since": since, "words": words}
 

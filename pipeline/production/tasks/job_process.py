@@ -22,22 +22,27 @@ NUMBER = struct.Struct("<i")
 """An answer of the server: the id of the forked process, and then its end, as `Popen.returncode` has it; and
 what it is sent: a signal."""
 
-_PASSED_ON = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP, signal.SIGCONT)
-
 
 def main(words: list[str]) -> int:
     """Do a job, or have it done; return its exit code. Ends by a signal if the forked process did."""
-    signal.pthread_sigmask(signal.SIG_BLOCK, _PASSED_ON)  # until there is a process to pass them on to
-    connection = _connection_to_forked(words)
-    if connection is None:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, _PASSED_ON)
-        from pipeline.production.tasks.worker import run
+    if SERVER in os.environ:
+        passed_on = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP, signal.SIGCONT)
+        signal.pthread_sigmask(signal.SIG_BLOCK, passed_on)  # until there is a process to pass them on to
+        connection = _connection_to_forked(words)
+        if connection is not None:
+            for number in passed_on:
+                if signal.getsignal(number) != signal.SIG_IGN:
+                    signal.signal(number, lambda received, frame: _pass_on(received, connection))
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, passed_on)
+        if connection is not None:
+            return _end_of_forked(connection)
+    from pipeline.production.tasks.worker import run
 
-        return run(words)
-    for number in _PASSED_ON:
-        if signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, lambda received, frame: _pass_on(received, connection))
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, _PASSED_ON)
+    return run(words)
+
+
+def _end_of_forked(connection: socket.socket) -> int:
+    """Return the exit code of the forked process; end by the signal that ended it."""
     ended = b""
     with contextlib.suppress(OSError):
         ended = connection.recv(NUMBER.size)
@@ -48,9 +53,7 @@ def main(words: list[str]) -> int:
 
 
 def _connection_to_forked(words: list[str]) -> socket.socket | None:
-    """Have the job server fork a process for a job; return the connection, or None without a server."""
-    if SERVER not in os.environ:
-        return None
+    """Have the job server fork a process for a job; return the connection, or None without one."""
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
         connection.connect(os.environ[SERVER])

@@ -29,14 +29,12 @@ from pathlib import Path
 from typing import NoReturn
 
 from pipeline.production.tasks.job_process import NUMBER, SERVER
+from render.base.python_process import ENDING
 
 REQUEST_BYTES = 65536
 """The longest request: the words of a job, which a command line has to hold too."""
 
 SMALLEST_SHOT = "{title: A, frames: 1-2, subject: {solid: sheet}, resample: {max_edge_length: 1}, flows: []}"
-
-IGNORED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Signals that end jobs, one after the other, and with the last of them the server."""
 
 
 @contextmanager
@@ -83,7 +81,7 @@ def _serve(listener: socket.socket, lifeline: int, folder: Path) -> NoReturn:
     """Fork processes for jobs until no more can come and the last has ended."""
     code = 1
     try:
-        for number in IGNORED:
+        for number in ENDING:  # they end jobs, one after the other, and with the last of them the server
             signal.signal(number, signal.SIG_IGN)
         _load_what_jobs_need()
         _Server(listener, lifeline).run()
@@ -96,6 +94,7 @@ def _serve(listener: socket.socket, lifeline: int, folder: Path) -> NoReturn:
 def _load_what_jobs_need() -> None:
     """Import the modules of all stages, and build what they build when first used; start no thread."""
     gc.disable()  # little of what is imported is ever freed
+    import portalocker  # noqa: F401  # for the locks of jobs
     from numba.core.registry import cpu_target
 
     from pipeline.production.stages import STAGES
@@ -208,7 +207,7 @@ def _work(out: int, err: int, words: list[str], folder: str, process: int) -> No
     from pipeline.production.tasks.worker import run
 
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    for number in set(IGNORED) - {signal.SIGINT}:
+    for number in set(ENDING) - {signal.SIGINT}:
         signal.signal(number, signal.SIG_DFL)
     os.dup2(out, 1)
     os.dup2(err, 2)

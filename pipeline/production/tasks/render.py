@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import resource
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -25,7 +24,7 @@ from pipeline.production.store.store import Key, checkpoint_of
 from pipeline.production.tasks.finish import raw_attributes
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.supervisor import MemoryGuard, StopRequest, deferred_signals
-from render.base.work_clock import Timing, WorkClock
+from render.base.work_clock import Timing, WorkClock, peak_memory
 from render.frame.checkpoint import Checkpoint
 from render.frame.render_frame import ShutterInterval, render_frame
 from render.mitsuba.engine import Engine, choose
@@ -352,7 +351,7 @@ def _write_statistics(
         **({"resumed_batches": resumed} if resumed else {}),
         "pixels": width * height,
         "threads": context.job.threads,
-        "peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
+        "peak_memory_mib": peak_memory(),
     }
     text = json.dumps(statistics, indent=1) + "\n"
     path = context.root / context.request.place("statistics", number)

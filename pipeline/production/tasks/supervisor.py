@@ -26,12 +26,11 @@ from pipeline.production.planning.profile import avoid
 from pipeline.production.store.event_log import Event, EventReader
 from pipeline.production.tasks.job import ENVIRONMENT, Context
 from render.base import python_process
-from render.base.python_process import ForkedProcess, may_fork
+from render.base.python_process import ENDING, ForkedProcess, may_fork
 
-CRASHES = {signal.SIGABRT, signal.SIGSEGV, signal.SIGILL, signal.SIGBUS, signal.SIGFPE}
-
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Signals that end a job: of a user, a farm, and a terminal that is closed."""
+CRASHES = {
+    number for number in signal.Signals if number.name in ("SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV")
+}
 
 INTERRUPTED = 130
 
@@ -100,7 +99,7 @@ class Supervisor:
             return processes[0].wait(), bool(received)
 
     def _ended_by(self, number: signal.Signals) -> int:
-        if number in SIGNALS:
+        if number in ENDING:
             return int(number)
         context = self.context
         if not (number in CRASHES and fall_back_to_other_variant(context, f"crashed ({number.name})")):
@@ -151,13 +150,13 @@ def renderer(plan_path: str, job: Job, render: Callable[[int], int]) -> Start:
 
 @contextmanager
 def handled(handle: Callable[[int], None]) -> Iterator[None]:
-    """Have `handle` called for SIGNALS. A signal that is ignored stays so, as in a shell's background."""
+    """Have `handle` called for ENDING. A signal that is ignored stays so, as in a shell's background."""
 
     def handler(number: int, frame: FrameType | None) -> None:
         handle(number)
 
-    before = {number: signal.getsignal(number) for number in SIGNALS}
-    ours = [number for number in SIGNALS if before[number] != signal.SIG_IGN]
+    before = {number: signal.getsignal(number) for number in ENDING}
+    ours = [number for number in ENDING if before[number] != signal.SIG_IGN]
     for number in ours:
         signal.signal(number, handler)
     try:

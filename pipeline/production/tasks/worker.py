@@ -22,7 +22,7 @@ from typing import Any
 from pipeline.errors import FlowsculptError, FrameError, MachineError
 from pipeline.plugin import fault_of_plugin
 from pipeline.production.planning.plan import Plan, write_manifest
-from pipeline.production.planning.profile import ON_GPU, VariantError, require_variant
+from pipeline.production.planning.profile import VariantError, require_variant
 from pipeline.production.stages import STAGES
 from pipeline.production.store.locks import of_key, writing
 from pipeline.production.store.remote_store import has_kernels, remote_stores
@@ -30,15 +30,14 @@ from pipeline.production.tasks.job import ENVIRONMENT, Context, cpu_of_job
 from pipeline.production.tasks.supervisor import (
     INTERRUPTED,
     RESTART_WORKER,
-    SIGNALS,
     MemoryLimitError,
     Supervisor,
     fall_back_to_other_variant,
     renderer,
 )
 from render.base.atomic_write import machine_error
-from render.base.python_process import postpone_collection
-from render.mitsuba.engine import available_cores
+from render.base.python_process import ENDING, postpone_collection
+from render.mitsuba.engine import GPU_VARIANTS, available_cores
 
 
 def main(
@@ -70,7 +69,7 @@ def main(
 
 def _heeding_signals(context: Context, work: Callable[[], int]) -> int:
     """Work on a job, which a signal interrupts; return the exit code: 1 if the log says what failed."""
-    for number in SIGNALS:
+    for number in ENDING:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _interrupt_once)
     try:
@@ -152,7 +151,7 @@ def work(context: Context) -> int:
     except Exception as error:
         with suppress(OSError):  # the job's log may lie on a full disk
             traceback.print_exc()
-        on_gpu = job.stage == "render" and context.request.variant == ON_GPU
+        on_gpu = job.stage == "render" and context.request.variant in GPU_VARIANTS
         if on_gpu and fall_back_to_other_variant(context, f"failed ({str(error).partition(chr(10))[0]})"):
             return 1  # its memory may be too small, its driver too old: nothing that another frame would mend
         if isinstance(error, OSError):
@@ -198,7 +197,7 @@ def _limit_kernels(threads: int) -> None:
 
 def _interrupt_once(number: int, frame: FrameType | None) -> None:
     """Interrupt this process once: a signal often comes several times, and must not disturb the clean-up."""
-    for other in SIGNALS:
+    for other in ENDING:
         signal.signal(other, signal.SIG_IGN)
     raise KeyboardInterrupt
 
