@@ -200,6 +200,6 @@ def test_set_up_goes_on_where_nothing_can_be_fetched(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.count("\n") == 1
-    assert done.stdout.startswith("No libLLVM fetched (")
-    assert done.stderr == ""
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.startswith("No libLLVM fetched (")
+    assert done.stdout == ""

@@ -26,6 +26,11 @@ PLUGIN = Plugin(
             "Check every stored file and make damaged ones again.",
             "Maintain",
         ),
+        "audit": Command(
+            "pipeline.plugins.maintenance.audit_command:audit",
+            "Make random finished frames again, and compare their bits.",
+            "Maintain",
+        ),
         "clean": Command(
             "pipeline.plugins.maintenance.store_commands:clean",
             "Delete stored files that nothing needs.",

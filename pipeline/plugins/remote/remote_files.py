@@ -2,8 +2,9 @@
 
     PREFIX/frame/a/ab12….<digest of the content>.exr
 
-The digest in the name says what the content must be, so a file that is truncated, damaged or of somebody else
-is told from a whole one by whoever reads it, and writing takes one request. One listing of a kind of files
+The digest in the name says what the content must be, so a file that is truncated or damaged is told from a
+whole one by whoever reads it, and writing takes one request. What was sent whole is looked at too: it must
+hold its key, or have the form of its kind (`fetched_content.py`). One listing of a kind of files
 answers for all its keys; it is made of sixteen, side by side, by the first digit of the key.
 
 Nothing here raises an error for what the remote store does. While it does not answer (`remote_requests.py`),
@@ -27,6 +28,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from types import SimpleNamespace
 
+from pipeline.plugins.remote.fetched_content import fault_of, suffix_of
 from pipeline.plugins.remote.remote_requests import (
     NO_FOLDER,
     RemoteRequests,
@@ -43,7 +45,8 @@ from render.base.atomic_write import machine_error
 LISTED_SECONDS = 60.0
 """Seconds for which a listing counts: what others upload meanwhile is seen after these."""
 
-_NAME = re.compile(r"([0-9a-f]{32})\.([0-9a-f]{32})\.\w+")
+_NAME = re.compile(r"([0-9a-f]{32})\.([0-9a-f]{32})(\.\w+)", re.ASCII)
+"""Names that are used; others in a listing, and their folders, never become part of a path."""
 
 _BUCKETS = ("s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "oci", "oss", "memory")
 """Protocols of object stores, where a file appears whole or not at all. By others it is renamed into place,
@@ -116,11 +119,12 @@ class RemoteFiles:
     def _names_of(self, kind: str) -> dict[str, list[str]]:
         """Ask for the names of all files of a kind, by key. Raises UnreachableError."""
         found: dict[str, list[str]] = {}
+        suffix = suffix_of(kind)
         with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
             for paths in pool.map(self._ls, self._ls(f"{self.home}/{kind}")):
                 for path in paths:
                     name = path.rpartition("/")[2]
-                    if _NAME.fullmatch(name):
+                    if (match := _NAME.fullmatch(name)) and match[3] == suffix:
                         found.setdefault(name.partition(".")[0], []).append(name)
         return found
 
@@ -141,15 +145,20 @@ class RemoteFiles:
         """
         with contextlib.suppress(UnreachableError):
             for name in self._names(kind, key):
+                fault = None
                 for _ in range(2):  # damaged on the way, perhaps
                     if not self.requests.tried(partial(self._get, self._place(kind, name), draft)):
                         break
-                    if digest_of(draft) == _digest_in(name):
+                    is_as_sent = digest_of(draft) == _digest_in(name)
+                    fault = fault_of(kind, key, draft) if is_as_sent else "differs from the stored file"
+                    if fault is None:
                         return _digest_in(name)
-                else:
+                    if is_as_sent:
+                        break
+                if fault is not None:
                     self.requests.warn(
-                        f"{self.url}: {kind}/{name[0]}/{name} differs from the stored file: it is not used, "
-                        "and is replaced once it is made again"
+                        f"{self.url}: {kind}/{name[0]}/{name} {fault}: it is not used, and is replaced once "
+                        "it is made again"
                     )
                 self._bad.add(name)
         return None

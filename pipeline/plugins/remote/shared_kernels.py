@@ -7,12 +7,15 @@ its digest is in the plan that it works by, or where its user asks for it by `fl
 
 from __future__ import annotations
 
+import re
 import tempfile
 import zipfile
 from pathlib import Path
 
+from pipeline.plugins.remote.fetched_content import KERNELS
 from pipeline.production.store.digests import digest_of
 from pipeline.production.store.remote_store import (
+    LOG,
     RemoteStore,
     has_kernels,
     is_read_only,
@@ -22,7 +25,7 @@ from pipeline.production.store.remote_store import (
 from render.base.atomic_write import atomic_write
 from render.base.user_cache import kernel_homes
 
-KIND = "kernels"
+_FILE = re.compile(r"[^/\\:]+\.kernel")
 
 
 def send_kernels(remote: RemoteStore) -> str:
@@ -37,8 +40,8 @@ def send_kernels(remote: RemoteStore) -> str:
     if not archive.exists():
         _pack(archive)
     digest = digest_of(archive)
-    there = digest in remote.digests(KIND).get(key, ())
-    sent = there or (not is_read_only() and remote.send(KIND, key, archive, digest))
+    there = digest in remote.digests(KERNELS).get(key, ())
+    sent = there or (not is_read_only() and remote.send(KERNELS, key, archive, digest))
     return f"{key}.{digest}" if sent else ""
 
 
@@ -54,10 +57,14 @@ def fetch_kernels(remote: RemoteStore, planned: str | None = None) -> bool:
         return False
     with tempfile.TemporaryDirectory() as folder:
         draft = Path(folder) / "kernels.zip"
-        found = remote.fetch(KIND, key, draft)
+        found = remote.fetch(KERNELS, key, draft)
         if found is None or found != (digest or found):
             return False
-        _unpack(draft)
+        if not _unpack(draft):
+            LOG.warning(
+                f"{remote.url}: the archive of kernels {key} holds other files; nothing of it is used"
+            )
+            return False
     note_all_compiled()
     return True
 
@@ -81,13 +88,18 @@ def _pack(archive: Path) -> None:
             packed.writestr(info, path.read_bytes(), zipfile.ZIP_DEFLATED)
 
 
-def _unpack(archive: Path) -> None:
-    """Write the kernels of an archive to where this machine looks for its own."""
+def _unpack(archive: Path) -> bool:
+    """Write the kernels of an archive to where this machine looks for its own; return whether it has done so.
+
+    An archive with any other file is no archive of ours: nothing of it is written.
+    """
     from render.base.kernel_cache import all_kernels, folder_name
 
     with zipfile.ZipFile(archive) as packed:
-        for name in packed.namelist():
-            folder, _, file = name.partition("/")
-            if folder in all_kernels() and Path(file).name == file:
-                with atomic_write(kernel_homes()[1] / folder_name() / folder / file, flush=False) as draft:
-                    draft.write_bytes(packed.read(name))
+        names = [name.partition("/")[::2] for name in packed.namelist()]
+        if any(folder not in all_kernels() or not _FILE.fullmatch(file) for folder, file in names):
+            return False
+        for folder, file in names:
+            with atomic_write(kernel_homes()[1] / folder_name() / folder / file, flush=False) as draft:
+                draft.write_bytes(packed.read(f"{folder}/{file}"))
+    return True

@@ -15,7 +15,7 @@ import shutil
 import stat
 import sys
 from argparse import ArgumentParser
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
@@ -33,6 +33,7 @@ from pipeline.production.stages import PLUGIN_STAGES, STAGES, forced_with
 from pipeline.production.store.history import summarise
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.store import Store, upload_missed
+from pipeline.production.tasks.job import MOST_FAULTS, faults_of_hosts
 from render.base.atomic_write import atomic_write
 from render.base.python_process import command, command_line, distrust_working_folder
 from render.scene.render_quality import DEFAULT_QUALITY
@@ -66,6 +67,9 @@ class PlannedWorkflow:
     def __init__(self, workflow: Any, config: Mapping[str, Any]) -> None:
         distrust_working_folder()
         RemoteExecutor.get_python_executable = _python_of_nodes
+        slurm: Any = sys.modules.get("snakemake_executor_plugin_slurm")
+        if slurm is not None:
+            slurm.get_submit_command = self._sparing_hosts(slurm.get_submit_command)
         self._workflow, self._config, self._root = workflow, config, Path.cwd()
         for name in config:
             if name not in (*SETTINGS, *PROFILE_SETTINGS, "plan"):
@@ -164,6 +168,18 @@ class PlannedWorkflow:
     def _jobs(self) -> Mapping[str, Job]:
         """The jobs by key, those of movies by the movie."""
         return {job.output if job.output.endswith(".mp4") else job.key: job for job in self.plan.jobs}
+
+    def _sparing_hosts(self, submit_command: Callable[..., str]) -> Callable[..., str]:
+        """Keep SLURM from giving jobs to hosts that are left out, as its plug-in does for broken nodes."""
+
+        def command(*words: Any, **options: Any) -> str:
+            failed = faults_of_hosts(self._root, self.plan)
+            hosts = {host for (host, _), frames in failed.items() if len(frames) >= MOST_FAULTS}
+            if hosts:
+                options["failed_nodes"] = sorted(hosts.union(options.get("failed_nodes") or ()))
+            return submit_command(*words, **options)
+
+        return command
 
     # Planning
 

@@ -7,6 +7,7 @@ import os
 import platform
 import sys
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -39,6 +40,29 @@ SIGN_SECONDS = 5.0
 
 ENVIRONMENT = 4
 """The exit code of the machine's faults, which further frames would meet as well."""
+
+
+MOST_FAULTS = 3
+"""Frames of a stage at which a host of a farm may fail before it is left out of the rest of a run."""
+
+
+def this_host() -> str:
+    """Return the name of this host, as SLURM knows it where that has started the process."""
+    return os.environ.get("SLURMD_NODENAME") or platform.node()
+
+
+def faults_of_hosts(root: Path, plan: Plan) -> dict[tuple[str, str], set[tuple[str, str, int]]]:
+    """Return the frames (shot, quality, number) at which hosts failed while a plan is run, by host and stage.
+
+    Only what a machine is to blame for counts: where a mesh is bad, all hosts fail.
+    """
+    failed = defaultdict(set)
+    for event in EventReader(root / EVENTS / f"{plan.name}.jsonl").new("fail"):
+        is_its_own = event["event"] == "fail" and event.get("exit_code") == ENVIRONMENT
+        if is_its_own and event.get("frame") is not None:
+            frame = event["shot"], event["quality"], event["frame"]
+            failed[event.get("host", ""), event["stage"]].add(frame)
+    return failed
 
 
 @dataclass(frozen=True)
@@ -74,6 +98,20 @@ class Context:
         kinds = {event["event"] for event in events}
         known = "healed" in kinds or (bool(codes) and "end" in kinds)
         return known and ENVIRONMENT not in codes
+
+    def reason_to_leave(self) -> str | None:
+        """Return why this host of a farm leaves the job to others; None where it does not."""
+        if not self.plan.farm:
+            return None
+        failed = faults_of_hosts(self.root, self.plan)[this_host(), self.job.stage]
+        if len(failed) >= MOST_FAULTS:
+            return (
+                f"{this_host()} has failed at {len(failed)} frames of {self.job.stage} and is left out of it"
+            )
+        again = sorted({(self.subject, self._quality, number) for number in self.job.frames} & failed)
+        if not again:
+            return None
+        return f"{this_host()} has failed at frame {again[0][2]} of {self.subject}; a host gets one try at it"
 
     def failed(self, stage: str) -> set[int]:
         """Return the frames of this job's pictures that failed at an earlier stage of this run."""
@@ -217,10 +255,17 @@ class Context:
                 self.fail(error, number)
                 well = False
                 if error.exit_code == ENVIRONMENT:
+                    self._warn_if_left_out()
                     break
             else:
                 self.report(number, found, clock.lap())
         return well
+
+    def _warn_if_left_out(self) -> None:
+        host, stage = this_host(), self.job.stage
+        if self.plan.farm and len(faults_of_hosts(self.root, self.plan)[host, stage]) >= MOST_FAULTS:
+            fact = f"{host} has failed at {MOST_FAULTS} frames of {stage} and is left out of it"
+            self.write("warn", message=f"{fact} for the rest of the run; flowsculpt doctor there says more")
 
     # Events
 
@@ -268,7 +313,7 @@ class Context:
 
     def fail(self, error: FlowsculptError, number: int | None = None) -> None:
         """Report the error of the job, or of one of its frames."""
-        self.write("fail", number, message=str(error), exit_code=error.exit_code)
+        self.write("fail", number, message=str(error), exit_code=error.exit_code, host=this_host())
         with suppress(OSError):  # the job's log may lie on a full disk
             print(error, file=sys.stderr, flush=True)
 

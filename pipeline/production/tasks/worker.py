@@ -87,6 +87,9 @@ def _do(context: Context, plan_path: str, insist: bool, process: int) -> int:
     if not insist and context.failed_for_good():
         return 1
     context.begin(process)
+    if not insist and (reason := context.reason_to_leave()):
+        context.refuse(MachineError(reason))
+        return ENVIRONMENT
     with writing(root, wait=True), ExitStack() as stack:
         if not STAGES[job.stage].per_quality:
             stack.enter_context(of_key(root, job.key, context.waits))

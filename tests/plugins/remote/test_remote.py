@@ -1,8 +1,10 @@
 """The remote store on a file share: what one root made, another one fetches, to the bit."""
 
+import json
 import logging
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -11,8 +13,11 @@ from pipeline.errors import FrameError, MachineError, UsageError
 from pipeline.plugins.remote import remote_files, remote_requests
 from pipeline.plugins.remote.push_command import lacking_names, upload_lacking
 from pipeline.plugins.remote.remote_files import RemoteFiles
+from pipeline.production.store.readers import with_key, write_npz
 from pipeline.production.store.remote_store import READ_ONLY, VARIABLE
 from pipeline.production.store.store import Store, missed_uploads, upload_missed
+from render.post.image import write_exr
+from render.scene.aovs import RenderedFrame
 
 KEY = "ab" * 16
 OTHER = "cd" * 16
@@ -45,7 +50,7 @@ def stores(tmp_path, url):
 
 def content_of(key):
     """The content of a key's file: the same whoever makes it."""
-    return (f"made from {key}\n" * 5000).encode()
+    return json.dumps([f"made from {key}"] * 5000).encode()
 
 
 def fill(store, key=KEY):
@@ -158,9 +163,9 @@ def test_a_file_that_cannot_be_read_though_it_is_what_was_sent_leaves_the_remote
 def test_making_again_by_force_replaces_what_is_there(stores, share):
     ours, theirs = stores
     fill(ours)
-    theirs.put("cameras", KEY, lambda path: path.write_bytes(b"newer"), replace=True)
+    theirs.put("cameras", KEY, lambda path: path.write_bytes(b'"newer"'), replace=True)
     (there,) = sent(share)
-    assert there.read_bytes() == b"newer"
+    assert there.read_bytes() == b'"newer"'
 
 
 def test_a_share_that_is_not_mounted_is_told_once_and_filled_later(stores, share, caplog):
@@ -331,3 +336,70 @@ def test_two_roots_that_share_a_remote_store_never_read_other_bytes(tmp_path_fac
             else:
                 whole = there[0].read_bytes()
                 there[0].write_bytes(whole[:-1] if action == "cut" else whole[:-1] + b"?")
+
+
+@pytest.mark.parametrize(
+    ("kind", "content"),
+    [
+        ("cameras", b"no JSON"),
+        ("raw", b"no picture"),
+        ("mesh", b"PK no arrays"),
+        ("movie", b"#!/bin/sh of some length"),
+        ("png", b"<svg/> of some length"),
+    ],
+)
+def test_what_was_sent_under_a_right_digest_and_is_nothing_of_its_kind_is_not_used(
+    stores, caplog, kind, content
+):
+    ours, theirs = stores
+    ours.put(kind, KEY, lambda path: path.write_bytes(content))
+    assert theirs.holds(kind, KEY) and not theirs.bring(kind, KEY)
+    assert not theirs.path(kind, KEY).exists() and not theirs.holds(kind, KEY)
+    (said,) = warnings(caplog)
+    assert KEY in said and "it is not used" in said
+
+
+@pytest.mark.parametrize("kind", ["mesh", "raw"])
+def test_the_content_of_another_key_is_not_used(stores, caplog, kind):
+    ours, theirs = stores
+
+    def write(path: Path) -> None:
+        if kind == "mesh":
+            write_npz(path, with_key(OTHER, {"vertices": np.zeros((3, 3))}))
+        else:
+            write_exr(path, RenderedFrame({"beauty": np.zeros((2, 2, 3), np.float16)}), {"key": OTHER})
+
+    ours.put(kind, OTHER, write)
+    assert theirs.bring(kind, OTHER), "under its own key it is"
+    ours.put(kind, KEY, write)
+    assert not theirs.bring(kind, KEY)
+    assert f"is the content of another file, {OTHER}" in warnings(caplog)[-1]
+
+
+def test_names_that_nobody_asked_for_are_not_looked_at(stores, monkeypatch):
+    ours, theirs = stores
+    fill(ours)
+    remote = RemoteFiles.of(theirs.url)
+    listed, asked = remote.requests.call, []
+    digest = "0" * 32
+    hostile = [
+        f"../../../{KEY}.{digest}.json",
+        f"{KEY}.{digest}.json/../../evil.json",
+        f"..\\{OTHER}.{digest}.json",
+        f"{OTHER}.{digest}.exe",
+        f"{OTHER}.{digest}.npz",
+        f"{OTHER}.{digest}.json\n",
+        f"/etc/{OTHER}",
+    ]
+
+    def call(method, *words, **options):
+        if method == "ls":
+            return [*listed(method, *words, **options), *hostile]
+        asked.append(words[0])
+        return listed(method, *words, **options)
+
+    monkeypatch.setattr(remote.requests, "call", call)
+    assert not theirs.holds("cameras", OTHER)
+    assert theirs.bring("cameras", KEY)
+    assert all(place.startswith(f"{remote.home}/cameras/a/{KEY}.") for place in asked)
+    assert [path.name for path in theirs.root.rglob("*.json")] == [f"{KEY}.json"]

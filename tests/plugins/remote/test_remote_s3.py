@@ -33,11 +33,11 @@ def stores(tmp_path):
 
 
 def fill(store, key=KEYS[0]):
-    return store.put("raw", key, lambda path: path.write_bytes(key.encode() + CONTENT))
+    return store.put("png", key, lambda path: path.write_bytes(b"\x89PNG\r\n\x1a\n" + key.encode() + CONTENT))
 
 
 def is_right(store, key=KEYS[0]):
-    return store.path("raw", key).read_bytes() == key.encode() + CONTENT
+    return store.path("png", key).read_bytes() == b"\x89PNG\r\n\x1a\n" + key.encode() + CONTENT
 
 
 def warnings(caplog):
@@ -46,9 +46,9 @@ def warnings(caplog):
 
 def test_what_one_root_put_another_fetches_to_the_bit(stores):
     ours, theirs = stores
-    assert not theirs.holds("raw", KEYS[0])
+    assert not theirs.holds("png", KEYS[0])
     fill(ours)
-    assert theirs.bring("raw", KEYS[0]) and is_right(theirs)
+    assert theirs.bring("png", KEYS[0]) and is_right(theirs)
     assert theirs.remote.fault() is None
 
 
@@ -62,12 +62,12 @@ def test_many_keys_are_asked_for_in_few_requests_side_by_side(stores, s3: Proxy,
     assert theirs.remote.fault() is None  # connects
     s3.seconds, s3.most_at_once = 0.2, 0
     s3.requests.clear()
-    assert all(theirs.holds("raw", key) for key in keys)
+    assert all(theirs.holds("png", key) for key in keys)
     assert len(s3.requests) <= 1 + 16
     assert s3.most_at_once > 4
     s3.seconds, s3.most_at_once = 0.05, 0
     s3.requests.clear()
-    assert theirs.bring_all([("raw", key) for key in keys]) == 60
+    assert theirs.bring_all([("png", key) for key in keys]) == 60
     assert all(is_right(theirs, key) for key in keys)
     assert s3.most_at_once > 4
 
@@ -80,7 +80,7 @@ def test_a_server_that_fails_for_long_fails_nobody_and_is_told_once(stores, s3: 
     asked = []
     for key in KEYS[:5]:
         fill(ours, key)
-        assert is_right(ours, key) and not ours.holds("raw", KEYS[9])
+        assert is_right(ours, key) and not ours.holds("png", KEYS[9])
         asked.append(len(s3.requests))
     assert len(set(asked)) == 1, "it is left alone after the first"
     (said,) = warnings(caplog)
@@ -90,7 +90,7 @@ def test_a_server_that_fails_for_long_fails_nobody_and_is_told_once(stores, s3: 
     s3.fault = None
     remote_files._opened.cache_clear()  # as in the next run
     assert upload_missed(ours) == (5, 0)
-    assert theirs.bring("raw", KEYS[4]) and is_right(theirs, KEYS[4])
+    assert theirs.bring("png", KEYS[4]) and is_right(theirs, KEYS[4])
 
 
 def test_a_server_that_is_away_for_a_moment_is_asked_again(stores, s3: Proxy, caplog):
@@ -100,7 +100,7 @@ def test_a_server_that_is_away_for_a_moment_is_asked_again(stores, s3: Proxy, ca
     threading.Timer(0.4, lambda: setattr(s3, "fault", None)).start()
     fill(ours)
     assert warnings(caplog) == [] and missed_uploads(ours.root) == []
-    assert theirs.bring("raw", KEYS[0])
+    assert theirs.bring("png", KEYS[0])
 
 
 def test_a_server_that_comes_back_is_used_again_in_the_same_process(stores, s3: Proxy, monkeypatch):
@@ -113,7 +113,7 @@ def test_a_server_that_comes_back_is_used_again_in_the_same_process(stores, s3: 
     s3.fault = None
     time.sleep(0.35)
     fill(ours, KEYS[1])
-    assert missed_uploads(ours.root) == [("raw", KEYS[0])]
+    assert missed_uploads(ours.root) == [("png", KEYS[0])]
 
 
 @pytest.mark.parametrize("fault", ["cut", "alter"])
@@ -121,24 +121,24 @@ def test_what_is_damaged_on_the_way_is_never_used(stores, s3: Proxy, caplog, fau
     ours, theirs = stores
     fill(ours)
     s3.fault = fault
-    assert not theirs.bring("raw", KEYS[0])
-    assert not theirs.path("raw", KEYS[0]).exists() and not list(theirs.inner_scratch.iterdir())
+    assert not theirs.bring("png", KEYS[0])
+    assert not theirs.path("png", KEYS[0]).exists() and not list(theirs.inner_scratch.iterdir())
     assert len(warnings(caplog)) == 1
     fill(theirs)
     s3.fault = None
     remote_files._opened.cache_clear()
     assert upload_missed(theirs).unsent == 0
-    theirs.discard("raw", KEYS[0])
-    assert theirs.bring("raw", KEYS[0]) and is_right(theirs)
+    theirs.discard("png", KEYS[0])
+    assert theirs.bring("png", KEYS[0]) and is_right(theirs)
 
 
 def test_an_object_that_is_removed_after_it_was_listed_is_made_again(stores, monkeypatch, caplog):
     ours, theirs = stores
     fill(ours)
     monkeypatch.setattr(remote_files, "LISTED_SECONDS", 60.0)
-    assert theirs.holds("raw", KEYS[0])
+    assert theirs.holds("png", KEYS[0])
     theirs.remote.requests.files.rm(theirs.remote.home, recursive=True)
-    assert not theirs.bring("raw", KEYS[0]) and not theirs.holds("raw", KEYS[0])
+    assert not theirs.bring("png", KEYS[0]) and not theirs.holds("png", KEYS[0])
     assert fill(theirs) and warnings(caplog) == []
 
 

@@ -1,12 +1,14 @@
 """Compiled kernels in the remote store: code, so taken by a digest that one trusts."""
 
 import os
+import zipfile
 
 import pytest
 
 from pipeline.plugins.remote.remote_files import RemoteFiles
 from pipeline.plugins.remote.shared_kernels import fetch_kernels, send_kernels
 from pipeline.production.planning.plan import Plan
+from pipeline.production.store.digests import digest_of
 from pipeline.production.store.remote_store import (
     VARIABLE,
     has_kernels,
@@ -93,3 +95,14 @@ def test_a_plan_for_workers_with_a_store_names_its_kernels(machine, remote, sent
     plan.write(tmp_path / "shared.json")
     assert Plan.thaw(tmp_path / "alone.json").kernels == ""
     assert Plan.thaw(tmp_path / "shared.json").kernels == sent
+
+
+@pytest.mark.parametrize("name", ["../../evil.kernel", "{}/../../evil.kernel", "{}/evil.py", "evil/a.kernel"])
+def test_nothing_is_taken_of_an_archive_with_other_files(machine, remote, sent, tmp_path, name):
+    (archive,) = (tmp_path / "store").rglob("*.zip")
+    with zipfile.ZipFile(archive, "a") as packed:
+        packed.writestr(name.format(all_kernels()[0]), b"evil")
+    archive.rename(archive.with_name(f"{kernels_key()}.{digest_of(archive)}.zip"))
+    second = machine("second")
+    assert not fetch_kernels(remote)
+    assert not kernels(second) and not list(tmp_path.rglob("evil*"))
