@@ -327,6 +327,8 @@ def exchanged(draft: Draft) -> str:
             own = {p.name for p in parameters_named(name)}
             if shared in each.values and shared in own and row["family"] != "attractor":
                 values[shared] = each.values[shared]
+        if "direction" in values and values["direction"] == values.get("axis"):
+            values["direction"] = "y" if values["axis"] == "x" else "x"
         _take_curve(each, row, values, rows[name])
         each.holder[each.index] = {name: values}
     return f"{rows[name]['words']} for {'each' if len(group) > 1 else 'the'} {called(leaf)}"
