@@ -1,7 +1,8 @@
 """The stills of docs/gallery.md, one a shot: `make pictures`, or this file with shots' names.
 
 They are rendered at daily quality, as large as they are shown. `--root` says where to render, `-q` at what
-other quality.
+other quality. Each is measured as it is displayed: it should have a highlight, the 99th percentile of
+luminance at 200 of 255 or above, and at most half a percent of its pixels clipped in any channel.
 """
 
 from __future__ import annotations
@@ -11,7 +12,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
+
+from pipeline.production.picture_sequences import white
 
 HERE = Path(__file__).parent / "gallery"
 STILLS = {
@@ -36,10 +41,12 @@ STILLS = {
     "B160_loops": 50,
     "B170_endless": 44,
     "B180_pool": 46,
+    "B190_moon": 84,
 }
 """The frame that shows most of each shot."""
 
 WIDTH = 960
+LEAST_WHITE, MOST_CLIPPED = 200, 0.5
 
 
 def main() -> None:
@@ -61,8 +68,17 @@ def _draw(shot: str, frame: int, root: Path, quality: str) -> None:
     subprocess.run([sys.executable, "-m", "pipeline.cli", *words], check=True)
     with Image.open(root / "renders" / shot / quality / "png" / f"{shot}.{frame:04d}.png") as still:
         shown = still.convert("RGB")
+        print(_levels(shot, np.asarray(shown)))
         shown.thumbnail((WIDTH, WIDTH), Image.Resampling.LANCZOS)
         shown.save(HERE / f"{shot}.webp", quality=88, method=6)
+
+
+def _levels(shot: str, pixels: NDArray[np.uint8]) -> str:
+    """Return a line: the 99th percentile of luminance, and the percentage of clipped pixels by channel."""
+    brightest, clipped = white(pixels), 100 * (pixels == 255).mean(axis=(0, 1))
+    fair = brightest >= LEAST_WHITE and max(clipped) <= MOST_CLIPPED
+    red, green, blue = (f"{share:.2f}" for share in clipped)
+    return f"{shot}: white {brightest}, clipped {red} {green} {blue} %{'' if fair else '  <- relight it'}"
 
 
 if __name__ == "__main__":

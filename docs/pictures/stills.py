@@ -7,7 +7,7 @@ from pathlib import Path
 from PIL import Image
 
 HERE = Path(__file__).parent
-SHOWN = ("B020_inks", "B060_bloom", "B040_monument", "B090_leaves", "B140_corolla", "B030_marble")
+SHOWN = ("B020_inks", "B060_bloom", "B040_monument", "B080_motes", "B180_pool", "B100_torus")
 COLUMNS, SIZE, GAP = 3, (480, 270), 4
 
 
