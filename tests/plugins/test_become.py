@@ -11,6 +11,7 @@ import pytest
 from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError, ShotError, UsageError
 from pipeline.mesh.solids import box, icosphere
+from pipeline.plugins.become import fit_kernels as kernels
 from pipeline.plugins.become import fitting, stored_fits, target
 from pipeline.plugins.become.become_flow import Become
 from pipeline.plugins.become.stored_fits import PlacedShape, fit_between
@@ -260,3 +261,17 @@ def test_headers_of_frames_have_the_residual_and_the_review_page_shows_it(
     names = ("within_95", "worst_part", "least_volume")
     numbers = (fit.residual.most, fit.residual.patch, fit.residual.least)
     assert [shown[f"flows.0.residual.{name}"] for name in names] == pytest.approx(numbers, rel=1e-5)
+
+
+def test_a_solid_with_a_hole_grows_from_a_loop_without_branches_into_its_limbs() -> None:
+    nodes = np.stack(np.meshgrid(*[np.arange(48.0)] * 3, indexing="ij"), axis=-1)
+
+    def inside(low: tuple[int, int, int], high: tuple[int, int, int]) -> Floats:
+        return np.minimum(nodes - low, np.subtract(high, nodes)).min(axis=-1)
+
+    ring = np.minimum(inside((4, 24, 18), (30, 46, 30)), -inside((11, 31, 0), (23, 39, 47)))
+    limb = inside((12, 10, 19), (22, 30, 29)), inside((13, 6, 20), (21, 14, 28))  # thinner, then a foot
+    depth = np.maximum.reduce([ring, *limb, inside((10, 1, 17), (24, 9, 31))])
+    core = depth > 0.0
+    kernels.thin(depth, core)
+    assert np.argwhere(core)[:, 1].min() > 24

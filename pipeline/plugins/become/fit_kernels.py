@@ -293,8 +293,10 @@ def thin(depth: Floats, filled: AnyArray) -> None:
                 if filled[i, j, k]:
                     queue.append((depth[i, j, k], np.int64((i * n + j) * n + k)))
     heapq.heapify(queue)
+    reached = 0.0
     while queue:
-        _, at = heapq.heappop(queue)
+        least, at = heapq.heappop(queue)
+        reached = max(reached, least)
         if at < 0:
             continue
         i, j, k = at // (n * n), at // n % n, at % n
@@ -307,7 +309,7 @@ def thin(depth: Floats, filled: AnyArray) -> None:
         filled[i, j, k] = False
         for other in range(27):
             a, b, c = i + other // 9 - 1, j + other // 3 % 3 - 1, k + other % 3 - 1
-            if filled[a, b, c] and depth[a, b, c] <= depth[i, j, k]:
+            if filled[a, b, c] and depth[a, b, c] <= reached:  # deeper ones wait in the queue
                 heapq.heappush(queue, (depth[a, b, c], np.int64((a * n + b) * n + c)))
 
 
