@@ -3,7 +3,9 @@
     python -m benchmarks.become                         # our own solids, medium
     python -m benchmarks.become fine bunny.obj cow.off  # a ball becomes each of these models
     python -m benchmarks.become medium bunny.obj,cow.off   # the first becomes the second
+    python -m benchmarks.become medium letter:R letter:S:DejaVuSerif-Bold   # a drop or rings become a letter
 
+Fonts are those that come with Matplotlib, by default DejaVuSans-Bold.
 Fits are computed, whatever the cache holds, and stored nowhere.
 """
 
@@ -14,6 +16,7 @@ import time
 from pathlib import Path
 from typing import Any, get_args
 
+import matplotlib
 import numpy as np
 
 from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
@@ -21,10 +24,13 @@ from pipeline.plugins.become import stored_fits
 from pipeline.plugins.become.fitting import Detail
 from pipeline.plugins.become.stored_fits import PlacedShape, fit_between
 from pipeline.plugins.interchange.mesh_writers import write_mesh
+from pipeline.plugins.lettering.kinds import TextKind
+from pipeline.plugins.lettering.starts import starts
 from pipeline.shot.subjects import Model, Solid
 from render.base.input_files import digest_of_file
 
 ORIGIN = (0.0, 0.0, 0.0)
+FONTS = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
 
 
 def extruded(outline: Any, depth: float) -> TriangleMesh:
@@ -51,16 +57,35 @@ def letter_f() -> TriangleMesh:
     return extruded(np.array([*steps, (1.26, 1.63), (1.26, 2), (0, 2)]), 0.38)
 
 
-def model(file: Path) -> PlacedShape:
-    return PlacedShape(Model(digest_of_file(file), path=file, fit=2.0), ORIGIN)
+def letter(folder: Path, text: str, font: str = "DejaVuSans-Bold") -> tuple[Path, Path]:
+    """Write what a letter begins as, and the letter, as models into a folder."""
+    kind = TextKind.model_construct(text=text, font=str(FONTS / f"{font}.ttf"))
+    meshes = starts(kind.shapes(folder), kind.depth), kind.surface(folder)
+    files = folder / f"start_{font}_{ord(text)}.ply", folder / f"{font}_{ord(text)}.ply"
+    for mesh, file in zip(meshes, files, strict=True):
+        write_mesh(mesh, file)
+    return files
+
+
+def model(file: Path, fit: float | None = 2.0) -> PlacedShape:
+    return PlacedShape(Model(digest_of_file(file), path=file, fit=fit), ORIGIN)
+
+
+def pair(name: str, folder: Path, ball: PlacedShape) -> tuple[PlacedShape, PlacedShape]:
+    """Return the shapes that the command line names."""
+    kind, *words = name.split(":")
+    if kind == "letter":
+        start, end = (model(file, None) for file in letter(folder, *words))
+        return start, end
+    shapes = [model(Path(file)) for file in name.split(",")]
+    return (shapes[0], shapes[1]) if len(shapes) > 1 else (ball, shapes[0])
 
 
 def pairs(folder: Path, names: list[str]) -> list[tuple[PlacedShape, PlacedShape]]:
     """Return the shapes to fit: of the files that are named, or our own."""
     ball = PlacedShape(Solid.of("icosphere", {}), ORIGIN)
     if names:
-        shapes = [[model(Path(name)) for name in pair.split(",")] for pair in names]
-        return [(each[0], each[1]) if len(each) > 1 else (ball, each[0]) for each in shapes]
+        return [pair(name, folder, ball) for name in names]
     made = {"star.ply": star_prism(), "f.ply": letter_f()}
     for name, mesh in made.items():
         write_mesh(mesh, folder / name)
