@@ -274,25 +274,27 @@ def _nearest(rows: Floats, queries: Floats) -> AnyArray:
 def _refined(state: State, longest: float) -> State:
     """Return the state with edges cut in two that are longer than `longest` where they are carried to.
 
-    Faces on both sides of an edge are not cut together: the vertices are samples.
+    The longest are cut first, until there are MOST_VERTICES. Faces on both sides of an edge are not cut
+    together: the vertices are samples.
     """
     points, faces = state.rest.points, state.rest.faces
     leg = state.legs[-1]
     now = leg.carry(points)
-    for _ in range(6):
-        ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1)
-        edges = lengths((now[ends[..., 0]] - now[ends[..., 1]]).reshape(-1, 3)).reshape(-1, 3)
-        side = np.argmax(edges, axis=1)
-        rows = np.flatnonzero(edges[np.arange(len(faces)), side] > longest)
-        pairs, middles = np.unique(np.sort(ends[rows, side[rows]], axis=1), axis=0, return_inverse=True)
-        if not len(rows) or len(points) + len(pairs) > MOST_VERTICES:
-            break
-        a, b, c = (faces[rows, (side[rows] + k) % 3] for k in range(3))
-        middle, faces = len(points) + middles.ravel(), faces.copy()
-        faces[rows] = np.stack([a, middle, c], axis=1)
-        faces = np.concatenate([faces, np.stack([middle, b, c], axis=1)])
-        added = 0.5 * (points[pairs[:, 0]] + points[pairs[:, 1]])
-        points, now = np.concatenate([points, added]), np.concatenate([now, leg.carry(added)])
+    for bound in longest * 2.0 ** np.arange(5, -1, -1):
+        for _ in range(6):
+            ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1)
+            edges = lengths((now[ends[..., 0]] - now[ends[..., 1]]).reshape(-1, 3)).reshape(-1, 3)
+            side = np.argmax(edges, axis=1)
+            rows = np.flatnonzero(edges[np.arange(len(faces)), side] > bound)
+            pairs, middles = np.unique(np.sort(ends[rows, side[rows]], axis=1), axis=0, return_inverse=True)
+            if not len(rows) or len(points) + len(pairs) > MOST_VERTICES:
+                break
+            a, b, c = (faces[rows, (side[rows] + k) % 3] for k in range(3))
+            middle, faces = len(points) + middles.ravel(), faces.copy()
+            faces[rows] = np.stack([a, middle, c], axis=1)
+            faces = np.concatenate([faces, np.stack([middle, b, c], axis=1)])
+            added = 0.5 * (points[pairs[:, 0]] + points[pairs[:, 1]])
+            points, now = np.concatenate([points, added]), np.concatenate([now, leg.carry(added)])
     return replace(state, rest=FittedSurface(points, faces))
 
 

@@ -37,7 +37,7 @@ from render.base.atomic_write import atomic_write
 from render.base.render_errors import MachineError
 from render.base.user_cache import cache_path, writable_cache
 
-VERSION = 5
+VERSION = 7
 """Raised when equal shapes give another fit."""
 
 MARGIN = 1.35

@@ -55,14 +55,18 @@ class PathSpace:
     n: int
     length: float
 
+    @property
+    def _depth(self) -> int:
+        """How many frequencies the half spectrum has along the last axis: the others are 0."""
+        return int(BAND * self.n) + 1
+
     @cached_property
     def _modes(self) -> tuple[AnyArray, AnyArray, Floats]:
         """Flat indices (M,) into the half spectrum, wave numbers (M, 3), and factors (M,) from û to v̂."""
         n = self.n
         wave = np.fft.fftfreq(n, 1.0 / n)
-        waves = np.stack(np.meshgrid(wave, wave, np.arange(n // 2 + 1.0), indexing="ij"), axis=-1).reshape(
-            -1, 3
-        )
+        waves = np.stack(np.meshgrid(wave, wave, np.arange(float(self._depth)), indexing="ij"), axis=-1)
+        waves = waves.reshape(-1, 3)
         kept = np.flatnonzero((waves**2).sum(axis=1) <= (BAND * n) ** 2)
         waves = waves[kept]
         filtered = (1.0 + (2.0 * np.pi * self.length) ** 2 * (waves**2).sum(axis=1)) ** -1.5
@@ -97,17 +101,17 @@ class PathSpace:
         """Return the velocities (KNOTS, 3, n, n, n) of a path."""
         n = self.n
         kept, _, factor = self._modes
-        spectrum = np.zeros((KNOTS, 3, n * n * (n // 2 + 1)), np.complex128)
+        spectrum = np.zeros((KNOTS, 3, n * n * self._depth), np.complex128)
         scale = factor / np.sqrt(self._time_weights)[:, None, None]
         spectrum[:, :, kept] = self._less_squeezed(z.view(np.complex128).reshape(KNOTS, 3, -1)) * scale
-        return np.fft.irfftn(
-            spectrum.reshape(KNOTS, 3, n, n, n // 2 + 1), s=(n, n, n), axes=(2, 3, 4), norm="forward"
-        )
+        lines = np.fft.ifftn(spectrum.reshape(KNOTS, 3, n, n, -1), axes=(2, 3), norm="forward")
+        return np.fft.irfft(lines, n=n, axis=4, norm="forward")
 
     def derivatives(self, by_knots: Floats) -> Floats:
         """Return derivatives by z from those by the velocities (KNOTS, 3, n, n, n)."""
         kept, waves, factor = self._modes
-        spectrum = np.fft.rfftn(by_knots, axes=(2, 3, 4)).reshape(KNOTS, 3, -1)[:, :, kept]
+        lines = np.fft.rfft(by_knots, axis=4)[..., : self._depth]
+        spectrum = np.fft.fftn(lines, axes=(2, 3)).reshape(KNOTS, 3, -1)[:, :, kept]
         spectrum *= factor / np.sqrt(self._time_weights)[:, None, None] * np.where(waves[:, 2] > 0, 2.0, 1.0)
         return np.ascontiguousarray(self._less_squeezed(spectrum)).view(np.float64).ravel()
 
@@ -134,16 +138,15 @@ def padded(knots: Floats) -> Floats:
 
 
 def _unpadded(grids: Floats, n: int) -> Floats:
-    """Return the sums (T, 3, n, n, n) of the numbers that padded grids hold of the same node."""
+    """Return the sums (T, 3, n, n, n) of the numbers of a node in padded grids, which change."""
     m = n + 3
     sums = grids.reshape(-1, m, m, m, 3)
     for axis in (1, 2, 3):
-        sums = np.moveaxis(sums, axis, 0)
-        core = sums[1 : n + 1].copy()
-        core[n - 1] += sums[0]
-        core[0] += sums[n + 1]
-        core[1] += sums[n + 2]
-        sums = np.moveaxis(core, 0, axis)
+        nodes = np.moveaxis(sums, axis, 0)
+        nodes[n] += nodes[0]
+        nodes[1] += nodes[n + 1]
+        nodes[2] += nodes[n + 2]
+        sums = np.moveaxis(nodes[1 : n + 1], 0, axis)
     return np.ascontiguousarray(sums.transpose(0, 4, 1, 2, 3))
 
 
@@ -161,8 +164,10 @@ def _share(grids: Floats, time: float, addend: Floats) -> None:
     at = time * (len(grids) - 1)
     k = min(int(at), len(grids) - 2)
     share = at - k
-    grids[k] += (1.0 - share) * addend
-    if share > 0.0:
+    if share == 0.0:
+        grids[k] += addend
+    else:
+        grids[k] += (1.0 - share) * addend
         grids[k + 1] += share * addend
 
 
