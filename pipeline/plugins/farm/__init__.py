@@ -13,6 +13,7 @@ PLUGIN = Plugin(
     exporters={
         "openjd": Command(f"{_COMMANDS}:openjd", "Open Job Description, for render managers."),
         "plan": Command(f"{_COMMANDS}:plan", "What tasks of a render manager read."),
+        "flamenco": Command(f"{_COMMANDS}:flamenco", "A job of Flamenco, and its job type."),
         "kubernetes": Command(f"{_COMMANDS}:kubernetes", "Manifests of Jobs."),
     },
 )

@@ -1,7 +1,8 @@
-"""The command `task`, and the formats of `export` whose jobs call it: `openjd`, `plan` and `kubernetes`."""
+"""The command `task`, and the formats of `export` whose jobs call it."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -15,6 +16,7 @@ from pipeline.cli.options import Common, Frames, PictureOptions, Quality, output
 from pipeline.cli.output import exit_with, print_result
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
+from pipeline.plugins.farm.flamenco import JOB_TYPE, submitted_job
 from pipeline.plugins.farm.kubernetes import SCRIPT, KubernetesJob
 from pipeline.plugins.farm.openjd import template
 from pipeline.plugins.farm.task_runner import Part, do
@@ -90,6 +92,38 @@ def openjd(
         _write(output, partial(_yaml().dump, job))
     facts = {"template": str(output), "plan": str(plan_file), "targets": list(made.targets)}
     print_result(f"{output}, {plan_file}: {common.done('written')}.", facts, common.json)
+
+
+def flamenco(
+    common: Common,
+    names: Names,
+    options: PictureOptions,
+    output: Annotated[Path, _file("flamenco.json")] = Path("flamenco.json"),
+    frames: Frames = None,
+    quality: Quality = DEFAULT_QUALITY,
+) -> None:
+    """Write a job of Flamenco that renders shots and assembles their movies, and the job type that it has.
+
+    `flowsculpt export flamenco A010_cube` writes flamenco.json, next to it the plan that its tasks read, and
+    flowsculpt.js, which belongs in the folder scripts of Flamenco Manager. Workers see plan and root under
+    the same paths, or share a remote store. Tasks skip what is already rendered.
+    """
+    _require_ending(output, "a job of Flamenco", ".json")
+    made = _plan(common, names, options, frames, quality)
+    plan_file, script = output.with_name(f"{output.name}.plan.json"), output.with_name(JOB_TYPE.name)
+    job = submitted_job(made, plan_file.absolute(), common.root.absolute(), "+".join(names), store_url())
+    if not common.dry_run:
+        _make_folders(common, output)
+        made.write(plan_file)
+        _write(script, lambda file: file.write(JOB_TYPE.read_text(encoding="utf-8")))
+        _write(output, partial(json.dump, job, indent=1))
+    facts = {
+        "job": str(output),
+        "plan": str(plan_file),
+        "job_type": str(script),
+        "targets": list(made.targets),
+    }
+    print_result(f"{output}, {plan_file}, {script}: {common.done('written')}.", facts, common.json)
 
 
 def kubernetes(
