@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 
-.PHONY: film showreel test quick soak bench blender check docs reference figures pictures wheel setup lock clean
+.PHONY: film showreel test quick soak bench blender blender-extension check docs reference figures pictures wheel setup lock clean
 .DELETE_ON_ERROR:
 
 film: .venv/ready
@@ -108,10 +108,14 @@ PIP := --quiet --no-compile --require-hashes -r requirements-pip.lock
 	-@$(BIN)/python tests/production/farm/slurm.py fetch
 	@touch $@
 
-# Blender as a module, 820 MB, for Python 3.11 alone: for the tests of its compositor, of what it reads of exported
-# shots, and the comparison with Cycles.
+# The extension for Blender 4.5 and later: dist/flowsculpt-blender-*.zip.
+blender-extension:
+	$(PYTHON) blender/build_extension.py dist
+
+# Blender as a module, 820 MB, for Python 3.11 alone: for the tests of the extension, of its compositor, of what it
+# reads of exported shots, and the comparison with Cycles.
 blender: .venv/ready-cycles
-	$(BIN)/python -m pytest tests/render/test_blender.py tests/plugins/interchange/test_blender.py tests/flow/test_vdb_recipes.py
+	$(BIN)/python -m pytest tests/blender tests/render/test_blender.py tests/plugins/interchange/test_blender.py tests/flow/test_vdb_recipes.py
 
 .venv/ready-cycles: .venv/ready-dev benchmarks/requirements-cycles.txt
 	rm -rf .venv/cycles

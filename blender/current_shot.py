@@ -1,0 +1,114 @@
+"""The shot that is open now, and the handlers that follow frame changes, undo and new files."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.app.handlers import persistent
+
+from .program import Answer, ProgramError, Run
+from .shown_shot import ShownShot
+
+PACKAGE = __package__
+
+TICK = 0.25  # seconds between looks at edits
+
+LOADING = 4  # frames that are loaded ahead at each look
+
+
+class _Current:
+    """What is open and at work; one of each in a Blender."""
+
+    shot: ShownShot | None = None
+    run: Run | None = None
+    progress: Answer | None = None
+    seen: list[object] | None = None
+
+
+current = _Current()
+
+
+def require_shot() -> ShownShot:
+    """Return the open shot. Raises ProgramError where none is open."""
+    if current.shot is None:
+        raise ProgramError("No shot is open. Choose a show and a shot in the sidebar, and open it")
+    return current.shot
+
+
+def preferences() -> bpy.types.AddonPreferences:
+    return bpy.context.preferences.addons[PACKAGE].preferences
+
+
+@persistent
+def _frame_changed(scene: bpy.types.Scene, *_: object) -> None:
+    if current.shot is not None:
+        current.shot.show_frame(scene)
+
+
+@persistent
+def _undone(scene: bpy.types.Scene, *_: object) -> None:
+    """Show the frame again: an undo step may bring back the mesh of another."""
+    if current.shot is not None:
+        current.shot.show_frame(scene)
+
+
+@persistent
+def _file_loaded(*_: object) -> None:
+    """Forget the open shot: the objects of another file are there now."""
+    if current.run is not None:
+        current.run.cancel()
+    current.shot = current.run = current.progress = current.seen = None
+
+
+def _look() -> float:
+    """Write edits that have come to rest, and load frames ahead."""
+    shot, windows = current.shot, bpy.context.window_manager.windows
+    if shot is None or not windows:
+        return TICK
+    scene = windows[0].scene
+    for _ in range(LOADING):
+        shot.load_ahead(scene, preferences().memory * 2**20)
+    if not scene.flowsculpt.writes or is_busy("edit"):
+        return TICK
+    try:
+        changed = shot.changed()
+    except ProgramError as error:
+        shot.message = str(error)
+        return TICK
+    seen = [(slot.words, slot.snapshot()) for slot in changed]
+    if changed and seen == current.seen and not _is_dragging(windows[0]):
+        with bpy.context.temp_override(window=windows[0]):
+            bpy.ops.flowsculpt.write("INVOKE_DEFAULT")
+    current.seen = seen
+    return TICK
+
+
+def _is_dragging(window: bpy.types.Window) -> bool:
+    """Tell whether the artist is in the middle of a move; our own operators wait for runs."""
+    return any(not operator.bl_idname.startswith("FLOWSCULPT") for operator in window.modal_operators)
+
+
+def is_busy(command: str = "") -> bool:
+    """Tell whether a run is going on, of one command or any."""
+    return current.run is not None and not current.run.is_over and command in ("", current.run.words[0])
+
+
+HANDLERS = (
+    ("frame_change_pre", _frame_changed),
+    ("undo_post", _undone),
+    ("redo_post", _undone),
+    ("load_post", _file_loaded),
+)
+
+
+def register() -> None:
+    for name, handler in HANDLERS:
+        getattr(bpy.app.handlers, name).append(handler)
+    bpy.app.timers.register(_look, first_interval=TICK, persistent=True)
+
+
+def unregister() -> None:
+    _file_loaded()
+    if bpy.app.timers.is_registered(_look):
+        bpy.app.timers.unregister(_look)
+    for name, handler in HANDLERS:
+        getattr(bpy.app.handlers, name).remove(handler)

@@ -1,0 +1,57 @@
+"""The zip of the Blender extension: what it says, holds and imports."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+BLENDERS = {"bpy", "bpy_extras", "mathutils", "numpy"}
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
+    return zipfile.ZipFile(built(tmp_path_factory.mktemp("dist")))
+
+
+def built(folder: Path) -> Path:
+    spec = importlib.util.spec_from_file_location("build_extension", ROOT / "blender" / "build_extension.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return Path(module.build_extension(folder))
+
+
+def test_the_manifest_says_what_blender_asks_and_has_the_version_of_flowsculpt(package) -> None:
+    manifest = tomllib.loads(package.read("blender_manifest.toml").decode())
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert manifest["version"] == project["version"]
+    assert manifest["license"] == [f"SPDX:{project['license']}"]
+    assert manifest["blender_version_min"] == "4.5.0" and manifest["type"] == "add-on"
+    assert {"schema_version", "id", "name", "tagline", "maintainer"} <= manifest.keys()
+    assert len(manifest["tagline"]) <= 64 and manifest["tagline"][-1].isalnum(), "Blender's rules"
+    assert len(manifest["permissions"]["files"]) <= 64 and manifest["permissions"]["files"][-1].isalnum()
+    assert "__init__.py" in package.namelist() and "LICENSE" in package.namelist()
+
+
+def test_equal_sources_give_equal_bytes(tmp_path: Path) -> None:
+    assert built(tmp_path / "one").read_bytes() == built(tmp_path / "other").read_bytes()
+
+
+def test_the_modules_import_only_blender_numpy_the_standard_library_and_each_other(package) -> None:
+    names = {Path(name).stem for name in package.namelist()}
+    for file in (name for name in package.namelist() if name.endswith(".py")):
+        for node in ast.walk(ast.parse(package.read(file))):
+            if isinstance(node, ast.ImportFrom) and node.level:
+                found = {node.module} if node.module else {alias.name for alias in node.names}
+                assert found <= names, file
+            elif isinstance(node, ast.ImportFrom | ast.Import):
+                found = {node.module} if isinstance(node, ast.ImportFrom) else {a.name for a in node.names}
+                assert {name.split(".")[0] for name in found} <= BLENDERS | sys.stdlib_module_names, file
