@@ -3,6 +3,7 @@
 
 const facts = JSON.parse(document.getElementById("facts").textContent);
 const blobs = JSON.parse(document.getElementById("blobs").textContent);
+const REACH = 2.6, TALL = 3; // stage units around the sculpture where shadows are drawn, and how long they get
 const HOLD = 0.8; // seconds that the last frame stays before a clip that does not close begins again
 
 /** The bytes of a blob: base64 of deflated data. */
@@ -39,18 +40,31 @@ function pairs(bytes, count) {
   return new Float32Array(rows.buffer);
 }
 
-/** Poses of three components a vertex, in rows of `stride`: each is the one before it plus its differences. */
-function poses(bytes, count, Kind) {
-  const series = summed(bytes, count, Kind), all = [];
-  for (let pose = 0; pose < series.length / 3; pose++) {
-    const rows = new Kind(4 * count), before = all[pose - 1];
-    for (let part = 0; part < 3; part++) {
-      const values = series[3 * pose + part];
+/** Poses of `parts` numbers a vertex, in rows of four: each is the one before it plus its differences. */
+function poses(bytes, count, parts) {
+  const series = summed(bytes, count, Int16Array), all = [];
+  for (let pose = 0; pose < series.length / parts; pose++) {
+    const rows = new Int16Array(4 * count), before = all[pose - 1];
+    for (let part = 0; part < parts; part++) {
+      const values = series[parts * pose + part];
       for (let k = 0; k < count; k++) rows[4 * k + part] = values[k] + (before ? before[4 * k + part] : 0);
     }
     all.push(rows);
   }
   return all;
+}
+
+/** Unfolds normals from an octahedron, whose corners are `most` from its middle, to unit vectors of 32767. */
+function unfold(rows, most) {
+  for (let k = 0; k < rows.length; k += 4) {
+    let x = rows[k] / most, y = rows[k + 1] / most;
+    const z = 1 - Math.abs(x) - Math.abs(y), below = Math.max(-z, 0);
+    x -= below * (x < 0 ? -1 : 1);
+    y -= below * (y < 0 ? -1 : 1);
+    const scale = 32767 / Math.hypot(x, y, z);
+    rows.set([x, y, z].map((part) => Math.round(scale * part)), k);
+  }
+  return rows;
 }
 
 /** The two entries around a frame number in an ascending list, and the share of the second. */
@@ -66,11 +80,48 @@ const mixed = (rows, numbers, number) => {
   return rows[k].map((value, at) => value + share * (rows[next][at] - value));
 };
 
+/** The share of a light that comes past the sculpture: percentage-closer soft shadows (Fernando, 2005).
+ *
+ * A light's shadow has in `intensity` how far blockers are looked for, in `radius` the width of half-shadows by
+ * the difference of depths between surface and blocker; both in shares of the map. For lights of perspective
+ * too that width is linear in this difference, as depths of maps go by one over the distance. */
+const SOFT_SHADOW = `
+  vec2 inDisc(int k, int count, float turn) {
+    float angle = 2.39996323 * float(k) + turn;
+    return sqrt((float(k) + 0.5) / float(count)) * vec2(cos(angle), sin(angle));
+  }
+  float getShadow(sampler2D map, vec2 size, float reach, float bias, float width, vec4 place) {
+    vec3 at = place.xyz / place.w;
+    vec3 across = dFdx(at), down = dFdy(at);
+    float area = across.x * down.y - across.y * down.x;  // how depth changes over the map, on this surface
+    vec2 slope = vec2(down.y * across.z - across.y * down.z, across.x * down.z - down.x * across.z);
+    slope = abs(area) < 1e-12 ? vec2(0.0) : clamp(slope / area, -4.0, 4.0);
+    at.z += bias;
+    if (min(at.x, at.y) < 0.0 || max(at.x, at.y) > 1.0 || at.z > 1.0) return 1.0;
+    float turn = 6.28318531 * fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
+    float blockers = 0.0, depths = 0.0;
+    for (int k = 0; k < 16; k++) {
+      vec2 offset = reach * inDisc(k, 16, turn);
+      float depth = unpackRGBAToDepth(texture2D(map, at.xy + offset));
+      if (depth < at.z + dot(slope, offset)) { blockers += 1.0; depths += depth; }
+    }
+    if (blockers == 0.0) return 1.0;
+    float radius = clamp(width * (at.z - depths / blockers), 1.5 / size.x, reach), open = 0.0;
+    for (int k = 0; k < 32; k++) {
+      vec2 offset = radius * inDisc(k, 32, turn);
+      open += step(at.z + dot(slope, offset), unpackRGBAToDepth(texture2D(map, at.xy + offset)));
+    }
+    return open / 32.0;
+  }
+`;
+
 class Player {
   constructor(bundle) {
     this.THREE = bundle.THREE;
     this.OrbitControls = bundle.OrbitControls;
-    const { THREE } = this;
+    const { THREE } = this, chunks = THREE.ShaderChunk;
+    const [before, , after] = chunks.shadowmap_pars_fragment.split(/(?=float getShadow\(|vec2 cubeToUV\()/);
+    chunks.shadowmap_pars_fragment = before + SOFT_SHADOW + after;
     this.canvas = document.getElementById("view");
     this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: false, powerPreference: "high-performance" });
     this.renderer.shadowMap.enabled = true;
@@ -177,33 +228,30 @@ class Player {
       light.position.set(...spot.position);
       light.target.position.set(...spot.target);
       light.shadow.mapSize.set(1024, 1024);
-      light.shadow.radius = 5;
-      light.shadow.bias = -0.003;
+      light.shadow.bias = -0.001;
       this.set.add(light, light.target);
       return light;
     });
     this.suns = [];
-    for (const sun of lights.suns) this.#distant(sun.irradiance, 1, sun.direction, 2048);
+    for (const sun of lights.suns) this.#distant(sun.irradiance, 1, sun.direction, 2048, 0.01);
     const { zenith, horizon, nadir } = lights.sky;
     const below = lights.ground.map((value, k) => Math.max(0.7 * value, facts.stage ? 0 : nadir[k]));
     const above = zenith.map((value, k) => (value + horizon[k]) / 2);
     this.scene.add(new THREE.HemisphereLight(new THREE.Color(...above), new THREE.Color(...below), 0.75 * Math.PI));
     for (const [x, z] of [[-0.7, -0.4], [0.7, -0.4], [0, 0.8]]) { // the rest of the sky, whose shadows are soft
-      const light = this.#distant(above, Math.PI / 10, [-x, -1, -z], 256);
-      light.shadow.radius = 7;
+      this.#distant(above, Math.PI / 10, [-x, -1, -z], 256, 0.5);
     }
     if (lights.shows_sky) this.set.add(this.#sky(800));
   }
 
-  /** Adds light from a direction, which casts shadows. */
-  #distant(colour, intensity, direction, side) {
+  /** Adds light from a direction and around it by the tangent of an angle; it casts shadows. */
+  #distant(colour, intensity, direction, side, spread) {
     const { THREE } = this, brightest = Math.max(...colour, 1e-9);
     const shade = new THREE.Color(...colour.map((value) => value / brightest));
     const light = new THREE.DirectionalLight(shade, intensity * brightest);
-    light.userData.direction = new THREE.Vector3(...direction).normalize();
+    light.userData = { direction: new THREE.Vector3(...direction).normalize(), spread };
     light.castShadow = true;
     light.shadow.mapSize.set(side, side);
-    light.shadow.radius = 2;
     this.suns.push(light);
     this.scene.add(light, light.target);
     return light;
@@ -276,8 +324,8 @@ class Player {
     this.scene.add(mesh);
     return {
       mesh, geometry, numbers: part.numbers,
-      positions: attributes(poses(positions, count, Int16Array), false),
-      normals: attributes(poses(normals, count, Int8Array), true),
+      positions: attributes(poses(positions, count, 3), false),
+      normals: attributes(poses(normals, count, 2).map((rows) => unfold(rows, part.fold)), true),
     };
   }
 
@@ -384,21 +432,26 @@ class Player {
 
   #aimLights(size) {
     for (const light of this.spots) {
-      const { power, position } = light.userData, distance = Math.hypot(position[0], position[1] - 1, position[2]);
+      const { power, position, radius } = light.userData, distance = Math.hypot(position[0], position[1] - 1, position[2]);
       light.intensity = power * size ** 2;
       const camera = light.shadow.camera;
       camera.near = Math.max(distance - 4, 0.1) * size;
       camera.far = (distance + 6) * size;
-      light.shadow.focus = Math.atan(2.6 / distance) / light.angle;
+      light.shadow.focus = Math.atan(REACH / distance) / light.angle;
+      const width = (radius * distance) / (2 * REACH); // of the light, in shares of a map at a distance of 1
+      light.shadow.radius = (width * size * (camera.far - camera.near)) / (camera.far * camera.near);
+      light.shadow.intensity = Math.min((width * TALL) / (distance * (distance + TALL / 2)), 0.2);
       light.shadow.normalBias = 0.035 * size;
       camera.updateProjectionMatrix();
     }
     const middle = this.set.localToWorld(new this.THREE.Vector3(0, 1, 0));
     for (const light of this.suns) {
-      const { direction } = light.userData, camera = light.shadow.camera, reach = 2.6 * size;
+      const { direction, spread } = light.userData, camera = light.shadow.camera, reach = REACH * size;
       light.position.copy(direction).multiplyScalar(-10 * size).add(middle);
       light.target.position.copy(middle);
       Object.assign(camera, { left: -reach, right: reach, top: reach, bottom: -reach, near: 0.1 * size, far: 20 * size });
+      light.shadow.radius = (spread * 19.9) / (2 * REACH);
+      light.shadow.intensity = Math.min((spread * TALL) / (2 * REACH), 0.2);
       light.shadow.normalBias = 0.035 * size;
       camera.updateProjectionMatrix();
     }

@@ -39,6 +39,9 @@ PARTS = files("pipeline.plugins.interchange")
 
 _TABLE = 33  # colours along each side of the view's table
 
+FOLD = 1023
+"""Steps of normals from the middle of the folded octahedron to its corners."""
+
 _SHADOWS = 6  # the most lights that cast shadows: each is drawn into a texture of its own
 
 
@@ -158,9 +161,8 @@ def _sculpture(part: Moving, blobs: _Blobs) -> dict[str, Any]:
         "triangles": len(drawn.faces),
         "faces": blobs.add(planes(differences(drawn.faces.reshape(-1, 1)).astype("<i4"))),
         "positions": blobs.add(planes(differences(keys.places).astype("<i2"))),
-        "normals": blobs.add(
-            planes(differences(np.rint(127.0 * keys.normals).astype(np.int32)).astype("i1"))
-        ),
+        "normals": blobs.add(planes(differences(folded(keys.normals)).astype("<i2"))),
+        "fold": FOLD,
         "colours": None
         if colours is None
         else blobs.add(np.rint(65535.0 * np.clip(colours, 0.0, 1.0)).astype("<u2")),
@@ -189,6 +191,19 @@ def planes(values: AnyArray) -> AnyArray:
     moved = np.ascontiguousarray(np.moveaxis(values, -1, -2))
     parts = moved.view(np.uint8).reshape(*moved.shape, moved.itemsize)
     return np.ascontiguousarray(np.moveaxis(parts, -1, -2))
+
+
+def folded(normals: AnyArray) -> AnyArray:
+    """Return unit normals (…, 3) as whole numbers (…, 2) on an octahedron folded to a square of ±FOLD.
+
+    Two numbers hold a direction four times as finely as three bytes do, each of them to 0.06 degrees; steps
+    would show in reflections. Source: Cigolle et al., *A survey of efficient representations for independent
+    unit vectors*, 2014.
+    """
+    flat = normals.astype(np.float64) / np.abs(normals).sum(axis=-1, keepdims=True)
+    x_y = flat[..., :2]
+    lower = (1.0 - np.abs(x_y[..., ::-1])) * np.where(x_y < 0.0, -1.0, 1.0)
+    return np.rint(FOLD * np.where(flat[..., 2:] < 0.0, lower, x_y)).astype(np.int32)
 
 
 def _groups(materials: AnyArray) -> list[tuple[int, int, int]]:
@@ -287,7 +302,8 @@ def irradiance(lights: LightRig, points: AnyArray, normals: AnyArray) -> Floats:
 def _lights(lights: LightRig, stage: Stage) -> dict[str, Any]:
     """Return softboxes, suns and sky in stage units, and the points that cast shadows.
 
-    The strongest softbox is four points, whose shadows overlap to a soft one.
+    The strongest softbox is four points, each as wide as a quarter of it: the wider a light, the less true is
+    a soft shadow from one depth map.
     """
     rig = lights.without_maps()
     middle, up = np.array([[0.0, 1.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])
@@ -299,8 +315,10 @@ def _lights(lights: LightRig, stage: Stage) -> dict[str, Any]:
     left = _SHADOWS - 3 if len(ranked) else 0
     spots = []
     for rank, index in enumerate(ranked):
-        for each in _emitters(rig.softboxes[index], 2 if rank == 0 else 1):
-            spot = {"position": each.position.tolist(), "target": list(rig.softboxes[index].target)}
+        box, across = rig.softboxes[index], 2 if rank == 0 else 1
+        radius = math.sqrt(box.width * box.height / math.pi) / across  # of a disc as large
+        for each in _emitters(box, across):
+            spot = {"position": each.position.tolist(), "target": list(box.target), "radius": radius}
             spots.append({**spot, "power": each.power.tolist(), "casts": rank < left})
     ground = irradiance(lights, np.zeros((1, 3)), up)[0] * np.array(stage.colour) / math.pi
     return {
