@@ -261,13 +261,13 @@ class WebExport(AnimationExport):
         player = [(PARTS / f"web_player.{end}").read_bytes() for end in ("html", "css", "js")]
         return [
             *(self.request.shot.heading, self.request.aspect, to_plain(picture.lights)),
-            *(to_plain(picture.stage), picture.view.recipe),
+            *(to_plain(picture.stage), picture.view.recipe, self.request.loop),
             {str(number): to_plain(self._framings[number]) for number in self.request.requested},
             hashlib.sha256(b"".join([*player, require_three_js().encode()])).hexdigest(),
         ]
 
     def write_files(self, meshes: list[OneMesh], began: Began) -> str:
         parts = self.moving(meshes, began)
-        page = WebPage(self.request.shot, parts, self._framings, self.request.aspect)
+        page = WebPage(self.request.shot, parts, self._framings, self.request.aspect, self.request.loop)
         self.files.write(self.names[0], self.key, page.write)
         return _keys_in_words(parts)

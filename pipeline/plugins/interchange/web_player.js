@@ -75,8 +75,15 @@ function between(numbers, number) {
   return [k, next, apart ? Math.min(Math.max((number - numbers[k]) / apart, 0), 1) : 0];
 }
 
-const mixed = (rows, numbers, number) => {
-  const [k, next, share] = between(numbers, number);
+/** Poses around a frame: of a loop that returns, the first is a frame after the last; `turns` may only look so. */
+function poseAt(numbers, number) {
+  const last = numbers.at(-1);
+  if (!facts.meets || number <= last) return between(numbers, number);
+  return [numbers.length - 1, 0, Math.min(number - last, 1)];
+}
+
+const mixed = (rows, number) => {
+  const [k, next, share] = poseAt(facts.numbers, number);
   return rows[k].map((value, at) => value + share * (rows[next][at] - value));
 };
 
@@ -100,18 +107,18 @@ const SOFT_SHADOW = `
     if (min(at.x, at.y) < 0.0 || max(at.x, at.y) > 1.0 || at.z > 1.0) return 1.0;
     float turn = 6.28318531 * fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
     float blockers = 0.0, depths = 0.0;
-    for (int k = 0; k < 16; k++) {
-      vec2 offset = reach * inDisc(k, 16, turn);
+    for (int k = 0; k < 10; k++) {
+      vec2 offset = reach * inDisc(k, 10, turn);
       float depth = unpackRGBAToDepth(texture2D(map, at.xy + offset));
       if (depth < at.z + dot(slope, offset)) { blockers += 1.0; depths += depth; }
     }
-    if (blockers == 0.0) return 1.0;
+    if (blockers == 0.0 || blockers == 10.0) return 1.0 - blockers / 10.0;
     float radius = clamp(width * (at.z - depths / blockers), 1.5 / size.x, reach), open = 0.0;
-    for (int k = 0; k < 32; k++) {
-      vec2 offset = radius * inDisc(k, 32, turn);
+    for (int k = 0; k < 20; k++) {
+      vec2 offset = radius * inDisc(k, 20, turn);
       open += step(at.z + dot(slope, offset), unpackRGBAToDepth(texture2D(map, at.xy + offset)));
     }
-    return open / 32.0;
+    return open / 20.0;
   }
 `;
 
@@ -149,7 +156,7 @@ class Player {
     this.controls.enableDamping = true;
     this.controls.addEventListener("start", () => this.follow(false));
     this.controls.addEventListener("change", () => (this.stale = true));
-    this.show(facts.numbers[0]);
+    this.show(facts.numbers[0] + facts.dissolve);
     if (!this.follows) this.#standBack();
     new ResizeObserver(() => this.#resize()).observe(this.canvas);
     this.#resize();
@@ -161,23 +168,30 @@ class Player {
     const { THREE } = this, view = facts.view;
     const table = new THREE.Data3DTexture(await bytesOf(view.table), view.side, view.side, view.side);
     Object.assign(table, { minFilter: THREE.LinearFilter, magFilter: THREE.LinearFilter, needsUpdate: true });
-    this.light = new THREE.WebGLRenderTarget(1, 1, { type: THREE.HalfFloatType, samples: 4 });
+    const target = () => new THREE.WebGLRenderTarget(1, 1, { type: THREE.HalfFloatType, samples: 4 });
+    this.light = target();
+    this.beginning = facts.dissolve ? target() : this.light; // what the end of a loop dissolves into
+    this.weight = { value: 0 };
     this.screen = new THREE.Scene();
     const material = new THREE.ShaderMaterial({
       uniforms: {
-        light: { value: this.light.texture }, table: { value: table }, side: { value: view.side },
+        light: { value: this.light.texture }, beginning: { value: this.beginning.texture }, weight: this.weight, table: { value: table }, side: { value: view.side },
         toe: { value: view.toe }, white: { value: view.white }, gain: { value: 2 ** view.exposure },
       },
       vertexShader: "varying vec2 at; void main() { at = uv; gl_Position = vec4(position.xy, 0.0, 1.0); }",
       fragmentShader: `
         precision highp sampler3D;
-        uniform sampler2D light; uniform sampler3D table; uniform float side, toe, white, gain;
+        uniform sampler2D light, beginning; uniform sampler3D table; uniform float side, toe, white, gain, weight;
         varying vec2 at;
+        vec3 shown(vec3 light) {
+          vec3 place = log2(1.0 + clamp(gain * light, 0.0, white) / toe) / log2(1.0 + white / toe);
+          return texture(table, (place * (side - 1.0) + 0.5) / side).rgb;
+        }
         void main() {
-          vec3 value = clamp(gain * texture2D(light, at).rgb, 0.0, white);
-          vec3 place = log2(1.0 + value / toe) / log2(1.0 + white / toe);
+          vec3 colour = shown(texture2D(light, at).rgb);
+          if (weight > 0.0) colour = mix(colour, shown(texture2D(beginning, at).rgb), weight);
           float grain = fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715)))) - 0.5;
-          gl_FragColor = vec4(texture(table, (place * (side - 1.0) + 0.5) / side).rgb + grain / 255.0, 1.0);
+          gl_FragColor = vec4(colour + grain / 255.0, 1.0);
         }`,
       depthTest: false,
     });
@@ -409,8 +423,15 @@ class Player {
   /** Show a frame, also between two whole ones. */
   show(number) {
     this.number = number;
+    this.#pose(number);
+    this.stale = true;
+  }
+
+  /** Move sculptures, lights and, if it follows, the shot's camera to a frame. */
+  #pose(number) {
+    this.posed = number;
     for (const { geometry, numbers, positions, normals, mesh } of this.sculptures) {
-      const [k, next, share] = between(numbers, number);
+      const [k, next, share] = poseAt(numbers, number);
       geometry.setAttribute("position", positions[k]);
       geometry.setAttribute("normal", normals[k]);
       geometry.setAttribute("nextPosition", positions[next]);
@@ -418,16 +439,15 @@ class Player {
       mesh.onBeforeRender = mesh.onBeforeShadow = () => (this.blend.value = share);
       this.blend.value = share;
     }
-    const [x, y, z, size, turn] = mixed(facts.placements, facts.numbers, number);
+    const [x, y, z, size, turn] = mixed(facts.placements, number);
     this.set.position.set(x, y, z);
     this.set.scale.setScalar(size);
     this.set.rotation.y = turn;
     this.scene.environmentRotation.y = turn;
     this.set.updateMatrixWorld(true);
     this.#aimLights(size);
-    if (this.follows) this.#aim();
+    if (this.follows) this.#aim(number);
     this.renderer.shadowMap.needsUpdate = true;
-    this.stale = true;
   }
 
   #aimLights(size) {
@@ -469,8 +489,8 @@ class Player {
     this.show(this.number);
   }
 
-  #aim() {
-    const [x, y, z, a, b, c, up, over, away, angle] = mixed(facts.cameras, facts.numbers, this.number);
+  #aim(number) {
+    const [x, y, z, a, b, c, up, over, away, angle] = mixed(facts.cameras, number);
     this.camera.position.set(x, y, z);
     this.camera.up.set(up, over, away);
     this.#widen(angle);
@@ -501,7 +521,7 @@ class Player {
     const ratio = Math.min(window.devicePixelRatio || 1, 2);
     this.renderer.setPixelRatio(ratio);
     this.renderer.setSize(width, height, false);
-    this.light.setSize(Math.round(width * ratio), Math.round(height * ratio));
+    for (const target of [this.light, this.beginning]) target.setSize(Math.round(width * ratio), Math.round(height * ratio));
     this.camera.aspect = width / height;
     this.#widen(this.angle);
     this.stale = true;
@@ -511,13 +531,22 @@ class Player {
     if (!this.follows) this.controls.update();
     if (!this.stale) return;
     this.stale = false;
+    // As in the movie: the last frames of a dissolve are mixed with the first, by display values.
+    const into = this.number - facts.numbers.at(-1) + facts.dissolve;
+    this.weight.value = facts.dissolve ? Math.max(into / (facts.dissolve + 1), 0) : 0;
+    if (this.weight.value > 0) this.#render(this.beginning, facts.numbers[0] + into - 1);
+    this.#render(this.light, this.number);
+    this.renderer.setRenderTarget(null);
+    this.renderer.render(this.screen, this.flat);
+  }
+
+  #render(target, number) {
+    if (this.posed !== number) this.#pose(number);
     this.camera.near = 0.05 * this.camera.position.distanceTo(this.controls.target); // depths stay precise
     this.camera.far = 1200 * this.set.scale.x;
     this.camera.updateProjectionMatrix();
-    this.renderer.setRenderTarget(this.light);
+    this.renderer.setRenderTarget(target);
     this.renderer.render(this.scene, this.camera);
-    this.renderer.setRenderTarget(null);
-    this.renderer.render(this.screen, this.flat);
   }
 }
 
@@ -527,8 +556,9 @@ class Transport {
     Object.assign(this, { player, second: 0, playing: !matchMedia("(prefers-reduced-motion: reduce)").matches });
     const get = (id) => document.getElementById(id);
     Object.assign(this, { bar: get("bar"), button: get("play"), scrub: get("scrub"), output: get("frame") });
-    [this.first, this.last] = [facts.numbers[0], facts.numbers.at(-1)];
+    [this.first, this.last] = [facts.numbers[0] + facts.dissolve, facts.numbers.at(-1)];
     this.length = (this.last - this.first) / facts.rate;
+    this.whole = this.length + (facts.closes ? 0 : facts.loops ? 1 / facts.rate : HOLD);
     Object.assign(this.scrub, { min: this.first, max: this.last, disabled: !this.length });
     this.button.addEventListener("click", () => this.play(!this.playing));
     this.scrub.addEventListener("input", () => this.go(Number(this.scrub.value)));
@@ -554,15 +584,15 @@ class Transport {
 
   tick(passed) {
     if (!this.playing) return;
-    const whole = this.length + (facts.closes ? 0 : HOLD);
-    this.second = (this.second + passed) % whole;
+    this.second = (this.second + passed) % this.whole;
     this.#show();
   }
 
   #show() {
-    const number = this.first + Math.min(this.second, this.length) * facts.rate;
+    const length = facts.loops ? this.whole : this.length;
+    const number = this.first + Math.min(this.second, length) * facts.rate;
     this.scrub.value = String(number);
-    this.output.textContent = String(Math.round(number));
+    this.output.textContent = String(Math.min(Math.round(number), this.last));
     if (number !== this.player.number) this.player.show(number);
   }
 

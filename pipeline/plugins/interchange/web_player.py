@@ -15,6 +15,7 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib.resources import files
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,6 +25,7 @@ from pipeline.arrays import AnyArray, Floats
 from pipeline.errors import MissingInputError
 from pipeline.plugins.interchange.animated_gltf import Moving, closes
 from pipeline.plugins.interchange.exported_materials import COMPACT, ExportedMaterial, exported_materials
+from pipeline.plugins.interchange.one_mesh import OneMesh
 from pipeline.production.request.framing import Framing
 from pipeline.shot import Picture, Shot
 from render.base.atomic_write import disk_errors
@@ -60,12 +62,14 @@ class WebPage:
     parts     the sculptures
     framings  camera and stage by frame number
     aspect    width to height of the shot's pictures
+    loop      how the shot goes on from its last frame, as `RenderRequest.loop`
     """
 
     shot: Shot
     parts: Sequence[Moving]
     framings: Mapping[int, Framing]
     aspect: float
+    loop: tuple[str, int] | None = None
 
     def write(self, path: Path) -> None:
         """Write the page. Raises MissingInputError without three.js, MachineError where the disk refuses."""
@@ -97,6 +101,9 @@ class WebPage:
             "rate": float(self.shot.rate.fps),
             "numbers": list(numbers),
             "closes": closes(part.keyframes for part in self.parts),
+            "loops": self.loop is not None,
+            "dissolve": 0 if self.loop is None else self.loop[1],
+            "meets": self._meets,
             "aspect": self.aspect,
             "cameras": [_camera(framing) for framing in framed],
             "placements": [[*f.placement.origin, f.placement.size, f.placement.turn] for f in framed],
@@ -111,6 +118,22 @@ class WebPage:
             },
             "parts": [_sculpture(part, blobs) for part in self.parts],
         }
+
+    @property
+    def _meets(self) -> bool:
+        """True if vertices go on from the last frame to the first; a shape can return without them."""
+        if self.loop is None or self.loop[0] == "dissolve":
+            return False
+        return all(_goes_on(part.keyframes.drawn.mesh) for part in self.parts)
+
+
+def _goes_on(mesh: OneMesh) -> bool:
+    """Tell whether no vertex moves much further from the last frame to the first than next to them."""
+    if len(mesh.frames) < 3:
+        return False
+    points = [mesh.points_at(mesh.frames[place]) for place in (-2, -1, 0, 1)]
+    before, seam, after = (np.linalg.norm(b - a, axis=1).max() for a, b in pairwise(points))
+    return bool(seam <= 2.0 * max(before, after))
 
 
 class _Blobs:

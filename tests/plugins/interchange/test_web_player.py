@@ -17,7 +17,7 @@ from playwright.sync_api import Page as Tab
 from pipeline.mesh import icosphere
 from pipeline.plugins.interchange.animated_gltf import Moving
 from pipeline.plugins.interchange.drawn_mesh import DrawnMesh, KeyPoses
-from pipeline.plugins.interchange.web_player import WebPage, differences, irradiance, planes
+from pipeline.plugins.interchange.web_player import FOLD, WebPage, differences, folded, irradiance, planes
 from pipeline.production.request.framing import Framing
 from pipeline.shot import read_shot
 from render.base.input_files import digest_of_file
@@ -103,9 +103,11 @@ def opened(browser: Browser, page: Path) -> Iterator[Tab]:
     assert [url for url in asked if not url.startswith(("file:", "blob:", "data:"))] == []
 
 
-def picture(tab: Tab, place: Path, number: float) -> NDArray[np.uint8]:
-    """What the page shows of a frame, without its bar."""
-    tab.evaluate("(number) => flowsculpt.transport.go(number)", number)
+def picture(tab: Tab, place: Path, number: float, playing: bool = False) -> NDArray[np.uint8]:
+    """What the page shows of a frame, or when it is played there, without its bar."""
+    play = "const { transport } = flowsculpt; transport.second = 0; transport.playing = true;"
+    tick = f"{play} transport.tick((number - transport.first) / facts.rate); transport.play(false);"
+    tab.evaluate(f"(number) => {{ {tick if playing else 'flowsculpt.transport.go(number)'} }}", number)
     tab.evaluate("document.documentElement.classList.add('bare')")
     tab.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
     tab.screenshot(path=str(place / "seen.png"))
@@ -134,6 +136,46 @@ def test_positions_on_the_page_are_those_of_the_keyframes(tab: Tab) -> None:
         read = np.array(rows).reshape(-1, 4)[:, :3]
         assert len(read) >= len(places)  # the painted ball has a seam
         assert {tuple(row) for row in read.tolist()} == {tuple(row) for row in places.tolist()}
+
+
+def test_normals_on_the_page_are_those_of_the_keyframes(tab: Tab) -> None:
+    rows = tab.evaluate("Array.from(flowsculpt.player.sculptures[0].normals[0].data.array)")
+    read = np.array(rows).reshape(-1, 4)[:, :3] / 32767.0
+    normals = KeyPoses.of(DrawnMesh.of(painted(moving(icosphere(8))))).normals[0]
+    assert np.linalg.norm(read - normals, axis=1).max() < math.radians(0.08)
+
+
+def test_folded_normals_along_axes_are_exact() -> None:
+    axes = np.concatenate([np.eye(3), -np.eye(3)])
+    corners = [(FOLD, 0), (0, FOLD), (0, 0), (-FOLD, 0), (0, -FOLD), (FOLD, FOLD)]
+    assert folded(axes).tolist() == [list(corner) for corner in corners]
+
+
+@pytest.mark.parametrize("loop", [("dissolve", 8), ("back", 0), ("turns", 0)])
+def test_a_loop_meets_its_first_frame(browser: Browser, tmp_path: Path, loop: tuple[str, int]) -> None:
+    if three_js() is None:
+        pytest.skip("three.js is not set up here")
+    shot = read_shot(tmp_path / "a.yaml", SHOT)
+    back = loop[0] == "back"
+    mesh = moving(icosphere(4))
+    if back:  # its frame 24 is as far from frame 1 as frame 2 is
+        there = mesh.points_at
+        mesh = replace(mesh, points_at=lambda number: there(1 + min(number - 1, 25 - number)))
+    part = Moving("ball", KeyPoses.of(DrawnMesh.of(mesh)), shot.picture.look)
+    framing = Framing(Camera((1.5, 0.5, 12.0), (1.5, 0.0, 0.0)), StagePlacement((1.5, -1.0, 0.0), 1.5))
+    page = WebPage(shot, [part], dict.fromkeys(mesh.frames, framing), 16 / 9, loop)
+    page.write(tmp_path / "page.html")
+    with opened(browser, tmp_path / "page.html") as tab:
+        first = 1 + loop[1]
+        assert tab.evaluate("[facts.meets, flowsculpt.player.number]") == [back, first]
+        assert tab.evaluate("flowsculpt.transport.whole") == pytest.approx((25 - first) / 24)
+        begins, ends, between = (picture(tab, tmp_path, number, True) for number in (first, 24.99, 20))
+    apart = np.abs(begins.astype(int) - ends).mean()
+    assert (
+        apart < 0.2 if loop[0] != "turns" else apart > 1.0
+    )  # vertices that do not return are not moved back
+    if loop[0] == "dissolve":  # two balls are seen
+        assert np.abs(begins.astype(int) - between).mean() > 1.0
 
 
 def test_keys_and_the_bar_move_through_time_and_dragging_leaves_the_shots_camera(tab: Tab) -> None:
