@@ -102,6 +102,7 @@ class Plugin:
                    context manager, entered while `render` or `film` executes the plan at a terminal
     summaries      functions of the common options and the name of a run that has ended; each returns a line
                    for the report of the run, or an empty one
+    delivered      functions of the common options and the facts of a delivery whose files are there
     mesh_formats   `MeshFormat`s by suffix of mesh files
     paints         `PaintReader`s by suffix of mesh files
     resamplers     `PolygonResampler`s by the names of methods of `resample`
@@ -133,6 +134,7 @@ class Plugin:
     exporters: Mapping[str, Command] = field(default_factory=dict)
     watchers: tuple[str, ...] = ()
     summaries: tuple[str, ...] = ()
+    delivered: tuple[str, ...] = ()
     mesh_formats: Mapping[str, str] = field(default_factory=dict)
     paints: Mapping[str, str] = field(default_factory=dict)
     resamplers: Mapping[str, str] = field(default_factory=dict)
@@ -252,6 +254,11 @@ class Plugins:
     def summaries(self) -> list[Any]:
         """The functions that sum up runs."""
         return self._functions((plugin.name, place) for plugin in self for place in plugin.summaries)
+
+    @property
+    def delivered(self) -> list[Any]:
+        """The functions that are told of deliveries."""
+        return self._functions((plugin.name, place) for plugin in self for place in plugin.delivered)
 
     @property
     def sequences(self) -> list[Any]:

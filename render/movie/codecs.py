@@ -83,7 +83,7 @@ _COLOURS = {"pq": (9, 16, 9), "hlg": (9, 18, 9)}
 _MP4 = Container("mp4", ".mp4", {"movflags": "+faststart+write_colr"}, "aac")
 _MOV = Container("mov", ".mov", {"movflags": "+write_colr"}, "pcm_s24le")
 MATROSKA = Container("matroska", ".mkv", {"fflags": "+bitexact"}, "pcm_s24le")  # else identifiers are random
-_WEBP = Container("webp", ".webp")
+_WEBP = Container("webp", ".webp", {"loop": "0"})  # without end
 _AVIF = Container("avif", ".avif")
 
 _X264 = {
@@ -101,7 +101,7 @@ _X265 = {
 _PRORES = {"profile": "4444", "qscale": "4", "vendor": "apl0", "alpha_bits": "16", "threads": "1"}
 _SVT_AV1 = {"preset": "6", "crf": "20", "g": "48", "svtav1-params": "lp=2:tune=0"}
 _FFV1 = {"level": "3", "coder": "1", "context": "1", "slicecrc": "1", "slices": "4", "g": "1"}
-_LIBWEBP = {"quality": "90", "compression_level": "4", "loop": "0"}
+_LIBWEBP = {"quality": "90", "compression_level": "4"}
 
 H264 = Encode("h264", _MP4, "libx264", "yuv420p10le", _X264)
 """H.264 of 10 bits, for delivery."""

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+import shlex
+import shutil
+import sys
 from pathlib import Path
 
 import av
 import numpy as np
 import pytest
+from PIL import Image
 
 from pipeline.errors import FrameError
 from pipeline.plugins.delivery.deliverables import (
@@ -72,6 +76,35 @@ def test_only_what_is_asked_for_is_rendered_and_no_other_movie_made(project):
     ]
     assert not list((project.path / "renders" / NAME / QUALITY).glob("*.mp4"))
     assert probe_movie(project.path / HOME / f"{NAME}.2-3.h264.slate.mp4").frames == 48
+
+
+def test_pictures_that_move_on_pages_play_without_end_and_at_their_rate(there, tmp_path):
+    hooked = tmp_path / "mine"
+    shutil.copytree(Path(__file__).parents[2] / "profiles/local", hooked)
+    program = f"import sys; open({str(tmp_path / 'told')!r}, 'w').write(sys.stdin.read())"
+    (hooked / "hooks.yaml").write_text(
+        json.dumps({"files_delivered": shlex.join([sys.executable, "-c", program])})
+    )
+    words = ("deliver", NAME, "-q", QUALITY, "--as", "gif,webp", "--profile", str(hooked))
+    done = there.call(*words)
+    assert done.code == 0, done.err
+    told = json.loads((tmp_path / "told").read_text())
+    paths = [Path(each["path"]) for each in told["deliverables"]]
+    assert [path.name for path in paths] == [f"{NAME}.1-6.gif", f"{NAME}.1-6.webp"]
+    seen = []
+    for path in paths:
+        with Image.open(path) as picture:
+            assert picture.info["loop"] == 0  # without end
+            assert path.suffix != ".gif" or picture.info["extension"][0] == b"NETSCAPE2.0"
+            times, shown = [], []
+            for number in range(picture.n_frames):
+                picture.seek(number)
+                shown.append(np.asarray(picture.convert("RGB"), np.float64))
+                times.append(picture.info["duration"])
+            assert sum(times) == pytest.approx(250, abs=10)
+            seen.append(shown)
+    assert len(seen[0]) == 6 and np.abs(np.array(seen[0][-1]) - seen[1][-1]).mean() < 4.0
+    assert probe_movie(paths[0]).frames == 6
 
 
 def test_a_film_is_delivered_with_its_own_sound_and_a_slate_before_it(there):

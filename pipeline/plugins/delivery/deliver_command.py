@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -103,7 +103,8 @@ def deliver(
     review: H.264 of intra frames, to step through · phone: H.264 of 8 bits, for phones and social networks ·
     h264, h265: 10 bits · hdr10, hdr10-av1: high dynamic range, for screens and the web · hlg: the same for
     broadcasters · avif: the same for pages · prores4444: with the subject's alpha · av1: for the web ·
-    ffv1: lossless, for the archive · webp: for pages.
+    ffv1: lossless, for the archive · webp: for pages · gif: where
+    nothing else plays.
     """
     if slate is not None:
         require_one_of(slate, SLATES, f"--slate {slate}: a slate goes at the head or apart.")
@@ -145,7 +146,10 @@ def deliver(
     lost = lost_frames(deliveries)
     if lost:
         print_warning(f"{'; '.join(lost)}: shown as cards that state the reason")
-    _report(common, done, lost, time.monotonic() - started)
+    facts = _facts(done, lost, time.monotonic() - started)
+    for tell in plugins().delivered:
+        tell(common, facts)
+    _report(common, done, facts)
     exit_with(outcome.exit_code or (FrameError.exit_code if faults else 0))
 
 
@@ -203,13 +207,16 @@ def _is_of_edit(name: str) -> bool:
     return is_edit(path) if path.suffix in (".yaml", ".yml") else name in edit_names()
 
 
-def _report(common: Common, done: Sequence[DeliveredFile], lost: Sequence[str], seconds: float) -> None:
-    lines = [f"{f.path}: {plural(f.frames, 'frame')}{', up to date' if f.reused else ''}" for f in done]
-    facts = {
+def _facts(done: Sequence[DeliveredFile], lost: Sequence[str], seconds: float) -> dict[str, Any]:
+    return {
         "deliverables": [
             {"path": str(f.path), "as": f.encode, "frames": f.frames, "up_to_date": f.reused} for f in done
         ],
         "failed": list(lost),
         "seconds": round(seconds, 2),
     }
-    print_result("\n".join([*lines, f"Done in {duration(seconds)}."]), facts, common.json)
+
+
+def _report(common: Common, done: Sequence[DeliveredFile], facts: dict[str, Any]) -> None:
+    lines = [f"{f.path}: {plural(f.frames, 'frame')}{', up to date' if f.reused else ''}" for f in done]
+    print_result("\n".join([*lines, f"Done in {duration(facts['seconds'])}."]), facts, common.json)

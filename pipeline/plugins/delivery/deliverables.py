@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from pipeline.errors import FrameError, MachineError
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.plugin import Plugin, plugins
+from pipeline.plugins.delivery.gif import GIF, write_gif
 from pipeline.plugins.delivery.relighting import relit_version
 from pipeline.production.request.audio import AudioClip, AudioTrack, samples_of
 from pipeline.production.request.edit import Edit
@@ -325,7 +326,10 @@ SLATES = ("head", "apart")  # the places of a slate: before the first frame, or 
 
 SLATE_SECONDS = 2
 
-_KINDS = {".mp4": "movie", ".mov": "mov", ".mkv": "mkv", ".webp": "webp", ".avif": "avif"}
+_KINDS = {
+    ".mp4": "movie",
+    **{end: end[1:] for end in (".mov", ".mkv", ".webp", ".avif", ".gif")},
+}
 
 
 def _encode_of_plugin(plugin: Plugin, name: str, encode: Any) -> Encode:
@@ -337,7 +341,7 @@ def _encode_of_plugin(plugin: Plugin, name: str, encode: Any) -> Encode:
     return replace(encode, name=name)
 
 
-DELIVERABLES: Mapping[str, Encode] = {**ENCODES, **plugins().parts("encodes", _encode_of_plugin)}
+DELIVERABLES: Mapping[str, Encode] = {**ENCODES, "gif": GIF, **plugins().parts("encodes", _encode_of_plugin)}
 """The encodes of deliverables by name, those of plug-ins last."""
 
 
@@ -395,7 +399,9 @@ class Delivery:
         for encode, path, part in self._files():
             kind, key = _KINDS[encode.suffix], self._key(encode, part)
             count = self._slate_frames if part == "slate" else self.source.count + self._leader
-            passes = 2 if encode.display == "pq" else 1  # the first measures their light
+            passes = (
+                2 if encode.display == "pq" or encode.suffix == GIF.suffix else 1
+            )  # light, or colours, first
             reused = self.store.bring(kind, key)
             if not reused:
                 self.store.put(kind, key, partial(self._write, encode, part, bar(path.name, passes * count)))
@@ -454,6 +460,9 @@ class Delivery:
             shown = self._slates(encode, form) if part == "slate" else self._frames(encode, form)
             return _counted(prefetch(shown), passed)
 
+        if encode.suffix == GIF.suffix:
+            write_gif(path, frames, rate, encode)
+            return
         light = ContentLight.of(frames()) if encode.display == "pq" else None
         first = source.start - (self._slate_frames if part == "slate" else self._leader)
         sound = None

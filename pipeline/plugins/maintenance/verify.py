@@ -46,7 +46,7 @@ READERS: dict[str, Callable[[Key], Callable[[Path], Any]]] = {
     "cameras": lambda key: _json,
     "raw": readers.picture,
     "frame": readers.picture,
-    **dict.fromkeys(("movie", "mov", "mkv", "webp", "avif"), lambda key: probe_movie),
+    **dict.fromkeys(("movie", "mov", "mkv", "webp", "avif", "gif"), lambda key: probe_movie),
     "png": lambda key: read_png,
     "png16": lambda key: read_png,
     "jpeg": lambda key: read_png,

@@ -15,5 +15,6 @@ PLUGIN = Plugin(
         ),
     },
     summaries=("pipeline.plugins.versions.hooks:tell_of_run",),
+    delivered=("pipeline.plugins.versions.hooks:tell_of_delivery",),
     sequences=("pipeline.plugins.versions.publishing:published_sequences",),
 )

@@ -1,10 +1,11 @@
-"""Commands that a studio runs for each published version, and when a run is done or has failed.
+"""Commands that a studio runs for each published version and delivery, and when a run is done or has failed.
 
 They are named by `publish --hook`, or by `hooks.yaml` in the folder of the profile:
 
     run_done: python notify.py
     run_failed: [python notify.py, "curl -sd @- https://chat/hook"]
     version_published: python track.py
+    files_delivered: python upload.py
 
 A profile holds commands anyway, and is used only where it is named.
 """
@@ -33,7 +34,7 @@ from pipeline.production.store.event_log import EventReader
 from pipeline.production.store.paths import EVENTS
 from render.base.python_process import environment_of_others
 
-EVENT_NAMES = ("run_done", "run_failed", "version_published")
+EVENT_NAMES = ("run_done", "run_failed", "version_published", "files_delivered")
 
 HOOKS_FILE = "hooks.yaml"
 
@@ -146,9 +147,26 @@ def tell_of_run(common: Common, run: str) -> str:
             {part: e.get(part) for part in ("shot", "quality", "stage", "frame", "message")} for e in failures
         ],
     }
+    _tell_all(common, name, facts, "The run is not affected")
+    return ""
+
+
+def tell_of_delivery(common: Common, delivery: Mapping[str, Any]) -> None:
+    """Tell the hooks of the profile which files were delivered; those that fail are warnings."""
+    files = [{**each, "path": str(Path(each["path"]).absolute())} for each in delivery["deliverables"]]
+    facts = {
+        "event": "files_delivered",
+        "root": str(common.root.absolute()),
+        "host": platform.node(),
+        "deliverables": files,
+        "failed": delivery["failed"],
+    }
+    _tell_all(common, "files_delivered", facts, "The files are there nevertheless")
+
+
+def _tell_all(common: Common, event: str, facts: Mapping[str, Any], after: str) -> None:
     try:
-        for hook in hooks_of(common.profile.folder, name):
-            hook.tell(facts, "The run is not affected")
+        for hook in hooks_of(common.profile.folder, event):
+            hook.tell(facts, after)
     except FlowsculptError as error:
         print_warning(str(error))
-    return ""

@@ -37,6 +37,7 @@ SUFFIXES = {
     "mkv": ".mkv",
     "webp": ".webp",
     "avif": ".avif",
+    "gif": ".gif",
     "png": ".png",
     "png16": ".png",
     "jpeg": ".jpg",

@@ -142,7 +142,7 @@ def test_normals_on_the_page_are_those_of_the_keyframes(tab: Tab) -> None:
     rows = tab.evaluate("Array.from(flowsculpt.player.sculptures[0].normals[0].data.array)")
     read = np.array(rows).reshape(-1, 4)[:, :3] / 32767.0
     normals = KeyPoses.of(DrawnMesh.of(painted(moving(icosphere(8))))).normals[0]
-    assert np.linalg.norm(read - normals, axis=1).max() < math.radians(0.08)
+    assert np.linalg.norm(read - normals, axis=1).max() < math.radians(0.12)
 
 
 def test_folded_normals_along_axes_are_exact() -> None:

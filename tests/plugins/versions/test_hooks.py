@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 from pipeline.errors import FlowsculptError
-from pipeline.plugins.versions.hooks import HOOKS_FILE, hooks_of, tell_of_run
+from pipeline.plugins.versions.hooks import HOOKS_FILE, hooks_of, tell_of_delivery, tell_of_run
 from pipeline.production.store.event_log import EventLog
 from pipeline.production.store.paths import EVENTS
 
@@ -55,6 +55,17 @@ def test_a_run_that_is_done_and_one_that_failed_have_hooks_of_their_own(tmp_path
         "frame": 3,
         "message": "frame 3: the disk is full",
     }
+
+
+def test_a_delivery_has_a_hook_with_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    hooks = {"files_delivered": [teller(tmp_path / "told"), teller(tmp_path / "again", 3)]}
+    (tmp_path / HOOKS_FILE).write_text(json.dumps(hooks))
+    file = {"path": "deliver/a.mp4", "as": "review", "frames": 6, "up_to_date": False}
+    tell_of_delivery(common(tmp_path), {"deliverables": [file], "failed": ["a frames 3"]})
+    told = json.loads((tmp_path / "told").read_text())
+    assert told["event"] == "files_delivered" and told["failed"] == ["a frames 3"]
+    assert told["deliverables"] == [{**file, "path": str(Path("deliver/a.mp4").absolute())}]
+    assert "ended with 3. The files are there nevertheless" in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_hook_that_fails_is_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
