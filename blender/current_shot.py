@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
-from .program import Answer, ProgramError, Run
+from .program import ProgramError, Run
 from .shown_shot import ShownShot
 
 PACKAGE = __package__
@@ -16,12 +16,13 @@ LOADING = 4  # frames that are loaded ahead at each look
 
 
 class _Current:
-    """What is open and at work; one of each in a Blender."""
+    """The open shot, if any, the runs that are going on, and the edits that were seen last."""
 
     shot: ShownShot | None = None
-    run: Run | None = None
-    progress: Answer | None = None
     seen: list[object] | None = None
+
+    def __init__(self) -> None:
+        self.runs: list[Run] = []
 
 
 current = _Current()
@@ -46,17 +47,21 @@ def _frame_changed(scene: bpy.types.Scene, *_: object) -> None:
 
 @persistent
 def _undone(scene: bpy.types.Scene, *_: object) -> None:
-    """Show the frame again: an undo step may bring back the mesh of another."""
-    if current.shot is not None:
-        current.shot.show_frame(scene)
+    """Show the shot as it is now: an undo step brings back former meshes and cameras.
+
+    Steps before the shot was read bring back empties of another reading, which must not be written.
+    """
+    if current.shot is not None and current.shot.is_there():
+        current.shot.take_listing(current.shot.listing, scene)
+    else:
+        current.shot = None
 
 
 @persistent
 def _file_loaded(*_: object) -> None:
     """Forget the open shot: the objects of another file are there now."""
-    if current.run is not None:
-        current.run.cancel()
-    current.shot = current.run = current.progress = current.seen = None
+    cancel_runs()
+    current.shot = current.seen = None
 
 
 def _look() -> float:
@@ -89,7 +94,20 @@ def _is_dragging(window: bpy.types.Window) -> bool:
 
 def is_busy(command: str = "") -> bool:
     """Tell whether a run is going on, of one command or any."""
-    return current.run is not None and not current.run.is_over and command in ("", current.run.words[0])
+    return any(command in ("", run.words[0]) for run in current.runs)
+
+
+def cancel_runs() -> None:
+    """End all that flowsculpt is doing."""
+    for run in current.runs:
+        run.cancel()
+
+
+def replace_simulation() -> None:
+    """End a simulation, since another one takes its place; renders go on."""
+    for run in current.runs:
+        if run.words[0] == "frames" and "-q" not in run.words:
+            run.cancel(is_replaced=True)
 
 
 HANDLERS = (

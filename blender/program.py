@@ -82,12 +82,17 @@ class Run:
     words    the command and its options
     folder   the show, in which it runs
     request  what it reads from standard input, as JSON
+
+    `progress` is the last step of its work that it has reported; `is_replaced` is set where another run does
+    its work.
     """
 
     def __init__(
         self, program: str, words: Sequence[str], folder: Path, request: Answer | None = None
     ) -> None:
         self.words = list(words)
+        self.progress: Answer | None = None
+        self.is_replaced = False
         text = subprocess.PIPE
         try:
             self._process = subprocess.Popen(
@@ -128,16 +133,17 @@ class Run:
         """True once the program has ended and all that it said is read."""
         return self._process.poll() is not None and not any(thread.is_alive() for thread in self._threads)
 
-    def new_answers(self) -> Iterator[Answer]:
-        """Yield the answers since the last call, each a line."""
+    def new_steps(self) -> Iterator[Answer]:
+        """Yield the steps of the work that were reported since the last call."""
         while not self._lines.empty():
             answer = _parsed(self._lines.get())
-            if answer is not None:
+            if answer is not None and "stage" in answer:
+                self.progress = answer
                 yield answer
 
-    def cancel(self) -> None:
+    def cancel(self, is_replaced: bool = False) -> None:
         """Have the program end; what it has made stays."""
-        self._was_cancelled = True
+        self._was_cancelled, self.is_replaced = True, is_replaced
         if self._process.poll() is None:
             self._process.terminate()
 

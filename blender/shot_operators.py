@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
-from .current_shot import current, is_busy, preferences, require_shot
+from .current_shot import cancel_runs, current, preferences, replace_simulation, require_shot
 from .program import Answer, ProgramError, Run, found_program
 from .shown_shot import ShownShot, remove_objects, shots_in
 
@@ -76,40 +76,36 @@ class _Running(_Reporting):
 
     def _start(self, context: bpy.types.Context) -> None:
         self._run = self.begin(context)
-        current.run, current.progress = self._run, None
+        current.runs.append(self._run)
 
     def _follow(self, context: bpy.types.Context) -> None:
         """Take new answers; a frame that was simulated is shown."""
-        for answer in self._run.new_answers():
-            if "stage" in answer:
-                current.progress = answer
-                if current.shot is not None and answer["stage"] == "simulate":
-                    current.shot.show_frame(context.scene)
+        for step in self._run.new_steps():
+            if current.shot is not None and step["stage"] == "simulate":
+                current.shot.show_frame(context.scene)
 
     def _finish(self, context: bpy.types.Context) -> set[str]:
-        is_latest = current.run is self._run
-        if is_latest:
-            current.run = current.progress = None
+        current.runs.remove(self._run)
         try:
             answer = self._run.result()
             if current.shot is not None:
                 current.shot.message = ""
             self.done(context, answer)
         except ProgramError as error:
-            if not is_latest:
-                return {"CANCELLED"}  # another run has taken its place
+            if self._run.is_replaced:
+                return {"CANCELLED"}
             self.failed(context, error)
             return self.refused(error)
         return {"FINISHED"}
 
 
 def progress_words() -> str:
-    """Return what the run is doing: `simulating: 12 of 58 frames`."""
-    if current.run is None:
+    """Return what the latest run is doing: `simulating: 12 of 58 frames`."""
+    if not current.runs:
         return ""
-    at = current.progress
+    at, command = current.runs[-1].progress, current.runs[-1].words[0]
     if at is None:
-        return {"edit": "Writing the shot …", "export": "Exporting …"}.get(current.run.words[0], "Planning …")
+        return {"edit": "Writing the shot …", "export": "Exporting …"}.get(command, "Planning …")
     return f"{at['doing']}: {at['done']} of {at['total']} frames"
 
 
@@ -117,6 +113,7 @@ class OpenShot(_Reporting, bpy.types.Operator):
     bl_idname = "flowsculpt.open"
     bl_label = "Open Shot"
     bl_description = "Show the sculpture, flows and camera of the shot; what was open is closed"
+    bl_options = {"REGISTER", "UNDO"}  # else undoing the first move would remove the shot
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         wanted = context.scene.flowsculpt
@@ -128,9 +125,7 @@ class OpenShot(_Reporting, bpy.types.Operator):
             shot = ShownShot.read(program, folder, wanted.shot)
         except ProgramError as error:
             return self.refused(error)
-        if current.run is not None:
-            current.run.cancel()
-            current.run = None
+        replace_simulation()
         current.shot = shot
         shot.build(context.scene)
         if wanted.simulates and not bpy.app.background:
@@ -142,11 +137,11 @@ class CloseShot(bpy.types.Operator):
     bl_idname = "flowsculpt.close"
     bl_label = "Close Shot"
     bl_description = "Remove the shot's objects from the scene; its files stay"
+    bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        if current.run is not None:
-            current.run.cancel()
-        current.shot = current.run = None
+        cancel_runs()
+        current.shot = None
         remove_objects(context.scene)
         return {"FINISHED"}
 
@@ -160,8 +155,7 @@ class MakeFrames(_Running, bpy.types.Operator):
 
     def begin(self, context: bpy.types.Context) -> Run:
         shot = require_shot()
-        if is_busy("frames"):
-            current.run.cancel()
+        replace_simulation()
         make = ["--make", "--wait"] if self.simulate else []
         return Run(shot.program, ["frames", shot.name, *make], shot.folder)
 
@@ -182,8 +176,7 @@ class CancelRun(bpy.types.Operator):
     bl_description = "End what flowsculpt is doing; what is done stays done"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        if current.run is not None:
-            current.run.cancel()
+        cancel_runs()
         return {"FINISHED"}
 
 
@@ -193,8 +186,7 @@ class _Editing(_Running):
     def begin(self, context: bpy.types.Context) -> Run:
         shot = require_shot()
         edits = self.edits(context, shot)
-        if is_busy():
-            current.run.cancel()
+        replace_simulation()
         return Run(shot.program, ["edit", shot.name], shot.folder, shot.request(edits))
 
     def edits(self, context: bpy.types.Context, shot: ShownShot) -> list[Answer]:
@@ -253,7 +245,7 @@ class SubjectFromMesh(_Running, bpy.types.Operator):
     bl_idname = "flowsculpt.subject_from_mesh"
     bl_label = "New Shot of Selected Mesh"
     bl_description = "Export the active mesh into the show's models and begin a shot with it"
-    bl_options = {"REGISTER"}
+    bl_options = {"REGISTER", "UNDO"}
 
     shot: StringProperty(name="Shot", description="Name of the new shot", default="A010_mine")
 
@@ -294,7 +286,8 @@ class SubjectFromMesh(_Running, bpy.types.Operator):
 class RenderShot(_Running, bpy.types.Operator):
     bl_idname = "flowsculpt.render"
     bl_label = "Render"
-    bl_description = "Render frames with flowsculpt; they come back as an image sequence behind the camera"
+    bl_description = "Render frames with flowsculpt; they come back as an image sequence before the camera"
+    bl_options = {"REGISTER", "UNDO"}
 
     def begin(self, context: bpy.types.Context) -> Run:
         shot, wanted = require_shot(), context.scene.flowsculpt
@@ -324,6 +317,7 @@ class UseInScene(_Running, bpy.types.Operator):
     bl_idname = "flowsculpt.use_in_scene"
     bl_label = "Use in Scene"
     bl_description = "Export the sculpture and link it into the scene, without the shot's empties"
+    bl_options = {"REGISTER", "UNDO"}
 
     form: EnumProperty(
         name="As",
@@ -349,7 +343,10 @@ class UseInScene(_Running, bpy.types.Operator):
             "usd": lambda: bpy.ops.wm.usd_import(filepath=file, set_frame_range=False),
             "gltf": lambda: bpy.ops.import_scene.gltf(filepath=file),
         }
-        imports[self.form]()
+        try:
+            imports[self.form]()
+        except RuntimeError as error:
+            raise ProgramError(f"{file}: Blender cannot import it: {error}") from None
 
 
 OPERATORS = (

@@ -5,7 +5,10 @@ What the file has is kept here and not in Blender's data, so that undoing a move
 
 from __future__ import annotations
 
+import hashlib
+import json
 import re
+import time
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -19,6 +22,9 @@ from .flow_empties import Slot, build_empties
 from .frame_meshes import forget_all, forget_beyond, frame_mesh, is_loaded, nothing
 from .program import Answer, ProgramError, Run
 from .shot_camera import camera_edits, show_camera
+
+MARK = "flowsculpt_shown"
+"""Custom property of what Blender shows: undo takes it back too, so it says what an object has now."""
 
 UPRIGHT = (1.5707963267948966, 0.0, 0.0)  # turns y of shots up to z of Blender
 
@@ -54,6 +60,7 @@ class ShownShot:
     listing   the last answer of `flowsculpt frames`
     objects   names of the mesh objects by subject
     defaults  values that the file left out when it was opened, by path
+    reading   names this reading of the file
     message   what went wrong last, for the panel
     """
 
@@ -65,11 +72,11 @@ class ShownShot:
     slots: list[Slot] = field(default_factory=list)
     objects: dict[str, str] = field(default_factory=dict)
     root: str = ""
+    reading: str = ""
     camera: str = ""
     defaults: dict[str, Any] = field(default_factory=dict)
     message: str = ""
     _files: dict[str, dict[int, tuple[str, str]]] = field(default_factory=dict)
-    _camera_shown: Any = None
     _there: set[str] = field(default_factory=set)
 
     @classmethod
@@ -77,6 +84,11 @@ class ShownShot:
         """Read a shot. Raises ProgramError where its file is not valid."""
         state = Run(program, ["edit", name], folder, {}).wait()
         return cls(program, folder, name, state, Run(program, ["frames", name], folder).wait())
+
+    def is_there(self) -> bool:
+        """Tell whether the objects are those of this reading; undo steps may bring back others, or none."""
+        root = bpy.data.objects.get(self.root)
+        return root is not None and root.get(MARK) == self.reading
 
     @property
     def numbers(self) -> range:
@@ -93,6 +105,7 @@ class ShownShot:
         root.empty_display_size, root.rotation_euler, root.hide_select = 0.2, UPRIGHT, True
         collection.objects.link(root)
         self.root = root.name
+        self.reading = root[MARK] = f"{time.time_ns()}"
         for subject in self.listing["subjects"]:
             shape = bpy.data.objects.new(f"{subject['name']} sculpture", nothing())
             shape.parent = root
@@ -118,10 +131,10 @@ class ShownShot:
             subject["name"]: {row["frame"]: (row["key"], row["file"]) for row in subject["meshes"]}
             for subject in listing["subjects"]
         }
-        camera = bpy.data.objects.get(self.camera)
-        if listing["cameras"] and camera is not None and listing["cameras"] != self._camera_shown:
+        camera, mark = bpy.data.objects.get(self.camera), _digest(listing["cameras"])
+        if listing["cameras"] and camera is not None and camera.get(MARK) != mark:
             show_camera(camera, listing, self.numbers, scene)
-            self._camera_shown = listing["cameras"]
+            camera[MARK] = mark
             scene.camera = scene.camera or camera
         self.show_frame(scene)
 
@@ -209,6 +222,10 @@ class ShownShot:
         edits = camera_edits(camera, root, middle, self.state["values"], self.numbers, scene.frame_set)
         scene.frame_set(before)
         return edits
+
+
+def _digest(data: Any) -> str:
+    return hashlib.sha256(json.dumps(data).encode()).hexdigest()
 
 
 def _name(value: dict[str, Any]) -> str:

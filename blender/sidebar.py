@@ -74,7 +74,7 @@ class ShotPanel(bpy.types.Panel):
         layout.label(text=f"{shot.simulated()} of {len(shot.numbers)} frames simulated")
         if is_busy():
             row = layout.row(align=True)
-            at = current.progress
+            at = current.runs[-1].progress
             row.progress(text=progress_words(), factor=at["done"] / at["total"] if at else 0.0)
             row.operator("flowsculpt.cancel", text="", icon="CANCEL")
         else:

@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -170,9 +171,9 @@ def undo(show: Path) -> None:
     """Undoing a move in Blender undoes it in the file, and the same meshes are shown again."""
     bpy.context.preferences.edit.use_global_undo = True
     opened(show)
-    bpy.ops.flowsculpt.make()
-    before, mesh = text(show), at(6).name
     bpy.ops.ed.undo_push(message="opened")
+    bpy.ops.flowsculpt.make()
+    before, mesh, place = text(show), at(6).name, scene_camera().matrix_world.copy()
     bpy.data.objects["1.0 vortex"].location.x = 1.25
     bpy.ops.ed.undo_push(message="moved")
     bpy.ops.flowsculpt.write()
@@ -183,6 +184,14 @@ def undo(show: Path) -> None:
     bpy.ops.flowsculpt.write()
     assert text(show) == before
     assert at(6).name == mesh and len(at(6).vertices) > 100
+    assert np.allclose(scene_camera().matrix_world, place), "the camera came after the step that was undone"
+    vortex = bpy.data.objects["1.0 vortex"]
+    vortex.location.x = 1.5
+    bpy.ops.ed.undo_push(message="moved again")
+    opened(show)
+    bpy.ops.ed.undo()
+    assert "No shot is open" in refused(bpy.ops.flowsculpt.write), "empties of a former reading"
+    assert text(show) == before
 
 
 def at_once(show: Path) -> None:
@@ -209,15 +218,43 @@ def at_once(show: Path) -> None:
     work = sys.modules[f"{MODULE}.current_shot"].current
     operators = sys.modules[f"{MODULE}.shot_operators"]
     run = operators.Run(shown().program, ["frames", SHOT, "--make"], show)
-    work.run, work.progress = run, {"doing": "simulating", "done": 2, "total": 6}
+    work.runs.append(run)
+    run.progress = {"doing": "simulating", "done": 2, "total": 6}
     panel.draw(drawn, bpy.context)
     assert "simulating: 2 of 6 frames" in drawn.words
     assert bpy.ops.flowsculpt.cancel() == {"FINISHED"}
     while not run.is_over:
         time.sleep(0.05)
+    work.runs.remove(run)
+    answered, said = in_window(operators, show)
+    assert answered["shot"] == SHOT and said[0] == "Planning …" and said[-1] is None
     assert bpy.ops.flowsculpt.close() == {"FINISHED"}
     assert not bpy.data.objects and shown() is None
     panel.draw(drawn, bpy.context)
+
+
+def in_window(operators: Any, show: Path) -> tuple[Any, list[str | None]]:
+    """Run an operator as windows do, by timer events; return its answer and the words of the status bar."""
+
+    class Listing(operators._Running):
+        def begin(self, context: Any) -> Any:
+            return operators.Run(shown().program, ["frames", SHOT], show)
+
+        def done(self, context: Any, answer: Any) -> None:
+            self.answer = answer
+
+    said: list[str | None] = []
+    window = SimpleNamespace(screen=SimpleNamespace(areas=[]))
+    manager = SimpleNamespace(event_timer_remove=lambda timer: None)
+    context = SimpleNamespace(scene=bpy.context.scene, window=window, window_manager=manager)
+    context.workspace = SimpleNamespace(status_text_set=said.append)
+    operator = Listing()
+    operator._timer = None
+    operator._start(context)
+    assert operator.modal(context, SimpleNamespace(type="MOUSEMOVE")) == {"PASS_THROUGH"}
+    while operator.modal(context, SimpleNamespace(type="TIMER")) != {"FINISHED"}:
+        time.sleep(0.05)
+    return operator.answer, said
 
 
 class Layout:
