@@ -197,6 +197,7 @@ class ReviewPage:
         return {
             "title": request.shot.title,
             "fps": float(request.shot.rate.fps),
+            "dissolve": 0 if request.loop is None else request.loop[1],
             "numbers": numbers,
             "limits": list(limits_of(request)),
             "measures": measures,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.plugins.review.review_page import HINT
 from render.graphics.three_js import three_js
+from render.post.image import read_png
 from tests.plugins.review.looker import Opened
 from tests.plugins.review.studio import FAILED, LAST, MISSING, Desk, number_in
 
@@ -48,6 +49,36 @@ def test_playing_shows_every_frame_of_the_loop_in_turn(opened: Opened) -> None:
     assert look.number == look.frame == went[-1]
     look.press("\\")
     assert look.tab.inner_text("#range") == "1–24"
+
+
+def test_a_loop_that_dissolves_is_mixed_with_its_beginning_while_it_plays(
+    opened: Opened, tmp_path: Path
+) -> None:
+    look = opened(a="T010_tiny · daily.scale50", frame=22)
+    look.ask(
+        "(() => { review.a.about.dissolve = 4; review.choose('a', review.a); window.went = [];"
+        "const go = review.transport.go.bind(review.transport);"
+        "review.transport.go = (f) => { go(f); window.went.push([f, review.stage.beginning]); }; })()"
+    )
+
+    def shown(frame: int, plays: str = "false") -> NDArray[np.float64]:
+        look.ask(
+            f"Object.assign(review.transport, {{ frame: {frame}, playing: {plays} }}) && review.redraw()"
+        )
+        for needed in (2, frame):
+            look.wait(f"review.cache.isSettled(review.a.url({needed}))")
+        look.tab.locator("#stage").screenshot(path=str(tmp_path / "seen.png"))
+        return read_png(tmp_path / "seen.png")[..., :3].astype(np.float64)
+
+    begins, ends, mixed = shown(2), shown(22), shown(22, "true")
+    shown(22)
+    middle = tuple(slice(length // 3, -length // 3) for length in begins.shape[:2])
+    assert np.abs(begins - ends)[middle].max() > 20
+    assert np.abs(mixed - 0.6 * ends - 0.4 * begins)[middle].max() <= 2
+    look.press(" ")
+    look.wait("window.went.length > 4")
+    look.press(" ")
+    assert look.ask("window.went")[:4] == [[23, [3, 0.6]], [24, [4, 0.8]], [5, None], [6, None]]
 
 
 def test_j_k_and_l_play_backwards_stop_and_go_faster(opened: Opened) -> None:

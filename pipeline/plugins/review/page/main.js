@@ -55,7 +55,8 @@ class Review {
     this[side] = this.stage[side] = sequence;
     if (side === "a") {
       const frame = this.transport.frame;
-      this.transport.setNumbers(this.#numbersOf(sequence), sequence.about.fps);
+      const numbers = this.#numbersOf(sequence), { about } = sequence;
+      this.transport.setNumbers(numbers, about.fps, String(numbers) === String(about.numbers) ? about.dissolve : 0);
       this.transport.go(frame);
     }
     this.redraw();
@@ -161,7 +162,8 @@ class Review {
   #shown(frame) {
     if (this.mode === "grid") return this.grid.urls(frame);
     const shown = this.mode === "b" ? [this.b] : this.stage.needsB ? [this.a, this.b] : [this.a];
-    return shown.map((each) => each.url(frame));
+    const frames = [frame, this.transport.beginningWith(frame)?.[0] ?? frame];
+    return [...new Set(shown.flatMap((each) => frames.map((one) => each.url(one))))];
   }
 
   #isReady(frame) { return this.#shown(frame).every((url) => this.cache.isSettled(url)); }
@@ -188,10 +190,15 @@ class Review {
     setTimeout(() => { this.stripDue = false; this.strip.draw(); }, 100);
   }
 
+  #pickFrame() {
+    this.stage.frame = this.transport.frame;
+    this.stage.beginning = this.transport.beginningWith(this.transport.frame);
+  }
+
   #changed(what) {
     if (!this.controls) return;
     if (what !== "frame") return this.redraw();
-    this.stage.frame = this.transport.frame;
+    this.#pickFrame();
     this.#preload();
     this.#drawPicture();
     this.strip.draw();
@@ -219,7 +226,7 @@ class Review {
   /** Draw everything as it is now. */
   redraw() {
     if (!this.controls) return;
-    this.stage.frame = this.transport.frame;
+    this.#pickFrame();
     this.#preload();
     this.controls.draw();
     this.stage.resize();

@@ -18,6 +18,7 @@ class Stage {
     this.zoom = null;  // pixels of the display to a pixel of the picture; null: as large as fits
     this.pan = { x: 0, y: 0 };  // of the picture's middle from the stage's, in pixels of the display
     this.frame = 1;
+    this.beginning = null;  // the frame that is mixed with it, and its weight
     this.sourceOf = () => null;  // what is drawn instead of a picture's file: a layer, as it is to be seen
   }
 
@@ -129,9 +130,9 @@ class Stage {
     this.context.restore();
   }
 
-  #bitmap(sequence) {
-    const url = sequence.url(this.frame);
-    return this.sourceOf(sequence, this.frame) ?? (url === null ? null : this.cache.get(url));
+  #bitmap(sequence, frame = this.frame) {
+    const url = sequence.url(frame);
+    return this.sourceOf(sequence, frame) ?? (url === null ? null : this.cache.get(url));
   }
 
   /** What stands for a picture that is still being read: its small one, where the sheet has it. */
@@ -149,6 +150,11 @@ class Stage {
     const bitmap = this.#bitmap(sequence);
     if (bitmap) {
       this.context.drawImage(bitmap, place.x, place.y, place.width, place.height);
+      const [frame, weight] = this.beginning ?? [], other = frame === undefined ? null : this.#bitmap(sequence, frame);
+      if (!other) return;
+      this.context.globalAlpha = weight;
+      this.context.drawImage(other, place.x, place.y, place.width, place.height);
+      this.context.globalAlpha = 1;
       return;
     }
     const url = sequence.url(this.frame), broken = url !== null && this.cache.isBroken(url);

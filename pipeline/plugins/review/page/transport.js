@@ -12,6 +12,7 @@ class Transport {
     this.isReady = isReady;
     this.changed = changed;
     this.numbers = [1];
+    this.dissolve = 0;
     this.frame = 1;
     this.fps = 24;
     this.speed = 1;
@@ -21,8 +22,12 @@ class Transport {
     this.shownAt = [];
   }
 
-  /** Go over to other frames, staying at the frame where it is among them. */
-  setNumbers(numbers, fps) {
+  /**
+   * Go over to other frames, staying at the frame where it is among them. Of a shot that loops, the last
+   * `dissolve` frames dissolve into the first: they are shown mixed while all of it plays, as in the movie.
+   */
+  setNumbers(numbers, fps, dissolve = 0) {
+    this.dissolve = dissolve;
     const same = numbers.length === this.numbers.length && numbers.every((n, i) => n === this.numbers[i]);
     this.numbers = numbers;
     this.fps = fps;
@@ -37,6 +42,15 @@ class Transport {
   get first() { return this.numbers[0]; }
   get last() { return this.numbers[this.numbers.length - 1]; }
   get isLooped() { return this.inPoint !== this.first || this.outPoint !== this.last; }
+
+  /** Where playing begins again: a dissolve has shown the frames before. */
+  get start() { return this.isLooped ? this.inPoint : this.numbers[this.dissolve]; }
+
+  /** The frame of the beginning that is mixed with a frame while it plays, and its weight; or null. */
+  beginningWith(frame) {
+    const place = this.numbers.indexOf(frame) - this.numbers.length + this.dissolve;
+    return this.playing && !this.isLooped && place >= 0 ? [this.numbers[place], (place + 1) / (this.dissolve + 1)] : null;
+  }
 
   /** The nearest frame that there is. */
   nearest(frame) {
@@ -61,8 +75,8 @@ class Transport {
   /** The frame after another in the direction of play: from one end of the loop it goes to the other. */
   following(frame, direction = this.direction) {
     const next = this.numbers[this.numbers.indexOf(frame) + direction];
-    if (direction > 0) return next === undefined || next > this.outPoint || frame < this.inPoint ? this.inPoint : next;
-    return next === undefined || next < this.inPoint || frame > this.outPoint ? this.outPoint : next;
+    if (direction > 0) return next === undefined || next > this.outPoint || frame < this.inPoint ? this.start : next;
+    return next === undefined || next < this.start || frame > this.outPoint ? this.outPoint : next;
   }
 
   /** The frames to come, the next first. */
