@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import random
 import shutil
@@ -44,6 +45,25 @@ def test_a_second_run_of_the_same_is_told_who_makes_it(tmp_path: Path) -> None:
     with making(tmp_path, names("A")):
         pass
     assert list((tmp_path / ".flowsculpt/locks").iterdir()) == []
+
+
+def refusing(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+    def refuse(descriptor: int, flags: int) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("portalocker.portalocker.LOCKER", refuse)
+
+
+def test_a_file_system_without_locks_is_used_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    refusing(monkeypatch, errno.ENOLCK)
+    with writing(tmp_path), making(tmp_path, names("A")), making(tmp_path, names("A")), exclusive(tmp_path):
+        pass
+
+
+def test_an_error_of_the_disk_is_no_other_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    refusing(monkeypatch, errno.EIO)
+    with pytest.raises(MachineError, match="the disk reports an error"), writing(tmp_path, wait=True):
+        pass
 
 
 HOLDER = """
