@@ -26,7 +26,7 @@ WIDTH, SHEET = 1400, 1800
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--root", type=Path, default=Path("renders"))
+    parser.add_argument("--root", type=Path, default=Path("renders/generations"))
     parser.add_argument("names", nargs="*", default=list(FAMILIES), help="by default all")
     asked = parser.parse_args()
     for name in asked.names:
