@@ -366,13 +366,11 @@ def bounded(draft: Draft) -> str:
         },
         "falloff": rounded(half * chance.random.uniform(0.7, 1.4)),
     }
-    ((name, inner),) = flows[index].items()
+    names = [leaf.name for leaf in leaves_of([flows[index]]) if leaf.name != "translation"]
     flows[index] = {"within": {"region": region, "flows": [flows[index]]}}
     side = {("y", 1): "upper", ("y", -1): "lower", ("x", 1): "right", ("z", 1): "front"}[axis, sign]
-    names = {next(iter(item)) for item in inner} if name == "sum" else {name}
-    names = (names - {"translation"}) or names
-    several = name == "sum" and len(inner) > 1
-    kind = ("vortices" if names == {"vortex"} else "flows") if several else names.pop().replace("_", " ")
+    kind = "vortices" if set(names) == {"vortex"} else "flows"
+    kind = names[0].replace("_", " ") if len(names) == 1 else kind
     return f"the {kind} on the {side} half"
 
 

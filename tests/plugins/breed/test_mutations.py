@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.plugins.breed.breeding import Litter, child_of
-from pipeline.plugins.breed.flow_mutations import MOTION, Draft, Idea
+from pipeline.plugins.breed.flow_mutations import MOTION, Draft, Idea, bounded
 from pipeline.plugins.breed.gene_values import Chance
 from pipeline.plugins.breed.picture_mutations import (
     CLEAR_RIGS,
@@ -157,3 +157,19 @@ def test_light_suits_the_look_and_its_stage_the_light(
             break
     assert seen == rigs
     read_shot(SHOTS / "child.yaml", text_of_shot(one.data), beside={})
+
+
+@pytest.mark.parametrize(
+    ("flows", "words"),
+    [
+        ([{"placed": {"flows": [{"twist": {"amount": 3}}]}}], "the twist on"),
+        ([{"sum": [{"vortex": {}}, {"mirrored": {"flows": [{"vortex": {}}]}}]}], "the vortices on"),
+        ([{"sum": [{"vortex_ring": {}}, {"translation": {}}]}], "the vortex ring on"),
+        ([{"sequence": {"flows": [{"twist": {}}, {"bend": {}}]}}], "the flows on"),
+    ],
+)
+def test_a_flow_on_one_half_is_named_by_what_is_in_it(flows: list[Any], words: str) -> None:
+    made = draft("A010_cube", 0)
+    made.data["flows"] = flows
+    told = bounded(made)
+    assert told.startswith(words) and told.endswith(" half") and "within" in made.data["flows"][0]
