@@ -15,8 +15,8 @@ from PIL import Image
 OUT = Path(__file__).parent / "bred"
 
 FAMILIES = {
-    "cube": (("A010_cube",), "10", "6,11"),
-    "cross": (("A010_cube", "A030_taffy"), "3,7", "3,8"),
+    "cube": (("A010_cube",), "6", "7,10"),
+    "cross": (("A010_cube", "A030_taffy"), "3,5", "1,12"),
 }
 """The shots of the first generation, and the children that are the parents of the second and the third."""
 

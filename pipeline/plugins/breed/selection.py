@@ -36,6 +36,10 @@ LEAST_SEEN = 0.025
 """Difference of the first picture and another, in OKLab, below which a candidate hardly moves: a rod that is
 twisted about its own axis does, and shows nothing of it."""
 
+LEAST_OUTLINE, OF_COLOURS = 0.07, 4.0
+"""Share of the silhouettes that must change, or pictures change so many times LEAST_SEEN: the camera alone
+changes the shades of a drum that is twisted about its own axis."""
+
 USUAL_GROWTH = 1.5
 """Growth of the vertices: a candidate with more than twice this, and more than twice that of its parents, is
 crumpled, and counts less."""
@@ -77,10 +81,11 @@ def judged(trial: Trial, parents: Sequence[Trial]) -> Candidate:
     contrast, light = _contrast(trial)
     change, covered = float(trial.change.max()), trial.covered[SHOWN // 2 :]
     seen_change = _seen_change(trial)
+    least_seen = LEAST_SEEN * (1.0 if _outline_change(trial) >= LEAST_OUTLINE else OF_COLOURS)
     fault = ""
     if trial.inside < LEAST_INSIDE:
         fault = LEAVES
-    elif seen_change < LEAST_SEEN or change < max(LEAST_CHANGE, LEAST_SHARE * min(1.0, parent_change)):
+    elif seen_change < least_seen or change < max(LEAST_CHANGE, LEAST_SHARE * min(1.0, parent_change)):
         fault = STILL
     elif covered.min() < LEAST_COVERED or contrast < LEAST_CONTRAST or not 0.06 < light < 0.94:
         fault = FAINT
@@ -144,6 +149,12 @@ def _seen_change(trial: Trial) -> float:
     """Return how far the first picture and the one that differs most are apart, root mean square in OKLab."""
     colours = lab(_reduced(trial, range(SHOWN)))
     return float(np.sqrt(((colours - colours[0]) ** 2).sum(axis=-1).mean(axis=(1, 2)).max()))
+
+
+def _outline_change(trial: Trial) -> float:
+    """Return the share of the first silhouette and another that only one of them has, at most."""
+    first, *others = trial.shapes > 0
+    return max(float((first ^ other).sum() / max(1, (first | other).sum())) for other in others)
 
 
 def _contrast(trial: Trial) -> tuple[float, float]:

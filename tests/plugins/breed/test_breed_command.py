@@ -11,8 +11,8 @@ import pytest
 
 from pipeline.plugins.breed import generation
 from pipeline.plugins.breed.family_tree import rows_of
-from pipeline.plugins.breed.selection import Candidate, chosen
-from pipeline.plugins.breed.trials import tried
+from pipeline.plugins.breed.selection import STILL, Candidate, chosen, judged
+from pipeline.plugins.breed.trials import SHOWN, Trial, tried
 from pipeline.shot import read_shot
 from render.post.image import read_png
 from tests.conftest import commanded
@@ -153,3 +153,16 @@ def test_those_that_differ_most_are_chosen_and_faults_and_twins_are_not() -> Non
         n: Candidate(each.features, 0.01 if n == 3 else 1.0, each.fault) for n, each in candidates.items()
     }
     assert chosen(faint, np.array([-1.0]), 12) == ([4, 2, 3], [1])
+
+
+@pytest.mark.parametrize(("moved", "brightness", "fault"), [(0, 30, STILL), (2, 30, ""), (0, 200, "")])
+def test_changes_of_shades_alone_that_the_camera_makes_are_no_movement(
+    moved: int, brightness: int, fault: str
+) -> None:
+    shapes, pictures = np.zeros((SHOWN, 18, 32), np.float32), np.full((SHOWN, 72, 128, 3), 20, np.uint8)
+    for k in range(SHOWN):
+        shapes[k, 5:13, 10 + moved * k // SHOWN : 22 + moved * k // SHOWN] = 1.0
+        pictures[k][shapes[k].repeat(4, 0).repeat(4, 1) > 0] = 50 + brightness * k // (SHOWN - 1)
+    change, covered = np.linspace(0.0, 0.5, SHOWN), np.full(SHOWN, 96 / 576)
+    trial = Trial(pictures, shapes, 1.2, 1.0, covered, change)
+    assert judged(trial, [trial]).fault == fault
