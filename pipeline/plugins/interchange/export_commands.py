@@ -69,6 +69,9 @@ def usd(
     shot: Shot,
     options: OneMeshOptions,
     one_mesh: OneMesh = False,
+    instances: Annotated[
+        bool, typer.Option("--instances", help="Write rigid copies as instances of one shape.")
+    ] = False,
     quality: Quality = DEFAULT_QUALITY,
 ) -> None:
     """Write the sculpture with its motion, camera and lights as a USD stage.
@@ -76,8 +79,8 @@ def usd(
     `flowsculpt export usd A010_cube` writes renders/A010_cube/usd/A010_cube.usda, which Houdini, Blender and
     usdview open, and a clip for each frame: the mesh with velocities, normals and rest positions. Missing
     frames are simulated first. Later exports write only clips that changed. With `--one-mesh` the stage is
-    A010_cube.one_mesh.usda, whose mesh has the same triangles in all frames. It needs the package usd-core;
-    see docs/interchange.md.
+    A010_cube.one_mesh.usda, whose mesh has the same triangles in all frames. With `--instances` rigid copies
+    are a point instancer, in NAME.instances.usda. It needs the package usd-core; see docs/interchange.md.
     """
     project, asked, folder = asked_for(common, shot, options, quality, "usd")
     if asked.source.subject:
@@ -86,8 +89,10 @@ def usd(
             "prim. Leave out --subject"
         )
     require_usd()
-    if one_mesh:
-        _one_mesh_stage(common, project, asked, folder, options)
+    if one_mesh and instances:
+        raise UsageError("--one-mesh and --instances are two ways to write copies; choose one")
+    if one_mesh or (instances and options.vertices is None and options.until is None):
+        _one_mesh_stage(common, project, asked, folder, options, instances)
         return
     if options.vertices is not None or options.until is not None:
         raise UsageError("--vertices and --until reduce one mesh; add --one-mesh")
@@ -97,20 +102,29 @@ def usd(
 
 
 def _one_mesh_stage(
-    common: Common, project: Project, asked: RenderRequest, folder: Path, options: OneMeshOptions
+    common: Common,
+    project: Project,
+    asked: RenderRequest,
+    folder: Path,
+    options: OneMeshOptions,
+    instances: bool,
 ) -> None:
-    """Write a stage with one mesh of each subject."""
+    """Write a stage with one mesh of each subject, or with the instances of each."""
     from pipeline.plugins.interchange.unifying import Unification
+    from pipeline.plugins.interchange.usd_instances import InstancesStage, require_rigid
     from pipeline.plugins.interchange.usd_one_mesh import OneMeshStage
 
     parts = tuple(Unification(part, project.store, options.vertices, options.until) for part in asked.parts)
+    if instances:
+        require_rigid(parts)
+    kind = InstancesStage if instances else OneMeshStage
     if common.dry_run:
         report_plan(common, project.geometry(asked))
         return
     started = time.monotonic()
     outcome = execute(common, lambda: project.geometry(asked))
     with writing(common.root, common.wait), progress_bars(common.progress) as bar:
-        stage = OneMeshStage(asked, project.store, folder, parts, bar)
+        stage = kind(asked, project.store, folder, parts, bar)
         stage.write(bar("exporting", len(stage.stale())))
     print_result(*_report(stage, [], time.monotonic() - started), common.json)
     exit_with(outcome.exit_code)

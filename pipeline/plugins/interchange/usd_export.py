@@ -260,6 +260,11 @@ class SculptureFiles:
 
         return isinstance(self.request.shot.motion.subject, Cloud)
 
+    @property
+    def schema(self) -> Any:
+        """The schema of its prim."""
+        return UsdGeom.Points if self.is_cloud else UsdGeom.Mesh
+
     @cached_property
     def attributes(self) -> tuple[SampledAttribute, ...]:
         """The attributes of its clips."""
@@ -444,13 +449,13 @@ def write_root(
 
 
 def _add_sculpture(stage: Usd.Stage, content: SculptureFiles, material: UsdShade.Material) -> None:
-    schema: Any = UsdGeom.Points if content.is_cloud else UsdGeom.Mesh
-    sculpture = schema.Define(stage, content.prim)
-    if not content.is_cloud:
+    sculpture = content.schema.Define(stage, content.prim)
+    if content.schema is UsdGeom.Mesh:
         sculpture.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
         sculpture.CreateDoubleSidedAttr(True)
     if not has_colours(content.look):
-        sculpture.CreateDisplayColorAttr(Vt.Vec3fArray([content.look.colour]))
+        named = "displayColor", Sdf.ValueTypeNames.Color3fArray
+        UsdGeom.PrimvarsAPI(sculpture).CreatePrimvar(*named).Set(Vt.Vec3fArray([content.look.colour]))
     bind(sculpture.GetPrim(), material)
 
 

@@ -42,6 +42,12 @@ def write_one_mesh(path: Path, prim: str, mesh: OneMesh, passed: Callable[[], No
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     layer.timeCodesPerSecond = layer.framesPerSecond = float(mesh.rate.fps)
     layer.startTimeCode, layer.endTimeCode = float(mesh.frames[0]), float(mesh.frames[-1])
+    add_mesh(layer, prim, mesh, passed)
+    write_layer(path, layer)
+
+
+def add_mesh(layer: Sdf.Layer, prim: str, mesh: OneMesh, passed: Callable[[], None] = lambda: None) -> None:
+    """Add the prim of a mesh: of one frame its values, of several time samples of what differs."""
     attributes = _attributes(mesh)
     spec = Sdf.CreatePrimInLayer(layer, prim)
     spec.specifier, spec.typeName = Sdf.SpecifierDef, "Mesh"
@@ -54,12 +60,11 @@ def write_one_mesh(path: Path, prim: str, mesh: OneMesh, passed: Callable[[], No
                 values = attribute.values(frame)
                 assert values is not None, f"the mesh has {attribute.name}"
                 held = usd_array(attribute.kind, values)
-                if attribute.name in _SAMPLED:
+                if attribute.name in _SAMPLED and len(mesh.frames) > 1:
                     layer.SetTimeSample(own.path, float(number), held)
                 else:
                     own.default = held
         passed()
-    write_layer(path, layer)
 
 
 def _attributes(mesh: OneMesh) -> tuple[SampledAttribute, ...]:
