@@ -74,7 +74,7 @@ def forget_all() -> None:
 
 def _built(name: str, arrays: dict[str, np.ndarray]) -> bpy.types.Mesh:
     """Build a data block of the arrays of a mesh file."""
-    points, starts, corners = _polygons(arrays)
+    points, starts, corners, creases = _polygons(arrays)
     mesh = _new(name)
     mesh.vertices.add(len(points))
     mesh.vertices.foreach_set("co", points.astype(np.float32).ravel())
@@ -86,15 +86,14 @@ def _built(name: str, arrays: dict[str, np.ndarray]) -> bpy.types.Mesh:
     mesh.update(calc_edges=True)
     if len(corners):
         mesh.shade_smooth()
-        creases = np.asarray(arrays.get("creases", ()), np.int64).reshape(-1, 2)
         if len(creases):
             _sharpen(mesh, creases)
     return mesh
 
 
-def _polygons(arrays: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return points (V, 3), the first corner of each polygon (P,), and the corners (C,) of a mesh file."""
-    points = arrays["vertices"]
+def _polygons(arrays: dict[str, np.ndarray]) -> tuple[np.ndarray, ...]:
+    """Return points (V, 3), starts of polygons (P,), corners (C,) and hard edges (K, 2) of a mesh file."""
+    points, creases = arrays["vertices"], np.asarray(arrays.get("creases", ()), np.int64).reshape(-1, 2)
     if "offsets" in arrays:
         starts, corners = arrays["offsets"][:-1], arrays["corners"]
     else:
@@ -106,7 +105,8 @@ def _polygons(arrays: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np
         points = (np.einsum("nij,vj->nvi", turns, points) + places[:, None]).reshape(-1, 3)
         starts = (starts + copies * len(corners)).ravel()
         corners = (corners + copies * count).ravel()
-    return points, starts.astype(np.int32), corners.astype(np.int32)
+        creases = (creases + copies[:, None] * count).reshape(-1, 2)
+    return points, starts.astype(np.int32), corners.astype(np.int32), creases
 
 
 def _sharpen(mesh: bpy.types.Mesh, creases: np.ndarray) -> None:

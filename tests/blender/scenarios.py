@@ -402,6 +402,43 @@ def formula(show: Path) -> None:
     assert shown().changed() == []
 
 
+KINDS = {
+    "copies": "subjects: {one: {solid: box, size: [1, 1, 1], copies: "
+    "{count: 5, rigid: true, region: {sphere: {radius: 3}}}}}",
+    "net": "subject: {net: {solid: sheet, size: [2, 2]}, rows: 6, columns: 5}",
+    "cloud": "subject: {cloud: {solid: box, size: [1, 1, 1]}, count: 50, radius: 0.02}",
+    "several": "subjects: {one: {solid: box, size: [1, 1, 1]}, two: {solid: icosphere, radius: 0.5}}",
+}
+
+
+def kinds(show: Path) -> None:
+    """Copies, nets, clouds and several subjects are shown as what they are."""
+    path = show / "shots" / f"{SHOT}.yaml"
+    shot = path.read_text().replace("resample: {max_edge_length: 0.4}\n", "")
+    shapes = {}
+    for kind, subject in KINDS.items():
+        resample = "" if kind in ("net", "cloud") else "resample: {max_edge_length: 0.4}\n"
+        path.write_text(shot.replace("subject: {solid: box, size: [2, 2, 2]}\n", f"{subject}\n{resample}"))
+        opened(show)
+        bpy.ops.flowsculpt.make()
+        bpy.context.scene.frame_set(6)
+        shapes[kind] = [bpy.data.objects[name].data for name in shown().objects.values()]
+        counts = [(len(mesh.vertices), len(mesh.polygons)) for mesh in shapes[kind]]
+        files = [dict(np.load(subject["meshes"][5]["file"])) for subject in shown().listing["subjects"]]
+        many = [len(arrays.get("copies", (0,))) for arrays in files]
+        assert counts == [
+            (times * len(arrays["vertices"]), times * len(arrays["faces"]))
+            for times, arrays in zip(many, files, strict=True)
+        ], (kind, counts)
+        assert not any(mesh.validate() for mesh in shapes[kind])
+        if kind == "copies":
+            assert many == [5]
+            sharp = np.empty(len(shapes[kind][0].edges), bool)
+            shapes[kind][0].attributes["sharp_edge"].data.foreach_get("value", sharp)
+            assert sharp.sum() == 5 * len(files[0]["creases"]) > 0
+    assert len(shapes["several"]) == 2
+
+
 def uninstall(show: Path) -> None:
     """Disable and remove: no handler, timer, operator or panel is left, and Blender goes on."""
     opened(show)
