@@ -77,14 +77,27 @@ def _look() -> float:
     try:
         changed = shot.changed()
     except ProgramError as error:
-        shot.message = str(error)
+        shot.message = str(error)  # an empty was deleted; it stays so, and one message is enough
         return TICK
     seen = [(slot.words, slot.snapshot()) for slot in changed]
     if changed and seen == current.seen and not _is_dragging(windows[0]):
-        with bpy.context.temp_override(window=windows[0]):
-            bpy.ops.flowsculpt.write("INVOKE_DEFAULT")
+        try:
+            with bpy.context.temp_override(window=windows[0]):
+                bpy.ops.flowsculpt.write("INVOKE_DEFAULT")
+        except (
+            RuntimeError
+        ) as error:  # the report of what is refused at once, which Blender shows nobody here
+            _pop_up(str(error).removeprefix("Error: "))
     current.seen = seen
     return TICK
+
+
+def _pop_up(message: str) -> None:
+    """Show a message at the pointer."""
+    if not bpy.app.background:
+        bpy.context.window_manager.popup_menu(
+            lambda menu, context: menu.layout.label(text=message.strip()), title="Flowsculpt", icon="ERROR"
+        )
 
 
 def _is_dragging(window: bpy.types.Window) -> bool:

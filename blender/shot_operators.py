@@ -94,9 +94,18 @@ class _Running(_Reporting):
         except ProgramError as error:
             if self._run.is_replaced:
                 return {"CANCELLED"}
-            self.failed(context, error)
-            return self.refused(error)
+            return self._taken_back(context, error)
+        except RuntimeError as error:  # the report of an operator that `done` has called
+            return self.refused(ProgramError(str(error).removeprefix("Error: ").strip()))
         return {"FINISHED"}
+
+    def _taken_back(self, context: bpy.types.Context, error: ProgramError) -> set[str]:
+        """Take back what the run was to do, and report its error, or what goes wrong on the way."""
+        try:
+            self.failed(context, error)
+        except ProgramError as another:
+            error = another
+        return self.refused(error)
 
 
 def progress_words() -> str:

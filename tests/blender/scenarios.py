@@ -398,6 +398,11 @@ def formula(show: Path) -> None:
     curve = sys.modules[f"{MODULE}.key_curves"].curves_of(bpy.data.objects["1.0 vortex"], '["strength"]')[0]
     assert curve.lock and math.isclose(curve.evaluate(5), 2 * 4 / 24 * 0.5, rel_tol=0.05)
     curve.keyframe_points[1].co.y = 9.0
+    look = sys.modules[f"{MODULE}.current_shot"]._look
+    look(), look()
+    assert "runs in a time of its own" in shown().message and shown().changed() == []
+    curve = sys.modules[f"{MODULE}.key_curves"].curves_of(bpy.data.objects["1.0 vortex"], '["strength"]')[0]
+    curve.keyframe_points[1].co.y = 9.0
     assert "runs in a time of its own" in refused(bpy.ops.flowsculpt.write)
     assert shown().changed() == []
 
