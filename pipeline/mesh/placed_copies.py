@@ -52,6 +52,11 @@ class Placements:
         """The size (N,) of each copy over that of the surface."""
         return np.asarray(np.linalg.norm(self.matrices[:, :, 0], axis=1))
 
+    @property
+    def rotations(self) -> Floats:
+        """The rotation (N, 3, 3) of each copy."""
+        return np.asarray(self.matrices[:, :, :3] / self.sizes[:, None, None])
+
     def points(self, own: Points) -> Points:
         """Return the points (N · V, 3) of all copies, one after another, of points (V, 3) of the surface."""
         turned = np.einsum("nij,vj->nvi", self.matrices[:, :, :3], own)

@@ -18,7 +18,9 @@ from pipeline.plugins.interchange.animation_export import (
     VertexTextureExport,
     WebExport,
 )
+from pipeline.plugins.interchange.copy_instances import require_rigid
 from pipeline.plugins.interchange.export_commands import OneMeshOptions, asked_for
+from pipeline.plugins.interchange.gltf_instances import GltfInstancesExport
 from pipeline.plugins.interchange.one_mesh_commands import (
     mesh_facts,
     mesh_in_words,
@@ -37,18 +39,28 @@ Plain = Annotated[
     ),
 ]
 
+Instances = Annotated[
+    bool, typer.Option("--instances", help="Write rigid copies as nodes that share a mesh.")
+]
 
-def gltf(common: Common, shot: Shot, options: OneMeshOptions, plain: Plain = False) -> None:
+
+def gltf(
+    common: Common, shot: Shot, options: OneMeshOptions, plain: Plain = False, instances: Instances = False
+) -> None:
     """Write the sculpture with its motion as one glTF file, for pages, viewers and DCC programs.
 
     `flowsculpt export gltf A010_cube` writes renders/A010_cube/models/A010_cube.glb: one mesh, with morph
     targets at as few keyframes as keep each frame within a quarter of an edge. It is compressed with
     EXT_meshopt_compression, which three.js, Babylon.js and model-viewer read; `--plain` writes a larger file
     that every program reads. Pictures of the look are in the file, compressed ones with at most 2048 pixels
-    on a side.
+    on a side. With `--instances` rigid copies are nodes that share a mesh, in NAME.instances.glb.
     """
     project, asked, folder = asked_for(common, shot, options, DEFAULT_QUALITY, "models")
     parts = tuple(Unification(part, project.store, options.vertices, options.until) for part in asked.parts)
+    if instances:
+        require_rigid(parts)
+        _export(common, [GltfInstancesExport(asked, project.store, folder, parts, plain)])
+        return
     _export(common, [GltfExport(asked, project.store, folder, parts, plain)])
 
 

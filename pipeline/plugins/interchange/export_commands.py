@@ -110,8 +110,9 @@ def _one_mesh_stage(
     instances: bool,
 ) -> None:
     """Write a stage with one mesh of each subject, or with the instances of each."""
+    from pipeline.plugins.interchange.copy_instances import require_rigid
     from pipeline.plugins.interchange.unifying import Unification
-    from pipeline.plugins.interchange.usd_instances import InstancesStage, require_rigid
+    from pipeline.plugins.interchange.usd_instances import InstancesStage
     from pipeline.plugins.interchange.usd_one_mesh import OneMeshStage
 
     parts = tuple(Unification(part, project.store, options.vertices, options.until) for part in asked.parts)

@@ -8,137 +8,25 @@ Of several subjects each has a file, <shot>.<subject>.instances.usdc. Readers bl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cached_property
-from itertools import takewhile
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from pxr import Gf, Sdf, UsdGeom, Vt
 
-from pipeline.animation import MeshFrame
-from pipeline.animation.loop import animate
-from pipeline.arrays import AnyArray, Floats, Points, Vectors
-from pipeline.errors import UsageError
-from pipeline.mesh.placed_copies import Placements
+from pipeline.arrays import AnyArray, Points
+from pipeline.plugins.interchange.copy_instances import Instances, PlacedCopies
 from pipeline.plugins.interchange.exported_frame import KeyedFiles
-from pipeline.plugins.interchange.one_mesh import OneMesh
-from pipeline.plugins.interchange.unifying import Unification
 from pipeline.plugins.interchange.usd_export import write_layer
 from pipeline.plugins.interchange.usd_one_mesh import OneMeshFile, OneMeshStage, add_mesh
-from pipeline.production.request.shading import vertex_motion
 from pipeline.production.stages import EXPORT
 from pipeline.production.store.store import key_of
 
 SHAPE = "shape"
 """The name of the prim that all copies are instances of."""
-
-
-class _Copies(NamedTuple):
-    """The copies of a frame, and their velocities (N, 3) and angular velocities (N, 3), per second."""
-
-    placements: Placements
-    velocities: Vectors
-    turning: Vectors
-
-
-@dataclass(frozen=True, eq=False)
-class Instances:
-    """The rigid copies of a subject: a shape in the place of its first copy at rest, without its size.
-
-    shape    its mesh at its own origin
-    colours  linear Rec.709 (N, 3) of the copies; None where they have one colour, or the shape has its own
-    """
-
-    mesh: OneMesh
-    shape: OneMesh
-    colours: Floats | None
-    frames: dict[int, MeshFrame]
-    unification: Unification
-
-    @classmethod
-    def of(cls, unification: Unification, began: Callable[[str, int], Callable[[], None]]) -> Instances:
-        """Return the copies of a subject. Raises UsageError where patterns or pictures differ on them."""
-        motion, numbers = unification.request.shot.motion, unification.request.requested
-        mesh = unification.one_mesh(began)
-        frames = {f.number: f for f in takewhile(lambda f: f.number <= max(numbers), animate(motion))}
-        count = len(_placed(frames[numbers[0]]))
-        vertices, faces = len(mesh.rest) // count, mesh.faces[: len(mesh.faces) // count]
-        corners = mesh.corner_normals[: len(faces)]
-
-        def shared(values: AnyArray | None) -> AnyArray | None:
-            """Return what the first copy has, if all have the same."""
-            if values is None:
-                return None
-            rows = values.reshape(count, -1, *values.shape[1:])
-            return rows[0] if np.allclose(rows, rows[:1], atol=1e-5) else None
-
-        colours, texture = shared(mesh.colours), shared(mesh.texture)
-        of_each = None
-        if mesh.colours is not None and colours is None:
-            rows = mesh.colours.reshape(count, vertices, 3)
-            of_each = rows[:, 0] if np.allclose(rows, rows[:, :1], atol=1e-5) else None
-        if mesh.paint is not None or (texture is None) != (mesh.texture is None):
-            raise UsageError(
-                f"{unification.name} has paint or pictures, which its copies do not share. {REMEDY}"
-            )
-        if mesh.colours is not None and colours is None and of_each is None:
-            raise UsageError(f"{unification.name} has a pattern over all its copies. {REMEDY}")
-        own = frames[motion.frames.first].own
-        used = np.unique(corners)
-        shape = replace(
-            mesh,
-            frames=(motion.frames.first,),
-            faces=faces,
-            corner_normals=np.searchsorted(used, corners).astype(np.int32),
-            creases=mesh.creases[(mesh.creases < vertices).all(axis=1)],
-            rest=own.vertices,
-            points_at=lambda number: own.vertices,
-            velocities_at=lambda number: np.zeros_like(own.vertices),
-            colours=colours,
-            texture=texture,
-        )
-        return cls(mesh, shape, of_each, frames, unification)
-
-    def at(self, number: int) -> _Copies:
-        """Return the copies of a frame."""
-        frame = self.frames[number]
-        placements = _placed(frame)
-        points = frame.mesh.vertices.reshape(len(placements), -1, 3)
-        moved = vertex_motion(self.unification.request.shot.motion, frame).velocity()
-        return _Copies(placements, *rigid_velocities(points, moved.reshape(points.shape), placements.origins))
-
-
-REMEDY = "Leave out --instances"
-
-
-def require_rigid(parts: Iterable[Unification]) -> None:
-    """Raise UsageError for a subject without rigid copies."""
-    for part in parts:
-        if not part.request.shot.motion.is_rigid:
-            raise UsageError(f"{part.name} has no rigid copies (copies: {{rigid: true}}). {REMEDY}")
-
-
-def _placed(frame: MeshFrame) -> Placements:
-    assert frame.copies is not None, "rigid copies have placements"
-    return frame.copies
-
-
-def rigid_velocities(points: AnyArray, moved: AnyArray, origins: Points) -> tuple[Vectors, Vectors]:
-    """Return velocities (N, 3) at origins (N, 3) and angular velocities (N, 3), radians, of rigid bodies.
-
-    points, moved  vertices (N, V, 3) and their velocities
-
-    They are those that differ least from the vertices' own.
-    """
-    middle, mean = points.mean(axis=1), moved.mean(axis=1)
-    away, speed = points - middle[:, None], moved - mean[:, None]
-    inertia = np.einsum("nvi,nvi->n", away, away)[:, None, None] * np.eye(3)
-    inertia = inertia - np.einsum("nvi,nvj->nij", away, away)
-    turning = np.linalg.solve(inertia, np.cross(away, speed).sum(axis=1)[..., None])[..., 0]
-    return mean + np.cross(turning, origins - middle), turning
 
 
 def write_instances(path: Path, prim: str, copies: Instances, passed: Callable[[], None]) -> None:
@@ -186,10 +74,10 @@ def write_instances(path: Path, prim: str, copies: Instances, passed: Callable[[
     write_layer(path, layer)
 
 
-def _samples(copies: _Copies, points: Points) -> Iterator[tuple[str, Any]]:
+def _samples(copies: PlacedCopies, points: Points) -> Iterator[tuple[str, Any]]:
     """Yield the attributes of a frame."""
     placements, sizes = copies.placements, copies.placements.sizes
-    turns = (placements.matrices[:, :, :3] / sizes[:, None, None]).swapaxes(1, 2)  # USD multiplies rows
+    turns = placements.rotations.swapaxes(1, 2)  # USD multiplies rows
     yield "positions", _triples(placements.origins)
     yield (
         "orientations",

@@ -11,8 +11,8 @@ from pxr import Usd, UsdGeom
 
 from pipeline.mesh.mesh_formats import ScenePart
 from pipeline.mesh.read import read_surface
+from pipeline.plugins.interchange.copy_instances import rigid_velocities
 from pipeline.plugins.interchange.unifying import Unification, one_mesh
-from pipeline.plugins.interchange.usd_instances import rigid_velocities
 from pipeline.production.execution.project import Project
 from tests.conftest import commanded
 from tests.plugins.interchange.test_usd import NAME, findings
