@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from render.raster import Preview, Shape, StageSetup, preview, with_lines
 from render.raster.raster_shapes import LARGE, SMALL, ScreenProjection, VisibleFaces
+from render.raster.shadows import block_maxima, light_visibility
 from render.raster.triangles import LargeTriangles, Subsamples, draw_triangles
 from render.scene.materials import LOOKS
 from render.scene.patterns import Pigment
@@ -273,3 +274,18 @@ def test_a_triangle_anywhere_covers_the_pixels_that_see_it_and_no_others(points)
     np.testing.assert_allclose(near[inside], total[inside], rtol=1e-3)
     if (name == 7).any():
         assert sorted(len(seen.corners_of(kind)) for kind in (SMALL, LARGE)) == [0, 3]
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_border_of_a_shadow_has_no_steps(axis: int) -> None:
+    nearness = np.zeros((64, 64), np.float32)
+    nearness[:, :32] = 2.0
+    places = np.zeros((3, 400), np.float32)
+    places[axis], places[2] = np.linspace(-0.25, 0.25, 400), 1.0
+    if axis:
+        nearness = np.ascontiguousarray(nearness.T[::-1])  # rows go downwards
+    blocks, fraction = np.empty((8, 8), np.float32), np.empty(400, np.float32)
+    block_maxima(nearness, blocks)
+    light_visibility(places, nearness, blocks, 1.0, fraction)
+    assert fraction[0] == 0.0 and fraction[-1] == 1.0
+    assert np.abs(np.diff(fraction)).max() < 0.08  # a filter of five equal pixels has a fifth
