@@ -24,7 +24,7 @@ PEAK = 1000.0
 GRAPHICS_WHITE = 203.0
 """Nits of the white of graphics (ITU-R BT.2408-7, table 1)."""
 
-_BT2020 = WorkingSpace(
+BT2020 = WorkingSpace(
     "rec2020", "lin_rec2020_scene", (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)
 )
 _LUMA = np.array([0.2627, 0.6780, 0.0593])  # ITU-R BT.2020-2, table 4
@@ -69,7 +69,7 @@ def nits_of_hlg(values: Values) -> Values:
 
 def hdr_graphics(picture: NDArray[np.uint16], display: str) -> NDArray[np.uint16]:
     """Return a picture (H, W, 3) for a Rec.709 movie as it looks next to HDR: its white at GRAPHICS_WHITE."""
-    light = _BT2020.from_rec709((picture / 65535.0) ** 2.4)
+    light = BT2020.from_rec709((picture / 65535.0) ** 2.4)
     nits = GRAPHICS_WHITE * np.maximum(light, 0.0)
     shown = pq_of_nits(nits) if display == "pq" else hlg_of_nits(nits)
     return np.asarray(np.rint(shown * 65535.0), dtype=np.uint16)

@@ -42,6 +42,7 @@ from pipeline.plugins.delivery.deliverables import (
     lost_frames,
     shot_source,
 )
+from pipeline.plugins.delivery.gain_map import is_gain_map, require_gain_maps
 from pipeline.plugins.delivery.relighting import RelitFrames, relit_version
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
@@ -102,9 +103,9 @@ def deliver(
 
     review: H.264 of intra frames, to step through · phone: H.264 of 8 bits, for phones and social networks ·
     h264, h265: 10 bits · hdr10, hdr10-av1: high dynamic range, for screens and the web · hlg: the same for
-    broadcasters · avif: the same for pages · prores4444: with the subject's alpha · av1: for the web ·
-    ffv1: lossless, for the archive · webp: for pages · gif: where
-    nothing else plays.
+    broadcasters · avif: the same for pages · gain-map: a JPEG whose highlights HDR screens show ·
+    prores4444: with the subject's alpha · av1: for the web · ffv1: lossless, for the archive · webp: for
+    pages · gif: where nothing else plays.
     """
     if slate is not None:
         require_one_of(slate, SLATES, f"--slate {slate}: a slate goes at the head or apart.")
@@ -124,6 +125,8 @@ def deliver(
     wanted.relit_frames()  # refuses names that are none before anything is rendered
     if any(encode.display in HDR_DISPLAYS for encode in order.encodes):
         wanted.require_hdr()
+    if any(is_gain_map(encode) for encode in order.encodes):
+        wanted.require_stills(slate)
     if common.dry_run:
         report_plan(common, wanted.plan())
         if not common.json:
@@ -177,6 +180,12 @@ class _Wanted:
         """Raises BadInputError where light cannot be shown in high dynamic range."""
         for request in self._all_requests():
             request.shot.picture.view.in_hdr()
+
+    def require_stills(self, slate: str | None) -> None:
+        """Raises BadInputError for more than one frame, MachineError without the library that writes them."""
+        for name in self.names:
+            frames = sum(len(request.requested) for request in self._requests(name))
+            require_gain_maps(frames if slate is None else frames + 1)
 
     def _all_requests(self) -> list[RenderRequest]:
         return [request for name in self.names for request in self._requests(name)]

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from pipeline.errors import FrameError, MachineError
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.plugin import Plugin, plugins
+from pipeline.plugins.delivery.gain_map import GAIN_MAP, is_gain_map, write_gain_map
 from pipeline.plugins.delivery.gif import GIF, write_gif
 from pipeline.plugins.delivery.relighting import relit_version
 from pipeline.production.request.audio import AudioClip, AudioTrack, samples_of
@@ -328,6 +329,7 @@ SLATE_SECONDS = 2
 
 _KINDS = {
     ".mp4": "movie",
+    ".jpg": "jpeg",
     **{end: end[1:] for end in (".mov", ".mkv", ".webp", ".avif", ".gif")},
 }
 
@@ -341,7 +343,12 @@ def _encode_of_plugin(plugin: Plugin, name: str, encode: Any) -> Encode:
     return replace(encode, name=name)
 
 
-DELIVERABLES: Mapping[str, Encode] = {**ENCODES, "gif": GIF, **plugins().parts("encodes", _encode_of_plugin)}
+DELIVERABLES: Mapping[str, Encode] = {
+    **ENCODES,
+    GAIN_MAP.name: GAIN_MAP,
+    GIF.name: GIF,
+    **plugins().parts("encodes", _encode_of_plugin),
+}
 """The encodes of deliverables by name, those of plug-ins last."""
 
 
@@ -399,9 +406,7 @@ class Delivery:
         for encode, path, part in self._files():
             kind, key = _KINDS[encode.suffix], self._key(encode, part)
             count = self._slate_frames if part == "slate" else self.source.count + self._leader
-            passes = (
-                2 if encode.display == "pq" or encode.suffix == GIF.suffix else 1
-            )  # light, or colours, first
+            passes = 2 if _measures_light(encode) or encode.suffix == GIF.suffix else 1
             reused = self.store.bring(kind, key)
             if not reused:
                 self.store.put(kind, key, partial(self._write, encode, part, bar(path.name, passes * count)))
@@ -463,7 +468,10 @@ class Delivery:
         if encode.suffix == GIF.suffix:
             write_gif(path, frames, rate, encode)
             return
-        light = ContentLight.of(frames()) if encode.display == "pq" else None
+        if is_gain_map(encode):
+            write_gain_map(path, frames())
+            return
+        light = ContentLight.of(frames()) if _measures_light(encode) else None
         first = source.start - (self._slate_frames if part == "slate" else self._leader)
         sound = None
         if part == "frames" and encode.container.audio_codec:  # also under the slate before them
@@ -494,6 +502,11 @@ class Delivery:
         frame = opaque(quantise(drawn, bits=16), form)
         for _ in range(self._slate_frames):
             yield frame
+
+
+def _measures_light(encode: Encode) -> bool:
+    """Tell whether files of an encode say what light their frames hold, so that all are read twice."""
+    return encode.display == "pq" and not is_gain_map(encode)
 
 
 def _labelled(
