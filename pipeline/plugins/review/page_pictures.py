@@ -24,9 +24,10 @@ from pipeline.production.request.keys import projection_of
 from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.paths import SUFFIXES
 from pipeline.production.store.store import DAMAGED, Store, key_of
-from render.base.render_errors import RenderError
+from render.base.render_errors import BadInputError, RenderError
 from render.graphics.contact_sheet import reduced
 from render.post.colour import quantise, to_display, view_table
+from render.post.hdr import nits_of_pq
 from render.post.image import read_exr, read_header, read_png, write_jpeg, write_png
 from render.post.view import ColourView
 from render.scene.scene_lights import PREFIX
@@ -183,6 +184,8 @@ VIEW = "view"  # the table of the view of a sequence, as a layer: display values
 
 DISPLAY = "picture"  # the layer of display values, 8 bits: the picture as the page's JPEG or PNG shows it
 
+HDR = "nits"  # the layer of what an HDR screen of 1000 nits shows, by channels of BT.2020
+
 LIGHT = ("beauty", "denoised", "noise")
 """Layers shown by the shot's exposure through the display's curve, as are those of light groups."""
 
@@ -225,7 +228,7 @@ class LayerWriter:
             finished = read_exr(picture.path)[0].arrays
             display = sequence.display
             shown = quantise(to_display(finished["beauty"], display.exposure, "srgb", display.view))
-            arrays = {**finished, **_raw_layers(sequence, number, finished)}
+            arrays = {**finished, **_raw_layers(sequence, number, finished), **_hdr_layer(sequence, finished)}
         except (*DAMAGED, RenderError, ValueError):
             return {}
         files = {}
@@ -251,6 +254,15 @@ class LayerWriter:
 
     def _write_text(self, file: str, script: str) -> None:
         self.store.write(self.folder / file, lambda draft: draft.write_text(script, encoding="utf-8"))
+
+
+def _hdr_layer(sequence: PictureSequence, finished: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Return the nits of a frame on an HDR screen; nothing for views of a shot's own, which have no HDR."""
+    display = sequence.display
+    try:
+        return {HDR: nits_of_pq(to_display(finished["beauty"], display.exposure, "pq", display.view))}
+    except BadInputError:
+        return {}
 
 
 def _raw_layers(

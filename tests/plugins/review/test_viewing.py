@@ -15,6 +15,8 @@ import pytest
 from pipeline.plugins.review.page_pictures import LayerWriter, as_script
 from pipeline.production.execution.project import Project
 from pipeline.production.picture_sequences import PLAIN, PictureSequence
+from render.post.colour import to_display
+from render.post.hdr import nits_of_pq
 from render.post.image import read_exr, read_png, write_exr
 from render.scene.aovs import RenderedFrame
 from tests.plugins.review.looker import Looker, Opened
@@ -39,7 +41,10 @@ def test_layers_are_the_finished_light_and_the_aovs_of_the_frame_it_was_made_fro
     )
     (tmp_path / "layers").mkdir()
     store = Project(tmp_path, 1).store
-    for number, names in ((1, ["picture", "beauty", "depth", "view"]), (2, ["picture", "beauty", "view"])):
+    for number, names in (
+        (1, ["picture", "beauty", "depth", "nits", "view"]),
+        (2, ["picture", "beauty", "nits", "view"]),
+    ):
         one = replace(sequence, files={number: finished})
         layers = LayerWriter(store, tmp_path / "layers", 1, 1).write(one, lambda: None)[number]
         assert list(layers) == names
@@ -73,7 +78,12 @@ def test_linear_values_are_those_of_the_rendered_frame(opened: Opened, desk: Des
     place = look.ask("review.stage.places()[0]")
     x, y = (100.5 / 480 * place["width"], 200.5 / 270 * place["height"])
     look.tab.mouse.move(box["x"] + place["x"] + x, box["y"] + place["y"] + y)
+    look.wait("review.viewing.layerOf(review.a, 1, 'nits') && !id('probe').innerText.includes('no layers')")
     words = look.tab.inner_text("#probe").split()
+    exposure = request.shot.picture.lights.exposure
+    nits = nits_of_pq(to_display(beauty, exposure, "pq"))[200, 100]
+    side, *shown = words[words.index("nits") + 1 :][:4]
+    assert (side, [float(word) for word in shown]) == ("A", pytest.approx(nits.tolist(), rel=2e-3, abs=0.06))
     assert words[:3] == ["Pixel", "100,", "200"] and f"{beauty[200, 100, 0]:.4f}" in words
 
 

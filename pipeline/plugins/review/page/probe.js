@@ -51,7 +51,9 @@ class Probe {
     if (sides.every(([, sequence]) => !sequence.layers[sequence.among(frame)])) {
       return void this.element.replaceChildren(part("p", "note", `Pixel ${x}, ${y}`), part("p", "note", viewing.without(review.a, review.a.among(frame))));
     }
-    const tables = [["Display", LAYER_OF_PICTURE, 0], [linear, linear, 4]].map(([words, layer, digits]) => {
+    const shown = [["Display", LAYER_OF_PICTURE, 0], [linear, linear, 4]];
+    if (linear !== LAYER_OF_HDR && sides.some(([, sequence]) => sequence.layers[sequence.among(frame)]?.[LAYER_OF_HDR])) shown.push(["HDR, nits", LAYER_OF_HDR, 1]);
+    const tables = shown.map(([words, layer, digits]) => {
       const values = sides.map(([, sequence]) => this.#values(sequence, frame, layer, pixel));
       const rows = sides.map(([side], i) => [side, values[i]]);
       if (values.length > 1) rows.push(["A − B", values[0] && values[1] ? values[0].map((value, k) => value - values[1][k]) : null]);

@@ -4,7 +4,7 @@
 const CHANNEL_NAMES = {
   rgb: ["RGB", "Shift C"], red: ["R", "Shift R"], green: ["G", "Shift G"], blue: ["B", "Shift B"], luminance: ["Y", "Shift Y"],
 };
-const LAYER_OF_PICTURE = "picture";
+const LAYER_OF_PICTURE = "picture", LAYER_OF_HDR = "nits";
 
 class Viewing {
   constructor(element, review) {
