@@ -157,9 +157,9 @@ NAME_ENDS = {"spherical": "_360", "vr180": "_180_LR"}
 
 
 MEANT = {
+    "apng": "webp",
     "dnxhd": "prores4444",
     "exr": "ffv1",
-    "gif": "webp",
     "hdr": "hdr10",
     "hevc": "h265",
     "lossless": "ffv1",
