@@ -151,7 +151,14 @@ def test_folded_normals_along_axes_are_exact() -> None:
     assert folded(axes).tolist() == [list(corner) for corner in corners]
 
 
-@pytest.mark.parametrize("loop", [("dissolve", 8), ("back", 0), ("turns", 0)])
+@pytest.mark.parametrize(
+    "loop",
+    [
+        ("dissolve", 8),
+        pytest.param(("back", 0), marks=pytest.mark.soak),
+        pytest.param(("turns", 0), marks=pytest.mark.soak),
+    ],
+)
 def test_a_loop_meets_its_first_frame(browser: Browser, tmp_path: Path, loop: tuple[str, int]) -> None:
     if three_js() is None:
         pytest.skip("three.js is not set up here")
