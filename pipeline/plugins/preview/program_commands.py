@@ -46,8 +46,8 @@ POLL_SECONDS = 0.2  # between looks at what a run has done
 def edit(common: Common, shot: Shot, options: ShotOptions) -> None:
     """Edit values of a shot file, for programs: reads a request of JSON, and answers with JSON.
 
-    `echo '{}' | flowsculpt edit A010_cube` answers with the digest of the file and its values, each with its
-    path, form, bounds and keys. A request with that digest and a list of edits changes the file, and is
+    `flowsculpt edit A010_cube` answers the request `{}` with the digest of the file and its values, each with
+    its path, form, bounds and keys. A request with that digest and a list of edits changes the file, and is
     answered with its new state: `{"digest": "…", "edits": [{"kind": "set", "where": ["flows", 0, "vortex",
     "radius"], "value": 0.5}]}`. The kind `remove` takes a name out, and `rename` gives it the name `value`,
     such as another time of a key.
