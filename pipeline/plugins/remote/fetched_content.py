@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from zipfile import ZipFile
 
 from pipeline.production.store.paths import SUFFIXES
 from pipeline.production.store.store import Key
@@ -23,9 +24,9 @@ _BEGINNINGS = {
     ".mkv": rb"\x1a\x45\xdf\xa3",
     ".webp": rb"RIFF.{4}WEBP",
     ".avif": rb".{4}ftypavi[fs]",
+    ".gif": rb"GIF8[79]a",
     ".png": rb"\x89PNG\r\n\x1a\n",
     ".jpg": rb"\xff\xd8\xff",
-    ".zip": rb"PK",
 }
 """How files without a key begin, by suffix."""
 
@@ -41,13 +42,17 @@ def fault_of(kind: str, key: Key, path: Path) -> str | None:
     try:
         if suffix == ".json":
             json.loads(path.read_bytes())
+        elif suffix == ".zip":
+            with ZipFile(path) as packed:
+                if (damaged := packed.testzip()) is not None:
+                    return f"is damaged at {damaged}"
         elif suffix in (".exr", ".npz"):
             found = _key_of_picture(path) if suffix == ".exr" else _key_of_arrays(path)
             return None if found == key else f"is the content of another file, {found}"
         else:
             with path.open("rb") as file:
                 if not re.match(_BEGINNINGS[suffix], file.read(16), re.DOTALL):
-                    return f"is no {suffix[1:]} file"
+                    return f"is not a {suffix} file"
     except Exception as error:  # libraries raise all kinds for what they cannot read
         return f"cannot be read ({type(error).__name__})"
     return None

@@ -91,7 +91,7 @@ def _pack(archive: Path) -> None:
 def _unpack(archive: Path) -> bool:
     """Write the kernels of an archive to where this machine looks for its own; return whether it has done so.
 
-    An archive with any other file is no archive of ours: nothing of it is written.
+    Nothing is written of an archive that holds any other file.
     """
     from render.base.kernel_cache import all_kernels, folder_name
 

@@ -346,6 +346,7 @@ def test_two_roots_that_share_a_remote_store_never_read_other_bytes(tmp_path_fac
         ("mesh", b"PK no arrays"),
         ("movie", b"#!/bin/sh of some length"),
         ("png", b"<svg/> of some length"),
+        ("gif", b"\x89PNG\r\n\x1a\n of some length"),
     ],
 )
 def test_what_was_sent_under_a_right_digest_and_is_nothing_of_its_kind_is_not_used(
@@ -357,6 +358,29 @@ def test_what_was_sent_under_a_right_digest_and_is_nothing_of_its_kind_is_not_us
     assert not theirs.path(kind, KEY).exists() and not theirs.holds(kind, KEY)
     (said,) = warnings(caplog)
     assert KEY in said and "it is not used" in said
+
+
+@pytest.mark.parametrize(
+    ("kind", "content"),
+    [
+        ("movie", b"\0\0\0 ftypisom"),
+        ("mov", b"\0\0\0\x14ftypqt  "),
+        ("mkv", b"\x1a\x45\xdf\xa3"),
+        ("webp", b"RIFF\0\0\0\0WEBPVP8X"),
+        ("avif", b"\0\0\0 ftypavis"),
+        ("gif", b"GIF89a\x10\0\x10\0"),
+        ("png", b"\x89PNG\r\n\x1a\n"),
+        ("png16", b"\x89PNG\r\n\x1a\n"),
+        ("jpeg", b"\xff\xd8\xff\xe0"),
+        ("measures", b"{}"),
+        ("statistics", b"{}"),
+        ("cameras", b"{}"),
+    ],
+)
+def test_files_that_begin_as_their_kind_does_are_used(stores, kind, content):
+    ours, theirs = stores
+    ours.put(kind, KEY, lambda path: path.write_bytes(content))
+    assert theirs.bring(kind, KEY)
 
 
 @pytest.mark.parametrize("kind", ["mesh", "raw"])

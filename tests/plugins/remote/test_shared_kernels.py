@@ -106,3 +106,18 @@ def test_nothing_is_taken_of_an_archive_with_other_files(machine, remote, sent, 
     second = machine("second")
     assert not fetch_kernels(remote)
     assert not kernels(second) and not list(tmp_path.rglob("evil*"))
+
+
+@pytest.mark.parametrize("damage", ["PK, and no archive", "a damaged kernel"])
+def test_nothing_is_taken_of_an_archive_that_cannot_be_read(machine, remote, sent, tmp_path, damage):
+    (archive,) = (tmp_path / "store").rglob("*.zip")
+    content = archive.read_bytes()
+    with zipfile.ZipFile(archive) as packed:
+        last = packed.infolist()[-1]
+    begin = last.header_offset + 30 + len(last.filename)
+    bad = content[:begin] + bytes(last.compress_size) + content[begin + last.compress_size :]
+    archive.write_bytes(damage.encode() if damage.startswith("PK") else bad)
+    archive.rename(archive.with_name(f"{kernels_key()}.{digest_of(archive)}.zip"))
+    second = machine("second")
+    assert not fetch_kernels(remote)
+    assert not kernels(second)
