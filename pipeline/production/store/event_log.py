@@ -19,6 +19,7 @@ warn           a frame was made in spite of something
 resumed        a frame goes on from its checkpoint
 renewed        a renderer was replaced by a fresh one, with the CPU seconds of the first
 waits          a job waits for another that makes the same files
+unfit          a host leaves a job to others
 hung, killed   a job was ended since it went silent; something else ended it
 """
 

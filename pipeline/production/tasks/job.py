@@ -41,7 +41,6 @@ SIGN_SECONDS = 5.0
 ENVIRONMENT = 4
 """The exit code of the machine's faults, which further frames would meet as well."""
 
-
 MOST_FAULTS = 3
 """Frames of a stage at which a host of a farm may fail before it is left out of the rest of a run."""
 
@@ -54,12 +53,13 @@ def this_host() -> str:
 def faults_of_hosts(root: Path, plan: Plan) -> dict[tuple[str, str], set[tuple[str, str, int]]]:
     """Return the frames (shot, quality, number) at which hosts failed while a plan is run, by host and stage.
 
-    Only what a machine is to blame for counts: where a mesh is bad, all hosts fail.
+    Only what a machine is to blame for counts: where a mesh is bad, all hosts fail. Stages that only the host
+    of the plan does do not: no other can take them over, and SLURM may not know that host.
     """
     failed = defaultdict(set)
     for event in EventReader(root / EVENTS / f"{plan.name}.jsonl").new("fail"):
         is_its_own = event["event"] == "fail" and event.get("exit_code") == ENVIRONMENT
-        if is_its_own and event.get("frame") is not None:
+        if is_its_own and event.get("frame") is not None and STAGES[event["stage"]].on_farm:
             frame = event["shot"], event["quality"], event["frame"]
             failed[event.get("host", ""), event["stage"]].add(frame)
     return failed
@@ -105,9 +105,8 @@ class Context:
             return None
         failed = faults_of_hosts(self.root, self.plan)[this_host(), self.job.stage]
         if len(failed) >= MOST_FAULTS:
-            return (
-                f"{this_host()} has failed at {len(failed)} frames of {self.job.stage} and is left out of it"
-            )
+            frames = f"{len(failed)} frames of {self.job.stage}"
+            return f"{this_host()} has failed at {frames} and is left out of it"
         again = sorted({(self.subject, self._quality, number) for number in self.job.frames} & failed)
         if not again:
             return None

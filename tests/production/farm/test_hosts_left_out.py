@@ -71,6 +71,14 @@ def test_what_a_shot_is_to_blame_for_leaves_no_host_out(context: Context) -> Non
     assert not faults_of_hosts(context.root, context.plan)
 
 
+def test_the_host_of_the_plan_is_not_left_out_of_what_only_it_does(context: Context) -> None:
+    local = next(job.name for job in context.plan.jobs if job.is_local)
+    context = Context.of(context.root, context.plan, local)
+    fail(context, 1, 2, 3)
+    assert context.reason_to_leave() is None
+    assert not faults_of_hosts(context.root, context.plan), "so SLURM does not get its name either"
+
+
 def test_slurm_is_told_which_hosts_not_to_choose(context: Context, monkeypatch: pytest.MonkeyPatch) -> None:
     given: list[Any] = []
 
