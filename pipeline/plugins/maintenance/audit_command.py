@@ -22,6 +22,7 @@ from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.keys import FrameKeys, picture_keys
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.store.locks import lock_name, making
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.remote_store import VARIABLE
 from pipeline.production.store.store import Store
@@ -47,10 +48,10 @@ def audit(
 ) -> None:
     """Make random finished frames of a shot again, and compare every value of every layer.
 
-    `flowsculpt audit A010_cube -q final --share 1%` chooses frames by chance, equal ones for an equal --seed,
-    and makes them again below .flowsculpt/audit from the shot file alone: meshes, cameras, pictures. With
-    --profile, other machines do. The exit code is 1 where a frame has other values; what was made again is
-    kept then. A frame whose file cannot be read counts as different.
+    `flowsculpt audit A010_cube -q final --share 1%` chooses frames at random, the same ones for the same
+    --seed, and makes them again below .flowsculpt/audit from the shot file alone: meshes, cameras, pictures.
+    With --profile, other machines do. The exit code is 1 where a frame has other values; what was made again
+    is kept then. A frame whose file cannot be read counts as different.
     """
     part = _share(share)
     project = options.project(common)
@@ -62,12 +63,13 @@ def audit(
     if common.dry_run:
         report_plan(inside, audited.plan(chosen))
         return
-    shutil.rmtree(audited.home, ignore_errors=True)
-    outcome = execute(inside, lambda: audited.plan(chosen))
-    compared = audited.compared(chosen)
-    is_same = all(frame.is_same for frame in compared)
-    if is_same:
+    with making(project.root, audited.lock, common.wait):
         shutil.rmtree(audited.home, ignore_errors=True)
+        outcome = execute(inside, lambda: audited.plan(chosen))
+        compared = audited.compared(chosen)
+        is_same = all(frame.is_same for frame in compared)
+        if is_same:
+            shutil.rmtree(audited.home, ignore_errors=True)
     facts = {
         "shot": of_shot.name,
         "quality": of_shot.quality_name,
@@ -116,6 +118,12 @@ class Audit:
     def home(self) -> Path:
         """The root in which frames are made again."""
         return self.project.root / AUDITS / f"{self.request.name}.{self.request.quality_name}"
+
+    @property
+    def lock(self) -> dict[str, str]:
+        """The name of the lock of its root, and in words what it is for."""
+        name, quality = self.request.name, self.request.quality_name
+        return {lock_name(f"audit/{name}", quality): f"the audit of {name} at {quality}"}
 
     def chosen(self, share: float, seed: int) -> list[int]:
         """Return the numbers of a share of the frames, at least one: those of the least hashes."""
@@ -201,4 +209,6 @@ def _report(audited: Audit, compared: Sequence[AuditedFrame]) -> str:
     whole = f"{about}: {len(compared)} of {plural(len(audited.finished), 'finished frame')} made again"
     if not unlike:
         return "\n".join([*lines, f"{whole}; all are the same, bit for bit."])
-    return "\n".join([*lines, f"{whole}; {len(unlike)} not the same. They lie in {audited.home}."])
+    return "\n".join(
+        [*lines, f"{whole}; {len(unlike)} not the same. What was made again is in {audited.home}."]
+    )
