@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
@@ -23,9 +24,15 @@ def unneeded_fits(root: Path, requests: Iterable[RenderRequest]) -> tuple[str, l
     """Return the fits, and what is left of interrupted ones, that were not used for KEPT_DAYS."""
     oldest = time.time() - 86400.0 * KEPT_DAYS
     found = writable_cache().joinpath("fits").glob("*.npz")
-    old = [path for path in found if path.stat().st_mtime < oldest]
+    old = [path for path in found if _last_use(path) < oldest]
     needed = {path.name for request in requests for path in _needed(request)} if old else ()
     return "fits of become", [path for path in sorted(old) if path.name not in needed]
+
+
+def _last_use(path: Path) -> float:
+    with suppress(FileNotFoundError):  # `clean` of another root was faster
+        return path.stat().st_mtime
+    return math.inf
 
 
 def _needed(request: RenderRequest) -> Iterator[Path]:

@@ -75,12 +75,16 @@ def _others(root: Path, requests: Iterable[RenderRequest], dry_run: bool) -> dic
     others = {}
     for function in plugins().unneeded:
         what, files = function(root, requests)
-        if sizes := [path.stat().st_size for path in files]:
+        sizes = []
+        for path in files:
+            with contextlib.suppress(FileNotFoundError):  # another root's `clean` was faster
+                sizes.append(path.stat().st_size)
+            if not dry_run:
+                path.unlink(missing_ok=True)
+                with contextlib.suppress(OSError):  # others are in it
+                    path.parent.rmdir()
+        if sizes:
             others[what] = (len(sizes), sum(sizes))
-        for path in () if dry_run else files:
-            path.unlink(missing_ok=True)
-            with contextlib.suppress(OSError):  # others are in it
-                path.parent.rmdir()
     return others
 
 
