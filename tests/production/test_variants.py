@@ -59,7 +59,7 @@ def test_where_there_is_no_gpu_another_variant_serves_and_one_line_says_so(
 def test_a_gpu_of_apples_is_missed_by_its_own_name(tmp_path: Path, machine: dict[str, int]) -> None:
     told: list[str] = []
     assert variant_for(tmp_path, NAME, "metal_ad_rgb", told.append) in DEFAULT_ORDER
-    assert told[0].startswith("metal_ad_rgb cannot render here: Mitsuba finds no GPU of Apple's")
+    assert told[0].startswith("metal_ad_rgb cannot render here: Mitsuba finds no Apple GPU")
 
 
 def test_a_gpu_that_crashed_on_a_shot_is_left_alone_for_it(tmp_path: Path, machine: dict[str, int]) -> None:

@@ -1,5 +1,5 @@
 // The job type "flowsculpt" of Flamenco 3. Flamenco Manager takes it from the folder `scripts` next to its executable.
-// `flowsculpt export flamenco SHOT` writes jobs of this type, and this file beside them.
+// `flowsculpt export flamenco SHOT` writes jobs of this type, and this file next to them.
 
 const JOB_TYPE = {
     label: "flowsculpt",

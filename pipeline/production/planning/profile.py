@@ -212,7 +212,7 @@ def _file_in(folder: Path) -> Path | None:
 
 _LACKING = {
     "cuda_ad_rgb": "Mitsuba finds no NVIDIA GPU with a driver that it can use",
-    "metal_ad_rgb": "Mitsuba finds no GPU of Apple's that it can use",
+    "metal_ad_rgb": "Mitsuba finds no Apple GPU that it can use",
     "llvm_ad_rgb": f"it has no libLLVM of version {OLDEST_VERSION} or later that works; on Debian and Ubuntu "
     "`python -m render.mitsuba.engine` there fetches one",
 }

@@ -152,21 +152,15 @@ def _held(
     path: Path, words: str = "", shared: bool = False, wait: Callable[[], object] | None = None
 ) -> Iterator[None]:
     """Hold a lock. Raises TakenError where another process does, unless `wait` is given and called."""
-    from portalocker import (
-        AlreadyLocked,
-        LockException,
-        LockFlags,
-        lock,
-    )  # which commands that read never need
+    from portalocker import AlreadyLocked, LockException, LockFlags, lock  # not needed to read
 
+    kind = LockFlags.SHARED if shared else LockFlags.EXCLUSIVE
     with disk_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         while True:
             descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
             try:
-                lock(
-                    descriptor, (LockFlags.SHARED if shared else LockFlags.EXCLUSIVE) | LockFlags.NON_BLOCKING
-                )
+                lock(descriptor, kind | LockFlags.NON_BLOCKING)
             except AlreadyLocked:
                 os.close(descriptor)
                 if wait is None:
