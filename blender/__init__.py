@@ -17,7 +17,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Remove all that `register` has added, and end what is running."""
+    """Remove everything that `register` added, and cancel what is running."""
     current_shot.unregister()
     for each in reversed(OPERATORS):
         bpy.utils.unregister_class(each)

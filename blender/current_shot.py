@@ -10,9 +10,9 @@ from .shown_shot import ShownShot
 
 PACKAGE = __package__
 
-TICK = 0.25  # seconds between looks at edits
+TICK = 0.25  # seconds between checks for edits
 
-LOADING = 4  # frames that are loaded ahead at each look
+LOADING = 4  # frames loaded ahead at each check
 
 
 class _Current:
@@ -59,8 +59,9 @@ def _undone(scene: bpy.types.Scene, *_: object) -> None:
 
 @persistent
 def _file_loaded(*_: object) -> None:
-    """Forget the open shot: the objects of another file are there now."""
+    """Forget the open shot and its runs: Blender ends their operators when it opens another file."""
     cancel_runs()
+    current.runs.clear()
     current.shot = current.seen = None
 
 
@@ -84,9 +85,7 @@ def _look() -> float:
         try:
             with bpy.context.temp_override(window=windows[0]):
                 bpy.ops.flowsculpt.write("INVOKE_DEFAULT")
-        except (
-            RuntimeError
-        ) as error:  # the report of what is refused at once, which Blender shows nobody here
+        except RuntimeError as error:  # the operator's report, which Blender shows nowhere after a timer
             _pop_up(str(error).removeprefix("Error: "))
     current.seen = seen
     return TICK
@@ -111,7 +110,7 @@ def is_busy(command: str = "") -> bool:
 
 
 def cancel_runs() -> None:
-    """End all that flowsculpt is doing."""
+    """Cancel all runs of flowsculpt."""
     for run in current.runs:
         run.cancel()
 

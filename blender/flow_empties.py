@@ -200,7 +200,7 @@ class Slot:
         kind, *found = self.snapshot()
         if not self.is_editable:
             why = "runs in a time of its own" if self.own_time else "is a formula or follows a sound"
-            raise ProgramError(f"{self.words} {why}, which keys cannot say. Edit it in the shot file")
+            raise ProgramError(f"{self.words} {why}, which keys cannot express. Edit it in the shot file")
         if kind == "value":
             return {"kind": "set", "where": self.where, "value": self._written(found[0], self.value["value"])}
         if not self.value["can_change"]:

@@ -61,11 +61,11 @@ def _version_of(found: str, changed: int) -> str:
     """Return the version that a program says; `changed` is when it was last written."""
     try:
         ran = subprocess.run(
-            [found, "--version"], capture_output=True, text=True, env=_environment(), timeout=SECONDS_TO_START
+            [found, "--version"], capture_output=True, env=_environment(), timeout=SECONDS_TO_START
         )
     except (OSError, subprocess.TimeoutExpired) as error:
         raise ProgramError(f"{found} does not start: {error}. Give the path of flowsculpt itself") from None
-    name, _, version = ran.stdout.strip().partition(" ")
+    name, _, version = ran.stdout.decode(errors="replace").strip().partition(" ")
     if name != "flowsculpt" or not version:
         raise ProgramError(f"{found} does not answer as flowsculpt does. Give the path of flowsculpt itself")
     return version
@@ -83,8 +83,8 @@ class Run:
     folder   the show, in which it runs
     request  what it reads from standard input, as JSON
 
-    `progress` is the last step of its work that it has reported; `is_replaced` is set where another run does
-    its work.
+    `progress` is the last step of its work that it has reported; `was_cancelled` is set by `cancel`, and
+    `is_replaced` where another run does its work.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class Run:
         self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._out: list[str] = []
         self._err: list[str] = []
-        self._was_cancelled = False
+        self.was_cancelled = False
         self._threads = [
             threading.Thread(target=work, daemon=True)
             for work in (lambda: self._send(request), self._read_out, self._read_err)
@@ -143,7 +143,7 @@ class Run:
 
     def cancel(self, is_replaced: bool = False) -> None:
         """Have the program end; what it has made stays."""
-        self._was_cancelled, self.is_replaced = True, is_replaced
+        self.was_cancelled, self.is_replaced = True, is_replaced
         if self._process.poll() is None:
             self._process.terminate()
 
@@ -155,13 +155,16 @@ class Run:
         return self.result()
 
     def result(self) -> Answer:
-        """Return the last answer of a run that is over. Raises ProgramError where it has failed."""
-        if self._was_cancelled:
+        """Return the last answer of a run that is over. Raises ProgramError where it has failed.
+
+        An answer that lists `failed` frames is returned: the others are done.
+        """
+        if self.was_cancelled:
             raise ProgramError("Cancelled; what is done stays done.")
         answer = _parsed("".join(self._out)) or (_parsed(self._out[-1]) if self._out else None)
         if answer is not None and "error" in answer:
             raise ProgramError(answer["error"], bool(answer.get("changed")))
-        if self._process.returncode != 0 or answer is None:
+        if answer is None or (self._process.returncode != 0 and not answer.get("failed")):
             said = [line.strip() for line in self._err if line.strip()]
             raise ProgramError(said[-1] if said else f"flowsculpt {self.words[0]} ended without an answer")
         return answer

@@ -29,6 +29,7 @@ class _Running(_Reporting):
     """An operator that runs flowsculpt: in the background, or in scripts until it is over.
 
     `begin` starts the run, `done` takes its answer, `failed` an error; each may raise ProgramError.
+    `_shot` was open when the run began; another one may be open when it ends.
     """
 
     def begin(self, context: bpy.types.Context) -> Run:
@@ -75,7 +76,7 @@ class _Running(_Reporting):
         return self._finish(context)
 
     def _start(self, context: bpy.types.Context) -> None:
-        self._run = self.begin(context)
+        self._run, self._shot = self.begin(context), current.shot
         current.runs.append(self._run)
 
     def _follow(self, context: bpy.types.Context) -> None:
@@ -169,7 +170,8 @@ class MakeFrames(_Running, bpy.types.Operator):
         return Run(shot.program, ["frames", shot.name, *make], shot.folder)
 
     def done(self, context: bpy.types.Context, answer: Answer) -> None:
-        require_shot().take_listing(answer, context.scene)
+        if current.shot is self._shot:
+            self._shot.take_listing(answer, context.scene)
         _require_whole(answer)
 
 
@@ -202,14 +204,18 @@ class _Editing(_Running):
         raise NotImplementedError
 
     def done(self, context: bpy.types.Context, answer: Answer) -> None:
-        require_shot().take_state(answer, self._snapshots)
+        if current.shot is not self._shot:
+            return
+        self._shot.take_state(answer, self._snapshots)
         if bpy.app.background:
             bpy.ops.flowsculpt.make(simulate=False)
         else:
             bpy.ops.flowsculpt.make("INVOKE_DEFAULT", simulate=context.scene.flowsculpt.simulates)
 
     def failed(self, context: bpy.types.Context, error: ProgramError) -> None:
-        shot = require_shot()
+        shot = self._shot
+        if current.shot is not shot:
+            return
         if not error.changed:
             shot.revert(list(self._snapshots))
             return
@@ -271,17 +277,22 @@ class SubjectFromMesh(_Running, bpy.types.Operator):
         if shape is None or shape.type != "MESH" or not shape.select_get():
             raise ProgramError("No mesh is selected. Select the object that flows")
         program = found_program(preferences().program)
-        models = folder / "shots" / "models"
-        models.mkdir(exist_ok=True)
-        file = models / f"{bpy.path.clean_name(shape.name)}.obj"
+        self._model = file = folder / "shots" / "models" / f"{bpy.path.clean_name(shape.name)}.obj"
+        if file.exists():
+            raise ProgramError(f"{file}: exists already, and other shots may use it. Rename the object")
         others = [each for each in context.selected_objects if each != shape]
         for each in others:
             each.select_set(False)
-        bpy.ops.wm.obj_export(
-            filepath=str(file), export_selected_objects=True, apply_modifiers=True, path_mode="COPY"
-        )
-        for each in others:
-            each.select_set(True)
+        try:
+            file.parent.mkdir(exist_ok=True)
+            bpy.ops.wm.obj_export(
+                filepath=str(file), export_selected_objects=True, apply_modifiers=True, path_mode="COPY"
+            )
+        except (OSError, RuntimeError) as error:
+            raise ProgramError(f"{file}: Blender cannot export the mesh: {error}") from None
+        finally:
+            for each in others:
+                each.select_set(True)
         words = ["new", self.shot, "--model", str(file.relative_to(folder)), "--json"]
         return Run(program, words, folder)
 
@@ -290,6 +301,11 @@ class SubjectFromMesh(_Running, bpy.types.Operator):
             self.report({"INFO"}, remark)
         context.scene.flowsculpt.shot = self.shot
         bpy.ops.flowsculpt.open()
+
+    def failed(self, context: bpy.types.Context, error: ProgramError) -> None:
+        """Remove the model where no shot was written, so that another name can be tried."""
+        if not self._run.was_cancelled:
+            self._model.unlink(missing_ok=True)
 
 
 class RenderShot(_Running, bpy.types.Operator):
@@ -306,15 +322,15 @@ class RenderShot(_Running, bpy.types.Operator):
 
     def done(self, context: bpy.types.Context, answer: Answer) -> None:
         _require_whole(answer)
-        rows = [row for row in answer["pictures"] if row["state"] == "done"]
-        shot = require_shot()
+        rows, shot = [row for row in answer["pictures"] if row["state"] == "done"], self._shot
         image = bpy.data.images.load(rows[0]["file"], check_existing=True)
         image.name, image.source = f"{shot.name} {context.scene.flowsculpt.quality}", "SEQUENCE"
         image.reload()
         camera = bpy.data.objects.get(shot.camera)
         if camera is not None:
             behind = camera.data.background_images
-            picture = next((each for each in behind if each.image == image), None) or behind.new()
+            ours = (each for each in behind if each.image and each.image.name.startswith(f"{shot.name} "))
+            picture = next(ours, None) or behind.new()  # an earlier one would cover this one
             picture.image, picture.display_depth = image, "FRONT"
             first, last = rows[0]["frame"], rows[-1]["frame"]
             use = picture.image_user
@@ -343,8 +359,7 @@ class UseInScene(_Running, bpy.types.Operator):
         return Run(shot.program, ["export", self.form, shot.name, "--json", *plain], shot.folder)
 
     def done(self, context: bpy.types.Context, answer: Answer) -> None:
-        shot = require_shot()
-        file = str(shot.folder / answer["path"])
+        file = str(self._shot.folder / answer["path"])
         imports = {
             "abc": lambda: bpy.ops.wm.alembic_import(
                 filepath=file, as_background_job=False, set_frame_range=False

@@ -35,7 +35,7 @@ class FlowsculptSettings(bpy.types.PropertyGroup):
         name="Simulate", default=True, description="Simulate what an edit changes, in the background"
     )
     quality: EnumProperty(name="Quality", items=QUALITIES)
-    whole: BoolProperty(name="All Frames", default=False, description="Render the shot, not one frame")
+    whole: BoolProperty(name="All Frames", default=False, description="Render all frames, not only this one")
 
 
 class FlowsculptPreferences(bpy.types.AddonPreferences):
@@ -45,7 +45,7 @@ class FlowsculptPreferences(bpy.types.AddonPreferences):
         name="flowsculpt", subtype="FILE_PATH", description="The program; empty for the one on PATH"
     )
     memory: IntProperty(
-        name="Memory for Frames (MiB)", default=2048, min=64, description="Frames beyond are read again"
+        name="Memory for Frames (MiB)", default=2048, min=64, description="Frames beyond this are read again"
     )
 
     def draw(self, context: bpy.types.Context) -> None:

@@ -345,6 +345,10 @@ def subject(show: Path) -> None:
     written = (show / "shots" / "T020_monkey.yaml").read_text()
     assert "models/Suzanne_head.obj" in written
     assert shown().name == "T020_monkey"
+    assert "exists already" in refused(bpy.ops.flowsculpt.subject_from_mesh, shot="T030_again")
+    shape.name = "Other"
+    assert "T020_monkey" in refused(bpy.ops.flowsculpt.subject_from_mesh, shot="T020_monkey")
+    assert not (show / "shots" / "models" / "Other.obj").exists(), "another name can be tried"
     bpy.ops.object.select_all(action="DESELECT")
     assert "No mesh is selected" in refused(bpy.ops.flowsculpt.subject_from_mesh, shot="T030_none")
 
