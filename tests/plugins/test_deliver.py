@@ -6,6 +6,7 @@ import json
 import shlex
 import shutil
 import sys
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -21,6 +22,7 @@ from pipeline.plugins.delivery.deliverables import (
     film_source,
     shot_source,
 )
+from pipeline.plugins.delivery.gif import write_gif
 from pipeline.production.execution.project import Project
 from pipeline.production.request.keys import picture_keys
 from pipeline.production.request.render_request import RenderRequest
@@ -105,6 +107,18 @@ def test_pictures_that_move_on_pages_play_without_end_and_at_their_rate(there, t
             seen.append(shown)
     assert len(seen[0]) == 6 and np.abs(np.array(seen[0][-1]) - seen[1][-1]).mean() < 4.0
     assert probe_movie(paths[0]).frames == 6
+
+
+@pytest.mark.parametrize("rate", [60, 1000])
+def test_no_frame_of_a_gif_is_so_short_that_browsers_slow_it_down(tmp_path: Path, rate: int) -> None:
+    frames = np.random.default_rng(1).integers(0, 65535, (rate // 5, 8, 8, 3)).astype(np.uint16)
+    write_gif(tmp_path / "fast.gif", lambda: iter(frames), Fraction(rate))
+    times = []
+    with Image.open(tmp_path / "fast.gif") as picture:
+        for number in range(picture.n_frames):
+            picture.seek(number)
+            times.append(picture.info["duration"])
+    assert min(times) >= 20 and sum(times) == pytest.approx(200, abs=20)
 
 
 def test_a_film_is_delivered_with_its_own_sound_and_a_slate_before_it(there):

@@ -1,6 +1,6 @@
 """GIF for pages that take nothing else: one palette of all frames, dithered, played without end.
 
-FFmpeg finds the palette and dithers. Frames are read twice, so that memory does not grow with the length.
+FFmpeg finds the palette and dithers. Frames are read twice, so that memory holds the file and few frames.
 """
 
 from __future__ import annotations
@@ -28,18 +28,21 @@ GIF = Encode("gif", Container("gif", ".gif"), "gif", "pal8", _DITHER, display="s
 _TICKS = 100  # of GIF's clock, a second
 _BASE = Fraction(1, _TICKS)
 
+_SHORTEST = 2  # ticks of a frame: browsers show one of less for ten
+
 
 def write_gif(
     path: Path, frames: Callable[[], Iterator[Frame]], rate: Fraction, encode: Encode = GIF
 ) -> None:
     """Encode display frames (H, W, 3), which are read twice, as a GIF that plays round and round.
 
-    rate    frames per second; GIF counts hundredths of a second, so times are rounded
+    rate    frames per second; GIF counts hundredths of a second, so times are rounded, and frames left out
+            that would follow in less than two
     encode  of GIF, for its dithering
 
     Raises MachineError where the disk refuses.
     """
-    palette = _palette(frames())
+    palette, last = _palette(frames()), -_SHORTEST
     content = io.BytesIO()
     with av.open(content, "w", format="gif", options={"loop": "0"}) as movie:  # 0: without end
         stream: Any = None
@@ -49,6 +52,9 @@ def write_gif(
                 stream.width, stream.height, stream.pix_fmt = frame.width, frame.height, "pal8"
                 stream.codec_context.time_base = _BASE
             frame.pts, frame.time_base = round(count * _TICKS / rate), _BASE
+            if frame.pts - last < _SHORTEST:
+                continue
+            last = frame.pts
             movie.mux(stream.encode(frame))
         movie.mux(stream.encode(None))
     with atomic_write(path) as draft:
