@@ -69,3 +69,5 @@ def test_a_finished_frame_is_delivered_with_a_gain_map_and_a_range_is_refused(fi
     refused = finished.call("deliver", NAME, "-q", QUALITY, "-f", "2-3", "--as", "gain-map")
     assert refused.code == 2
     assert "gain-map holds one frame, not 2" in refused.err
+    slated = finished.call("deliver", NAME, "-q", QUALITY, "-f", "3", "--as", "gain-map", "--slate", "apart")
+    assert slated.code == 2 and "leave out --slate" in slated.err

@@ -112,6 +112,13 @@ def test_frames_of_a_broken_shot_are_answered_with_its_line(shot: Path) -> None:
     assert code == 2 and ":7:13: " in refused["error"]
 
 
+@pytest.mark.parametrize("command", ["edit", "frames"])
+def test_a_shot_that_does_not_exist_is_answered_with_an_error(shot: Path, command: str) -> None:
+    shot.rename(shot.with_name("T020_other.yaml"))
+    code, refused = answer({}, command)
+    assert code == 3 and "T010_tiny" in refused["error"]
+
+
 @pytest.mark.soak
 def test_make_says_how_many_frames_are_done_and_lists_pictures(project: ProjectFolder) -> None:
     ran = project.run(

@@ -182,10 +182,11 @@ class _Wanted:
             request.shot.picture.view.in_hdr()
 
     def require_stills(self, slate: str | None) -> None:
-        """Raises BadInputError for more than one frame, MachineError without the library that writes them."""
+        """Raises UsageError with a slate, and as `require_gain_maps`."""
         for name in self.names:
-            frames = sum(len(request.requested) for request in self._requests(name))
-            require_gain_maps(frames if slate is None else frames + 1)
+            require_gain_maps(sum(len(request.requested) for request in self._requests(name)))
+        if slate is not None:
+            raise UsageError("gain-map holds one frame, and a slate is more; leave out --slate")
 
     def _all_requests(self) -> list[RenderRequest]:
         return [request for name in self.names for request in self._requests(name)]

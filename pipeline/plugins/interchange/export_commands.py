@@ -95,7 +95,8 @@ def usd(
         _one_mesh_stage(common, project, asked, folder, options, instances)
         return
     if options.vertices is not None or options.until is not None:
-        raise UsageError("--vertices and --until reduce one mesh; add --one-mesh")
+        remedy = "leave them out with --instances" if instances else "add --one-mesh"
+        raise UsageError(f"--vertices and --until reduce one mesh; {remedy}")
     from pipeline.plugins.interchange.usd_export import UsdExport
 
     _export(common, project, asked, [UsdExport(asked, project.store, folder)])

@@ -46,7 +46,7 @@ def write_instances(path: Path, prim: str, copies: Instances, passed: Callable[[
     ):
         Sdf.AttributeSpec(shape, name, kind, Sdf.VariabilityUniform).default = value
     Sdf.RelationshipSpec(spec, "prototypes").targetPathList.explicitItems = [place]
-    count = len(copies.at(mesh.frames[0]).placements)
+    count = len(copies.placements(mesh.frames[0]))
     for name, kind, value in (
         ("protoIndices", Sdf.ValueTypeNames.IntArray, Vt.IntArray(count, 0)),
         ("ids", Sdf.ValueTypeNames.Int64Array, Vt.Int64Array(range(count))),

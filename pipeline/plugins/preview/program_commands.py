@@ -55,9 +55,8 @@ def edit(common: Common, shot: Shot, options: ShotOptions) -> None:
     Comments and order stay. Nothing is written if the file has another digest by now, which the answer calls
     `changed`, or if the shot would not be valid. With --dry-run nothing is written at all.
     """
-    path = find_shot(shot)
-    editor = ShotEditor(path, tuple(options.settings or ()), options.allow_code)
     with _errors_answered():
+        editor = ShotEditor(find_shot(shot), tuple(options.settings or ()), options.allow_code)
         asked = json_object(sys.stdin.buffer.read(MOST_BYTES + 1))
         if unknown := asked.keys() - {"digest", "edits"}:
             raise UsageError(f"a request has digest and edits, and no {', '.join(sorted(unknown))}")
