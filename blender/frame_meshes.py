@@ -56,6 +56,11 @@ def bytes_loaded() -> int:
     return sum(_shown.values())
 
 
+def has_room(most: int) -> bool:
+    """Tell whether one more mesh as large as the largest fits into so many bytes."""
+    return bytes_loaded() + max(_shown.values(), default=0) <= most
+
+
 def forget_beyond(most: int) -> None:
     """Remove the meshes shown longest ago until the others take at most so many bytes."""
     while len(_shown) > 1 and bytes_loaded() > most:

@@ -19,7 +19,7 @@ import bpy
 from mathutils import Vector
 
 from .flow_empties import Slot, build_empties
-from .frame_meshes import forget_all, forget_beyond, frame_mesh, is_loaded, nothing
+from .frame_meshes import forget_all, forget_beyond, frame_mesh, has_room, is_loaded, nothing
 from .program import Answer, ProgramError, Run
 from .shot_camera import camera_edits, show_camera
 
@@ -152,6 +152,8 @@ class ShownShot:
     def load_ahead(self, scene: bpy.types.Scene, most_bytes: int) -> None:
         """Load the next frame that is in the store and not in memory, if there is room."""
         forget_beyond(most_bytes)
+        if not has_room(most_bytes):
+            return  # else frames would push each other out for ever
         numbers = list(self.numbers)
         begin = bisect_right(numbers, scene.frame_current)
         for number in numbers[begin:] + numbers[:begin]:
