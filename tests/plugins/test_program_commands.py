@@ -77,6 +77,7 @@ def test_an_edit_of_a_file_that_others_changed_is_refused_as_changed(shot: Path)
         ('{"digest": "DIGEST", "edits": [{"kind": "set", "where": ["frames"], "value": "9-1"}]}', ":2:1: "),
         ('{"digest": "DIGEST", "edits": [{"kind": "set", "where": ["camera", "tilt"], "value": 1}]}', "tilt"),
         ('{"digest": "DIGEST", "edits": []}', "1 to 64"),
+        ('{"edits": []}', "names the digest of the file"),
         ('{"edits": NaN}', "a request is a JSON object"),
         ('{"edit": []}', "no edit"),
         ("", "a request is a JSON object"),

@@ -222,7 +222,8 @@ def folded(normals: AnyArray) -> AnyArray:
     They are right to 0.12 degrees, 0.04 on average. Bytes are to 0.4, which shows in reflections.
     Source: Cigolle et al., *A survey of efficient representations for independent unit vectors*, 2014.
     """
-    flat = normals.astype(np.float64) / np.abs(normals).sum(axis=-1, keepdims=True)
+    length = np.maximum(np.abs(normals).sum(axis=-1, keepdims=True), 1e-9)  # vertices without area have none
+    flat = normals.astype(np.float64) / length
     x_y = flat[..., :2]
     lower = (1.0 - np.abs(x_y[..., ::-1])) * np.where(x_y < 0.0, -1.0, 1.0)
     return np.rint(FOLD * np.where(flat[..., 2:] < 0.0, lower, x_y)).astype(np.int32)

@@ -60,6 +60,10 @@ def edit(common: Common, shot: Shot, options: ShotOptions) -> None:
         asked = json_object(sys.stdin.buffer.read(MOST_BYTES + 1))
         if unknown := asked.keys() - {"digest", "edits"}:
             raise UsageError(f"a request has digest and edits, and no {', '.join(sorted(unknown))}")
+        if asked and "digest" not in asked:
+            raise UsageError(
+                "a request with edits names the digest of the file; the request {} answers with it"
+            )
         if not asked:
             _answer(editor.state())
         elif common.dry_run:

@@ -149,6 +149,7 @@ def test_folded_normals_along_axes_are_exact() -> None:
     axes = np.concatenate([np.eye(3), -np.eye(3)])
     corners = [(FOLD, 0), (0, FOLD), (0, 0), (-FOLD, 0), (0, -FOLD), (FOLD, FOLD)]
     assert folded(axes).tolist() == [list(corner) for corner in corners]
+    assert folded(np.zeros((1, 3))).tolist() == [[0, 0]], "a vertex without area has no normal"
 
 
 @pytest.mark.parametrize(
