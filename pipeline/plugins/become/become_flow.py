@@ -14,7 +14,15 @@ from pipeline.flow import Flow
 from pipeline.flow.keyframes import Keyframes
 from pipeline.flow.parameters import Number, Vector, number_at
 from pipeline.plugins.become.fitting import Detail
-from pipeline.plugins.become.stored_fits import DOUBTFUL, REFUSED, VERSION, Fit, PlacedShape, fit_between
+from pipeline.plugins.become.stored_fits import (
+    DOUBTFUL,
+    REFUSED,
+    VERSION,
+    Fit,
+    PlacedShape,
+    fit_between,
+    path_of,
+)
 from pipeline.shot.point_subjects import CloudInSolid
 from pipeline.shot.subjects import Model, Solid
 
@@ -98,6 +106,11 @@ class Become(Flow):
         return fit
 
     @property
+    def _is_fitted(self) -> bool:
+        """True if the fit is in the user's cache."""
+        return path_of(self._start, self.target, self.detail).is_file()
+
+    @property
     def _remedy(self) -> str:
         finer = "" if self.detail == "fine" else "Write detail: fine, or begin"
         return f"{finer or 'Begin'} with a shape that is more like it."
@@ -127,8 +140,11 @@ class Become(Flow):
             )
 
     def facts(self, time: float) -> Mapping[str, Any]:
-        """Return what `findings` notes, once the flow has begun: shares of the target's diagonal."""
-        if number_at(self.progress, time) == 0.0:
+        """Return what `findings` notes, once the flow has begun: shares of the target's diagonal.
+
+        Nothing where the cache has no fit: a machine that only renders meshes would compute it for a note.
+        """
+        if number_at(self.progress, time) == 0.0 or not self._is_fitted:
             return {}
         names = ("mean", "within_95", "mean_of_target", "within_95_of_target", "worst_part", "least_volume")
         numbers = dict(zip(names, self.fit().residual, strict=True))
