@@ -268,7 +268,7 @@ def _is_same(one: float, other: float) -> bool:
 
 
 def _is_alike(one: Any, other: Any) -> bool:
-    """Tell whether values, keys or lists of them are the same but for the noise of float32."""
+    """Tell whether values, keys or lists of them are equal within the noise of float32."""
     if isinstance(one, Key) and isinstance(other, Key):
         return all(_is_alike(getattr(one, name), getattr(other, name)) for name in Key.__dataclass_fields__)
     if isinstance(one, tuple | list) and isinstance(other, tuple | list):

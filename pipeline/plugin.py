@@ -257,7 +257,7 @@ class Plugins:
 
     @property
     def delivered(self) -> list[Any]:
-        """The functions that are told of deliveries."""
+        """The functions called after deliveries."""
         return self._functions((plugin.name, place) for plugin in self for place in plugin.delivered)
 
     @property

@@ -224,7 +224,7 @@ def test_denoising_takes_the_noise_and_leaves_the_light(rendered: Rendered, pict
 
 
 def test_the_last_row_is_as_bright_as_those_above() -> None:
-    """By itself the denoiser makes it 7% darker or brighter where the height is no multiple of 16."""
+    """The denoiser alone makes it 7% darker or brighter where the height is no multiple of 16."""
     noise = np.random.default_rng(1).gamma(2.0, 0.05, (270, 96, 3)).astype(np.float32)
     flat = np.full_like(noise, 0.5)
     rows = denoise(RenderedFrame({"beauty": noise, "albedo": flat, "normal": flat})).mean(axis=(1, 2))

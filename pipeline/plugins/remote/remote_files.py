@@ -2,10 +2,10 @@
 
     PREFIX/frame/a/ab12….<digest of the content>.exr
 
-The digest in the name says what the content must be, so a file that is truncated or damaged is told from a
-whole one by whoever reads it, and writing takes one request. What was sent whole is looked at too: it must
-hold its key, or have the form of its kind (`fetched_content.py`). One listing of a kind of files
-answers for all its keys; it is made of sixteen, side by side, by the first digit of the key.
+The digest in the name says what the content must be, so every reader notices a truncated or damaged file, and
+writing takes one request. Whole files are checked too: each must hold its key, or have the format of its kind
+(`fetched_content.py`). One listing of a kind of files answers for all its keys; it is made of sixteen, side
+by side, by the first digit of the key.
 
 Nothing here raises an error for what the remote store does. While it does not answer (`remote_requests.py`),
 the answer to everything is that it holds nothing.
