@@ -335,7 +335,8 @@ def _folders(targets: Sequence[str]) -> list[str]:
 def _failure(event: dict[str, Any]) -> str:
     frame = event.get("frame")
     message = str(event["message"]).removeprefix(f"frame {frame}: ")
-    return f"{event['shot']} frame {frame}: {message}" if frame is not None else f"{event['shot']}: {message}"
+    shot = event.get("shot", event["job"])  # a job that was killed before its first frame has only a name
+    return f"{shot} frame {frame}: {message}" if frame is not None else f"{shot}: {message}"
 
 
 def forecast_facts(forecast: Forecast) -> dict[str, Any]:
