@@ -34,7 +34,7 @@ AS_WRITTEN = {"new", "validate", "flows", "status", "versions", "doctor"}
 OF_A_SAMPLE = {"greet", "export txt", "export"}
 """Commands of the plug-in in docs/plugins.md, which tests/test_plugin.py calls; and the group alone."""
 
-OF_RESULTS = {"publish", "relight", "reproduce", "review", "verify"}
+OF_RESULTS = {"audit", "publish", "relight", "reproduce", "review", "verify"}
 """Commands that need rendered frames, or all of a store, even with --dry-run."""
 
 
