@@ -12,7 +12,7 @@ from pipeline.cli.options import AllowCode, Common, output_option
 from pipeline.cli.output import print_result, progress_bars
 from pipeline.errors import UsageError
 from pipeline.plugins.breed.breeding import Litter
-from pipeline.plugins.breed.generation import CHILDREN, Breeding, counted, forget_interrupted
+from pipeline.plugins.breed.generation import CHILDREN, GENERATIONS, Breeding, counted, forget_interrupted
 from pipeline.plugins.breed.generation_page import OPTION, next_name, read_choice
 from pipeline.plugins.breed.shot_genome import Genome
 from pipeline.production.request.lookup import find_shot, names_edit
@@ -20,9 +20,6 @@ from pipeline.production.store.locks import writing
 from pipeline.shot import Shot, read_shot
 from pipeline.shot.yaml.named_files import is_edit, name_fault
 from render.base.plural import plural
-
-FOLDER = "bred"
-"""Folder of all generations, below the root."""
 
 CANDIDATES, CHANGE = 40, 0.3
 """How many are tried, and how far they go from their parents, by default."""
@@ -93,7 +90,7 @@ def breed(
     change, seed = CHANGE if change is None else change, 0 if seed is None else seed
     if not 0.0 <= change <= 1.0:
         raise UsageError(f"--change {change:g} is out of range; it is from 0, nearly the same, to 1")
-    folder = output or common.root / FOLDER / name
+    folder = output or common.root / GENERATIONS / name
     if fault := name_fault(folder.name):
         raise UsageError(f"{folder}: {fault}")
     if len(folder.name) > LONGEST_NAME:

@@ -66,6 +66,9 @@ TRIALS = STATE / "breeding"
 KEPT_SECONDS = 7 * 86400.0
 """Age from which on such trials are removed."""
 
+GENERATIONS = "bred"
+"""Folder of generations, in the root."""
+
 DRAFT = ".breeding-"
 """Begins the names of folders that are not finished."""
 
@@ -324,8 +327,12 @@ def _draft_folder(place: Path) -> Iterator[Path]:
 
 
 def unneeded_trials(root: Path, requests: object) -> tuple[str, list[Path]]:
-    """Return the trials of runs that were interrupted: none runs while `clean` has the root for itself."""
-    return "trials of breed", sorted(path for path in (root / TRIALS).rglob("*") if path.is_file())
+    """Return what interrupted runs left: trials, and drafts where generations are by default.
+
+    None runs while `clean` has the root for itself.
+    """
+    left = (root / TRIALS, *(root / GENERATIONS).glob(f"{DRAFT}*"))
+    return "trials of breed", sorted(path for folder in left for path in folder.rglob("*") if path.is_file())
 
 
 def forget_interrupted(root: Path, generations: Path) -> None:

@@ -82,7 +82,8 @@ def _others(root: Path, requests: Iterable[RenderRequest], dry_run: bool) -> dic
             if not dry_run:
                 path.unlink(missing_ok=True)
                 with contextlib.suppress(OSError):  # others are in it
-                    path.parent.rmdir()
+                    for folder in path.parents:
+                        folder.rmdir()
         if sizes:
             others[what] = (len(sizes), sum(sizes))
     return others

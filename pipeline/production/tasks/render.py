@@ -240,14 +240,18 @@ class _ShownSubject:
 
 
 def flow_facts(request: RenderRequest, number: int) -> dict[str, Any]:
-    """Return what the flows of a picture say of themselves, by their places in the shot file."""
-    mesh = request.angles[number].mesh
-    return {
-        motion.place_of_flow(k): dict(facts)
-        for motion in (part.shot.motion for part in request.parts)
-        for k, flow in enumerate(flows_of(motion.flow))
-        if (facts := flow.facts(motion.clock.flow_time(mesh)))
-    }
+    """Return what the flows of a picture say of themselves, by their places in the shot file.
+
+    Of several subjects that have a flow of the shot, each has a place of its own: `flows.0 of ball`.
+    """
+    mesh, facts = request.angles[number].mesh, {}
+    for part in request.parts:
+        motion, subject = part.shot.motion, part.source.subject
+        for k, flow in enumerate(flows_of(motion.flow)):
+            if said := dict(flow.facts(motion.clock.flow_time(mesh))):
+                place = motion.place_of_flow(k)
+                facts[f"{place} of {subject}" if subject and place.startswith("flows") else place] = said
+    return facts
 
 
 def render(context: Context) -> bool:

@@ -120,16 +120,19 @@ def test_cleaning_deletes_trials_of_breed_and_fits_that_were_not_used_for_long(
     ours = path_of(flow.start, flow.target, flow.detail)
     old, unfinished, new = (fits / f"{name}.npz" for name in ("old", "b.unfinished", "new"))
     trial = project.path / ".flowsculpt/breeding/abc/001.npz"
-    trial.parent.mkdir(parents=True)
-    for file in (ours, old, unfinished, new, trial):
+    picture = project.path / "bred/.breeding-abc/pictures/001.png"
+    for folder in (trial.parent, picture.parent):
+        folder.mkdir(parents=True)
+    for file in (ours, old, unfinished, new, trial, picture):
         file.write_bytes(bytes(100))
     for file in (ours, old, unfinished):
         os.utime(file, (0.0, time.time() - 31 * 86400))
 
-    store, others = Store(project.path), {"fits of become": (2, 200), "trials of breed": (1, 100)}
+    store, others = Store(project.path), {"fits of become": (2, 200), "trials of breed": (2, 200)}
     assert collect_garbage(store, requests, 2, dry_run=True).others == others and trial.exists()
     assert collect_garbage(store, requests, 2, dry_run=False).others == others
-    assert sorted(fits.iterdir()) == sorted([ours, new]) and not trial.parent.exists()
+    assert sorted(fits.iterdir()) == sorted([ours, new])
+    assert not trial.parent.exists() and not (project.path / "bred").exists()
     assert not collect_garbage(store, requests, 2, dry_run=False).others
 
     trial.parent.mkdir(parents=True)
