@@ -1,4 +1,4 @@
-"""What makes frames slow and surfaces large, and what a shot can do about it.
+"""Causes of slow frames and large surfaces, and remedies in the shot.
 
 The cost of a frame's flow: sub-steps for each vertex, which setting causes them, and what lowers them. The
 size that flows and looks are made for, and how a shot gives it to a model of another size.

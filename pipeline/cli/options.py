@@ -172,7 +172,7 @@ NoPreview = Annotated[
     bool,
     typer.Option(
         "--no-preview",
-        help="Draw no animatic. Default: in a terminal, one is drawn of what was not rendered yet at this "
+        help="Draw no animatic. Default: in a terminal, one is drawn of the frames not rendered yet at this "
         "quality; see docs/production.md.",
     ),
 ]

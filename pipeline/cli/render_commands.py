@@ -52,7 +52,7 @@ def render(
 
     `flowsculpt render A010_cube -q final --layers nuke` writes frames with the layers that a compositor
     needs: depth, motion vectors, normals, positions, cryptomatte. Frames of daily and final that are rendered
-    already are not rendered again for it, but for those of shots with copies.
+    already are reused, except in shots with copies.
 
     Keys decide what is stale, and stored results are trusted. After a change that no key knows, such as of a
     graphics driver, `flowsculpt render A010_cube --force` renders again and replaces what is stored.

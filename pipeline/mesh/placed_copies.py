@@ -44,7 +44,7 @@ class Placements:
 
     @property
     def origins(self) -> Points:
-        """Where the origin of the surface is in each copy, (N, 3)."""
+        """The origin of the surface in each copy, (N, 3)."""
         return self.matrices[:, :, 3]
 
     @cached_property

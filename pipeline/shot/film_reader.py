@@ -121,7 +121,7 @@ def _shot(folder: Path, name: str, place: str, settings: tuple[str, ...]) -> Sho
     bare = name.rpartition("/")[2].removesuffix(".yaml")
     if bare in known:
         hint = f"Write {bare}, its name without folder and suffix."
-    raise MissingInputError(f"{place}: there is no shot {shown(file)}. {hint}")
+    raise MissingInputError(f"{place}: shot not found: {shown(file)}. {hint}")
 
 
 def _clip(shot: Shot, entry: Any) -> Clip:
@@ -228,7 +228,7 @@ def _missing_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:
         remedy = "and no other beside the edit. Put it there, or remove sound."
         if known:
             remedy = f"which is looked for beside the edit. {suggestion(name, known)}"
-        yield ("sound", "file"), f"there is no sound {shown(folder / name)}, {remedy}"
+        yield ("sound", "file"), f"sound not found: {shown(folder / name)}, {remedy}"
 
 
 def _unreadable_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:

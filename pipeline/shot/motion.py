@@ -47,7 +47,7 @@ MOST_CHECKED = 1000
 
 @dataclass(frozen=True)
 class Loop:
-    """How a shot goes on from its last frame to its first.
+    """The transition from a shot's last frame to its first.
 
     kind   back: the flow's time runs to half of the loop and back; turns: flows and camera return by
            themselves in the frame after the last; dissolve: the last frames dissolve into the first

@@ -71,7 +71,7 @@ class PathTracer:
 
     @property
     def surfaces(self) -> Any:
-        """What finds the surfaces that rays hit."""
+        """The scene or cut-out search that rays are intersected with."""
         return self.scene if self.cut_outs is None else self.cut_outs
 
     @property

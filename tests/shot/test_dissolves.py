@@ -121,7 +121,7 @@ def test_what_cannot_be_is_told_with_its_place(folder: Path, entries: str, more:
 
 def test_sound_that_is_not_there_is_a_missing_input(folder: Path) -> None:
     with pytest.raises(
-        MissingInputError, match=r"film\.yaml:5:9: there is no sound .*Did you mean 'music\.wav'"
+        MissingInputError, match=r"film\.yaml:5:9: sound not found: .*Did you mean 'music\.wav'"
     ):
         film(folder, "  - A", "sound: {file: musik.wav}\n")
 

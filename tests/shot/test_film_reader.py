@@ -52,7 +52,7 @@ def test_a_card_stands_for_a_minute_at_most(tmp_path: Path) -> None:
 def test_a_shot_that_is_not_there_is_a_missing_input(tmp_path: Path) -> None:
     written(tmp_path, GOOD, "A.yaml")
     with pytest.raises(
-        MissingInputError, match=r"film\.yaml:2:12: there is no shot .*B\.yaml\. There are: A\."
+        MissingInputError, match=r"film\.yaml:2:12: shot not found: .*B\.yaml\. There are: A\."
     ):
         read_film(written(tmp_path, FILM, "film.yaml"))
 
@@ -60,7 +60,7 @@ def test_a_shot_that_is_not_there_is_a_missing_input(tmp_path: Path) -> None:
 def test_an_edit_without_any_shot_beside_it_is_told_what_makes_one(tmp_path: Path) -> None:
     with pytest.raises(
         MissingInputError,
-        match=r"no shot .*A\.yaml\. No shot is beside the edit; flowsculpt new NAME makes one\.",
+        match=r"shot not found: .*A\.yaml\. No shot is beside the edit; flowsculpt new NAME makes one\.",
     ):
         read_film(written(tmp_path, "title: One\nshots: [A]\n", "film.yaml"))
 

@@ -82,9 +82,7 @@ def test_a_message_names_what_the_same_file_has(folder: Path, entry: str, says: 
 
 def test_a_shot_that_extends_one_where_there_is_no_other_is_told_to_stand_alone(tmp_path: Path) -> None:
     (tmp_path / "B.yaml").write_text(FILES["B"])
-    says = (
-        "B.yaml:1:1: there is no shot A beside this file to extend. No other shot is there; remove extends."
-    )
+    says = "B.yaml:1:1: extends: A is not next to this file. No other shot is there; remove extends."
     assert told(tmp_path, "B") == [says]
 
 
@@ -145,7 +143,7 @@ def test_circles_and_missing_parents_are_told(folder: Path) -> None:
     assert told(folder, "D")[0].startswith("D.yaml:1:1: D extends D; a shot cannot extend itself.")
     for parent in ("AA", "../A"):
         (folder / "D.yaml").write_text(f"extends: {parent}\n")
-        with pytest.raises(MissingInputError, match=r"D\.yaml:1:1: there is no shot .* to extend\. "):
+        with pytest.raises(MissingInputError, match=r"D\.yaml:1:1: extends: .* is not next to this file\. "):
             read(folder, "D")
     (folder / "D.yaml").write_text("extends: [A]\n")
     assert any("extends: a list is not text" in line for line in told(folder, "D"))
@@ -158,7 +156,7 @@ def test_circles_and_missing_parents_are_told(folder: Path) -> None:
 def test_a_parent_that_no_file_can_be_called_is_told_with_its_place(parent: str, folder: Path) -> None:
     (folder / "D.yaml").write_text(f"title: D\nextends: {parent}\n")
     (line,) = told(folder, "D")
-    assert line.startswith("D.yaml:2:1: there is no shot ") and len(line) < 400 and line.isprintable()
+    assert line.startswith("D.yaml:2:1: extends: ") and len(line) < 400 and line.isprintable()
 
 
 def test_values_are_set_from_outside(folder: Path) -> None:

@@ -45,8 +45,8 @@ def validate(
     `flowsculpt validate` checks all shots and edits in shots/; `flowsculpt validate A010_cube --set
     resample.max_edge_length=0.1` checks one shot with another value.
 
-    Models are loaded, and the first frame is computed: what was repaired, its vertices and memory are listed.
-    Warnings tell of what renders, but hardly as it is meant: edges that are coarse for the subject, a camera
+    Models are loaded, and the first frame is computed: repairs, vertices and memory are listed.
+    Warnings flag shots that render but probably look wrong: edges that are coarse for the subject, a camera
     inside of it, flows that act elsewhere or take minutes a frame. Of finished frames, the light is looked
     at too.
     """

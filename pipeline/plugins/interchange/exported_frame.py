@@ -69,7 +69,7 @@ class KeyedFiles:
 
     @cached_property
     def _noted(self) -> dict[str, dict[str, Any]]:
-        """What the JSON file says; nothing if it is missing or damaged: all is then written again."""
+        """The content of the JSON file; empty if it is missing or damaged: all is then written again."""
         try:
             noted = json.loads((self.folder / self.name).read_text(encoding="utf-8"))
         except (OSError, ValueError):

@@ -66,7 +66,7 @@ def _read_paint(path: Path) -> ModelPaint:
 
 
 class _Paint:
-    """What the statements of a file paint, up to a line."""
+    """Collects points, colours, texture coordinates and materials from the statements of a file."""
 
     def __init__(self) -> None:
         self._points: list[list[float]] = []

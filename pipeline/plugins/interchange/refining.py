@@ -152,7 +152,7 @@ Began = Callable[[str, int], Callable[[], None]]
 
 
 class _Sweep(NamedTuple):
-    """What a sweep has done.
+    """Result of one sweep.
 
     keys    of its files by frame
     counts  of the vertices whose points the files of a frame hold, those of earlier sweeps included

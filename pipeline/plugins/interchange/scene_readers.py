@@ -1,4 +1,4 @@
-"""What readers of scenes share: placed meshes joined to one surface, the files, and answers of processes."""
+"""Shared by readers of scenes: placed meshes joined to one surface, the files, and answers of processes."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ class _Errors(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Unification:
-    """How one mesh of a subject is made: of the frames requested, with as many vertices as wanted.
+    """Settings of one mesh of a subject: frames, and number of vertices.
 
     request   of a shot with one subject, such as one of its `parts`
     vertices  the most vertices; None for as many as no edge is too long with

@@ -310,7 +310,7 @@ class SculptureFiles:
 
     @property
     def recipe(self) -> list[str]:
-        """What the key of a stage holds of the materials besides the look."""
+        """The part of a stage's key that depends on materials besides the look."""
         several = ["subsets"] if len(self.parts) > 1 else []
         names = dict.fromkeys(name for number in range(len(self.parts)) for name in self.pictures(number))
         return several + [name for name in names if name != "diffuseColor"]

@@ -189,7 +189,7 @@ class SurfaceDocument(Arrangement):
 
 
 class OneLayout(CopyLayout, OneOfSeveral):
-    """Where copies are: one arrangement, and how they lean in it."""
+    """The places of copies: one arrangement, and the lean of the copies in it."""
 
     example = "{ring: {radius: 1}}"
     noun, several = "a layout", ("grid", "ring", "disc", "spiral", "surface")

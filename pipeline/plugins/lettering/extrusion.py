@@ -47,7 +47,7 @@ class Section:
 
     @cached_property
     def levels(self) -> list[tuple[float, float]]:
-        """How far in and how far up the bevel goes with each of its pieces, units."""
+        """Inset and height of the bevel after each of its pieces, units."""
         if not self.bevel:
             return []
         steps = self.steps if self.shape == "round" else 1

@@ -125,7 +125,7 @@ class TextKind(OutlineKind):
 
 
 class StartKind(TextKind):
-    """What letters begin as: drops, and rings with as many holes, of the same volume and place."""
+    """Start shapes of letters: drops, and rings with as many holes, of the same volume and place."""
 
     def surface(self, folder: Path) -> TriangleMesh:
         from pipeline.plugins.lettering.starts import starts

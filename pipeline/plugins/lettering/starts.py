@@ -1,4 +1,4 @@
-"""What letters begin as: for each part of a letter a drop, or rings, with as many holes and its volume."""
+"""Start shapes of letters: for each part a drop, or rings with as many holes, of the part's volume."""
 
 from __future__ import annotations
 

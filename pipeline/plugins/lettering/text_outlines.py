@@ -20,7 +20,7 @@ _CAPITALS = 0.72
 
 @dataclass(frozen=True)
 class TextSettings:
-    """How text is set.
+    """Settings of typesetting.
 
     font       path of the file
     face       number of the face in a collection

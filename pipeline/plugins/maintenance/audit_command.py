@@ -50,8 +50,8 @@ def audit(
 
     `flowsculpt audit A010_cube -q final --share 1%` chooses frames at random, the same ones for the same
     --seed, and makes them again below .flowsculpt/audit from the shot file alone: meshes, cameras, pictures.
-    With --profile, other machines do. The exit code is 1 where a frame has other values; what was made again
-    is kept then. A frame whose file cannot be read counts as different.
+    With --profile, other machines do. The exit code is 1 where a frame has other values; the new frames are
+    kept then. A frame whose file cannot be read counts as different.
     """
     part = _share(share)
     project = options.project(common)
@@ -209,6 +209,4 @@ def _report(audited: Audit, compared: Sequence[AuditedFrame]) -> str:
     whole = f"{about}: {len(compared)} of {plural(len(audited.finished), 'finished frame')} made again"
     if not unlike:
         return "\n".join([*lines, f"{whole}; all are the same, bit for bit."])
-    return "\n".join(
-        [*lines, f"{whole}; {len(unlike)} not the same. What was made again is in {audited.home}."]
-    )
+    return "\n".join([*lines, f"{whole}; {len(unlike)} not the same. The new frames are in {audited.home}."])

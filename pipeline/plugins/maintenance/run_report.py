@@ -1,4 +1,4 @@
-"""Where the CPU seconds of a run went: its stages, the parts of rendering, and the rest.
+"""CPU seconds of a run by stage, by part of rendering, and the rest.
 
 Every process counts its own CPU seconds and those of its children. In the event log frames have theirs, jobs
 theirs when they end, and the run those of all its processes. What the frames of a job do not account for

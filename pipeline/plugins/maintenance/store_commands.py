@@ -89,10 +89,10 @@ File = TypeVar("File", StoredFile, ShownFile, PublishedFile)
 def verify(common: Common, settings: Settings = None) -> None:
     """Check every file that was written, and make damaged ones again.
 
-    Every stored mesh, picture and movie, and every file in renders/, is compared with the digest of what was
-    written. Damaged files are evicted, and made again where they were shown. Of previews, sheets and the like
-    the command is printed that makes them again (exit code 1). Files of earlier versions have no digest:
-    stored ones are decoded to their end, and get one. `flowsculpt verify --dry-run` changes nothing.
+    Every stored mesh, picture and movie, and every file in renders/, is compared with the digest taken when
+    it was written. Damaged files are evicted, and made again where they were shown. For previews, sheets and
+    the like, the command that makes them again is printed (exit code 1). Files of earlier versions have no
+    digest: stored ones are decoded to their end, and get one. `flowsculpt verify --dry-run` changes nothing.
 
     Published files are compared with the digests in their provenance.json. They are never written to: a
     damaged, altered or missing one is listed with the command that reproduces it (exit code 1).
@@ -240,7 +240,7 @@ def _summary(damaged: int, altered: int, became: str, is_partial: bool) -> str:
         files = "Every file that could be read" if is_partial else "Every file"
         return f"{files} is what it should be."
     sentences = [f"{_count(damaged)} damaged{became}."] if damaged else []
-    sentences += [f"{_count(altered, ' of published versions')} not what was published."] if altered else []
+    sentences += [f"{_count(altered, ' of published versions')} not as published."] if altered else []
     return " ".join(sentences)
 
 

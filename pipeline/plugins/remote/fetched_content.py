@@ -1,4 +1,4 @@
-"""What a fetched file holds: content of its kind, and of the key that was asked for.
+"""Checks that a fetched file has content of its kind, made for the requested key.
 
 The digest in a file's name shows that it arrived as it was sent, not that an honest machine sent it: who may
 write to the remote store names it as he likes. Pictures and arrays hold their keys; of other kinds only the

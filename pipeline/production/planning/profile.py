@@ -1,4 +1,4 @@
-"""Where jobs run: the profile of this machine or a farm, and the Mitsuba variant of each shot.
+"""The profile that says where jobs run, this machine or a farm, and the Mitsuba variant of each shot.
 
 A profile is a folder with `profile.yaml` (or `config.yaml`): settings of Snakemake and of the executor plugin
 it names, passed to Snakemake unchanged. Planning reads how many jobs the farm takes at once (`jobs`), and

@@ -525,5 +525,5 @@ class RenderRequest:
 
     @property
     def loop(self) -> tuple[str, int] | None:
-        """How its movie loops: kind and count of `pipeline.shot.motion.Loop`; None for a part of the shot."""
+        """Kind and count of its movie's loop, of `pipeline.shot.motion.Loop`; None for a part of the shot."""
         return self.manifest.loop if self.is_whole and self.turntable is None else None

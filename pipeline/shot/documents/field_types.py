@@ -134,7 +134,7 @@ class OneOfSeveral(Document):
 
     @property
     def named(self) -> list[str]:
-        """Those of the names that are there, one once it is validated."""
+        """The alternatives that are given: exactly one after validation."""
         return [name for name in self.several if getattr(self, name) is not None]
 
     @model_validator(mode="after")

@@ -194,7 +194,7 @@ NAMED_SETTINGS = (("looks", "look", "material"), ("rigs", "lights", "rig"))
 """Names of settings, where these stand, and which of their names says what they are based on."""
 
 _ALTERNATIVES = frozenset({"colour", "pigment", "measure"}), frozenset({"sky", "sun", "hdri"})
-"""Settings of a look, and of lights, of which one replaces the others."""
+"""Settings of a look, and of lights: each replaces the others of its set."""
 
 
 def with_named_settings(source: YamlSource) -> YamlSource:
@@ -283,9 +283,7 @@ def _extended(source: YamlSource, read_text: ReadText, chain: tuple[str, ...]) -
         hint = suggestion(parent, known) if known else "No other shot is there; remove extends."
         if Path(parent).name.removesuffix(".yaml") in known:
             hint = f"Write {Path(parent).name.removesuffix('.yaml')}, its name without folder and suffix."
-        raise MissingInputError(
-            f"{place}: there is no shot {shown(parent)} beside this file to extend. {hint}"
-        )
+        raise MissingInputError(f"{place}: extends: {shown(parent)} is not next to this file. {hint}")
     base = _require_mapping(YamlSource.read(source.path.with_name(name), text))
     return over(source, _extended(base, read_text, (*chain, name)))
 

@@ -137,7 +137,7 @@ def test_verify_tells_what_of_a_version_is_not_what_was_published_and_mends_noth
     assert f"frames/{NAME}.0002.exr: differs from the published file: damaged, or altered since" in said
     assert f"frames/{NAME}.0003.exr: is gone, and was published" in said
     assert f"flowsculpt reproduce {desk.home / 'v001' / FILE} -f 2-3 makes it again" in said
-    assert "2 files of published versions are not what was published." in said
+    assert "2 files of published versions are not as published." in said
     assert second.read_bytes() == damaged and not third.exists()
     (frames.parent / f"{NAME}.mp4").unlink()
     facts = json.loads("{" + desk.command("--json", "verify")[1].partition("{")[2])
