@@ -29,11 +29,13 @@ class Progress(NamedTuple):
     activity  its name: of a flow, or of what the resampler does
     done      points that are done
     total     points in all; 0 where nobody knows them
+    is_once   whether the result is kept: other frames do not compute it, and `total` counts other things than points
     """
 
     activity: str
     done: int
     total: int
+    is_once: bool = False
 
 
 ProgressCallback = Callable[[Progress], None]
@@ -51,11 +53,11 @@ def reporting_to(callback: ProgressCallback) -> Iterator[None]:
         _CALLBACK.reset(token)
 
 
-def report_progress(activity: str, done: int, total: int = 0) -> None:
+def report_progress(activity: str, done: int, total: int = 0, is_once: bool = False) -> None:
     """Report progress, if somebody asked for it."""
     callback = _CALLBACK.get()
     if callback is not None:
-        callback(Progress(activity, done, total))
+        callback(Progress(activity, done, total, is_once))
 
 
 def interruptible(compute: Callable[[], T]) -> T:

@@ -537,6 +537,11 @@ class _FrameWatch:
 
     def receive(self, progress: Progress) -> None:
         """Take progress of a flow or of the resampler."""
+        if progress.is_once:
+            self._began = time.monotonic()  # says nothing of the frame
+            share = progress.done / progress.total
+            self._callback(FrameProgress(self._frame, share, progress.activity, 0))
+            return
         is_same = progress[::2] == self._last[::2] and progress.done > self._last.done
         if progress.total:
             self._moved += progress.done - (self._last.done if is_same else 0)

@@ -101,6 +101,17 @@ def test_a_slow_frame_says_once_what_it_does_and_which_setting_causes_it(tmp_pat
         assert words in said[0]
 
 
+@pytest.mark.usefixtures("impatient")
+def test_what_is_computed_once_for_all_frames_makes_no_frame_slow(tmp_path: Path) -> None:
+    reports: list[FrameProgress] = []
+    receive = module._FrameWatch(shot_of(tmp_path, SPINNING).motion, 2, None, reports.append, set()).receive
+    for done in range(1, 5):
+        time.sleep(2.0 * module.SLOW_SECONDS)
+        receive(Progress("fitting bunny.off", done, 4, is_once=True))
+    assert [report.share for report in reports] == [0.25, 0.5, 0.75, 1.0]
+    assert not any(report.slow for report in reports) and reports[0].work == "fitting bunny.off"
+
+
 def test_the_settings_that_are_named_as_remedies_lower_the_sub_steps(tmp_path: Path) -> None:
     shot = curl_noise(tmp_path)
     points = next(iter(animate(shot))).mesh.vertices

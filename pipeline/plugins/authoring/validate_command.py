@@ -81,7 +81,7 @@ class _Bars:
 
     def receive(self, progress: Progress) -> None:
         """Draw what is counted up to few: points that a flow moves are not."""
-        activity, done, total = progress
+        activity, done, total, _ = progress
         if 0 < total < 1000:
             advance, before = self._bars.get(activity) or (self._bar(activity, total), 0)
             for _ in range(done - before):

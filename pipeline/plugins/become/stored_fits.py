@@ -244,7 +244,7 @@ def _computed(
     unfinished = path.with_suffix(".unfinished.npz")
 
     def watch(state: State, rounds: int) -> None:
-        report_progress(activity, state.done, rounds)
+        report_progress(activity, state.done, rounds, is_once=True)
         kept = {"points": state.rest.points, "faces": state.rest.faces, "done": np.array(state.done)}
         _store(unfinished, kept | _arrays(state.legs))
 
