@@ -29,7 +29,7 @@ class Progress(NamedTuple):
     activity  its name: of a flow, or of what the resampler does
     done      points that are done
     total     points in all; 0 where nobody knows them
-    is_once   whether the result is kept: other frames do not compute it, and `total` counts other things than points
+    is_once   whether the result is kept: other frames do not compute it, and `total` is not of points
     """
 
     activity: str
