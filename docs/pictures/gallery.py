@@ -40,7 +40,7 @@ STILLS = {
     "B150_pair": 170,
     "B160_loops": 50,
     "B170_endless": 44,
-    "B180_pool": 46,
+    "B180_pool": 57,
     "B190_moon": 84,
 }
 """The frame that shows most of each shot."""
