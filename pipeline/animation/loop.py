@@ -145,16 +145,17 @@ class RigidCopies(MovingSurface):
 
 
 @lru_cache(1)
-def _statistics_of_shape(mesh: TriangleMesh) -> MeshStatistics:
-    return mesh_statistics(mesh, count_crossings=False)
+def _statistics_of_shape(mesh: TriangleMesh) -> tuple[MeshStatistics, Points]:
+    """Return the statistics of the shape of copies, the same in all frames, and its extremes (V, 3)."""
+    return mesh_statistics(mesh, count_crossings=False), extremes(mesh.vertices)
 
 
 def _statistics_of_copies(one: TriangleMesh, copies: Placements) -> MeshStatistics:
     """Return the statistics of rigid copies of a mesh; crossings of two copies are not counted."""
-    of_one, sizes = _statistics_of_shape(one), copies.sizes
+    (of_one, farthest), sizes = _statistics_of_shape(one), copies.sizes
     return MeshStatistics(
         mean_edge=of_one.mean_edge * float(sizes.mean()),
-        diameter=float(np.linalg.norm(np.ptp(copies.points(extremes(one.vertices)), axis=0))),
+        diameter=copies.diameter(farthest),
         median_dihedral=of_one.median_dihedral,
         area=of_one.area * float((sizes**2).sum()),
         crossings=None,
