@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.first_film import CHECKOUT, run
+from benchmarks.measured_shots import shot_file
 from benchmarks.report import Row, keep, show
 from render.post.image import read_exr
 
@@ -49,7 +50,7 @@ def measure(variant: str, shot: str, frame: str) -> Row:
     Raises CalledProcessError where one fails, RuntimeError where the machine cannot run the variant.
     """
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    path = CHECKOUT / f"shots/{shot}.yaml"
+    path = shot_file(shot)
     row: Row = {"shot": shot, "frame": frame}
     layers = []
     with tempfile.TemporaryDirectory() as root:
