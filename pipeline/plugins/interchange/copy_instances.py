@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.animation import MeshFrame
-from pipeline.animation.loop import animate
 from pipeline.arrays import AnyArray, Floats, Points, Vectors
 from pipeline.errors import UsageError
 from pipeline.mesh.placed_copies import Placements
@@ -47,8 +45,7 @@ class Instances:
     def of(cls, unification: Unification, began: Callable[[str, int], Callable[[], None]]) -> Instances:
         """Return the copies of a subject. Raises UsageError where patterns or pictures differ on them."""
         motion, numbers = unification.request.shot.motion, unification.request.requested
-        mesh = unification.one_mesh(began)
-        frames = {f.number: f for f in takewhile(lambda f: f.number <= max(numbers), animate(motion))}
+        mesh, frames = unification.one_mesh(began), unification.rigid_frames
         count = len(placed(frames[numbers[0]]))
         vertices, faces = len(mesh.rest) // count, mesh.faces[: len(mesh.faces) // count]
         corners = mesh.corner_normals[: len(faces)]
@@ -95,7 +92,7 @@ class Instances:
         """Return the copies of a frame."""
         frame = self.frames[number]
         placements = placed(frame)
-        points = frame.mesh.vertices.reshape(len(placements), -1, 3)
+        points = self.mesh.points_at(number).reshape(len(placements), -1, 3)
         moved = vertex_motion(self.unification.request.shot.motion, frame).velocity()
         return PlacedCopies(
             placements, *rigid_velocities(points, moved.reshape(points.shape), placements.origins)

@@ -11,7 +11,7 @@ from pxr import Usd, UsdGeom
 
 from pipeline.mesh.mesh_formats import ScenePart
 from pipeline.mesh.read import read_surface
-from pipeline.plugins.interchange.copy_instances import rigid_velocities
+from pipeline.plugins.interchange.copy_instances import Instances, rigid_velocities
 from pipeline.plugins.interchange.unifying import Unification, one_mesh
 from pipeline.production.execution.project import Project
 from tests.conftest import commanded
@@ -82,6 +82,16 @@ def test_instances_are_where_the_copies_are_and_move_as_they_do(root: Path, stag
         moved += np.array(copies.GetVelocitiesAttr().Get(number))[:, None]
         known = mesh.velocities_at(number).reshape(moved.shape)
         assert np.abs(moved - known).max() < 2e-3 * np.abs(known).max()
+
+
+def test_frames_hold_places_and_no_vertices_however_many_are_exported(root: Path) -> None:
+    unification = part(root)
+    copies = Instances.of(unification, lambda name, total: lambda: None)
+    for number in copies.mesh.frames:
+        copies.at(number), copies.mesh.points_at(number)
+    frames = unification.rigid_frames.values()
+    assert len(frames) == 4 and not any("mesh" in vars(frame) for frame in frames if frame.number > 1)
+    assert len({id(frame.own.vertices) for frame in frames}) == 1
 
 
 def test_each_copy_has_the_colour_of_its_vertices(root: Path, stage: Path) -> None:
