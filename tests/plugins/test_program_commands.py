@@ -76,7 +76,7 @@ def test_an_edit_of_a_file_that_others_changed_is_refused_as_changed(shot: Path)
     [
         ('{"digest": "DIGEST", "edits": [{"kind": "set", "where": ["frames"], "value": "9-1"}]}', ":2:1: "),
         ('{"digest": "DIGEST", "edits": [{"kind": "set", "where": ["camera", "tilt"], "value": 1}]}', "tilt"),
-        ('{"digest": "DIGEST", "edits": []}', "1 to 64"),
+        ('{"digest": "DIGEST", "edits": []}', "1 to 1000"),
         ('{"edits": []}', "names the digest of the file"),
         ('{"edits": NaN}', "a request is a JSON object"),
         ('{"edit": []}', "no edit"),
@@ -88,6 +88,28 @@ def test_a_bad_request_is_answered_with_one_error(shot: Path, request_text: str,
     code, refused = answer(request_text.replace("DIGEST", digest), "edit")
     assert code == 2 and words in refused["error"] and not refused["changed"]
     assert shot.read_text() == SHOT
+
+
+def test_a_camera_with_keys_at_a_thousand_frames_is_written(shot: Path) -> None:
+    shot.write_text(SHOT.replace("1-4", "1-1000").replace("azimuth: -30, elevation: 14", "distance: 6"))
+    keys = {number: [number / 701, -number / 903, 6 + number / 1103] for number in range(1, 1001)}
+    where = ["camera", "target"]
+    edit = {"kind": "set", "where": where, "value": {"ease": "linear", "keys": keys}}
+    request = {"digest": answer({}, "edit")[1]["digest"], "edits": [edit]}
+    assert len(json.dumps(request)) > 65_536
+    code, state = answer(request, "edit")
+    assert code == 0, state
+    found = next(value for value in state["values"] if value["where"] == where)
+    assert len(found["value"]["keys"]) == 1000
+
+
+def test_an_edit_that_makes_the_file_larger_than_any_may_be_is_refused(shot: Path) -> None:
+    edit = {"where": ["title"], "kind": "set", "value": "word " * 70_000}
+    request = {"digest": answer({}, "edit")[1]["digest"], "edits": [edit]}
+    code, refused = answer(request, "edit")
+    assert code == 2 and "would be larger than 300 kB" in refused["error"] and shot.read_text() == SHOT
+    code, refused = answer({**request, "edits": [{**edit, "value": "word " * 300_000}]}, "edit")
+    assert code == 2 and "at most 1048576 bytes; divide it" in refused["error"]
 
 
 def test_frames_are_listed_with_files_that_appear_once_they_are_simulated(shot: Path, tmp_path: Path) -> None:

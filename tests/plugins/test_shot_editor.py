@@ -361,7 +361,7 @@ BAD_REQUESTS: dict[str, Any] = {
     "nothing": None,
     "no list": {"kind": "set"},
     "no edit": [],
-    "too many": [{"kind": "set", "where": ["look"], "value": "clay"}] * 65,
+    "too many": [{"kind": "set", "where": ["look"], "value": "clay"}] * 1001,
     "a kind that is none": [{"kind": "drop", "where": ["look"]}],
     "a name that is none": [{"kind": "set", "where": [["look"]], "value": 1}],
     "a path that is too long": [{"kind": "set", "where": ["a"] * 25, "value": 1}],

@@ -25,7 +25,7 @@ from typing import Any
 from pipeline.errors import FlowsculptError, MachineError, UsageError
 from pipeline.plugins.preview.live_session import LiveFeed, LiveSession
 from pipeline.plugins.preview.shot_editor import (
-    MOST_BYTES,
+    MOST_REQUEST_BYTES,
     ShotEditor,
     StaleError,
     edits_in,
@@ -224,8 +224,8 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(415, "a request is JSON")
         elif not re.fullmatch(r"\d{1,9}", length):
             self.send_error(411)
-        elif int(length) > MOST_BYTES:
-            self.send_error(413, f"a request has at most {MOST_BYTES} bytes")
+        elif int(length) > MOST_REQUEST_BYTES:
+            self.send_error(413, f"a request has at most {MOST_REQUEST_BYTES} bytes")
         else:
             try:
                 return json_object(self.rfile.read(int(length)))

@@ -19,7 +19,7 @@ from pipeline.cli.options import Common, Frames, Shot, ShotOptions, quality_opti
 from pipeline.cli.output import exit_with, print_error, print_warning
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.plugins.preview.shot_editor import (
-    MOST_BYTES,
+    MOST_REQUEST_BYTES,
     ShotEditor,
     StaleError,
     digest_of,
@@ -57,7 +57,7 @@ def edit(common: Common, shot: Shot, options: ShotOptions) -> None:
     """
     with _errors_answered():
         editor = ShotEditor(find_shot(shot), tuple(options.settings or ()), options.allow_code)
-        asked = json_object(sys.stdin.buffer.read(MOST_BYTES + 1))
+        asked = json_object(sys.stdin.buffer.read(MOST_REQUEST_BYTES + 1))
         if unknown := asked.keys() - {"digest", "edits"}:
             raise UsageError(f"a request has digest and edits, and no {', '.join(sorted(unknown))}")
         if asked and "digest" not in asked:

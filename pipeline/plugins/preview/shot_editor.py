@@ -22,17 +22,18 @@ from pipeline.plugins.preview.settable_values import settable_values
 from pipeline.plugins.preview.text_edits import ValueEdit, edited, parsed
 from pipeline.shot.shot_reader import read_clock, read_shot
 from pipeline.shot.yaml.inheritance import inherited_files
-from pipeline.shot.yaml.named_files import text_of
+from pipeline.shot.yaml.named_files import MOST_BYTES, text_of
 from pipeline.shot.yaml.yaml_source import Where, YamlSource, dotted
 from render.base.atomic_write import ChangedFileError, atomic_write
 from render.base.input_files import read_input
 
 MOST_STEPS = 200  # edits that can be undone
 
-MOST_EDITS, DEEPEST_PATH = 64, 24
+MOST_EDITS, DEEPEST_PATH = 1000, 24
 """Values that one request may change, and steps of a path."""
 
-MOST_BYTES = 65536  # size of the largest request
+MOST_REQUEST_BYTES = 1 << 20
+"""Size of the largest request: several times that of the largest shot file, since JSON takes more space."""
 
 PATH_FORM = "the path of an edit is a list of names and numbers"
 
@@ -113,7 +114,13 @@ class ShotEditor:
         for edit in edits:
             self._require_own(source, edit)
         clock, _ = read_clock(source)
-        return edited(self.path, text, edits, lambda key: clock.seconds(key) if clock else None, verify)
+        after = edited(self.path, text, edits, lambda key: clock.seconds(key) if clock else None, verify)
+        if len(after.encode()) > MOST_BYTES:
+            raise ShotError(
+                f"{self.path}: with this edit the file would be larger than {MOST_BYTES // 1000} kB, which "
+                "none may be; nothing was written. Give it fewer keys."
+            )
+        return after
 
     def _require_own(self, source: YamlSource, edit: ValueEdit) -> None:
         """Refuse an edit of a value that a setting replaces, or that another file gives in part."""
@@ -222,8 +229,8 @@ def digest_of(text: str) -> str:
 
 def json_object(body: bytes) -> dict[str, Any]:
     """Return the JSON object of a request. Raises UsageError for anything else, such as NaN or a long one."""
-    if len(body) > MOST_BYTES:
-        raise UsageError(f"a request has at most {MOST_BYTES} bytes")
+    if len(body) > MOST_REQUEST_BYTES:
+        raise UsageError(f"a request has at most {MOST_REQUEST_BYTES} bytes; divide it into several")
     try:
         asked = json.loads(body, parse_constant=_refuse_constant)
     except (ValueError, RecursionError):
