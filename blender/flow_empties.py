@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -341,11 +341,22 @@ def _groups(values: Sequence[dict[str, Any]]) -> Iterator[_Group]:
         yield _Group(path, group)
 
 
+def own_times(state: dict[str, Any]) -> Callable[[tuple[Any, ...]], tuple[float, ...]]:
+    """Return a function of the path of a flow or value: frames of its own time; none if it has the film's."""
+    frames = {tuple(item["where"]): tuple(item["frames"]) for item in state["flow_frames"]}
+
+    def own_time(path: tuple[Any, ...]) -> tuple[float, ...]:
+        above = [where for where in frames if path[: len(where)] == where]
+        return frames[max(above, key=len)] if above else ()
+
+    return own_time
+
+
 def build_empties(
     state: dict[str, Any], root: bpy.types.Object, collection: bpy.types.Collection
 ) -> list[Slot]:
     """Make an empty for each flow of a shot, and return the slots of their values."""
-    own_times = {tuple(item["where"]): tuple(item["frames"]) for item in state["flow_frames"]}
+    times = own_times(state)
     slots, placed = list[Slot](), dict[tuple[Any, ...], bpy.types.Object]()
     for group in sorted(_groups(state["values"]), key=lambda group: len(group.path)):
         numbers = ".".join(str(step) for step in group.path if isinstance(step, int))
@@ -356,13 +367,11 @@ def build_empties(
         if group.kind == "placed":
             placed[group.path] = empty
         empty[PATH] = json.dumps(group.path)
-        times = [path for path in own_times if group.path[: len(path)] == path]
-        own_time = own_times[max(times, key=len)] if times else ()
         channels = {name: group.channel(name) for name in group.values}
         _dress(empty, set(channels.values()), collection)
         order = sorted(channels, key=lambda name: channels[name] == "direction")  # it turns about the axis
         for name in order:
-            slot = Slot(group.values[name], empty.name, channels[name], own_time, state["first"])
+            slot = Slot(group.values[name], empty.name, channels[name], times(group.path), state["first"])
             slot.apply()
             slots.append(slot)
         for slot in slots[-len(order) :]:

@@ -31,7 +31,7 @@ def frame_mesh(key: str, file: str) -> bpy.types.Mesh | None:
     if mesh is None:
         try:
             with np.load(file) as arrays:
-                mesh = _built(PREFIX + key, dict(arrays))
+                mesh = _build_mesh(PREFIX + key, dict(arrays))
         except (OSError, ValueError, KeyError, BadZipFile):
             return None  # not simulated, or just being replaced
     _shown[key] = 200 * len(mesh.vertices)
@@ -77,7 +77,7 @@ def forget_all() -> None:
         bpy.data.meshes.remove(mesh)
 
 
-def _built(name: str, arrays: dict[str, np.ndarray]) -> bpy.types.Mesh:
+def _build_mesh(name: str, arrays: dict[str, np.ndarray]) -> bpy.types.Mesh:
     """Build a data block of the arrays of a mesh file."""
     points, starts, corners, creases = _polygons(arrays)
     mesh = _new(name)

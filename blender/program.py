@@ -34,7 +34,7 @@ class ProgramError(Exception):
         self.changed = changed
 
 
-def found_program(path: str) -> str:
+def find_program(path: str) -> str:
     """Return the path of flowsculpt: the one given, or for an empty text the one on PATH.
 
     Raises ProgramError where there is none, or one of another version.

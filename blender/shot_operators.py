@@ -7,7 +7,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from .current_shot import cancel_runs, current, preferences, replace_simulation, require_shot
-from .program import Answer, ProgramError, Run, found_program
+from .program import Answer, ProgramError, Run, find_program
 from .shown_shot import ShownShot, remove_objects, shots_in
 
 POLL = 0.2  # seconds between looks at a run
@@ -95,12 +95,12 @@ class _Running(_Reporting):
         except ProgramError as error:
             if self._run.is_replaced:
                 return {"CANCELLED"}
-            return self._taken_back(context, error)
+            return self._undo_and_report(context, error)
         except RuntimeError as error:  # the report of an operator that `done` has called
             return self.refused(ProgramError(str(error).removeprefix("Error: ").strip()))
         return {"FINISHED"}
 
-    def _taken_back(self, context: bpy.types.Context, error: ProgramError) -> set[str]:
+    def _undo_and_report(self, context: bpy.types.Context, error: ProgramError) -> set[str]:
         """Take back what the run was to do, and report its error, or what goes wrong on the way."""
         try:
             self.failed(context, error)
@@ -130,7 +130,7 @@ class OpenShot(_Reporting, bpy.types.Operator):
         try:
             folder = Path(bpy.path.abspath(wanted.folder) if wanted.folder else "").absolute()
             names = shots_in(folder)
-            program = found_program(preferences().program)
+            program = find_program(preferences().program)
             wanted.shot = wanted.shot if wanted.shot in names else names[0]
             shot = ShownShot.read(program, folder, wanted.shot)
         except ProgramError as error:
@@ -276,7 +276,7 @@ class SubjectFromMesh(_Running, bpy.types.Operator):
             raise ProgramError(f"{folder}: it has no folder shots. Choose the folder of a show")
         if shape is None or shape.type != "MESH" or not shape.select_get():
             raise ProgramError("No mesh is selected. Select the object that flows")
-        program = found_program(preferences().program)
+        program = find_program(preferences().program)
         self._model = file = folder / "shots" / "models" / f"{bpy.path.clean_name(shape.name)}.obj"
         if file.exists():
             raise ProgramError(f"{file}: exists already, and other shots may use it. Rename the object")

@@ -18,13 +18,16 @@ from typing import Any
 import bpy
 from mathutils import Vector
 
-from .flow_empties import Slot, build_empties
+from .flow_empties import Slot, build_empties, own_times
 from .frame_meshes import forget_all, forget_beyond, frame_mesh, has_room, is_loaded, nothing
 from .program import Answer, ProgramError, Run
 from .shot_camera import camera_edits, show_camera
 
 MARK = "flowsculpt_shown"
 """Custom property of what Blender shows: undo takes it back too, so it says what an object has now."""
+
+SECONDS_BETWEEN_LOOKS = 1.0
+"""Missing meshes are looked for in the store at most this often: panels are drawn many times a second."""
 
 UPRIGHT = (1.5707963267948966, 0.0, 0.0)  # turns y of shots up to z of Blender
 
@@ -77,7 +80,8 @@ class ShownShot:
     defaults: dict[str, Any] = field(default_factory=dict)
     message: str = ""
     _files: dict[str, dict[int, tuple[str, str]]] = field(default_factory=dict)
-    _there: set[str] = field(default_factory=set)
+    _stored: set[str] = field(default_factory=set)
+    _next_look: float = 0.0
 
     @classmethod
     def read(cls, program: str, folder: Path, name: str) -> ShownShot:
@@ -131,6 +135,7 @@ class ShownShot:
             subject["name"]: {row["frame"]: (row["key"], row["file"]) for row in subject["meshes"]}
             for subject in listing["subjects"]
         }
+        self._next_look = 0.0  # a run has ended
         camera, mark = bpy.data.objects.get(self.camera), _digest(listing["cameras"])
         if listing["cameras"] and camera is not None and camera.get(MARK) != mark:
             show_camera(camera, listing, self.numbers, scene)
@@ -158,23 +163,25 @@ class ShownShot:
         begin = bisect_right(numbers, scene.frame_current)
         for number in numbers[begin:] + numbers[:begin]:
             for files in self._files.values():
-                if number in files and not is_loaded(files[number][0]) and self._is_there(files[number]):
+                if number in files and not is_loaded(files[number][0]) and self._is_stored(files[number]):
                     frame_mesh(*files[number])
                     return
 
     def simulated(self) -> int:
-        """Return how many frames have the meshes of all subjects."""
+        """Return how many frames have the meshes of all subjects, as of a second ago at most."""
         return sum(
-            all(n in files and self._is_there(files[n]) for files in self._files.values())
+            all(n in files and self._is_stored(files[n]) for files in self._files.values())
             for n in self.numbers
         )
 
-    def _is_there(self, mesh: tuple[str, str]) -> bool:
+    def _is_stored(self, mesh: tuple[str, str]) -> bool:
         """Tell whether a mesh, by key and file, is in the store; each is looked for until it is there."""
-        key, file = mesh
-        if key not in self._there and Path(file).exists():
-            self._there.add(key)
-        return key in self._there
+        if time.monotonic() >= self._next_look:
+            meshes = (mesh for files in self._files.values() for mesh in files.values())
+            missing = ((key, file) for key, file in meshes if key not in self._stored)
+            self._stored.update([key for key, file in missing if Path(file).exists()])
+            self._next_look = time.monotonic() + SECONDS_BETWEEN_LOOKS
+        return mesh[0] in self._stored
 
     # Edits
 
@@ -199,9 +206,13 @@ class ShownShot:
     def take_state(self, state: Answer, snapshots: dict[Slot, Any]) -> None:
         """Take the answer to edits; `snapshots` are what Blender had when they were sent."""
         self.state = state
-        values = {_name(value): value for value in state["values"]}
+        values, times = {_name(value): value for value in state["values"]}, own_times(state)
         for slot in self.slots:
+            before = slot.value["curve"], slot.own_time
             slot.value = values.get(slot.words, slot.value)
+            slot.own_time = times(tuple(slot.where))
+            if before != (slot.value["curve"], slot.own_time) and slot not in snapshots:
+                slot.apply()  # the time of its flow has changed
         for slot, snapshot in snapshots.items():
             slot.settle(snapshot)
 

@@ -197,6 +197,7 @@ def undo(show: Path) -> None:
 def at_once(show: Path) -> None:
     """A move that has come to rest is written without a click; the panel draws all states."""
     opened(show)
+    draw_again_and_again()
     look = sys.modules[f"{MODULE}.current_shot"]._look
     before = text(show)
     look()
@@ -231,6 +232,23 @@ def at_once(show: Path) -> None:
     assert bpy.ops.flowsculpt.close() == {"FINISHED"}
     assert not bpy.data.objects and shown() is None
     panel.draw(drawn, bpy.context)
+
+
+def draw_again_and_again() -> None:
+    """Redraw the panel: missing meshes are not looked for each time."""
+    module, looked = sys.modules[f"{MODULE}.shown_shot"], list[str]()
+
+    def counted(file: str) -> Path:
+        looked.append(file)
+        return Path(file)
+
+    module.Path = counted
+    drawn = Layout()
+    for _ in range(50):
+        sys.modules[f"{MODULE}.sidebar"].ShotPanel.draw(drawn, bpy.context)
+    module.Path = Path
+    assert drawn.words.count("0 of 6 frames simulated") == 50
+    assert 6 <= len(looked) <= 12, "six files, at most once a second"
 
 
 def in_window(operators: Any, show: Path) -> tuple[Any, list[str | None]]:
@@ -408,6 +426,24 @@ def formula(show: Path) -> None:
     curve = sys.modules[f"{MODULE}.key_curves"].curves_of(bpy.data.objects["1.0 vortex"], '["strength"]')[0]
     curve.keyframe_points[1].co.y = 9.0
     assert "runs in a time of its own" in refused(bpy.ops.flowsculpt.write)
+    assert shown().changed() == []
+
+
+def own_time(show: Path) -> None:
+    """A flow's own time is shown again when it is edited in Blender."""
+    path = show / "shots" / f"{SHOT}.yaml"
+    twist = next(line for line in text(show).splitlines() if "- twist" in line)
+    inner = twist.strip().removeprefix("- ").partition("  #")[0]
+    path.write_text(text(show).replace(twist, f"  - repeated: {{period: 5, flows: [{{{inner}}}]}}"))
+    opened(show)
+    empty, repeated = bpy.data.objects["0.0 twist"], bpy.data.objects["0 repeated"]
+    curve = curves(empty)['["amount"]'][0]
+    assert curve.lock and math.isclose(curve.evaluate(4), 36, abs_tol=1)
+    repeated["period"] = 2.0
+    bpy.ops.flowsculpt.write()
+    assert "period: 2," in text(show)
+    curve = curves(empty)['["amount"]'][0]
+    assert curve.lock and math.isclose(curve.evaluate(4), 12, abs_tol=1), "the second frame of round two"
     assert shown().changed() == []
 
 

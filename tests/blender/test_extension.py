@@ -73,7 +73,7 @@ def in_blender(scenario: str, package: Path, folder: Path, shot: str = SHOT) -> 
             "subject",
             "mistakes",
         ),
-        *("formula", "kinds", "uninstall"),
+        *("formula", "own_time", "kinds", "uninstall"),
     ],
 )
 def test_an_artist_works_with_a_shot(scenario: str, package: Path, tmp_path: Path) -> None:

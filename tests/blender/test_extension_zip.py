@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 import sys
 import tomllib
 import zipfile
 from pathlib import Path
 
 import pytest
+
+from tests.blender.test_extension import built_package
 
 ROOT = Path(__file__).parents[2]
 
@@ -18,15 +19,7 @@ BLENDERS = {"bpy", "bpy_extras", "mathutils", "numpy"}
 
 @pytest.fixture(scope="module")
 def package(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
-    return zipfile.ZipFile(built(tmp_path_factory.mktemp("dist")))
-
-
-def built(folder: Path) -> Path:
-    spec = importlib.util.spec_from_file_location("build_extension", ROOT / "blender" / "build_extension.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return Path(module.build_extension(folder))
+    return zipfile.ZipFile(built_package(tmp_path_factory.mktemp("dist")))
 
 
 def test_the_manifest_says_what_blender_asks_and_has_the_version_of_flowsculpt(package) -> None:
@@ -42,7 +35,7 @@ def test_the_manifest_says_what_blender_asks_and_has_the_version_of_flowsculpt(p
 
 
 def test_equal_sources_give_equal_bytes(tmp_path: Path) -> None:
-    assert built(tmp_path / "one").read_bytes() == built(tmp_path / "other").read_bytes()
+    assert built_package(tmp_path / "one").read_bytes() == built_package(tmp_path / "other").read_bytes()
 
 
 def test_the_modules_import_only_blender_numpy_the_standard_library_and_each_other(package) -> None:
