@@ -23,6 +23,8 @@ def main(path: str, frames: list[int], result: str) -> None:
         bpy.ops.wm.alembic_import(filepath=path, as_background_job=False)
     elif path.endswith(".obj"):
         _import_cached(path, frames[0])
+    elif path.endswith(".glb"):
+        bpy.ops.import_scene.gltf(filepath=path)
     else:
         bpy.ops.wm.usd_import(filepath=path)
     scene, found = bpy.context.scene, {}
@@ -31,6 +33,7 @@ def main(path: str, frames: list[int], result: str) -> None:
         scene.frame_set(frame)
         evaluated = meshes[0].evaluated_get(bpy.context.evaluated_depsgraph_get())
         mesh = evaluated.to_mesh()
+        found[f"{frame}.shapes"] = _points_of_shapes()
         found[f"{frame}.points"] = _values(mesh.vertices, "co", 3)
         found[f"{frame}.faces"] = _values(mesh.loops, "vertex_index", 1)
         found[f"{frame}.normals"] = _values(mesh.corner_normals, "vector", 3)
@@ -47,6 +50,16 @@ def main(path: str, frames: list[int], result: str) -> None:
     found["range"] = np.array([scene.frame_start, scene.frame_end])
     found["lights"] = np.array(sorted(each.name for each in bpy.data.objects if each.type == "LIGHT"))
     np.savez(result, **found)
+
+
+def _points_of_shapes() -> np.ndarray:
+    """Return the points (N, V, 3) of all meshes and instances that are shown, none of the floor."""
+    shown = []
+    for each in bpy.context.evaluated_depsgraph_get().object_instances:
+        if each.object.type == "MESH" and each.object.name != "floor":
+            points, place = _values(each.object.data.vertices, "co", 3), np.array(each.matrix_world)
+            shown.append(points @ place[:3, :3].T + place[:3, 3])
+    return np.array(shown)
 
 
 def _import_cached(path: str, first: int) -> None:

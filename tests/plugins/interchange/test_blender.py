@@ -22,6 +22,7 @@ from pipeline.production.store.readers import read_npz
 from pipeline.production.store.store import Store
 from render.post.image import read_exr
 from tests.conftest import commanded
+from tests.plugins.interchange.test_usd_instances import SHOT as COPIES
 from tests.plugins.review.studio import simulated
 
 BLENDER = Path(os.environ.get("BLENDER_MODULE", Path(sys.prefix) / "cycles"))
@@ -143,6 +144,37 @@ def test_blender_reads_every_frame_of_a_stage_whose_topology_changes(root, tmp_p
         counts.add(len(points))
     assert len(counts) > 30
     assert np.abs(read["60.velocity"]).max() > 0.1
+
+
+@pytest.mark.parametrize(("form", "earlier"), [("usd", 0), ("gltf", 1)])
+def test_blender_shows_rigid_copies_as_instances_where_they_are_at_each_frame(
+    form, earlier, tmp_path, monkeypatch
+):
+    (tmp_path / "shots").mkdir()
+    (tmp_path / "shots" / f"{NAME}.yaml").write_text(COPIES)
+    monkeypatch.chdir(tmp_path)
+    code, words = commanded(tmp_path, "export", form, NAME, "--instances")
+    assert code == 0, words
+    places = {"usd": f"usd/{NAME}.instances.usda", "gltf": f"models/{NAME}.instances.glb"}
+    file = tmp_path / "renders" / NAME / places[form]
+    shown = [number - earlier for number in range(1, 5)]  # the first key of a glTF is at frame 0
+    read = read_by_blender(file, shown, tmp_path / "read.npz")
+    request = Project(tmp_path, 1).request(tmp_path / "shots" / f"{NAME}.yaml", "draft")
+    mesh = one_mesh(request.parts[0], Store(tmp_path))
+    upright = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], np.float32)  # Blender has z up
+    sizes = set()
+    for number in range(1, 5):
+        found = read[f"{number - earlier}.shapes"]
+        true = (mesh.points_at(number) @ upright.T).reshape(20, -1, 3)
+        assert len(found) == 20
+        middles, ours = found.mean(axis=1), true.mean(axis=1)
+        which = np.linalg.norm(middles[:, None] - ours[None], axis=2).argmin(axis=1)
+        assert sorted(which) == list(range(20)), "each copy is shown once"
+        for points, copy in zip(found, which, strict=True):
+            apart = np.linalg.norm(points[:, None] - true[copy][None], axis=2)
+            assert max(apart.min(axis=0).max(), apart.min(axis=1).max()) < 1e-3  # USD: half floats
+            sizes.add(round(float(np.ptp(points, axis=0).max()), 2))
+    assert len(sizes) > 5, "copies differ in size"
 
 
 def test_blender_reads_the_ply_with_velocities_and_rest_positions(root, tmp_path, monkeypatch):
