@@ -144,7 +144,7 @@ def with_distances(
 ) -> Floats:
     """Return the kernels' array of closed triangles (T, 3, 3); it ends with distances on a grid of a shape.
 
-    first  the first node (3,), outside of the surface
+    first  the first node (3,)
     """
     count, dipoles = math.prod(shape), _dipoles(tree, corners[tree.order])
     begins = [tree.triangles, len(tree.memory), len(tree.memory) + dipoles.size]

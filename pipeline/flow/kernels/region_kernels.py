@@ -112,7 +112,7 @@ def distance_outside(address: int, x: float, y: float, z: float, limit: float) -
 def distances(address: int, out: Floats) -> None:
     """Compute signed distances at the nodes of the header's grid, negative inside, into out (nx, ny, nz).
 
-    Every row of nodes begins outside; from one node to the next a distance changes by at most the spacing.
+    Along a row of nodes, a distance changes from one to the next by at most the spacing.
     """
     h, m = doubles_at(address), doubles_at(address + 8 * HEADER)
     triangles, dipoles, spacing = int(h[0]), int(h[1]), h[6]
@@ -125,7 +125,7 @@ def distances(address: int, out: Floats) -> None:
         for k in range(nz):
             z, limit = h[5] + k * spacing, SLACK * (last + spacing)
             d2, _, _, _ = nearest(m, triangles, x, y, z, limit * limit, waiting)
-            if last <= SLACK * spacing:
+            if k == 0 or last <= SLACK * spacing:
                 side = -1.0 if abs(winding(m, triangles, dipoles, x, y, z, waiting)) > 0.5 else 1.0
             last = math.sqrt(d2)
             out[i, j, k] = side * last

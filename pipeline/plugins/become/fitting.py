@@ -13,6 +13,8 @@ near each other, so the target grows (ours):
    filled, so that no web has to be torn. A step is repeated until the surface has followed. Every step begins
    with the path of the one before, all of which changes: at its end nothing of the growth is seen.
 3. Rounds on finer grids, with both surfaces whole.
+4. Where parts are left that are thinner than a cell, a box around them with a grid of its own, in which they
+   grow as in 2. Velocities fade to 0 at its sides.
 
 In 2 and 3 half of the data are points of the surface, each with the nearest plane of the target, and half are
 points of the target, each with the nearest point of the carried surface: in position, in normal, and in
@@ -26,19 +28,29 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.plugins.become import fit_kernels as kernels
-from pipeline.plugins.become.target import FittedSurface, GrownPart, lengths
+from pipeline.plugins.become.target import (
+    PATCH,
+    FittedSurface,
+    GrownPart,
+    SolidGrowth,
+    SurfaceInBox,
+    lengths,
+    within_cube,
+)
 from pipeline.plugins.become.velocity_path import (
     STEPS,
     Data,
     Pair,
     PathSpace,
     carried,
+    carried_with_jacobians,
     energy,
     minimised,
     padded,
@@ -129,30 +141,51 @@ def rounds_of(target: FittedSurface, detail: Detail) -> list[FitRound]:
     growth = target.growth
     first = [FitRound(START, weight, 6000, 0.03, growth.start, True) for weight in (1e-2, 1e-3, 1e-4)]
     space = THIN_GROWTH if target.thin_share(GROWTH.n) > THIN else GROWTH
-    way = growth.end - growth.start
-    steps = int(np.ceil(way / STEP))
-    each = int(np.ceil(steps / max(1, round(way / LEG))))
-    growing = [
-        FitRound(space, 1e-5, 3000, 0.02, until, along=0.1, is_leg=step > 0 and step % each == 0)
-        for step, until in enumerate(np.linspace(growth.start, growth.end, steps + 1)[1:].tolist())
-    ]
     finish = [
         FitRound(PathSpace(n, length), weight, samples, edge)
         for n, length, weight, samples, edge in _FINISH[detail]
     ]
-    return [*first, *growing, *finish]
+    return [*first, *_growing(growth, space, 3000, LEG), *finish]
 
 
 @dataclass(frozen=True)
 class Leg:
-    """A path, one of those that follow each other."""
+    """A path, one of those that follow each other.
+
+    low, side  corner and side of where it acts: the unit cube, or a box in it with a windowed space
+    """
 
     space: PathSpace
     z: Floats
+    low: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    side: float = 1.0
 
-    def carry(self, points: Points, backwards: bool = False) -> Points:
+    @cached_property
+    def _grids(self) -> Floats:
+        return padded(self.space.knots(self.z))
+
+    def carry(self, points: Points, steps: int = STEPS, backwards: bool = False) -> Points:
         """Return where the path carries points (P, 3)."""
-        return carried(padded(self.space.knots(self.z)), self.space.n, points, backwards=backwards)
+        x, here = self._local(points)
+        out = points.copy()
+        arrived = carried(self._grids, self.space.n, x[here], steps, backwards)
+        out[here] = self.low + self.side * arrived
+        return out
+
+    def carry_with_jacobians(self, points: Points) -> tuple[Points, Floats]:
+        """Return where points (P, 3) are carried, and the determinants (P,) of the mapping's gradient."""
+        x, here = self._local(points)
+        out, determinants = points.copy(), np.ones(len(points))
+        arrived, determinants[here] = carried_with_jacobians(self._grids, self.space.n, x[here])
+        out[here] = self.low + self.side * arrived
+        return out, determinants
+
+    def _local(self, points: Points) -> tuple[Points, AnyArray]:
+        """Return points (P, 3) in the coordinates of the cube, and which of them the path can move."""
+        x = (points - self.low) / self.side
+        if not self.space.is_windowed:
+            return x, np.ones(len(x), np.bool_)
+        return x, within_cube(x)
 
 
 @dataclass(frozen=True)
@@ -385,5 +418,83 @@ def fitted(
     state = State.at_rest(rest) if state is None else state
     for one in rounds[state.done :]:
         state = next_round(state, one, target)
-        watch(state, len(rounds))
+        watch(state, len(rounds) + BOXES[detail])
+    while state.done < len(rounds) + BOXES[detail] and (box := lost_box(state, target)) is not None:
+        state = fitted_in_box(state, target, *box)
+        watch(state, len(rounds) + BOXES[detail])
     return state
+
+
+BOXES: Mapping[Detail, int] = {"coarse": 0, "medium": 1, "fine": 3}
+"""How many boxes a fit has at most."""
+
+LOST, LOST_PATCH = 0.01, 0.005
+"""Distance, in diagonals of the target, above which a point is lost, and a patch calls for a box."""
+
+LEG_IN_BOX = 0.4
+"""As LEG, in sides of a box."""
+
+REACH, ROOM = 0.15, 0.06
+"""How far from the farthest point others in its box may be, and room around them, in sides of the cube."""
+
+_IN_BOX = (
+    (32, 0.04, 1e-6, 4000, 0.02),
+    (40, 0.03, 3e-7, 5000, 0.014),
+    (40, 0.026, 1e-7, 6000, 0.011),
+)
+"""Cells, ℓ, λ, samples and longest edge of the last rounds in a box."""
+
+
+def lost_box(state: State, target: FittedSurface) -> tuple[Floats, float] | None:
+    """Return the corner (3,) and the side of a box around what is lost of the target; None without such."""
+    now = FittedSurface(state.legs[-1].carry(state.rest.points), state.rest.faces)
+    points, away = target.distances(now, 200 * PATCH)
+    if away.reshape(-1, PATCH).mean(axis=1).max() < LOST_PATCH * target.diagonal:
+        return None
+    lost = points[away > LOST * target.diagonal]
+    near = lost[(np.abs(lost - points[np.argmax(away)]) < REACH).all(axis=1)]
+    low, high = near.min(axis=0) - ROOM, near.max(axis=0) + ROOM
+    side = float((high - low).max())
+    return 0.5 * (low + high - side), side
+
+
+def fitted_in_box(state: State, target: FittedSurface, low: Floats, side: float) -> State:
+    """Return the state with more legs, which move what lies in a box only."""
+    rest = state.after_leg().rest
+    reached = FittedSurface((rest.points - low) / side, rest.faces)
+    inside = within_cube(reached.points)[rest.faces].all(axis=1)
+    kept, corners = np.unique(rest.faces[inside], return_inverse=True)
+    clipped = FittedSurface(reached.points[kept], np.asarray(corners, rest.faces.dtype).reshape(-1, 3))
+    goal = SurfaceInBox((target.points - low) / side, target.faces, reached)
+    here = State.at_rest(clipped)
+    for one in _rounds_in_box(goal.growth):
+        here = next_round(here, one, goal)
+    x, y, z = low.tolist()
+    legs = [replace(leg, low=(x, y, z), side=side) for leg in here.legs]
+    points = rest.points
+    for leg in legs[:-1]:
+        points = leg.carry(points)
+    added = low + side * here.rest.points[len(kept) :]
+    numbers = np.concatenate([kept, len(points) + np.arange(len(added))])
+    faces = np.concatenate([rest.faces[~inside], numbers[here.rest.faces]])
+    whole = FittedSurface(np.concatenate([points, added]), faces)
+    return State(state.done + 1, (*state.legs, *legs), whole)
+
+
+def _rounds_in_box(growth: SolidGrowth) -> list[FitRound]:
+    finish = [
+        FitRound(PathSpace(n, length, True), weight, samples, edge)
+        for n, length, weight, samples, edge in _IN_BOX
+    ]
+    return [*_growing(growth, PathSpace(32, 0.05, True), 2000, LEG_IN_BOX), *finish]
+
+
+def _growing(growth: SolidGrowth, space: PathSpace, samples: int, leg: float) -> list[FitRound]:
+    """Return the rounds in which a target grows, and another leg begins after about `leg`."""
+    way = growth.end - growth.start
+    steps = int(np.ceil(way / STEP))
+    each = int(np.ceil(steps / max(1, round(way / leg))))
+    return [
+        FitRound(space, 1e-5, samples, 0.02, until, along=0.1, is_leg=step > 0 and step % each == 0)
+        for step, until in enumerate(np.linspace(growth.start, growth.end, steps + 1)[1:].tolist())
+    ]

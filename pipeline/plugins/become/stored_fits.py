@@ -28,8 +28,8 @@ from pipeline.mesh.face_soup import components
 from pipeline.mesh.meshes import TriangleMesh
 from pipeline.mesh.validation import require
 from pipeline.plugins.become.fitting import THIN, Detail, Leg, Residual, State, fitted
-from pipeline.plugins.become.target import FittedSurface, face_vectors, lengths
-from pipeline.plugins.become.velocity_path import KNOTS, PathSpace, carried_with_jacobians, padded
+from pipeline.plugins.become.target import PATCH, FittedSurface, face_vectors, lengths
+from pipeline.plugins.become.velocity_path import KNOTS, STEPS, PathSpace
 from pipeline.production.store.locks import of_key
 from pipeline.shot.motion import as_data
 from pipeline.shot.subjects import Model, PluginSurface, Solid
@@ -37,7 +37,7 @@ from render.base.atomic_write import atomic_write
 from render.base.render_errors import MachineError
 from render.base.user_cache import cache_path, writable_cache
 
-VERSION = 7
+VERSION = 8
 """Raised when equal shapes give another fit."""
 
 MARGIN = 1.35
@@ -45,6 +45,9 @@ MARGIN = 1.35
 
 EDGES = 45
 """Edges of a solid's mesh along its largest extent."""
+
+IN_BOX = 0.15
+"""The least share of what moves in a box only, over that of all else: it moves little area, but is seen."""
 
 REFUSED, DOUBTFUL = 0.03, 0.01
 """Residuals over the diagonal above which a fit is refused, and from which on it is warned of."""
@@ -128,15 +131,15 @@ class Fit:
         return tuple(self._field(leg) for leg in self.legs)
 
     def _field(self, leg: Leg) -> PathVelocity:
-        n = leg.space.n
-        axis = self.side * np.arange(n + 1) / n
+        n, side = leg.space.n, leg.side * self.side
+        axis = side * np.arange(n + 1) / n
         knots = leg.space.knots(leg.z).transpose(0, 2, 3, 4, 1)
-        velocity = self.side * np.pad(knots, ((0, 0), (0, 1), (0, 1), (0, 1), (0, 0)), mode="wrap")
+        velocity = side * np.pad(knots, ((0, 0), (0, 1), (0, 1), (0, 1), (0, 0)), mode="wrap")
         samples = Samples(
             (axis,) * 3, np.linspace(0.0, 1.0, KNOTS), np.ascontiguousarray(velocity), ("become",)
         )
-        x, y, z = self.low.tolist()
-        return PathVelocity(samples, "cubic", "repeat", (x, y, z))
+        x, y, z = (self.low + self.side * np.array(leg.low)).tolist()
+        return PathVelocity(samples, "cubic", "zero" if leg.space.is_windowed else "repeat", (x, y, z))
 
     def displace(self, points: Points, before: float, after: float) -> Points:
         """Return where points (P, 3) are carried between two shares of the way."""
@@ -255,7 +258,7 @@ def _computed(
     fit = _arrays([replace(leg, z=leg.z.astype(np.float32)) for leg in state.legs])
     legs = _legs(fit)
     residual, shares = residual_of(legs, state.rest, onto)
-    thin = np.array(onto.thin_share(legs[-1].space.n))
+    thin = np.array(onto.thin_share([leg for leg in legs if not leg.space.is_windowed][-1].space.n))
     fit |= {"residual": np.array(residual), "thin": thin, "shares": np.array(shares)}
     _store(path, fit)
     with suppress(OSError):
@@ -265,7 +268,13 @@ def _computed(
 
 def _arrays(legs: Sequence[Leg]) -> dict[str, AnyArray]:
     """Return arrays to store legs as."""
-    spaces = {"n": [leg.space.n for leg in legs], "length": [leg.space.length for leg in legs]}
+    spaces = {
+        "n": [leg.space.n for leg in legs],
+        "length": [leg.space.length for leg in legs],
+        "is_windowed": [leg.space.is_windowed for leg in legs],
+        "low": [leg.low for leg in legs],
+        "side": [leg.side for leg in legs],
+    }
     return {name: np.array(numbers) for name, numbers in spaces.items()} | {
         f"z{number}": leg.z for number, leg in enumerate(legs)
     }
@@ -273,10 +282,12 @@ def _arrays(legs: Sequence[Leg]) -> dict[str, AnyArray]:
 
 def _legs(arrays: dict[str, AnyArray]) -> tuple[Leg, ...]:
     """Return the legs that `_arrays` made arrays of."""
-    spaces = zip(arrays["n"].tolist(), arrays["length"].tolist(), strict=True)
+    names = ("n", "length", "is_windowed", "low", "side")
     return tuple(
-        Leg(PathSpace(n, length), arrays[f"z{number}"].astype(np.float64))
-        for number, (n, length) in enumerate(spaces)
+        Leg(PathSpace(n, length, is_windowed), arrays[f"z{number}"].astype(np.float64), tuple(low), side)
+        for number, (n, length, is_windowed, low, side) in enumerate(
+            zip(*(arrays[name].tolist() for name in names), strict=True)
+        )
     )
 
 
@@ -289,30 +300,22 @@ def residual_of(
     """
     x, determinants, ways = rest.points, np.ones(len(rest.points)), []
     for leg in reversed(legs[:-1]):
-        x = leg.carry(x, backwards=True)
+        x = leg.carry(x, 4 * STEPS, backwards=True)
     for leg in legs:
         before = x
-        x, factors = carried_with_jacobians(padded(leg.space.knots(leg.z)), leg.space.n, x)
+        x, factors = leg.carry_with_jacobians(x)
         determinants *= factors
         areas = FittedSurface(x, rest.faces).vertex_normals[1]
         ways.append(float(np.sqrt(np.sum(areas * lengths(x - before) ** 2) / areas.sum())))
     now = FittedSurface(x, rest.faces)
-    away, back = (_distances(one, other) for one, other in ((now, target), (target, now)))
+    away, back = (one.distances(other, 200 * PATCH)[1] for one, other in ((now, target), (target, now)))
     patch = max(float(d.reshape(-1, PATCH).mean(axis=1).max()) for d in (away, back))
     numbers = (away.mean(), np.quantile(away, 0.95), back.mean(), np.quantile(back, 0.95), patch)
     mean, most, returning, far, patch = (float(number) / target.diagonal for number in numbers)
+    least = IN_BOX * sum(way for leg, way in zip(legs, ways, strict=True) if not leg.space.is_windowed)
+    ways = [max(way, least) if leg.space.is_windowed else way for leg, way in zip(legs, ways, strict=True)]
     shares = [way / sum(ways) for way in ways]
     return Residual(mean, most, returning, far, patch, float(determinants.min())), shares
-
-
-PATCH = 50
-"""Samples in a patch; they follow each other in the order of the tree, where neighbours are near."""
-
-
-def _distances(surface: FittedSurface, other: FittedSurface) -> Floats:
-    """Return distances of samples of a surface from another."""
-    points = surface.samples(200 * PATCH)[0]
-    return lengths(points - other.nearest(points)[0])
 
 
 def _loaded(path: Path) -> dict[str, Any] | None:

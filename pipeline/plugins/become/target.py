@@ -11,6 +11,9 @@ from pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
 from pipeline.flow.regions import TriangleTree, with_distances
 from pipeline.plugins.become import fit_kernels as kernels
 
+PATCH = 50
+"""Samples in a patch; they follow each other in the order of the tree, where neighbours are near."""
+
 NODES = 96
 """Nodes along each axis of the grid that distances stand on."""
 
@@ -23,6 +26,11 @@ def face_vectors(points: Points, faces: Faces) -> Vectors:
 
 def lengths(vectors: Vectors) -> Floats:
     return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+
+
+def within_cube(points: Points) -> AnyArray:
+    """Return True for points (P, 3) in the unit cube."""
+    return np.asarray(((points > 0.0) & (points < 1.0)).all(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +57,7 @@ class FittedSurface:
     def thin_share(self, n: int) -> float:
         """Return the share that is thinner than two of n cells of the cube, seen from one cell below it."""
         points, normals = self.samples(4000)
-        depths, _ = self.growth.part(FAR).residual(points - normals / n)
+        depths, _ = self.growth.whole.residual(points - normals / n)
         return float(np.mean(depths > -0.7 / n))
 
     @cached_property
@@ -92,6 +100,42 @@ class FittedSurface:
         s, r = np.where(s + r > 1.0, 1.0 - s, s), np.where(s + r > 1.0, 1.0 - r, r)  # the R2 sequence
         a, b, c = (self.points[self.faces[face, k]] for k in range(3))
         return a + s[:, None] * (b - a) + r[:, None] * (c - a), self.face_normals[face]
+
+    def distances(self, other: FittedSurface, count: int) -> tuple[Points, Floats]:
+        """Return samples (count, 3), and their distances (count,) from another surface."""
+        points = self.samples(count)[0]
+        return points, lengths(points - other.nearest(points)[0])
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceInBox(FittedSurface):
+    """A closed surface of which a fit sees what lies in the unit cube.
+
+    reached  the closed surface whose solid is there already
+    """
+
+    reached: FittedSurface
+
+    @cached_property
+    def growth(self) -> SolidGrowth:
+        return SolidGrowth.onwards(self, self.reached)
+
+    @cached_property
+    def _seen(self) -> FittedSurface:
+        """Faces that touch the cube."""
+        corners = self.points[self.faces]
+        touches = (corners.max(axis=1) > 0.0) & (corners.min(axis=1) < 1.0)
+        return FittedSurface(self.points, self.faces[touches.all(axis=1)])
+
+    @cached_property
+    def diagonal(self) -> float:
+        """Of what lies in the cube."""
+        return float(np.sqrt((np.ptp(self.samples(1000)[0], axis=0) ** 2).sum()))
+
+    def samples(self, count: int) -> tuple[Points, Vectors]:
+        points, normals = self._seen.samples(count)
+        here = within_cube(points)
+        return points[here], normals[here]
 
 
 FAR = 10.0
@@ -138,6 +182,17 @@ class SolidGrowth:
         start = max(radius, float(ordered[size >= FULL * whole][-1]))
         return cls(signed, _through(u, reached, signed), min(start, end), end)
 
+    @classmethod
+    def onwards(cls, solid: FittedSurface, reached: FittedSurface) -> SolidGrowth:
+        """Return how what lies in the unit cube of a solid grows from what another one has of it."""
+        signed = signed_distances(solid)
+        inside = signed < 0.0
+        core = inside & (signed_distances(reached) < 0.0)
+        u = np.where(core, 0.0, FAR)
+        kernels.sweep(u, inside & ~core, 1.0 / NODES)
+        filled = inside & (u < FAR)
+        return cls(signed, _through(u, filled, signed), 0.0, float(u[filled].max(initial=0.0)))
+
     @cached_property
     def _grids(self) -> list[Floats]:
         return [_padded(self.through[..., k : k + 3]) for k in range(1, 1 + LANDMARKS, 3)]
@@ -148,6 +203,10 @@ class SolidGrowth:
         for grid, into in zip(self._grids, values, strict=True):
             kernels.gradients(grid, NODES, points * NODES, into, gradient)
         return np.hstack([*values])
+
+    @cached_property
+    def whole(self) -> GrownPart:
+        return self.part(FAR)
 
     def part(self, until: float) -> GrownPart:
         """Return what has grown until u."""

@@ -38,6 +38,9 @@ STEPS = 16
 SQUEEZE = 10.0
 """α: how much more a velocity costs that squeezes and swells than one that only shears."""
 
+WINDOW = 0.04, 0.2
+"""Of windowed paths: how near the sides of the cube velocities are 0, and from where on they are whole."""
+
 BAND = 0.42
 """The highest frequency over the number of cells: a spline through fewer nodes a wave is none of its own."""
 
@@ -49,11 +52,13 @@ Data = Callable[[Points], tuple[float, Floats]]
 class PathSpace:
     """The paths on a grid of n³ cells, by the real numbers z of their û.
 
-    length  ℓ, over which velocities vary
+    length       ℓ, over which velocities vary
+    is_windowed  True where velocities fade to 0 at the sides of the cube, as WINDOW says
     """
 
     n: int
     length: float
+    is_windowed: bool = False
 
     @property
     def _depth(self) -> int:
@@ -72,6 +77,16 @@ class PathSpace:
         filtered = (1.0 + (2.0 * np.pi * self.length) ** 2 * (waves**2).sum(axis=1)) ** -1.5
         twice = np.where(waves[:, 2] > 0.0, np.sqrt(0.5), 1.0)  # z is scaled so that |z|² is the norm
         return kept, waves, filtered * twice
+
+    @cached_property
+    def _window(self) -> Floats | float:
+        """Factors (n, n, n) on velocities."""
+        if not self.is_windowed:
+            return 1.0
+        at, (none, whole) = np.arange(self.n) / self.n, WINDOW
+        share = np.clip((np.minimum(at, 1.0 - at) - none) / (whole - none), 0.0, 1.0)
+        along = share * share * (3.0 - 2.0 * share)
+        return along[:, None, None] * along[:, None] * along
 
     @cached_property
     def _time_weights(self) -> Floats:
@@ -105,12 +120,12 @@ class PathSpace:
         scale = factor / np.sqrt(self._time_weights)[:, None, None]
         spectrum[:, :, kept] = self._less_squeezed(z.view(np.complex128).reshape(KNOTS, 3, -1)) * scale
         lines = np.fft.ifftn(spectrum.reshape(KNOTS, 3, n, n, -1), axes=(2, 3), norm="forward")
-        return np.fft.irfft(lines, n=n, axis=4, norm="forward")
+        return self._window * np.fft.irfft(lines, n=n, axis=4, norm="forward")
 
     def derivatives(self, by_knots: Floats) -> Floats:
         """Return derivatives by z from those by the velocities (KNOTS, 3, n, n, n)."""
         kept, waves, factor = self._modes
-        lines = np.fft.rfft(by_knots, axis=4)[..., : self._depth]
+        lines = np.fft.rfft(self._window * by_knots, axis=4)[..., : self._depth]
         spectrum = np.fft.fftn(lines, axes=(2, 3)).reshape(KNOTS, 3, -1)[:, :, kept]
         spectrum *= factor / np.sqrt(self._time_weights)[:, None, None] * np.where(waves[:, 2] > 0, 2.0, 1.0)
         return np.ascontiguousarray(self._less_squeezed(spectrum)).view(np.float64).ravel()
