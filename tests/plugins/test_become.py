@@ -164,6 +164,32 @@ def test_the_flow_arrives_in_any_steps_and_goes_back_exactly(quick: Path) -> Non
         flow.displace(9.0 * ball, 0.0, 0.5)
 
 
+def test_a_spike_that_is_lost_grows_in_a_box_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    def rounds_in_box(growth: SolidGrowth) -> list[fitting.FitRound]:
+        space = PathSpace(24, 0.05, True)
+        until = np.linspace(0.0, growth.end, 6)[1:].tolist()
+        return [fitting.FitRound(space, 1e-6, 600, 0.03, u, along=0.1) for u in (*until, None)]
+
+    monkeypatch.setattr(fitting, "_rounds_in_box", rounds_in_box)
+    monkeypatch.setattr(target, "NODES", 40)
+    ball = icosphere(24)
+    angle = np.arccos(np.clip(ball.vertices[:, 0], -1.0, 1.0))
+    spiked = ball.vertices * (1.0 + 0.4 * np.clip(1.0 - (angle / 0.2) ** 2, 0.0, 1.0))[:, None]
+    rest, onto = cubed(ball.vertices, ball.faces), cubed(spiked, ball.faces)
+    state = fitting.State.at_rest(rest)
+    assert fitting.lost_box(state, rest) is None
+    box = fitting.lost_box(state, onto)
+    assert box is not None
+    low, side = box
+    after = fitting.fitted_in_box(state, onto, low, side)
+    residual, shares = stored_fits.residual_of(after.legs, after.rest, onto)
+    assert residual.patch < 0.005 and residual.least > 0.02 and shares[1] > 0.12
+    x, tip = after.legs[-1].carry(rest.points), onto.points[:, 0].max()
+    outside = ((rest.points <= low) | (rest.points >= low + side)).any(axis=1)
+    assert outside.any() and np.array_equal(x[outside], rest.points[outside])
+    assert rest.points[:, 0].max() < tip - 0.1 and x[:, 0].max() == pytest.approx(tip, abs=0.01)
+
+
 def test_keys_of_frames_do_not_wait_for_the_fit_and_hold_what_decides_it(quick: Path) -> None:
     flow, finer = (
         shot(f"become: {{solid: box, from: 3, to: 9, detail: {detail}}}") for detail in ("coarse", "fine")

@@ -451,7 +451,7 @@ def lost_box(state: State, target: FittedSurface) -> tuple[Floats, float] | None
     points, away = target.distances(now, 200 * PATCH)
     if away.reshape(-1, PATCH).mean(axis=1).max() < LOST_PATCH * target.diagonal:
         return None
-    lost = points[away > LOST * target.diagonal]
+    lost = points[away > min(LOST * target.diagonal, 0.5 * away.max())]
     near = lost[(np.abs(lost - points[np.argmax(away)]) < REACH).all(axis=1)]
     low, high = near.min(axis=0) - ROOM, near.max(axis=0) + ROOM
     side = float((high - low).max())
