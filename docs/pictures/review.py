@@ -21,7 +21,7 @@ from tests.plugins.review.chromium import fetch, running, wait_for
 
 FOLDER = Path(__file__).parent
 SHOT, FRAMES, FRAME = "A010_cube", "33-41", 37
-SHOWN = {"frame": FRAME, "a": f"{SHOT} · daily", "b": f"{SHOT} · look glaze · daily", "mode": "wipe"}
+SHOWN = {"frame": FRAME, "a": f"{SHOT} · daily", "b": f"{SHOT} · look clay · daily", "mode": "wipe"}
 
 NOTES = (
     ("Ben", "Silhouette is right. Keep it.", "9"),
