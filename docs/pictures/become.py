@@ -88,7 +88,7 @@ def pairs(models: Path, folder: Path) -> list[Pair]:
 CLOSE_UPS = {
     "ball to bunny": {"ears": (0.44, 0.25, 0.42)},
     "ball to head": {"horns and ear": (0.5, 0.35, 0.5)},
-    "ball to cow": {"legs": (0.5, 0.7, 0.6), "head": (0.68, 0.21, 0.36)},
+    "ball to cow": {"legs": (0.5, 0.7, 0.6), "horns": (0.68, 0.21, 0.36)},
     "ball to F": {"bays": (0.56, 0.36, 0.5)},
 }
 """Of a pair, what is seen of it from near in its last frame: the middle of a square, and its side, in heights
