@@ -137,7 +137,9 @@ def atomic_write(
             else:
                 replace_unchanged(draft, path, is_same)
     except MachineError as error:  # of a writer that knows only the draft
-        raise MachineError(str(error).replace(str(draft), str(path))) from error
+        renamed = MachineError(str(error).replace(str(draft), str(path)))
+        renamed.full_disk = path if error.full_disk else None
+        raise renamed from error
     finally:
         with suppress(OSError):  # not there, or its folder is a file
             draft.unlink()
@@ -157,7 +159,9 @@ def machine_error(path: Path, error: OSError, verb: str = "written") -> MachineE
     fact = REMEDIES.get(error.errno or 0) or os.strerror(error.errno or errno.EIO)
     if error.errno == errno.ENOENT:
         fact = "its folder was removed meanwhile; run again to make it again"
-    return MachineError(f"{path}: cannot be {verb}: {fact}")
+    fault = MachineError(f"{path}: cannot be {verb}: {fact}")
+    fault.full_disk = path if error.errno in (errno.ENOSPC, errno.EDQUOT) else None
+    return fault
 
 
 def cannot_write(path: Path, draft: Path, reason: str) -> MachineError:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from difflib import get_close_matches
+from pathlib import Path
 
 MOST_QUOTED = 80
 """Most characters of a value that a message quotes."""
@@ -28,9 +29,13 @@ class FlowsculptError(Exception):
 
 
 class MachineError(FlowsculptError):
-    """The machine's fault: disk full, no permission, no renderer that works (exit code 4)."""
+    """The machine's fault: disk full, no permission, no renderer that works (exit code 4).
+
+    full_disk  the file that a full disk, or a quota that is used up, did not take; None for other faults
+    """
 
     exit_code = 4
+    full_disk: Path | None = None
 
 
 class MissingInputError(FlowsculptError):

@@ -53,12 +53,14 @@ def this_host() -> str:
 def faults_of_hosts(root: Path, plan: Plan) -> dict[tuple[str, str], set[tuple[str, str, int]]]:
     """Return the frames (shot, quality, number) at which hosts failed while a plan is run, by host and stage.
 
-    Only what a machine is to blame for counts: where a mesh is bad, all hosts fail. Stages that only the host
-    of the plan does do not: no other can take them over, and SLURM may not know that host.
+    Only what a machine is to blame for counts: where a mesh is bad, or the disk of the root is full, all
+    hosts fail. Stages that only the host of the plan does do not: no other can take them over, and SLURM may
+    not know that host.
     """
     failed = defaultdict(set)
     for event in EventReader(root / EVENTS / f"{plan.name}.jsonl").new("fail"):
         is_its_own = event["event"] == "fail" and event.get("exit_code") == ENVIRONMENT
+        is_its_own = is_its_own and not event.get("is_shared")
         if is_its_own and event.get("frame") is not None and STAGES[event["stage"]].on_farm:
             frame = event["shot"], event["quality"], event["frame"]
             failed[event.get("host", ""), event["stage"]].add(frame)
@@ -312,7 +314,9 @@ class Context:
 
     def fail(self, error: FlowsculptError, number: int | None = None) -> None:
         """Report the error of the job, or of one of its frames."""
-        self.write("fail", number, message=str(error), exit_code=error.exit_code, host=this_host())
+        full = getattr(error, "full_disk", None)
+        facts = {"is_shared": True} if full and full.resolve().is_relative_to(self.root.resolve()) else {}
+        self.write("fail", number, message=str(error), exit_code=error.exit_code, host=this_host(), **facts)
         with suppress(OSError):  # the job's log may lie on a full disk
             print(error, file=sys.stderr, flush=True)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,6 +15,7 @@ from pipeline.production.execution.snakefile import PlannedWorkflow
 from pipeline.production.planning.profile import Profile
 from pipeline.production.tasks import worker
 from pipeline.production.tasks.job import Context, faults_of_hosts
+from render.base.atomic_write import atomic_write
 from tests.conftest import QUALITY, ProjectFolder
 
 pytestmark = pytest.mark.quick
@@ -69,6 +72,24 @@ def test_what_a_shot_is_to_blame_for_leaves_no_host_out(context: Context) -> Non
         context.fail(FrameError("a vertex is not finite"), number)
     assert context.reason_to_leave() is None
     assert not faults_of_hosts(context.root, context.plan)
+
+
+def test_a_full_disk_that_all_hosts_share_leaves_none_out_and_one_of_its_own_does(
+    context: Context, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    def fill(disk: Path, number: int) -> None:
+        with pytest.raises(MachineError) as caught, atomic_write(disk / f"{number}.exr"):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        context.fail(caught.value, number)
+
+    for number in range(101, 105):
+        fill(context.root / "renders", number)
+    assert context.reason_to_leave() is None
+    assert not context.failed_for_good(), "a retry may find space"
+    scratch = tmp_path_factory.mktemp("scratch")
+    for number in range(101, 105):
+        fill(scratch, number)
+    assert "left out" in str(context.reason_to_leave())
 
 
 def test_the_host_of_the_plan_is_not_left_out_of_what_only_it_does(context: Context) -> None:

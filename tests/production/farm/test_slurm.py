@@ -137,6 +137,30 @@ class TestFilms:
         command, theirs = (sorted(map(requested, part)) for part in (jobs[before:between], jobs[between:]))
         assert command == theirs and len(command) == 3
 
+    def test_an_audit_makes_frames_again_on_nodes_and_finds_one_that_is_not_from_the_shot(
+        self, on_slurm, slurm
+    ):
+        done = on_slurm.run("render", NAME, "-q", QUALITY)
+        assert done.code == 0, done.err
+        before = len(slurm.jobs())
+        words = ("--json", "audit", NAME, "-q", QUALITY, "--share", "50%", "--profile", "profiles/slurm")
+        audited = on_slurm.run(*words)
+        assert audited.code == 0, audited.err
+        facts = json.loads(audited.out)
+        assert facts["same"] and facts["kept"] is None and len(facts["frames"]) == 3
+        tasks = {job["Comment"].split("_")[1] for job in slurm.jobs()[before:]}
+        assert tasks == {"finish", "render", "simulate"}, "nodes have made the frames"
+        frames = sorted((on_slurm.path / "renders" / NAME / QUALITY / "frames").glob("*.exr"))
+        chosen = facts["frames"][0]["frame"]
+        other = frames[chosen % 6].read_bytes()
+        stored = frames[chosen - 1].resolve()
+        stored.chmod(0o644)
+        stored.write_bytes(other)
+        audited = on_slurm.run(*words)
+        facts = json.loads(audited.out)
+        assert audited.code == 1 and not facts["same"] and Path(on_slurm.path, facts["kept"]).is_dir()
+        assert [row["frame"] for row in facts["frames"] if not row["same"]] == [chosen]
+
     def test_a_job_killed_mid_batch_is_tried_again_and_loses_no_frame(self, on_slurm, slurm):
         process = start(on_slurm, "--root", "far", "render", NAME, "-q", QUALITY, *SLOW)
         raw = on_slurm.path / "far" / "renders" / NAME / QUALITY / "raw"
