@@ -64,7 +64,8 @@ class RestInterval:
         for frame in range(start + 1, number + 1):
             self.history.add(step_into(motion, flow, frame))
         project = motion.analytic_surface() if start == first else None
-        self.placement = Exact(self.history.carry, project, tags_creases=False)
+        follow = any(step.flow.faces_follow_normals for step in flow.steps(*motion.step(number)))
+        self.placement = Exact(self.history.carry, project, tags_creases=False, faces_follow_normals=follow)
         self.next = partial(RestInterval, motion, resampling, flow, self.end)
 
 

@@ -136,6 +136,14 @@ class Flow(ABC):
         return {}
 
     @property
+    def faces_follow_normals(self) -> bool:
+        """True where the resampler lets no face look against the normals that the flow carries.
+
+        Other flows may make a surface thinner than its edges are long, where some faces must.
+        """
+        return False
+
+    @property
     def name(self) -> str:
         """The name in error messages."""
         return type(self).__name__.lower()
@@ -191,6 +199,10 @@ class PluginMap(Flow):
 
     def facts(self, time: float) -> Mapping[str, Any]:
         return self.flow.facts(time)
+
+    @property
+    def faces_follow_normals(self) -> bool:
+        return self.flow.faces_follow_normals
 
     @property
     def name(self) -> str:

@@ -70,9 +70,12 @@ class Placement:
         """
         return mesh
 
-    def rest_columns(self, mesh: HalfedgeMesh) -> tuple[int, int]:
-        """Return the attribute columns of rest positions and rest normals; -1 where it keeps none."""
-        return -1, -1
+    def columns(self, mesh: HalfedgeMesh) -> tuple[int, int, int]:
+        """Return attribute columns: of rest positions, rest normals, and normals that no face may oppose.
+
+        -1 stands for none.
+        """
+        return -1, -1, -1
 
     def place(self, mesh: HalfedgeMesh, births: Indices, limits: Limits) -> int:
         """Move the last vertices of the mesh from the midpoints of their parents to their places.
@@ -200,11 +203,14 @@ def closest_points(
 class Exact(Placement):
     """New vertices on the exact surface: placed on the surface at rest, then carried to the present.
 
-    carry         `rest_points (N, 3) -> (N, 3)`, their present positions; called once a round with all new
-                  points and those that carry their normals, and again for the few that would fold
-    project       `rest_points (N, 3) -> (N, 3)`, the nearest points of the analytic surface at rest, if it is
-                  known; without it new rest points lie on curved patches over the mesh at rest
-    tags_creases  True: edges that are hard at rest, by their angle, are tagged as creases
+    carry                 `rest_points (N, 3) -> (N, 3)`, their present positions; called once a round with
+                          all new points and those that carry their normals, and again for the few that would
+                          fold
+    project               `rest_points (N, 3) -> (N, 3)`, the nearest points of the analytic surface at rest,
+                          if it is known; without it new rest points lie on curved patches over the mesh at
+                          rest
+    tags_creases          True: edges that are hard at rest, by their angle, are tagged as creases
+    faces_follow_normals  True: no face may look against the mean of its corners' normals, if carried
 
     Tagged edges and boundaries are hard whatever becomes of them, and no others: the rim of a sheet that the
     flow has made thin is as sharp as a crease, and must not be kept as one.
@@ -217,6 +223,7 @@ class Exact(Placement):
     carry: PointMap
     project: PointMap | None = None
     tags_creases: bool = True
+    faces_follow_normals: bool = False
     leaves_chord: ClassVar[bool] = True
     can_relax: ClassVar[bool] = True
     hard_by_angle: ClassVar[bool] = False
@@ -229,8 +236,9 @@ class Exact(Placement):
         astray = np.zeros(len(rest), np.uint8)
         return mesh.with_attributes(**{REST: rest, REST_NORMAL: normals, ASTRAY: astray})
 
-    def rest_columns(self, mesh: HalfedgeMesh) -> tuple[int, int]:
-        return column_of(mesh, REST), column_of(mesh, REST_NORMAL)
+    def columns(self, mesh: HalfedgeMesh) -> tuple[int, int, int]:
+        normals = mesh.column(NORMAL) if self.faces_follow_normals else None
+        return column_of(mesh, REST), column_of(mesh, REST_NORMAL), -1 if normals is None else normals
 
     def place(self, mesh: HalfedgeMesh, births: Indices, limits: Limits) -> int:
         last, spokes = int(mesh.sizes[0]), np.ascontiguousarray(births[:, BIRTH_HALFEDGE])

@@ -193,7 +193,13 @@ class ResamplePass:
         """
         try:
             self.split_long_edges()
-            for step in (self.collapse_short_edges, self.untangle, self.relax_vertices, self.make_room):
+            for step in (
+                self.collapse_short_edges,
+                self.untangle,
+                self.relax_vertices,
+                self.make_room,
+                self.unfold,
+            ):
                 self._call(step)
         except FlowsculptError:
             self._close_gaps()
@@ -257,10 +263,10 @@ class ResamplePass:
         self.flips += flips
 
     def untangle(self) -> None:
-        """Flip edges of faces that look inwards at rest, where fewer then do."""
+        """Flip edges of faces that look inwards at rest or oppose their normals, where fewer then do."""
         if self.limits.rest_column < 0:
             return
-        if self._all_upright[0]:
+        if self._all_upright[0] and self.limits.normal_column < 0:
             faces = np.sort(items_of(self.changes.changed))
         else:  # a face that has not changed may by now be able to
             faces = np.arange(self.mesh.sizes[1], dtype=np.int32)
@@ -299,6 +305,11 @@ class ResamplePass:
         self._dead = self._dead_lists()
         self._collapse_and_flip()
         self.relax_vertices()
+
+    def unfold(self) -> None:
+        """Untangle again where no face may oppose its normals: steps since then may have made some."""
+        if self.limits.normal_column >= 0:
+            self.untangle()
 
     def compact(self) -> None:
         """Measure the edges and close the gaps that removed faces and vertices left in the arrays."""
@@ -394,7 +405,7 @@ def _limits(mesh: HalfedgeMesh, thresholds: Thresholds, placement: Placement, sh
         column = mesh.set_fields(fields)
     else:
         max_edge_length, min_edge_length, hard_angle = thresholds.numbers
-    rest_column, rest_normal_column = placement.rest_columns(mesh)
+    rest_column, rest_normal_column, normal_column = placement.columns(mesh)
     return Limits(
         max_edge_length,
         min_edge_length,
@@ -405,4 +416,5 @@ def _limits(mesh: HalfedgeMesh, thresholds: Thresholds, placement: Placement, sh
         rest_column=rest_column,
         rest_normal_column=rest_normal_column,
         hard_by_angle=placement.hard_by_angle,
+        normal_column=normal_column,
     )

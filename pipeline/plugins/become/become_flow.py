@@ -26,6 +26,9 @@ from pipeline.plugins.become.stored_fits import (
 from pipeline.shot.point_subjects import CloudInSolid
 from pipeline.shot.subjects import Model, Solid
 
+UNFOLDED = 1
+"""Raised when the resampler makes other surfaces of the faces that would look against their normals."""
+
 
 @dataclass(frozen=True)
 class Become(Flow):
@@ -63,9 +66,10 @@ class Become(Flow):
     def cache_data(self, time: float, dt: float) -> Any:
         before, after = self._shares(time, dt)
         if before == after:
-            return {"become": None}
-        shapes = [self._start.data(), self.target.data()]
-        return {"become": shapes, "detail": self.detail, "version": VERSION, "shares": [before, after]}
+            return {"become": None, "unfolded": UNFOLDED}
+        shapes, shares = [self._start.data(), self.target.data()], [before, after]
+        versions = {"version": VERSION, "unfolded": UNFOLDED}
+        return {"become": shapes, "detail": self.detail, "shares": shares, **versions}
 
     def _shares(self, time: float, dt: float) -> tuple[float, float]:
         return number_at(self.progress, time), number_at(self.progress, time + dt)
@@ -149,6 +153,10 @@ class Become(Flow):
         names = ("mean", "within_95", "mean_of_target", "within_95_of_target", "worst_part", "least_volume")
         numbers = dict(zip(names, self.fit().residual, strict=True))
         return {"becomes": self.target.name, "detail": self.detail, "residual": numbers}
+
+    @property
+    def faces_follow_normals(self) -> bool:
+        return True
 
     @property
     def name(self) -> str:

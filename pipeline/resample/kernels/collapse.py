@@ -53,6 +53,7 @@ from pipeline.resample.kernels.pass_state import (
     squared_length,
     touch,
     would_flip,
+    would_oppose,
 )
 
 
@@ -313,11 +314,16 @@ def can_collapse(mesh: MeshArrays, h: int, near: Ring, far: Ring, limits: Limits
             fault = _collapse_fault(mesh, far, b, a, near.place, limits)
         if fault == NONE and not limits.merges_at_midpoint:  # keep the exact surface's shape
             if where == AT_START:
-                removed = removal_distance(points, far, b, a)
+                removed, opposes = removal_distance(points, far, b, a), would_oppose(mesh, far, b, a, limits)
             else:
-                removed = removal_distance(points, near, a, b)
+                removed, opposes = (
+                    removal_distance(points, near, a, b),
+                    would_oppose(mesh, near, a, b, limits),
+                )
             if removed > _MAX_REMOVAL * _MAX_REMOVAL * length_limits(mesh, limits, a, b)[0]:
                 fault = SHAPE
+            elif opposes:
+                fault = FOLD
         if fault == NONE and not _would_flip_at_rest(mesh, a, b, where, near, far, limits):
             return where, NONE
         if fault == NONE and second == NONE:

@@ -1,4 +1,4 @@
-"""Flip soft edges: where angles improve (P36), and where fewer faces then look inwards at rest.
+"""Flip soft edges: where angles improve (P36), and where fewer faces then look the wrong way.
 
 Creases and the shape of the surface stay.
 """
@@ -34,7 +34,9 @@ from pipeline.resample.kernels.pass_state import (
     enqueue,
     hard_cosine,
     is_inverted,
+    is_short,
     length_limits,
+    opposes_normals,
     push,
     squared_length,
     touch,
@@ -94,6 +96,14 @@ def inverted_by_flip(attributes: Points, limits: Limits, a: int, b: int, c: int,
     return int(then) - int(now)
 
 
+@kernel(numba.int64(MESH_ARRAYS, LIMITS, numba.int64, numba.int64, numba.int64, numba.int64), **LEAN)
+def opposed_by_flip(mesh: MeshArrays, limits: Limits, a: int, b: int, c: int, d: int) -> int:
+    """Return how many more faces oppose their normals once the edge ab, between c and d, is flipped."""
+    now = opposes_normals(mesh, limits, a, b, c) + opposes_normals(mesh, limits, b, a, d)
+    then = opposes_normals(mesh, limits, a, d, c) + opposes_normals(mesh, limits, b, c, d)
+    return int(then) - int(now)
+
+
 @kernel(numba.boolean(MATRIX, numba.int64, numba.int64, numba.int64, numba.int64, numba.float64), **LEAN)
 def folds_by_flip(points: Points, a: int, b: int, c: int, d: int, cosine: float) -> bool:
     """Tell whether a face turns beyond an angle, given by its cosine, from the mean of the faces before once
@@ -133,7 +143,7 @@ def should_flip(mesh: MeshArrays, h: int, limits: Limits) -> bool:
         return False
     if limits.rest_column >= 0 and inverted_by_flip(mesh.attributes, limits, a, b, c, d) > 0:
         return False
-    return not are_adjacent(mesh, before(i), d)
+    return not (opposed_by_flip(mesh, limits, a, b, c, d) > 0 or are_adjacent(mesh, before(i), d))
 
 
 @kernel((MESH_ARRAYS, numba.int64), **LEAN)
@@ -241,39 +251,44 @@ _PAIR = numba.types.UniTuple(numba.int64, 2)
 
 @kernel(numba.boolean(MESH_ARRAYS, numba.int64, LIMITS), **LEAN)
 def can_untangle(mesh: MeshArrays, h: int, limits: Limits) -> bool:
-    """Tell whether fewer faces look inwards at rest once the edge of h is flipped.
+    """Tell whether fewer faces look inwards at rest, or oppose their normals, once the edge of h is flipped.
 
     The edge must be soft, the new one within its length limits, and no face may fold now: none turns by more
-    than the angle of MAX_TURN_COSINE from the mean of both.
+    than the angle of MAX_TURN_COSINE from the mean of both. A face that opposes its normals is folded: to
+    mend it, faces may turn by any angle, and the new edge may be short.
     """
     points, vert, twin = mesh.points, mesh.vert, mesh.twin
     i = np.uint64(h)
     if twin[i] < 0 or mesh.tagged[i]:
         return False
     a, b, c, d = vert[i], vert[after(i)], vert[before(i)], vert[before(np.uint64(twin[i]))]
-    if inverted_by_flip(mesh.attributes, limits, a, b, c, d) >= 0:
+    at_rest = inverted_by_flip(mesh.attributes, limits, a, b, c, d)
+    now = opposed_by_flip(mesh, limits, a, b, c, d)
+    if max(at_rest, now) > 0 or at_rest + now == 0:
         return False
     crossing, (max_squared, min_squared) = squared_length(points, c, d), length_limits(mesh, limits, c, d)
-    if crossing > max_squared or crossing < min_squared:
+    if crossing > max_squared:
         return False
-    if folds_by_flip(points, a, b, c, d, MAX_TURN_COSINE):
+    if now == 0 and (crossing < min_squared or folds_by_flip(points, a, b, c, d, MAX_TURN_COSINE)):
         return False
     return not are_adjacent(mesh, before(i), d)
 
 
 @kernel(numba.boolean(MESH_ARRAYS, numba.int64, LIMITS), **LEAN)
 def _looks_inwards(mesh: MeshArrays, f: int, limits: Limits) -> bool:
-    """Tell whether a face exists and does not face outwards at rest."""
+    """Tell whether a face exists and does not face outwards at rest, or opposes its normals now."""
     vert, i = mesh.vert, np.uint64(3 * f)
-    a = vert[i]
-    return a >= 0 and is_inverted(mesh.attributes, limits, a, vert[i + np.uint64(1)], vert[i + np.uint64(2)])
+    a, b, c = vert[i], vert[after(i)], vert[before(i)]
+    if a < 0:
+        return False
+    return is_inverted(mesh.attributes, limits, a, b, c) or opposes_normals(mesh, limits, a, b, c)
 
 
 @kernel(_PAIR(MESH_ARRAYS, INTS, LIMITS, CHANGES))
 def untangle(mesh: MeshArrays, faces: Indices, limits: Limits, changes: Changes) -> tuple[int, int]:
-    """Flip an edge of each of these faces that looks inwards at rest, where fewer then do.
+    """Flip an edge of each face that looks inwards at rest or opposes its normals, where fewer then do.
 
-    Returns how many edges were flipped, and for how many faces none was.
+    Returns how many edges were flipped, and for how many faces none was. New edges that are short are queued.
     """
     flips, left = 0, 0
     for f in faces:
@@ -283,6 +298,8 @@ def untangle(mesh: MeshArrays, faces: Indices, limits: Limits, changes: Changes)
         for h in range(3 * f, 3 * f + 3):
             if can_untangle(mesh, h, limits):
                 flip_and_touch(mesh, h, changes)
+                if is_short(mesh, h, limits):
+                    enqueue(changes, h)
                 flips, left = flips + 1, left - 1
                 break
     return flips, left
@@ -290,7 +307,7 @@ def untangle(mesh: MeshArrays, faces: Indices, limits: Limits, changes: Changes)
 
 @kernel(numba.int64(MESH_ARRAYS, LIMITS, CHANGES))
 def count_tangled(mesh: MeshArrays, limits: Limits, changes: Changes) -> int:
-    """Return how many of the faces that have changed look inwards at rest."""
+    """Return how many of the faces that have changed look inwards at rest, or oppose their normals."""
     count = 0
     for i in range(1, changes.changed[0] + 1):
         count += _looks_inwards(mesh, changes.changed[i], limits)

@@ -10,7 +10,8 @@ rows of floats, one coordinate a row, so that a processor computes several faces
 as it has lanes; entries after the last face are ignored.
 
 No step may turn a face over, neither now nor, where vertices have positions at rest, there: the surface would
-return pleated.
+return pleated. Where the flow asks for it, no face may oppose its normals: look against the mean of those
+carried with its corners.
 """
 
 from __future__ import annotations
@@ -53,10 +54,11 @@ class Limits(NamedTuple):
     rest_column: int = -1  # in `MeshArrays.attributes`: position at rest; -1 if there is none
     rest_normal_column: int = -1  # in `MeshArrays.attributes`: normal at rest; -1 if there is none
     hard_by_angle: bool = True  # edges beyond hard_angle are hard in this frame; else tagged ones alone
+    normal_column: int = -1  # in `MeshArrays.attributes`: normal now, which no face may oppose; -1 if any may
 
 
 _F, _I = numba.float64, numba.int64
-LIMITS = numba.types.NamedTuple([_F, _F, _F, numba.boolean, _I, _F, _F, _I, _I, numba.boolean], Limits)
+LIMITS = numba.types.NamedTuple([_F, _F, _F, numba.boolean, _I, _F, _F, _I, _I, numba.boolean, _I], Limits)
 _PAIR = numba.types.UniTuple(numba.float64, 2)
 _TRIPLE = numba.types.UniTuple(numba.float64, 3)
 
@@ -379,6 +381,32 @@ def rest_orientation(attributes: Points, limits: Limits, a: int, b: int, c: int)
 def is_inverted(attributes: Points, limits: Limits, a: int, b: int, c: int) -> bool:
     """Tell whether triangle abc does not face outwards at rest."""
     return bool(rest_orientation(attributes, limits, a, b, c) <= 0)
+
+
+@kernel(numba.boolean(MESH_ARRAYS, LIMITS, numba.int64, numba.int64, numba.int64), **LEAN)
+def opposes_normals(mesh: MeshArrays, limits: Limits, a: int, b: int, c: int) -> bool:
+    """Tell whether triangle abc opposes its normals; False where any face may."""
+    if limits.normal_column < 0:
+        return False
+    normals, n = mesh.attributes, np.uint64(limits.normal_column)
+    i, j, k = np.uint64(a), np.uint64(b), np.uint64(c)
+    x, y, z = area_vector(mesh.points, a, b, c)
+    along = x * (normals[i, n] + normals[j, n] + normals[k, n])
+    along += y * (normals[i, n + _ONE] + normals[j, n + _ONE] + normals[k, n + _ONE])
+    along += z * (normals[i, n + _TWO] + normals[j, n + _TWO] + normals[k, n + _TWO])
+    return bool(along < 0.0)
+
+
+@kernel(numba.boolean(MESH_ARRAYS, RING, numba.int64, numba.int64, LIMITS), **LEAN)
+def would_oppose(mesh: MeshArrays, ring: Ring, centre: int, other: int, limits: Limits) -> bool:
+    """Tell whether a face of the ring would come to oppose its normals if its centre merged into `other`."""
+    for i in range(ring.size[0] if limits.normal_column >= 0 else 0):
+        b, c = ring.vertex[i], ring.vertex[i + 1]
+        if b == other or c == other or opposes_normals(mesh, limits, centre, b, c):
+            continue
+        if opposes_normals(mesh, limits, other, b, c):
+            return True
+    return False
 
 
 @kernel(numba.boolean(MATRIX, RING, numba.int64, numba.int64, LIMITS), **LEAN)
