@@ -194,7 +194,7 @@ def test_keys_of_frames_do_not_wait_for_the_fit_and_hold_what_decides_it(quick: 
     flow, finer = (
         shot(f"become: {{solid: box, from: 3, to: 9, detail: {detail}}}") for detail in ("coarse", "fine")
     )
-    assert flow.cache_data(0.0, 1 / 24) == finer.cache_data(0.0, 1 / 24) == {"become": None}
+    assert flow.cache_data(0.0, 1 / 24) == finer.cache_data(0.0, 1 / 24) == {"become": None, "unfolded": 1}
     assert flow.cache_data(0.2, 1 / 24) != finer.cache_data(0.2, 1 / 24)
     assert not list(quick.iterdir())
 
