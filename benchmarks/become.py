@@ -4,9 +4,10 @@
     python -m benchmarks.become fine bunny.obj cow.off  # a ball becomes each of these models
     python -m benchmarks.become medium bunny.obj,cow.off   # the first becomes the second
     python -m benchmarks.become medium letter:R letter:S:DejaVuSerif-Bold   # a drop or rings become a letter
+    python -m benchmarks.become simulate 0.025 cow.off  # 49 frames, edges of 0.025: faces that fold or cross
 
 Fonts are those that come with Matplotlib, by default DejaVuSans-Bold.
-Fits are computed, whatever the cache holds, and stored nowhere.
+Fits are computed, whatever the cache holds, and stored nowhere; simulations take medium fits from the cache.
 """
 
 from __future__ import annotations
@@ -19,14 +20,18 @@ from typing import Any, get_args
 import matplotlib
 import numpy as np
 
+from pipeline.animation import animate
 from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
+from pipeline.mesh.normals import NORMAL
 from pipeline.plugins.become import stored_fits
 from pipeline.plugins.become.fitting import Detail
 from pipeline.plugins.become.stored_fits import PlacedShape, fit_between
 from pipeline.plugins.interchange.mesh_writers import write_mesh
 from pipeline.plugins.lettering.kinds import TextKind
 from pipeline.plugins.lettering.starts import starts
+from pipeline.shot import read_shot
 from pipeline.shot.subjects import Model, Solid
+from pipeline.statistics import self_intersections
 from render.base.input_files import digest_of_file
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -109,11 +114,60 @@ def main(folder: Path, detail: Detail, names: list[str]) -> None:
         print(f"| {start.name} to {target.name} | {numbers} |", flush=True)
 
 
+SHOT = """\
+title: One shape becomes another
+frames: 1-49
+subject: {{{subject}}}
+resample: {{max_edge_length: {edge}}}
+flows: [become: {{{target}, from: 1, to: 49}}]
+"""
+
+
+def entry(shape: PlacedShape) -> str:
+    """Return a shape as a shot file has it."""
+    subject = shape.subject
+    if isinstance(subject, Model):
+        return f"model: {subject.path.absolute()}" + (f", fit: {subject.fit}" if subject.fit else "")
+    measures = (
+        f"{name}: {list(value) if isinstance(value, tuple) else value}" for name, value in subject.measures
+    )
+    return ", ".join([f"solid: {subject.solid}", *measures])
+
+
+def opposed(mesh: TriangleMesh) -> int:
+    """Return how many faces look against the mean of their corners' carried normals."""
+    a, b, c = (mesh.vertices[corners] for corners in mesh.faces.T)
+    normals = mesh.attributes[NORMAL][mesh.faces].sum(axis=1)
+    return int((np.sum(np.cross(b - a, c - a) * normals, axis=1) < 0.0).sum())
+
+
+def simulate(folder: Path, edge: float, names: list[str]) -> None:
+    """Print, for all frames of each pair, the faces that look against their normals and pairs that cross."""
+    print("| | faces of all frames | against their normals | crossings | CPU s |\n|---|---|---|---|---|")
+    for start, target in pairs(folder, names):
+        fit_between(start, target, "medium")
+        shot = read_shot("become.yaml", SHOT.format(subject=entry(start), target=entry(target), edge=edge))
+        faces = folded = crossings = 0
+        seconds = -time.process_time()
+        for frame in animate(shot):
+            seconds += time.process_time()
+            faces, folded = faces + len(frame.mesh.faces), folded + opposed(frame.mesh)
+            crossings += self_intersections(frame.mesh)
+            seconds -= time.process_time()
+        seconds += time.process_time()
+        name = f"{start.name} to {target.name}"
+        print(f"| {name} | {faces:,} | {folded} | {crossings} | {seconds:.0f} |", flush=True)
+
+
 if __name__ == "__main__":
     from tempfile import TemporaryDirectory
     from unittest.mock import patch
 
     given = sys.argv[1:]
+    if given[:1] == ["simulate"]:
+        with TemporaryDirectory() as made:
+            simulate(Path(made), float(given[1]), given[2:])
+        sys.exit()
     detail: Any = given.pop(0) if given and given[0] in get_args(Detail) else "medium"
     with TemporaryDirectory() as made:
         fresh = Path(made) / "fit.npz"  # fits that are stored already would take no time
