@@ -13,6 +13,7 @@ import re
 import shlex
 import shutil
 import stat
+import subprocess
 import sys
 from argparse import ArgumentParser
 from collections.abc import Callable, Mapping
@@ -170,16 +171,26 @@ class PlannedWorkflow:
         return {job.output if job.output.endswith(".mp4") else job.key: job for job in self.plan.jobs}
 
     def _sparing_hosts(self, submit_command: Callable[..., str]) -> Callable[..., str]:
-        """Keep SLURM from giving jobs to hosts that are left out, as its plug-in does for broken nodes."""
+        """Keep SLURM from giving jobs to hosts that refuse them, as its plug-in does for broken nodes."""
 
-        def command(*words: Any, **options: Any) -> str:
-            failed = faults_of_hosts(self._root, self.plan)
-            hosts = {host for (host, _), frames in failed.items() if len(frames) >= MOST_FAULTS}
-            if hosts:
-                options["failed_nodes"] = sorted(hosts.union(options.get("failed_nodes") or ()))
-            return submit_command(*words, **options)
+        def command(job: Any, *words: Any, **options: Any) -> str:
+            hosts = self._unfit_hosts(self._job(job.rule.name, job.wildcards))
+            hosts.update(options.get("failed_nodes") or ())
+            if hosts and _nodes_of_slurm() - hosts:  # it refuses jobs that no node may take
+                options["failed_nodes"] = sorted(hosts)
+            return submit_command(job, *words, **options)
 
         return command
+
+    def _unfit_hosts(self, job: Job) -> set[str]:
+        """Return the hosts that are left out, and those that have failed at a frame of a job."""
+        request = self.plan.requests[job.requests[0]]
+        own = {(request.subject, request.quality_name, number) for number in job.frames}
+        return {
+            host
+            for (host, stage), frames in faults_of_hosts(self._root, self.plan).items()
+            if len(frames) >= MOST_FAULTS or (stage == job.stage and frames & own)
+        }
 
     # Planning
 
@@ -296,6 +307,12 @@ def _python_of_nodes(executor: RemoteExecutor) -> str:
 
 _HELD = ExitStack()
 """The locks this process holds until it ends."""
+
+
+def _nodes_of_slurm() -> set[str]:
+    """Return the names of the nodes that SLURM has."""
+    done = subprocess.run(["sinfo", "--noheader", "--Node", "--format=%N"], capture_output=True, text=True)
+    return set(done.stdout.split())
 
 
 def _unprotect(path: Path) -> None:

@@ -94,7 +94,7 @@ class Context:
         does not get it by a second attempt.
         """
         events = [event for event in self._events(self.job.name) if event["job"] == self.job.name]
-        if any(event["event"] == "unfit" and event["host"] == platform.node() for event in events):
+        if any(event["event"] == "unfit" and event["host"] == this_host() for event in events):
             return True
         codes = [event.get("exit_code") for event in events if event["event"] == "fail"]
         kinds = {event["event"] for event in events}
@@ -115,10 +115,21 @@ class Context:
         return f"{this_host()} has failed at frame {again[0][2]} of {self.subject}; a host gets one try at it"
 
     def failed(self, stage: str) -> set[int]:
-        """Return the frames of this job's pictures that failed at an earlier stage of this run."""
-        about = {"event": "fail", "stage": stage, "shot": self.subject, "quality": self._quality}
-        events = self._events("fail")
-        return {e["frame"] for e in events if e.get("frame") is not None and about.items() <= e.items()}
+        """Return the frames of this job's pictures that failed at an earlier stage of this run.
+
+        Those that another host has made since do not count.
+        """
+
+        def frames(event: str) -> set[int]:
+            about = {"event": event, "stage": stage, "shot": self.subject, "quality": self._quality}
+            return {
+                e["frame"]
+                for e in self._events(event)
+                if e.get("frame") is not None and about.items() <= e.items()
+            }
+
+        lost = frames("fail")
+        return lost - frames("frame") if lost else lost
 
     def bring_inputs_to_now(self) -> None:
         """Give inputs that are from the future, by this host's clock, the present time.
@@ -323,7 +334,7 @@ class Context:
     def refuse(self, error: FlowsculptError) -> None:
         """Report that this node cannot do the job, and that the job ends with that; another node may."""
         self.fail(error)
-        self.log.write("unfit", host=platform.node())
+        self.log.write("unfit", host=this_host())
         self.end()
 
 

@@ -51,13 +51,12 @@ SlurmdUser={user}
 AuthInfo=socket={folder}/munge.socket
 PluginDir={plugins}
 SlurmctldPort={ports[0]}
-SlurmdPort={ports[1]}
 StateSaveLocation={folder}/state
-SlurmdSpoolDir={folder}/spool
+SlurmdSpoolDir={folder}/spool.%n
 SlurmctldPidFile={folder}/slurmctld.pid
-SlurmdPidFile={folder}/slurmd.pid
+SlurmdPidFile={folder}/slurmd.%n.pid
 SlurmctldLogFile={folder}/slurmctld.log
-SlurmdLogFile={folder}/slurmd.log
+SlurmdLogFile={folder}/slurmd.%n.log
 ProctrackType=proctrack/linuxproc
 TaskPlugin=task/none
 MpiDefault=none
@@ -71,8 +70,9 @@ MinJobAge=3600
 ReturnToService=2
 KillWait=5
 SlurmdDebug=info
-NodeName={host} NodeAddr=127.0.0.1 CPUs={cpus} RealMemory={memory}
-PartitionName=main Nodes={host} Default=YES MaxTime=INFINITE State=UP
+PropagateResourceLimits=NONE
+{nodes}
+PartitionName=main Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 """
 
 
@@ -162,19 +162,25 @@ def _install(folder: Path) -> None:
 
 
 @contextmanager
-def running(folder: Path, cpus: int | None = None) -> Iterator[dict[str, str]]:
+def running(
+    folder: Path, cpus: int | None = None, limited: dict[str, int] | None = None
+) -> Iterator[dict[str, str]]:
     """SLURM at work, all its files in `folder`; yields the environment in which its commands find it.
+
+    limited  further nodes by name, of one core, which SLURM prefers, and how many bytes a file of their jobs
+             may have at most
 
     Raises SlurmError where it does not start.
     """
     programs = Programs.found()
     environment = {**programs.environment, "SLURM_CONF": str(folder / "slurm.conf")}
-    _write_configuration(folder, programs, cpus or os.cpu_count() or 1)
+    limits = limited or {}
+    _write_configuration(folder, programs, cpus or os.cpu_count() or 1, list(limits))
     _write_commands(folder / "bin", programs, environment)
     with ExitStack() as daemons:
 
         def start(*command: str) -> None:
-            log = (folder / f"{Path(command[0]).name}.out").open("wb")
+            log = (folder / f"{Path(command[0]).name}.{command[-1].replace('/', '_')[-20:]}.out").open("wb")
             process = subprocess.Popen(
                 command,
                 cwd=folder,
@@ -196,27 +202,40 @@ def running(folder: Path, cpus: int | None = None) -> Iterator[dict[str, str]]:
         )
         _wait_until(Path(at["socket"]).exists, "munged", folder)
         start(programs.path("slurmctld"), "-D", "-c")
-        start(programs.path("slurmd"), "-D", "-c", "-d", programs.path("slurmstepd"))
+        daemon = (programs.path("slurmd"), "-D", "-c", "-d", programs.path("slurmstepd"), "-N")
+        start(*daemon, _host())
+        for name, most in limits.items():
+            start("prlimit", f"--fsize={most}", *daemon, name)
         _wait_until(lambda: _idle(programs, environment), "the node", folder)
         paths = [str(FETCHED / "python"), os.environ.get("PYTHONPATH", "")]
         yield {"PATH": f"{folder / 'bin'}:{os.environ['PATH']}", "PYTHONPATH": ":".join(filter(None, paths))}
 
 
-def _write_configuration(folder: Path, programs: Programs, cpus: int) -> None:
+def _host() -> str:
+    return socket.gethostname().partition(".")[0]
+
+
+def _write_configuration(folder: Path, programs: Programs, cpus: int, more: list[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    for name in ("state", "spool"):
+    for name in ("state", *(f"spool.{node}" for node in (_host(), *more))):
         (folder / name).mkdir(exist_ok=True)
     key = folder / "munge.key"
     key.touch(mode=0o600)
     key.write_bytes(secrets.token_bytes(1024))
+    ports, memory = _free_ports(2 + len(more)), psutil.virtual_memory().total // 2**20 * 9 // 10
+    at = f"NodeHostname={_host()} NodeAddr=127.0.0.1 RealMemory={memory // (1 + len(more))}"
+    sizes = {_host(): cpus, **dict.fromkeys(more, 1)}
+    nodes = [
+        f"NodeName={name} {at} CPUs={sizes[name]} Port={port} Weight={1 + (name not in more)}"
+        for name, port in zip(sizes, ports[1:], strict=True)
+    ]
     text = CONF.format(
-        host=socket.gethostname().partition(".")[0],
+        host=_host(),
         user=psutil.Process().username(),
         folder=folder,
         plugins=programs.plugins,
-        ports=_free_ports(2),
-        cpus=cpus,
-        memory=psutil.virtual_memory().total // 2**20 * 9 // 10,
+        ports=ports,
+        nodes="\n".join(nodes),
     )
     (folder / "slurm.conf").write_text(text)
 
@@ -242,7 +261,7 @@ def _free_ports(count: int) -> list[int]:
 def _idle(programs: Programs, environment: dict[str, str]) -> bool:
     command = [programs.path("sinfo"), "-h", "-o", "%t"]
     done = subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True)
-    return done.stdout.strip() == "idle"
+    return set(done.stdout.split()) == {"idle"}
 
 
 def _wait_until(ready: object, what: str, folder: Path) -> None:

@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import errno
+import json
+import os
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,11 +21,17 @@ from pipeline.production.planning.profile import Profile
 from pipeline.production.tasks import worker
 from pipeline.production.tasks.job import Context, faults_of_hosts
 from render.base.atomic_write import atomic_write
+from render.base.work_clock import Timing
 from tests.conftest import QUALITY, ProjectFolder
+from tests.production.farm.conftest import Farm, quick_profile
+from tests.production.farm.slurm import SlurmError, running
 
 pytestmark = pytest.mark.quick
 
 NAME = "T010_tiny"
+
+LARGEST = 100_000
+"""Bytes of the largest file that the broken node writes: more than a mesh has, less than a raw picture."""
 
 
 @pytest.fixture
@@ -100,20 +111,79 @@ def test_the_host_of_the_plan_is_not_left_out_of_what_only_it_does(context: Cont
     assert not faults_of_hosts(context.root, context.plan), "so SLURM does not get its name either"
 
 
-def test_slurm_is_told_which_hosts_not_to_choose(context: Context, monkeypatch: pytest.MonkeyPatch) -> None:
-    given: list[Any] = []
+@pytest.fixture
+def submitted(context: Context, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Any]:
+    """Submit the job to a SLURM of two nodes; return the nodes that it is not to run on."""
+    nodes = tmp_path / "sinfo"
+    nodes.write_text("#!/bin/sh\necho gpu-3\necho gpu-4\n")
+    nodes.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    workflow = PlannedWorkflow.__new__(PlannedWorkflow)
+    workflow._root = context.root
+    workflow.__dict__["plan"] = context.plan  # as `cached_property` keeps it
+    sparing = workflow._sparing_hosts(lambda job, **options: options.get("failed_nodes"))  # type: ignore[arg-type, return-value]
+    rule, wildcards = SimpleNamespace(name=context.job.stage), SimpleNamespace(key=context.job.key)
+    return partial(sparing, SimpleNamespace(rule=rule, wildcards=wildcards))
 
-    def submit_command(job: str, **options: Any) -> str:
-        given.append(options.get("failed_nodes"))
-        return f"sbatch {job}"
 
-    workflow = SimpleNamespace(_root=context.root, plan=context.plan)
-    sparing = PlannedWorkflow._sparing_hosts(workflow, submit_command)  # type: ignore[arg-type]
-    monkeypatch.setenv("SLURMD_NODENAME", "gpu-3")  # as SLURM calls it
-    assert sparing("a", failed_nodes={"broken"}) == "sbatch a" and given == [{"broken"}]
-    fail(context, 101, 102)
-    sparing("b")
-    fail(context, 103)
-    sparing("c", failed_nodes={"broken"})
-    sparing("d")
-    assert given[1:] == [None, ["broken", "gpu-3"], ["gpu-3"]]
+def fail_on(host: str, context: Context, *frames: int) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SLURMD_NODENAME", host)  # as SLURM calls it
+        fail(context, *frames)
+
+
+def test_slurm_spares_the_hosts_that_are_left_out(context: Context, submitted: Callable[..., Any]) -> None:
+    assert submitted(failed_nodes={"broken"}) == ["broken"]
+    fail_on("gpu-3", context, 101, 102)
+    assert submitted() is None
+    fail_on("gpu-3", context, 103)
+    assert submitted() == ["gpu-3"] and submitted(failed_nodes={"broken"}) == ["broken", "gpu-3"]
+
+
+def test_slurm_gives_a_frame_to_a_host_once(context: Context, submitted: Callable[..., Any]) -> None:
+    fail_on("gpu-4", context, context.job.frames[0])
+    assert submitted() == ["gpu-4"]
+
+
+def test_slurm_is_never_asked_to_spare_all_its_nodes(context: Context, submitted: Callable[..., Any]) -> None:
+    for host in ("gpu-3", "gpu-4"):
+        fail_on(host, context, context.job.frames[0])
+    assert submitted() is None
+
+
+@pytest.mark.soak
+def test_slurm_gives_a_host_whose_pictures_fail_no_more_of_them_and_the_run_is_whole(
+    project: ProjectFolder, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    quick_profile(project.path)
+    profile = project.path / "profiles" / "slurm" / "profile.yaml"
+    profile.write_text(profile.read_text().replace("min_frames: 6", "min_frames: 1"))
+    shot = project.path / "shots" / f"{NAME}.yaml"
+    shot.write_text(shot.read_text().replace("frames: 1-6", "frames: 1-8"))
+    with ExitStack() as stack:
+        try:
+            found = stack.enter_context(running(tmp_path_factory.mktemp("slurm"), 1, {"broken": LARGEST}))
+        except SlurmError as error:
+            pytest.skip(str(error))
+        for name, value in found.items():
+            monkeypatch.setenv(name, value)
+        monkeypatch.syspath_prepend(found["PYTHONPATH"].partition(":")[0])
+        words = ("--json", "render", NAME, "-q", QUALITY, "--profile", "profiles/slurm")
+        done = project.run(*words)
+        jobs = Farm(found).jobs()
+    assert done.code == 0, done.err
+    assert json.loads(done.out)["made"]["render"] == 8
+    assert len(project.frames(QUALITY, "frames")) == 8
+    renders = [job for job in jobs if job["Comment"].startswith("rule_render")]
+    there = [job for job in renders if job["NodeList"] == "broken"]
+    assert len(there) == 3 and all(job["JobState"] == "FAILED" for job in there), there
+    assert "broken has failed at 3 frames of render and is left out" in done.err + done.out
+    excluded = [job for job in renders if job.get("ExcNodeList") == "broken"]
+    assert excluded, "SLURM got its name"
+
+
+def test_a_frame_that_another_host_has_made_since_does_not_count_as_failed(context: Context) -> None:
+    fail(context, 1, 2)
+    assert context.failed("render") == {1, 2}
+    context.report(2, False, Timing(1.0, 1.0))
+    assert context.failed("render") == {1}
