@@ -65,10 +65,13 @@ class Placements:
     def diameter(self, own: Points) -> float:
         """Return the diagonal of the bounding box of all copies of points (V, 3) of the surface.
 
-        One axis after another takes a tenth of the time of `points`.
+        Of each copy, along one axis after another, only the ends are kept: `points` takes ten times as long.
         """
-        rows = (self.matrices[:, axis] for axis in range(3))
-        return float(np.linalg.norm([np.ptp(row[:, :3] @ own.T + row[:, 3:]) for row in rows]))
+        extent = []
+        for row, origin in zip(self.matrices[:, :, :3].swapaxes(0, 1).copy(), self.origins.T, strict=True):
+            along = row @ own.T
+            extent.append((origin + along.max(axis=1)).max() - (origin + along.min(axis=1)).min())
+        return float(np.linalg.norm(extent))
 
     def directions(self, own: Vectors) -> Vectors:
         """Return the directions (N · V, 3) of all copies, as long as those (V, 3) of the surface."""
