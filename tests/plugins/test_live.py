@@ -16,7 +16,7 @@ import pytest
 from pipeline.plugins.preview import live_server
 from pipeline.plugins.preview.live_server import actions_of, serving
 from pipeline.plugins.preview.live_session import LiveFeed, LiveSession
-from pipeline.plugins.preview.shot_editor import ShotEditor
+from pipeline.plugins.preview.shot_editor import MOST_REQUEST_BYTES, ShotEditor
 from pipeline.plugins.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project
 from tests.conftest import TINY
@@ -147,7 +147,7 @@ def test_requests_that_no_page_of_ours_makes_change_nothing(page: Page, tmp_path
         (403, page.post("edit", good, Sec_Fetch_Site="cross-site")),
         (415, page.post("edit", good, Content_Type="text/plain")),
         (415, page.post("edit", good, Content_Type="application/x-www-form-urlencoded")),
-        (413, page.post("edit", b"{" + b" " * 70_000 + b"}")),
+        (413, page.post("edit", b"{" + b" " * MOST_REQUEST_BYTES + b"}")),
         (400, page.post("edit", b"[]")),
         (400, page.post("edit", b'{"digest": NaN}')),
         (400, page.post("edit", deep)),
