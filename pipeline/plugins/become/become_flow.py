@@ -27,7 +27,7 @@ from pipeline.shot.point_subjects import CloudInSolid
 from pipeline.shot.subjects import Model, Solid
 
 UNFOLDED = 1
-"""Raised when the resampler makes other surfaces of the faces that would look against their normals."""
+"""Raised when the resampler treats faces that look against their normals in another way."""
 
 
 @dataclass(frozen=True)

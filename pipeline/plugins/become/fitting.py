@@ -432,7 +432,7 @@ LOST, LOST_PATCH = 0.01, 0.005
 """Distance, in diagonals of the target, above which a point is lost, and a patch calls for a box."""
 
 LEG_IN_BOX = 0.4
-"""As LEG, in sides of a box."""
+"""How far a part grows in a box before another leg begins, in sides of the box."""
 
 REACH, ROOM = 0.15, 0.06
 """How far from the farthest point others in its box may be, and room around them, in sides of the cube."""
@@ -446,7 +446,7 @@ _IN_BOX = (
 
 
 def lost_box(state: State, target: FittedSurface) -> tuple[Floats, float] | None:
-    """Return the corner (3,) and the side of a box around what is lost of the target; None without such."""
+    """Return the corner (3,) and side of a box around a lost part of the target; None if none is lost."""
     now = FittedSurface(state.legs[-1].carry(state.rest.points), state.rest.faces)
     points, away = target.distances(now, 200 * PATCH)
     if away.reshape(-1, PATCH).mean(axis=1).max() < LOST_PATCH * target.diagonal:
@@ -459,7 +459,7 @@ def lost_box(state: State, target: FittedSurface) -> tuple[Floats, float] | None
 
 
 def fitted_in_box(state: State, target: FittedSurface, low: Floats, side: float) -> State:
-    """Return the state with more legs, which move what lies in a box only."""
+    """Return the state with more legs, which only move points in a box."""
     rest = state.after_leg().rest
     reached = FittedSurface((rest.points - low) / side, rest.faces)
     inside = within_cube(reached.points)[rest.faces].all(axis=1)

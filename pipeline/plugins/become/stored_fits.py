@@ -47,7 +47,7 @@ EDGES = 45
 """Edges of a solid's mesh along its largest extent."""
 
 IN_BOX = 0.15
-"""The least share of what moves in a box only, over that of all else: it moves little area, but is seen."""
+"""The least share of time of a path in a box, over that of all others: it moves little area, but is seen."""
 
 REFUSED, DOUBTFUL = 0.03, 0.01
 """Residuals over the diagonal above which a fit is refused, and from which on it is warned of."""

@@ -29,7 +29,7 @@ def lengths(vectors: Vectors) -> Floats:
 
 
 def within_cube(points: Points) -> AnyArray:
-    """Return True for points (P, 3) in the unit cube."""
+    """Return whether points (P, 3) are in the unit cube, (P,)."""
     return np.asarray(((points > 0.0) & (points < 1.0)).all(axis=1))
 
 
@@ -184,7 +184,7 @@ class SolidGrowth:
 
     @classmethod
     def onwards(cls, solid: FittedSurface, reached: FittedSurface) -> SolidGrowth:
-        """Return how what lies in the unit cube of a solid grows from what another one has of it."""
+        """Return the growth, within the unit cube, of a solid from another that is there already."""
         signed = signed_distances(solid)
         inside = signed < 0.0
         core = inside & (signed_distances(reached) < 0.0)
