@@ -147,7 +147,7 @@ def test_requests_that_no_page_of_ours_makes_change_nothing(page: Page, tmp_path
         (403, page.post("edit", good, Sec_Fetch_Site="cross-site")),
         (415, page.post("edit", good, Content_Type="text/plain")),
         (415, page.post("edit", good, Content_Type="application/x-www-form-urlencoded")),
-        (413, page.post("edit", b"{" + b" " * MOST_REQUEST_BYTES + b"}")),
+        (413, page.post("edit", b"{" + b" " * 8 * MOST_REQUEST_BYTES + b"}")),
         (400, page.post("edit", b"[]")),
         (400, page.post("edit", b'{"digest": NaN}')),
         (400, page.post("edit", deep)),

@@ -165,10 +165,10 @@ class _Handler(BaseHTTPRequestHandler):
         super().setup()
 
     def do_GET(self) -> None:
-        self.server.waiting.pop(self.connection, None)
         name = self._below_token()
         if name is None:
             return
+        self.server.waiting.pop(self.connection, None)
         if name in PAGE:
             package, file, kind = PAGE[name]
             self._send(files(package).joinpath("page", file).read_bytes(), kind)
@@ -245,6 +245,18 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, *arguments: object) -> None:
         """Log nothing."""
+
+    def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
+        """Refuse a request, and drop what is still to come of it.
+
+        Closing a connection with unread bytes resets it: a browser that was still sending would report a
+        lost connection, not the reason.
+        """
+        super().send_error(code, message, explain)
+        with suppress(OSError):
+            self.connection.shutdown(socket.SHUT_WR)
+            while self.rfile.read1(1 << 16):
+                pass
 
     def end_headers(self) -> None:
         for name, value in HEADERS.items():
