@@ -171,6 +171,23 @@ def nearest_rows(rows: Floats, queries: Floats, out: AnyArray) -> None:
         out[q] = found
 
 
+@kernel("void(f8[::1], f8[::1], f8, f8[::1])")
+def blend(first: Floats, second: Floats, share: float, out: Floats) -> None:
+    """Compute a mixture (N,) of two grids, with that share of the second."""
+    for i in range(len(out)):
+        out[i] = (1.0 - share) * first[i] + share * second[i]
+
+
+@kernel("void(f8[::1], f8, f8[::1], f8[::1])")
+def divide(spread: Floats, share: float, first: Floats, second: Floats) -> None:
+    """Add the derivatives by what `blend` has computed to those by its two grids, and set them to 0."""
+    for i in range(len(spread)):
+        value = spread[i]
+        first[i] += (1.0 - share) * value
+        second[i] += share * value
+        spread[i] = 0.0
+
+
 @kernel("void(i8, i8, f8[:, ::1], f8[:, ::1], i8[::1])")
 def nearest_on_triangles(address: int, triangles: int, points: Points, out: Points, found: AnyArray) -> None:
     """Compute the nearest point (P, 3) of a `TriangleTree` to each of points (P, 3), and its triangle (P,).

@@ -319,14 +319,16 @@ def _refined(state: State, longest: float) -> State:
             edges = lengths((now[ends[..., 0]] - now[ends[..., 1]]).reshape(-1, 3)).reshape(-1, 3)
             side = np.argmax(edges, axis=1)
             rows = np.flatnonzero(edges[np.arange(len(faces)), side] > bound)
-            pairs, middles = np.unique(np.sort(ends[rows, side[rows]], axis=1), axis=0, return_inverse=True)
-            if not len(rows) or len(points) + len(pairs) > MOST_VERTICES:
+            low, high = np.sort(ends[rows, side[rows]], axis=1).astype(np.int64).T
+            cut, middles = np.unique(low * len(points) + high, return_inverse=True)
+            if not len(rows) or len(points) + len(cut) > MOST_VERTICES:
                 break
             a, b, c = (faces[rows, (side[rows] + k) % 3] for k in range(3))
             middle, faces = len(points) + middles.ravel(), faces.copy()
             faces[rows] = np.stack([a, middle, c], axis=1)
             faces = np.concatenate([faces, np.stack([middle, b, c], axis=1)])
-            added = 0.5 * (points[pairs[:, 0]] + points[pairs[:, 1]])
+            low, high = np.divmod(cut, len(points))
+            added = 0.5 * (points[low] + points[high])
             points, now = np.concatenate([points, added]), np.concatenate([now, leg.carry(added)])
     return replace(state, rest=FittedSurface(points, faces))
 

@@ -165,37 +165,33 @@ def _unpadded(grids: Floats, n: int) -> Floats:
     return np.ascontiguousarray(sums.transpose(0, 4, 1, 2, 3))
 
 
-def _blended(grids: Floats, time: float) -> Floats:
-    at = min(time * (len(grids) - 1), len(grids) - 1.0)
-    k = min(int(at), len(grids) - 2)
-    share = at - k
+def _knot_before(knots: int, time: float) -> tuple[int, float]:
+    """Return the knot before a time from 0 to 1, and how much the next one counts."""
+    at = time * (knots - 1)
+    k = min(int(at), knots - 2)
+    return k, at - k
+
+
+def _blended(grids: Floats, time: float, memory: Floats) -> Floats:
+    """Return the velocities at a time from 0 to 1: a knot, or a mixture of two in `memory`."""
+    k, share = _knot_before(len(grids), time)
     if share == 0.0:
         return grids[k]
-    return (1.0 - share) * grids[k] + share * grids[k + 1]
-
-
-def _share(grids: Floats, time: float, addend: Floats) -> None:
-    """Add the derivatives by the velocities at a time to those by the knots."""
-    at = time * (len(grids) - 1)
-    k = min(int(at), len(grids) - 2)
-    share = at - k
-    if share == 0.0:
-        grids[k] += addend
-    else:
-        grids[k] += (1.0 - share) * addend
-        grids[k + 1] += share * addend
+    kernels.blend(grids[k], grids[k + 1], share, memory)
+    return memory
 
 
 def carried(grids: Floats, n: int, points: Points, steps: int = STEPS, backwards: bool = False) -> Points:
     """Return where padded grids (T, …) carry points (P, 3) from time 0 to 1, or from 1 to 0."""
     x = points * n
     v, h = np.empty_like(x), (-n if backwards else n) / steps
+    memory = np.empty_like(grids[0])
     for step in range(steps):
         at = (step, step + 0.5)
         begin, middle_time = (1.0 - a / steps if backwards else a / steps for a in at)
-        kernels.velocities(_blended(grids, begin), n, x, v)
+        kernels.velocities(_blended(grids, begin, memory), n, x, v)
         middle = x + 0.5 * h * v
-        kernels.velocities(_blended(grids, middle_time), n, middle, v)
+        kernels.velocities(_blended(grids, middle_time, memory), n, middle, v)
         x = x + h * v
     return x / n
 
@@ -206,10 +202,11 @@ def carried_with_jacobians(
     """Return where points (P, 3) are carried, and the determinants (P,) of the mapping's gradient there."""
     x, jacobian = points * n, np.tile(np.eye(3), (len(points), 1, 1))
     v, gradient, h = np.empty_like(x), np.empty((len(x), 3, 3)), n / steps
+    memory = np.empty_like(grids[0])
     for step in range(steps):
-        kernels.gradients(_blended(grids, step / steps), n, x, v, gradient)
+        kernels.gradients(_blended(grids, step / steps, memory), n, x, v, gradient)
         middle, between = x + 0.5 * h * v, jacobian + 0.5 * h * np.matmul(gradient, jacobian)
-        kernels.gradients(_blended(grids, (step + 0.5) / steps), n, middle, v, gradient)
+        kernels.gradients(_blended(grids, (step + 0.5) / steps, memory), n, middle, v, gradient)
         x, jacobian = x + h * v, jacobian + h * np.matmul(gradient, between)
     return x / n, np.linalg.det(jacobian)
 
@@ -224,23 +221,25 @@ def energy(
     """
     n, h = space.n, space.n / steps
     grids = padded(space.knots(z))
+    memory, spread = np.empty_like(grids[0]), np.zeros_like(grids[0])
     x, v = points * n, np.empty_like(points)
     starts, middles = [], []
     for step in range(steps):
         starts.append(x)
-        kernels.velocities(_blended(grids, step / steps), n, x, v)
+        kernels.velocities(_blended(grids, step / steps, memory), n, x, v)
         middle = x + 0.5 * h * v
         middles.append(middle)
-        kernels.velocities(_blended(grids, (step + 0.5) / steps), n, middle, v)
+        kernels.velocities(_blended(grids, (step + 0.5) / steps, memory), n, middle, v)
         x = x + h * v
     distance, force = data(x / n)
     force = force / n
     by_knots = np.zeros_like(grids)
 
     def pull(time: float, at: Points, push: Points) -> Points:
-        into, out = np.zeros_like(grids[0]), np.empty_like(at)
-        kernels.pull_back(_blended(grids, time), n, at, push, into, out)
-        _share(by_knots, time, into)
+        out = np.empty_like(at)
+        kernels.pull_back(_blended(grids, time, memory), n, at, push, spread, out)
+        k, share = _knot_before(len(grids), time)
+        kernels.divide(spread, share, by_knots[k], by_knots[k + 1])
         return out
 
     for step in reversed(range(steps)):
