@@ -25,6 +25,11 @@ from render.base import python_process
 if TYPE_CHECKING:
     from pipeline.production.planning.plan import Plan
 
+# Containers often tell Python to write no bytecode. Then each of a thousand commands compiles flowsculpt
+# again, and each run compiles all tests.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 # The same examples in every run, so that what fails was broken by a change; `make soak` looks for others.
 settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")

@@ -47,6 +47,7 @@ class Environment:
 
     def run(self, *words: str) -> subprocess.CompletedProcess[str]:
         environment = {**os.environ, "PYTHONPATH": str(self.folder), "COLUMNS": "120"}
+        environment["PYTHONDONTWRITEBYTECODE"] = "1"  # of text that is replaced by as much within a second
         call = [sys.executable, "-m", "pipeline.cli", *words]
         return subprocess.run(call, cwd=self.folder, env=environment, capture_output=True, text=True)
 
