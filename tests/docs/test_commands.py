@@ -175,5 +175,14 @@ def test_the_readme_shows_commands_that_can_be_planned_in_the_clone(tmp_path, mo
         is_of_model = any(word.endswith(".obj") for word in words)
         if words[0] in OF_RESULTS or {"slurm", "--store"} & set(words) or is_of_model:
             continue  # they need rendered frames, another package, a bucket, or a model
-        code, said = commanded(tmp_path, "--dry-run", *words)
+        some = ("A020_lorenz", "A030_taffy") if words == ["validate"] else ()
+        code, said = commanded(tmp_path, "--dry-run", *words, *some)
         assert code == 0, (line, said)
+
+
+@pytest.mark.soak
+def test_the_first_frame_of_every_shot_of_the_clone_is_good(tmp_path, monkeypatch):
+    """Takes 20 CPU seconds; tests/shot/test_gallery.py reads them all in the default suite."""
+    monkeypatch.chdir(ROOT)
+    code, said = commanded(tmp_path, "validate")
+    assert code == 0, said
