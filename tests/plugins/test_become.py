@@ -91,6 +91,13 @@ def test_the_derivatives_of_the_energy_are_those_of_differences() -> None:
         assert (ahead - behind) / 2e-5 == pytest.approx(float(np.sum(slope * way)), rel=1e-3)
 
 
+def test_the_progress_of_a_fit_that_needs_no_box_ends_whole(quick: Path) -> None:
+    ball, seen = icosphere(8), []
+    surface = cubed(ball.vertices, ball.faces)
+    fitting.fitted(surface, surface, "medium", None, lambda state, rounds: seen.append((state.done, rounds)))
+    assert seen == [(n, 5) for n in range(1, 6)]
+
+
 def test_a_path_keeps_its_velocities_on_a_finer_grid() -> None:
     coarse, fine = PathSpace(12, 0.1), PathSpace(20, 0.06)
     z = 0.02 * RANDOM.normal(size=coarse.size)

@@ -417,13 +417,15 @@ def fitted(
     state         that of an earlier call, to go on from; None to begin
     """
     rounds = rounds_of(target, detail)
+    total = len(rounds) + BOXES[detail]
     state = State.at_rest(rest) if state is None else state
     for one in rounds[state.done :]:
         state = next_round(state, one, target)
-        watch(state, len(rounds) + BOXES[detail])
-    while state.done < len(rounds) + BOXES[detail] and (box := lost_box(state, target)) is not None:
-        state = fitted_in_box(state, target, *box)
-        watch(state, len(rounds) + BOXES[detail])
+        watch(state, total)
+    while state.done < total:
+        box = lost_box(state, target)
+        state = replace(state, done=total) if box is None else fitted_in_box(state, target, *box)
+        watch(state, total)
     return state
 
 
