@@ -244,27 +244,31 @@ def test_a_subject_of_a_plug_in_is_placed_keyed_by_its_files_and_refused_at_its_
         MARBLING.replace("looks=LOOKS", 'looks=LOOKS, subjects={"stone": "marbling_parts:Stone"}')
     )
     (marbling.folder / "marbling_parts.py").write_text(PARTS + STONE)
-    shot, heights = marbling.folder / "shots" / "A010_ink.yaml", marbling.folder / "shots" / "heights.txt"
+    shots = marbling.folder / "shots"
 
-    def checked(settings: str = "heights: heights.txt", height: str = "0.5") -> str:
-        heights.write_text(height)
-        shot.write_text(INKED.replace("{solid: box}", f"{{marbling.stone: {{{settings}}}, scale: 3}}"))
-        done = marbling.run("--json", "validate")
-        return done.stdout + done.stderr
+    def write(shot: str, settings: str, height: str = "0.5") -> None:
+        (shots / f"{shot}.txt").write_text(height)
+        subject = f"{{marbling.stone: {{heights: {settings}}}, scale: 3}}"
+        (shots / f"{shot}.yaml").write_text(INKED.replace("{solid: box}", subject))
 
-    facts = json.loads(checked())[0]["first_frame"]
+    write("A010_ink", "A010_ink.txt")
+    facts = json.loads(marbling.run("--json", "validate").stdout)[0]["first_frame"]
     assert facts["extent"] == pytest.approx(3.0, rel=0.01) and facts["subject"].startswith("marbling.stone")
     plans = []
     for height in ("0.5", "0.6", "0.5"):
-        heights.write_text(height)
+        (shots / "A010_ink.txt").write_text(height)
         plans.append(json.loads(marbling.run("--json", "--dry-run", "simulate", "A010_ink").stdout)["jobs"])
     assert plans[0] == plans[2] != plans[1]
-    place = "shots/A010_ink.yaml:3:11: "
-    assert place + "a height is -1; heights are above 0" in checked(height="-1")
-    assert place in (told := checked("heights: heights.txt, open: true")) and "Traceback" not in told
-    assert "file no.txt is not there" in checked("heights: no.txt")
+    write("A020_low", "A020_low.txt", height="-1")
+    write("A030_open", "A030_open.txt, open: true")
+    write("A040_lost", "no.txt")
+    told = marbling.run("validate").stderr
+    assert "shots/A020_low.yaml:3:11: " in told and "a height is -1; heights are above 0" in told
+    assert "shots/A030_open.yaml:3:11: " in told and "Traceback" not in told
+    assert "shots/A040_lost.yaml:" in told and "file no.txt is not there" in told
     (marbling.folder / "marbling_parts.py").write_text(PARTS + STONE.replace("Stone(SubjectKind)", "Stone"))
-    assert "marbling.stone is left out: TypeError: it is not a SubjectKind" in checked()
+    left_out = "marbling.stone is left out: TypeError: it is not a SubjectKind"
+    assert left_out in marbling.run("validate").stderr
 
 
 def plugin(name: str = "greeter", rest: str = "") -> str:
