@@ -252,20 +252,21 @@ def test_a_subject_of_a_plug_in_is_placed_keyed_by_its_files_and_refused_at_its_
         (shots / f"{shot}.yaml").write_text(INKED.replace("{solid: box}", subject))
 
     write("A010_ink", "A010_ink.txt")
-    facts = json.loads(marbling.run("--json", "validate").stdout)[0]["first_frame"]
+    write("A020_low", "A020_low.txt", height="-1")
+    write("A030_open", "A030_open.txt, open: true")
+    write("A040_lost", "no.txt")
+    done = marbling.run("--json", "validate")
+    told = done.stdout + done.stderr
+    assert "shots/A020_low.yaml:3:11: " in told and "a height is -1; heights are above 0" in told
+    assert "shots/A030_open.yaml:3:11: " in told and "Traceback" not in told
+    assert "shots/A040_lost.yaml:" in told and "file no.txt is not there" in told
+    facts = json.loads(done.stdout)[0]["first_frame"]
     assert facts["extent"] == pytest.approx(3.0, rel=0.01) and facts["subject"].startswith("marbling.stone")
     plans = []
     for height in ("0.5", "0.6", "0.5"):
         (shots / "A010_ink.txt").write_text(height)
         plans.append(json.loads(marbling.run("--json", "--dry-run", "simulate", "A010_ink").stdout)["jobs"])
     assert plans[0] == plans[2] != plans[1]
-    write("A020_low", "A020_low.txt", height="-1")
-    write("A030_open", "A030_open.txt, open: true")
-    write("A040_lost", "no.txt")
-    told = marbling.run("validate").stderr
-    assert "shots/A020_low.yaml:3:11: " in told and "a height is -1; heights are above 0" in told
-    assert "shots/A030_open.yaml:3:11: " in told and "Traceback" not in told
-    assert "shots/A040_lost.yaml:" in told and "file no.txt is not there" in told
     (marbling.folder / "marbling_parts.py").write_text(PARTS + STONE.replace("Stone(SubjectKind)", "Stone"))
     left_out = "marbling.stone is left out: TypeError: it is not a SubjectKind"
     assert left_out in marbling.run("validate").stderr
