@@ -179,13 +179,13 @@ def blend(first: Floats, second: Floats, share: float, out: Floats) -> None:
 
 
 @kernel("void(f8[::1], f8, f8[::1], f8[::1])")
-def divide(spread: Floats, share: float, first: Floats, second: Floats) -> None:
-    """Add the derivatives by what `blend` has computed to those by its two grids, and set them to 0."""
-    for i in range(len(spread)):
-        value = spread[i]
+def blend_back(mixed: Floats, share: float, first: Floats, second: Floats) -> None:
+    """Add the derivatives by a mixture of `blend` (N,) to those by its two grids, and set `mixed` to 0."""
+    for i in range(len(mixed)):
+        value = mixed[i]
         first[i] += (1.0 - share) * value
         second[i] += share * value
-        spread[i] = 0.0
+        mixed[i] = 0.0
 
 
 @kernel("void(i8, i8, f8[:, ::1], f8[:, ::1], i8[::1])")

@@ -239,7 +239,7 @@ def energy(
         out = np.empty_like(at)
         kernels.pull_back(_blended(grids, time, memory), n, at, push, spread, out)
         k, share = _knot_before(len(grids), time)
-        kernels.divide(spread, share, by_knots[k], by_knots[k + 1])
+        kernels.blend_back(spread, share, by_knots[k], by_knots[k + 1])
         return out
 
     for step in reversed(range(steps)):
