@@ -25,7 +25,7 @@ quick: .venv/ready-dev
 
 # Long runs, and all other tests with examples that are new every time.
 soak: .venv/ready-dev
-	$(BIN)/python -m pytest --hypothesis-profile=default
+	$(BIN)/python -m pytest --hypothesis-profile=new
 
 check: .venv/ready-dev
 	$(BIN)/ruff check .

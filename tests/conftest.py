@@ -18,7 +18,7 @@ from unittest import mock
 
 import psutil
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 from render.base import python_process
 
@@ -30,8 +30,10 @@ if TYPE_CHECKING:
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
+# No example fails for the time that it takes: a busy machine stalls any of them for seconds.
+settings.register_profile("new", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 # The same examples in every run, so that what fails was broken by a change; `make soak` looks for others.
-settings.register_profile("repeatable", derandomize=True)
+settings.register_profile("repeatable", settings.get_profile("new"), derandomize=True)
 settings.load_profile("repeatable")
 
 FIXTURES = {

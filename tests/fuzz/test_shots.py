@@ -58,7 +58,7 @@ def test_a_file_that_once_failed_is_told_in_time(tmp_path: Path, text: str) -> N
     assert fault_of(tmp_path, text.encode()) is None
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(content=SHOT_FILES)
 def test_any_file_ends_in_a_shot_or_a_message(tmp_path: Path, content: bytes) -> None:
     assert fault_of(tmp_path, content) is None

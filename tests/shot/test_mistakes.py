@@ -191,7 +191,7 @@ STRAYS = [
 ]
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(line=st.integers(0, 10), stray=st.sampled_from(STRAYS), colon=st.integers(0, 5))
 def test_no_stray_value_anywhere_raises_anything_else(
     tmp_path: Path, line: int, stray: str, colon: int
