@@ -5,9 +5,8 @@ from __future__ import annotations
 import ctypes
 import os
 import struct
-import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 _OPEN, _IS_FOLDER, _NONBLOCK = 0x20, 0x40000000, 0o4000
@@ -24,23 +23,19 @@ def opened_below(folder: Path) -> Iterator[set[Path]]:
         folders = [folder, *(path for path in folder.rglob("*") if path.is_dir())]
         watched = {libc.inotify_add_watch(watch, os.fsencode(place), _OPEN): place for place in folders}
         yield opened
-        deadline = time.monotonic() + 0.05  # events of other processes arrive as theirs do
-        while time.monotonic() < deadline:
-            opened.update(_events(watch, watched))
-            time.sleep(0.01)
+        opened.update(_events(watch, watched))
     finally:
         os.close(watch)
 
 
 def _events(watch: int, watched: dict[int, Path]) -> Iterator[Path]:
-    try:
-        data = os.read(watch, 1 << 20)
-    except BlockingIOError:
-        return
-    at = 0
-    while at < len(data):
-        number, mask, _, length = _EVENT.unpack_from(data, at)
-        name = data[at + _EVENT.size : at + _EVENT.size + length].rstrip(b"\0")
-        at += _EVENT.size + length
-        if name and not mask & _IS_FOLDER:
-            yield watched[number] / os.fsdecode(name)
+    """Yield files that were opened. An event is there as soon as a process has opened a file."""
+    with suppress(BlockingIOError):  # there are no more
+        while True:
+            data, at = os.read(watch, 1 << 20), 0
+            while at < len(data):
+                number, mask, _, length = _EVENT.unpack_from(data, at)
+                name = data[at + _EVENT.size : at + _EVENT.size + length].rstrip(b"\0")
+                at += _EVENT.size + length
+                if name and not mask & _IS_FOLDER:
+                    yield watched[number] / os.fsdecode(name)
