@@ -21,5 +21,5 @@ def s3(_server: Proxy, monkeypatch: pytest.MonkeyPatch) -> Proxy:
     for name, value in {**CREDENTIALS, "AWS_ENDPOINT_URL": _server.url}.items():
         monkeypatch.setenv(name, value)
     _server.fault, _server.seconds = None, 0.0
-    _server.requests.clear()
+    _server.expect(together=0)
     return _server

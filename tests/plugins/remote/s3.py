@@ -21,7 +21,10 @@ CREDENTIALS = {
     "AWS_DEFAULT_REGION": "us-east-1",
 }
 
-_COUNTING = threading.Lock()
+_COUNTING = threading.Condition()
+
+MEETING_SECONDS = 60.0
+"""Seconds after which a request waits for no others: they are asked one after another."""
 
 
 @dataclass
@@ -31,6 +34,7 @@ class Proxy:
     fault    what it does to requests: None, `refuse`, `error`, `hang`, or to the content of objects that are
              read: `cut`, `alter`
     seconds  what every request takes longer
+    together requests after the first are answered once so many have been here at once
     requests the method and the path of each request so far
     at_once  requests that are answered now, and most_at_once the most of them so far
     """
@@ -38,9 +42,15 @@ class Proxy:
     url: str
     fault: str | None = None
     seconds: float = 0.0
+    together: int = 0
     requests: list[tuple[str, str]] = field(default_factory=list)
     at_once: int = 0
     most_at_once: int = 0
+
+    def expect(self, together: int) -> None:
+        """Count again from here, and have requests wait for each other."""
+        self.requests.clear()
+        self.together, self.most_at_once = together, 0
 
     @contextmanager
     def answering(self) -> Iterator[None]:
@@ -48,6 +58,11 @@ class Proxy:
         with _COUNTING:
             self.at_once += 1
             self.most_at_once = max(self.most_at_once, self.at_once)
+            _COUNTING.notify_all()
+            if len(self.requests) > 1 and not _COUNTING.wait_for(
+                lambda: self.most_at_once >= self.together, MEETING_SECONDS
+            ):
+                self.together = 0
         try:
             yield
         finally:
@@ -65,7 +80,7 @@ def serving() -> Iterator[Proxy]:
 
     class Handler(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"
-        timeout = 30
+        timeout = 300
 
         def handle_request(self) -> None:
             proxy.requests.append((self.command, self.path))
