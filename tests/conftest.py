@@ -7,8 +7,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
@@ -21,6 +19,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from render.base import python_process
+from tests.processes import wait_until
 
 if TYPE_CHECKING:
     from pipeline.production.planning.plan import Plan
@@ -186,12 +185,7 @@ class ProjectFolder:
             text=True,
         )
 
-    @staticmethod
-    def wait_until(condition: Callable[[], object], seconds: float = 120.0) -> None:
-        limit = time.monotonic() + seconds
-        while not condition():
-            assert time.monotonic() < limit, "waited in vain"
-            time.sleep(0.01)
+    wait_until = staticmethod(wait_until)
 
     @staticmethod
     def renderers(process: subprocess.Popen[str]) -> list[psutil.Process]:

@@ -9,7 +9,6 @@ import socket as sockets
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -20,7 +19,7 @@ import pytest
 from pipeline.production.execution.project import Project
 from pipeline.production.tasks import job_server
 from pipeline.production.tasks.job_process import SERVER
-from tests.numbered_process import process_numbered
+from tests.processes import has_ended, process_numbered, wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux forks safely")
 
@@ -86,13 +85,6 @@ def start(socket: Path, root: Path, *words: str) -> subprocess.Popen[str]:
     return subprocess.Popen(command, cwd=root, env=environment, stderr=subprocess.PIPE, text=True)
 
 
-def wait_until(is_true: Callable[[], object], seconds: float = 30.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not is_true():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-
-
 def forked(owner: subprocess.Popen[str], root: Path) -> list[psutil.Process]:
     """The processes that the server has forked, at work in a root. One that ends meanwhile is left out."""
     (server,) = psutil.Process(owner.pid).children()
@@ -106,7 +98,7 @@ def forked(owner: subprocess.Popen[str], root: Path) -> list[psutil.Process]:
 
 def test_a_job_that_ends_gives_its_words_and_its_exit_code(socket: Path, tmp_path: Path) -> None:
     process = start(socket, tmp_path)
-    _, words = process.communicate(timeout=60)
+    _, words = process.communicate(timeout=300)
     assert process.returncode == 2
     assert "required: plan_path, job_name" in words
     assert "numba" not in words and "numpy" not in words, "who stands for a job loads nothing for it"
@@ -122,7 +114,7 @@ def test_a_signal_to_who_stands_for_a_job_ends_the_job(
     wait_until(lambda: list(tmp_path.rglob("long.0002.npz")))
     assert len(forked(owner, tmp_path)) == 1
     process.send_signal(number)
-    process.communicate(timeout=60)
+    process.communicate(timeout=300)
     assert process.returncode == code
     wait_until(lambda: not forked(owner, tmp_path))
 
@@ -133,13 +125,13 @@ def test_who_stands_for_a_killed_job_dies_as_the_job_did(
     process = start(socket, tmp_path, *job)
     wait_until(lambda: forked(owner, tmp_path))
     forked(owner, tmp_path)[0].send_signal(signal.SIGSEGV)
-    process.communicate(timeout=60)
+    process.communicate(timeout=300)
     assert process.returncode == -signal.SIGSEGV
 
 
 def test_a_job_without_a_server_works_by_itself(tmp_path: Path) -> None:
     process = start(tmp_path / "no-socket", tmp_path)
-    _, words = process.communicate(timeout=60)
+    _, words = process.communicate(timeout=300)
     assert process.returncode == 2
     assert "required: plan_path, job_name" in words
 
@@ -177,7 +169,7 @@ def test_whatever_a_connection_does_others_are_served(
             connection.connect(str(socket))
             does(connection)
         process = start(socket, tmp_path)
-        _, words = process.communicate(timeout=60)
+        _, words = process.communicate(timeout=300)
     assert process.returncode == 2 and "argparse" not in words, "the server has done it"
 
 
@@ -193,7 +185,7 @@ def test_a_signal_that_comes_when_the_job_has_ended_reaches_no_other_process(
     with process_numbered(work.pid) as other:
         process.send_signal(signal.SIGTERM)
         psutil.Process(process.pid).resume()
-        process.communicate(timeout=60)
+        process.communicate(timeout=300)
         assert process.returncode == -signal.SIGKILL
         assert other.poll() is None
 
@@ -201,5 +193,5 @@ def test_a_signal_that_comes_when_the_job_has_ended_reaches_no_other_process(
 def test_a_server_goes_with_the_process_that_started_it(owner: subprocess.Popen[str], socket: Path) -> None:
     (server,) = psutil.Process(owner.pid).children()
     owner.kill()
-    wait_until(lambda: not server.is_running() or server.status() == psutil.STATUS_ZOMBIE)
+    wait_until(lambda: has_ended(server))
     wait_until(lambda: not socket.parent.exists())

@@ -2,32 +2,36 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import psutil
 import pytest
 
-from pipeline.production.execution.run import ROUNDS, RetryPolicy, watched
+from pipeline.production.execution import run
+from pipeline.production.execution.run import ROUNDS, RetryPolicy, Watchdog, watched
 from pipeline.production.store.event_log import EventLog, EventReader, poll
 from pipeline.production.store.locks import start_of
-from tests.numbered_process import process_numbered
+from tests.processes import process_numbered, wait_until
 
 pytestmark = pytest.mark.quick
 
-STUCK = [sys.executable, "-c", "import time; time.sleep(60)"]
 
-
-def wait_until(condition: Callable[[], Any], seconds: float = 20.0) -> None:
-    limit = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < limit, "waited in vain"
-        time.sleep(0.02)
+@contextmanager
+def stuck() -> Iterator[subprocess.Popen[bytes]]:
+    """Start a process that does nothing, and kill it in the end."""
+    with subprocess.Popen([sys.executable, "-c", "import time; time.sleep(3600)"]) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def begun(log: EventLog, process: int, host: str | None = None) -> None:
@@ -44,39 +48,45 @@ def test_a_job_that_is_silent_is_ended_and_the_log_says_which_frame_it_was_at(
     stopped: bool, tmp_path: Path
 ) -> None:
     log = EventLog(tmp_path / "a.jsonl", "job")
-    with subprocess.Popen(STUCK) as process, watched(log.path, 0.3):
+    with stuck() as process:
         begun(log, process.pid)
         log.write("start", stage="render", shot="A010", frame=12)
         if stopped:
             psutil.Process(process.pid).suspend()
-        process.wait(20)
+        with watched(log.path, 0.3):
+            process.wait(120)
     (hung,) = events(log, "hung")
     assert (hung["shot"], hung["frame"], hung["stage"]) == ("A010", 12, "render")
     assert "no sign of life for 0.3 s" in hung["message"]
 
 
-@pytest.mark.slow
-def test_a_job_that_tells_of_itself_or_has_ended_or_is_elsewhere_is_left_alone(tmp_path: Path) -> None:
+def test_a_job_that_tells_of_itself_or_has_ended_or_is_elsewhere_is_left_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     log, other = EventLog(tmp_path / "a.jsonl", "job"), EventLog(tmp_path / "a.jsonl", "other")
-    with subprocess.Popen(STUCK) as process, watched(log.path, 1.0):
-        begun(other, process.pid)
-        other.write("end")
-        begun(EventLog(log.path, "far"), process.pid, "another host")
-        begun(log, process.pid)
-        for done in range(12):
-            log.write("pass", frame=1, done=done, most=12)
-            time.sleep(0.15)
-        assert process.poll() is None
-        process.kill()
-    assert not events(log, "hung")
+    now, ended = 0.0, list[int]()
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    monkeypatch.setattr(run, "end_family", ended.append)
+    watchdog = Watchdog(log.path, 1.0)
+    begun(other, os.getpid())
+    other.write("end")
+    begun(EventLog(log.path, "far"), os.getpid(), "another host")
+    begun(log, os.getpid())
+    for done in range(12):
+        log.write("pass", frame=1, done=done, most=12)
+        watchdog.check()
+        now += 0.9
+    assert not ended and not events(log, "hung")
+    now += 0.9
+    watchdog.check()
+    assert ended == [os.getpid()] and len(events(log, "hung")) == 1, "it is silent now"
 
 
 @pytest.mark.slow
 def test_a_process_that_has_the_number_of_a_killed_job_by_now_is_left_alone(tmp_path: Path) -> None:
     log = EventLog(tmp_path / "a.jsonl", "job")
-    with subprocess.Popen(STUCK) as job:
+    with stuck() as job:
         log.write("begin", process=job.pid, started=start_of(job.pid), host=platform.node())
-        job.kill()
     with process_numbered(job.pid) as other, watched(log.path, 0.3):
         time.sleep(1.0)
         assert other.poll() is None
@@ -86,12 +96,12 @@ def test_a_process_that_has_the_number_of_a_killed_job_by_now_is_left_alone(tmp_
 @pytest.mark.slow
 def test_a_log_that_cannot_be_read_for_a_while_keeps_nobody_from_ending_what_hangs(tmp_path: Path) -> None:
     log = EventLog(tmp_path / "a.jsonl", "job")
-    with subprocess.Popen(STUCK) as process, watched(log.path, 0.3):
+    with stuck() as process, watched(log.path, 0.3):
         log.path.mkdir()
         time.sleep(0.5)
         log.path.rmdir()
         begun(log, process.pid)
-        process.wait(20)
+        process.wait(120)
     assert events(log, "hung")
 
 

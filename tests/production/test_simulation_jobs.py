@@ -109,7 +109,7 @@ def test_a_frame_is_written_while_the_next_one_is_computed(
             yield frame
 
     def writes(path: Path, named: Any) -> None:
-        assert named["number"] > 1 or computed.wait(10.0), "the first is not written before the second comes"
+        assert named["number"] > 1 or computed.wait(120.0), "the first is not written before the second comes"
         write(path, named)
 
     monkeypatch.setattr(surfaces, "animate_reporting", frames)

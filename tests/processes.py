@@ -1,17 +1,34 @@
-"""A process that has the number of one that has ended."""
+"""Processes of tests: wait for what they do, and start one that has the number of one that has ended."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import psutil
 import pytest
 
 LAST_NUMBER = Path("/proc/sys/kernel/ns_last_pid")
+
+
+def wait_until(is_true: Callable[[], object], seconds: float = 120.0) -> None:
+    """Wait until a condition holds. The limit only ends a test that hangs."""
+    limit = time.monotonic() + seconds
+    while not is_true():
+        assert time.monotonic() < limit, "waited in vain"
+        time.sleep(0.01)
+
+
+def has_ended(process: psutil.Process) -> bool:
+    """Tell whether a process has ended, also where nobody has asked for its exit code yet."""
+    try:
+        return bool(process.status() == psutil.STATUS_ZOMBIE)
+    except psutil.NoSuchProcess:
+        return True
 
 
 @contextmanager
