@@ -73,6 +73,21 @@ at draft."""
 HOSTILE = 'it\'s "{shot}" of $HOME; ünï 日本 & 50% (b) [c] \\d'
 """A folder's name that shells, formats, patterns and addresses could each take for something else."""
 
+AT_LINK = """\
+import os, signal, sys
+
+def watch(event, given):
+    if event in ("os.link", "os.rename") and os.fsdecode(given[1]).endswith({name!r}):
+        try:
+            os.mkdir({done!r})
+        except FileExistsError:
+            return
+        {do}
+
+sys.addaudithook(watch)
+"""
+"""A module that Python imports when it starts: it does something once, when a file gets a name."""
+
 FILM = """\
 title: Tiny
 subtitle: six frames
@@ -173,12 +188,24 @@ class ProjectFolder:
             done(self.path, plan)
         return plan
 
-    def start(self, *words: str) -> subprocess.Popen[str]:
-        """The command at work, in a process group of its own."""
+    def start(self, *words: str, at_raw: tuple[int, str] | None = None) -> subprocess.Popen[str]:
+        """The command at work, in a process group of its own.
+
+        at_raw  a statement that the process which renders a frame executes when it shows the raw frame, once
+        """
         command = python_process.command("pipeline.cli", "--no-progress", "-j", "2", *words)
+        environment = dict(os.environ)
+        if at_raw is not None:
+            number, statement = at_raw
+            hooks = self.path.parent / f"{self.path.name}-hooks"
+            hooks.mkdir()
+            name, done = f"raw/{self.shot.stem}.{number:04d}.exr", str(hooks / "done")
+            (hooks / "sitecustomize.py").write_text(AT_LINK.format(name=name, done=done, do=statement))
+            environment["PYTHONPATH"] = str(hooks)
         return subprocess.Popen(
             command,
             cwd=self.path,
+            env=environment,
             start_new_session=True,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

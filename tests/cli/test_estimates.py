@@ -40,7 +40,7 @@ def test_stills_say_what_large_frames_take_before_any_is_rendered(project):
         said = process.stderr.readline()
     finally:
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=60)
+        process.communicate(timeout=300)
     assert "1 frame of 1920 × 1080 pixels, at most 64 samples each" in said
     assert re.search(r"about .* (s|min) on . cores?, by a typical shot; none was rendered here yet\.", said)
 
