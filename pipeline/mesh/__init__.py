@@ -1,29 +1,44 @@
-"""Meshes: values, solids, files, connectivity, validation and normals."""
+"""Meshes: values, solids, files, connectivity, validation and normals.
 
-from pipeline.mesh.halfedge_mesh import HalfedgeMesh
-from pipeline.mesh.meshes import PolygonMesh, TriangleMesh
-from pipeline.mesh.normals import ShadedMesh, dihedral_angles, face_normals, split_at_creases, vertex_normals
-from pipeline.mesh.read import read_mesh, read_polygons
-from pipeline.mesh.solids import box, icosphere, rod, sheet, torus
-from pipeline.mesh.validation import Soundness, require, validate
+Names are imported on first use: processes that read a model's file need no compiled kernel, and numba takes a
+third of a second to import.
+"""
 
-__all__ = [
-    "HalfedgeMesh",
-    "PolygonMesh",
-    "ShadedMesh",
-    "Soundness",
-    "TriangleMesh",
-    "box",
-    "dihedral_angles",
-    "face_normals",
-    "icosphere",
-    "read_mesh",
-    "read_polygons",
-    "require",
-    "rod",
-    "sheet",
-    "split_at_creases",
-    "torus",
-    "validate",
-    "vertex_normals",
-]
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pipeline.mesh.halfedge_mesh import HalfedgeMesh as HalfedgeMesh
+    from pipeline.mesh.meshes import PolygonMesh as PolygonMesh
+    from pipeline.mesh.meshes import TriangleMesh as TriangleMesh
+    from pipeline.mesh.normals import ShadedMesh as ShadedMesh
+    from pipeline.mesh.normals import dihedral_angles as dihedral_angles
+    from pipeline.mesh.normals import face_normals as face_normals
+    from pipeline.mesh.normals import split_at_creases as split_at_creases
+    from pipeline.mesh.normals import vertex_normals as vertex_normals
+    from pipeline.mesh.read import read_mesh as read_mesh
+    from pipeline.mesh.read import read_polygons as read_polygons
+    from pipeline.mesh.solids import box as box
+    from pipeline.mesh.solids import icosphere as icosphere
+    from pipeline.mesh.solids import rod as rod
+    from pipeline.mesh.solids import sheet as sheet
+    from pipeline.mesh.solids import torus as torus
+    from pipeline.mesh.validation import Soundness as Soundness
+    from pipeline.mesh.validation import require as require
+    from pipeline.mesh.validation import validate as validate
+
+_MODULES = {
+    "halfedge_mesh": ("HalfedgeMesh",),
+    "meshes": ("PolygonMesh", "TriangleMesh"),
+    "normals": ("ShadedMesh", "dihedral_angles", "face_normals", "split_at_creases", "vertex_normals"),
+    "read": ("read_mesh", "read_polygons"),
+    "solids": ("box", "icosphere", "rod", "sheet", "torus"),
+    "validation": ("Soundness", "require", "validate"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    for module, names in _MODULES.items():
+        if name in names:
+            return getattr(import_module(f"{__name__}.{module}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
 from pipeline.errors import MeshError
-from pipeline.mesh.kernels.triangulation import FORBIDDEN, triangulate_all, triangulate_polygon
 from render.base.plural import plural
 
 
@@ -412,6 +411,8 @@ def triangulate(points: Points, offsets: Indices, corners: Indices) -> tuple[Fac
     triangles = np.empty((int((np.diff(offsets) - 2).sum()), 3), np.int32)
     if np.diff(offsets).max(initial=3) == 3:
         return corners.reshape(-1, 3).astype(np.int32), np.empty(0, np.int32)
+    from pipeline.mesh.kernels.triangulation import triangulate_all  # numba takes time to import
+
     triangulate_all(points.copy(), offsets.copy(), corners.copy(), triangles)
     doubled = _doubled(triangles, offsets, corners)
     if not len(doubled):
@@ -436,6 +437,8 @@ def _recut(
     points: Points, offsets: Indices, corners: Indices, triangles: Faces, doubled: Indices
 ) -> tuple[Faces, Indices]:
     """Cut the doubled faces again, one after the other, with regard to all edges there are."""
+    from pipeline.mesh.kernels.triangulation import FORBIDDEN
+
     starts = offsets - 2 * np.arange(len(offsets), dtype=np.int32)  # of each face's triangles
     parts = np.split(triangles, starts[1:-1])
     polygons = np.split(corners, offsets[1:-1])
@@ -458,6 +461,8 @@ def _recut(
 
 
 def _cut(polygon: Floats, sides: Indices, taken: set[Edge]) -> tuple[Faces, float]:
+    from pipeline.mesh.kernels.triangulation import triangulate_polygon
+
     n = len(sides)
     closed = np.zeros((n, n), np.uint8)
     for i in range(n):

@@ -14,16 +14,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
-from pipeline.flow.regions import TriangleTree
 from pipeline.mesh.face_soup import components, first_alike
 from pipeline.mesh.meshes import edge_keys, triangulate
-from pipeline.plugins.interchange.paint_kernels import find_nearest
 from render.scene.painted_faces import PaintedFaces
+
+if TYPE_CHECKING:
+    from pipeline.flow.regions import TriangleTree
 
 _STEPS = 1e-5
 """Texture coordinates and colours that differ by less are the same."""
@@ -118,6 +119,8 @@ class ModelPaint:
 
     @cached_property
     def _trees(self) -> _Trees:
+        from pipeline.flow.regions import TriangleTree  # processes that read files need no numba
+
         by_chart = np.split(np.argsort(self.charts, kind="stable"), np.cumsum(np.bincount(self.charts))[:-1])
         parts = [*by_chart, np.arange(len(self.charts))]
         trees = [TriangleTree.of(self.place[self.corners[part]]) for part in parts]
@@ -131,6 +134,8 @@ class ModelPaint:
 
     def _nearest(self, points: Points, wanted: AnyArray) -> tuple[AnyArray, Floats]:
         """Return the nearest triangles (N,) of trees, and shares (N, 2) of their last two corners."""
+        from pipeline.plugins.interchange.paint_kernels import find_nearest
+
         own, found, shares = self._trees, np.empty(len(points), np.int64), np.zeros((len(points), 2))
         for first in range(0, len(points), _BLOCK):
             part = slice(first, first + _BLOCK)
