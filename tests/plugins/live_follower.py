@@ -12,7 +12,14 @@ from pipeline.plugins.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project
 
 NAME = "T010_tiny"
-PATIENCE = 60.0
+PATIENCE = 120.0
+
+
+def save_whole(path: Path, text: str) -> None:
+    """Save a text as editors do: in a file of its own, which then replaces the old one."""
+    draft = path.with_suffix(".draft")
+    draft.write_text(text)
+    draft.replace(path)
 
 
 class Follower:
@@ -27,6 +34,10 @@ class Follower:
         self.session = session = LiveSession(self._sketch, self.feed, self.stream, self._done, {self.shot})
         self.heard = self.feed.subscribe()
         threading.Thread(target=session.follow, daemon=True).start()
+
+    def save(self, text: str) -> None:
+        """Save the shot in one step: nobody reads half of it, however long this process stalls."""
+        save_whole(self.shot, text)
 
     def until(self, words: str) -> list[dict[str, Any]]:
         """All that is heard until something is said that begins with these words."""

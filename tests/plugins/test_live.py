@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import socket
 import urllib.error
@@ -59,10 +60,10 @@ def test_every_frame_comes_while_the_next_is_simulated_and_again_from_the_right_
 def test_what_an_edit_left_alone_is_shown_as_it_was(follower: Follower) -> None:
     follower.until("Up")
     before = {n: follower.feed.picture(1, n) for n in range(1, 7)}
-    follower.shot.write_text(TINY.replace("A box, twisted", "A box"))
+    follower.save(TINY.replace("A box, twisted", "A box"))
     assert frames(follower.until("Up")) == [1, 2, 3, 4, 5, 6], "each once, for its camera stays too"
     assert all(follower.feed.picture(2, n) is before[n] for n in range(1, 7))
-    follower.shot.write_text(TINY.replace("camera:", "look: glaze\ncamera:"))
+    follower.save(TINY.replace("camera:", "look: glaze\ncamera:"))
     follower.until("Up")
     assert all(follower.feed.picture(3, n) != before[n] for n in range(1, 7))
 
@@ -70,19 +71,21 @@ def test_what_an_edit_left_alone_is_shown_as_it_was(follower: Follower) -> None:
 @pytest.mark.slow
 def test_a_mistake_is_told_at_its_line_and_mended_by_the_next_save(follower: Follower) -> None:
     follower.until("Up")
-    follower.shot.write_text(TINY.replace("twist", "twits"))
+    follower.save(TINY.replace("twist", "twits"))
     told = follower.until("")
     assert told[-1]["trouble"] and ":6:" in told[-1]["words"] and "twist" in told[-1]["words"]
-    follower.shot.write_text(TINY.replace("elevation: 14", "elevation: 30"))
+    follower.save(TINY.replace("elevation: 14", "elevation: 30"))
     assert frames(follower.until("Up"))[:6] == [1, 2, 3, 4, 5, 6]
 
 
-def test_a_save_ends_what_is_being_shown(follower: Follower) -> None:
+def test_a_save_ends_what_is_being_shown(tmp_path: Path) -> None:
+    follower = Follower(tmp_path, TINY.replace("frames: 1-6", "frames: 1-4000"))
     follower.until("Simulating")
-    follower.shot.write_text(TINY.replace("elevation: 14", "elevation: 40"))
+    follower.save(TINY.replace("elevation: 14", "elevation: 40"))
     messages = follower.until("Up")
     assert messages[-1]["event"] == "say" and follower.movies == 1
     assert follower.feed.picture(2, 6) is not None
+    follower.stream.__exit__(None, None, None)
 
 
 class Page:
@@ -172,6 +175,6 @@ def test_a_request_that_announces_more_than_it_sends_is_cut_off(
     token = page.address.split("/")[3]
     head = f"POST /{token}/edit HTTP/1.1\r\nHost: {page.origin[7:]}\r\nOrigin: {page.origin}\r\n"
     place = ("127.0.0.1", urllib.parse.urlsplit(page.address).port)
-    with socket.create_connection(place, timeout=PATIENCE) as client:
+    with socket.create_connection(place, timeout=PATIENCE) as client, contextlib.suppress(ConnectionError):
         client.sendall(f"{head}Content-Type: application/json\r\nContent-Length: 100\r\n\r\n{{".encode())
         assert client.recv(1000) == b""

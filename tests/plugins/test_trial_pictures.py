@@ -55,7 +55,7 @@ def pictures(follower: Follower) -> Iterator[TrialPictures]:
     editor = ShotEditor(follower.shot)
     yield TrialPictures(editor, follower.session)
     if follower.shot.read_text() != SHOT:
-        follower.shot.write_text(SHOT)
+        follower.save(SHOT)
         follower.until("Up")
 
 

@@ -31,7 +31,7 @@ from render.scene.scene_stage import StagePlacement
 from render.scene.texture_projection import TextureProjection
 from render.scene.textures import texture_of
 from tests.plugins.interchange.moving_meshes import moving, painted
-from tests.plugins.review.chromium import wait_for
+from tests.plugins.review.chromium import LIMIT, wait_for
 from tests.plugins.review.conftest import browser
 
 __all__ = ["browser"]
@@ -89,6 +89,7 @@ def opened(browser: Browser, page: Path) -> Iterator[Tab]:
     context = browser.new_context(
         viewport={"width": SIZE[0], "height": SIZE[1]}, reduced_motion="reduce", offline=True
     )
+    context.set_default_timeout(1000 * LIMIT)
     tab, complaints, asked = context.new_page(), list[str](), list[str]()
     tab.on(
         "console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None
@@ -96,7 +97,7 @@ def opened(browser: Browser, page: Path) -> Iterator[Tab]:
     tab.on("pageerror", lambda error: complaints.append(str(error)))
     tab.on("request", lambda request: asked.append(request.url))
     tab.goto(page.as_uri())
-    wait_for(tab, "window.flowsculpt || document.getElementById('message').textContent", 60.0)
+    wait_for(tab, "window.flowsculpt || document.getElementById('message').textContent")
     yield tab
     context.close()
     assert [each for each in complaints if "GPU stall" not in each] == []
@@ -192,7 +193,7 @@ def test_keys_and_the_bar_move_through_time_and_dragging_leaves_the_shots_camera
     tab.keyboard.press("End")
     assert tab.inner_text("#frame") == "24"
     tab.keyboard.press(" ")
-    wait_for(tab, "flowsculpt.transport.playing && flowsculpt.player.number < 20", 10.0)
+    wait_for(tab, "flowsculpt.transport.playing && flowsculpt.player.number < 20")
     tab.keyboard.press(" ")
     assert not tab.evaluate("flowsculpt.transport.playing")
     before = tab.evaluate("flowsculpt.player.camera.position.toArray()")
@@ -200,10 +201,10 @@ def test_keys_and_the_bar_move_through_time_and_dragging_leaves_the_shots_camera
     tab.mouse.down()
     tab.mouse.move(300, 120, steps=4)
     tab.mouse.up()
-    wait_for(tab, "document.getElementById('follow').getAttribute('aria-pressed') === 'false'", 5.0)
+    wait_for(tab, "document.getElementById('follow').getAttribute('aria-pressed') === 'false'")
     assert tab.evaluate("flowsculpt.player.camera.position.toArray()") != before
     tab.keyboard.press("c")
-    wait_for(tab, "flowsculpt.player.follows", 5.0)
+    wait_for(tab, "flowsculpt.player.follows")
     assert np.allclose(tab.evaluate("flowsculpt.player.camera.position.toArray()"), before, atol=1e-6)
 
 

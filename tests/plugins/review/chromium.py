@@ -35,6 +35,9 @@ FLAGS = (
     *("--use-angle=swiftshader", "--enable-unsafe-swiftshader"),  # WebGL without a graphics card
 )
 
+LIMIT = 120.0
+"""Seconds that a page may take for anything: it only ends a test that hangs."""
+
 FONTS = """\
 <?xml version="1.0"?>
 <!DOCTYPE fontconfig SYSTEM "fonts.dtd">
@@ -132,9 +135,9 @@ def running() -> Iterator[Browser]:
             browser.close()
 
 
-def wait_for(tab: Page, condition: str, seconds: float) -> None:
+def wait_for(tab: Page, condition: str) -> None:
     """Wait until an expression is true. The page's own policy forbids Playwright's `wait_for_function`."""
-    limit = time.monotonic() + seconds
+    limit = time.monotonic() + LIMIT
     while not tab.evaluate(f"Boolean({condition})"):
         assert time.monotonic() < limit, f"waited in vain for {condition}"
         tab.wait_for_timeout(20)

@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import Browser
 from playwright.sync_api import Page as Tab
 
-from tests.plugins.review.chromium import ChromiumError, fetch, running
+from tests.plugins.review.chromium import LIMIT, ChromiumError, fetch, running
 from tests.plugins.review.looker import Looker, Opened
 from tests.plugins.review.studio import NAME, Desk, furnish
 
@@ -57,6 +57,7 @@ def layered(desk: Desk, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pa
 @pytest.fixture(scope="module")
 def tab(browser: Browser) -> Iterator[Tab]:
     context = browser.new_context(viewport={"width": 1200, "height": 720}, reduced_motion="reduce")
+    context.set_default_timeout(1000 * LIMIT)
     yield context.new_page()
     context.close()
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+import sys
 import threading
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -19,7 +21,8 @@ from pipeline.plugins.preview.shot_editor import ShotEditor
 from pipeline.plugins.preview.sketch import Sketch
 from pipeline.plugins.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project
-from tests.plugins.review.chromium import wait_for
+from tests.plugins.live_follower import save_whole
+from tests.plugins.review.chromium import LIMIT, wait_for
 
 NAME = "T010_tiny"
 CURRENT = "page.film.isCurrent && page.film.arrived.size === page.film.take.last"
@@ -37,11 +40,16 @@ class Follower:
     shot: Path
 
     def wait(self, condition: str) -> None:
-        wait_for(self.tab, condition, 60.0)
+        wait_for(self.tab, condition)
+
+    def save(self, text: str) -> None:
+        """Save the shot as an editor does."""
+        save_whole(self.shot, text)
 
     def wait_for_text(self, pattern: str) -> re.Match[str]:
         """Wait until the shot file matches a pattern."""
-        for _ in range(500):
+        limit = time.monotonic() + LIMIT
+        while time.monotonic() < limit:
             if found := re.search(pattern, self.shot.read_text()):
                 return found
             self.tab.wait_for_timeout(20)
@@ -56,7 +64,8 @@ class Follower:
 
     def box(self, selector: str) -> FloatRect:
         """Return where an element is, in pixels of the window, perhaps once a new state has replaced it."""
-        for _ in range(50):
+        limit = time.monotonic() + LIMIT
+        while time.monotonic() < limit:
             if box := self.tab.locator(selector).first.bounding_box():
                 return box
             self.tab.wait_for_timeout(20)
@@ -96,15 +105,25 @@ def live_page(browser: Browser, root: Path, text: str) -> Iterator[Follower]:
     shot.parent.mkdir()
     shot.write_text(text)
 
+    is_over = threading.Event()
+
     def sketch() -> Sketch:
+        if is_over.is_set():
+            sys.exit()  # the thread that follows the shot
         return Sketch(Project(root, 2).request(shot, "draft", None, variant="none"))
+
+    def follow() -> None:
+        with suppress(SystemExit):
+            session.follow()
 
     feed, complaints = LiveFeed(), []
     with SurfaceStream(Project(root, 2).store) as stream:
         session = LiveSession(sketch, feed, stream, lambda ready: None, {shot})
         with serving(feed, 0, actions_of(ShotEditor(shot), session)) as address:
-            threading.Thread(target=session.follow, daemon=True).start()
+            following = threading.Thread(target=follow, daemon=True)
+            following.start()
             context = browser.new_context(viewport={"width": 1280, "height": 800}, reduced_motion="reduce")
+            context.set_default_timeout(1000 * LIMIT)
             tab = context.new_page()
             tab.on("console", lambda message: complaints.append(message.text))
             tab.on("pageerror", lambda error: complaints.append(str(error)))
@@ -112,8 +131,9 @@ def live_page(browser: Browser, root: Path, text: str) -> Iterator[Follower]:
             made = Follower(tab, shot)
             made.wait(SHOWN)
             yield made
-            tab.wait_for_timeout(250)  # the session notices a last edit,
-            made.wait(SHOWN)  # and reads no surface after they are gone
+            is_over.set()
+            made.save(f"{shot.read_text()}# the end\n")
+            following.join()  # it reads no surface after they are gone
             context.close()
     refusals = [each for each in complaints if "status of 409" not in each and "status of 422" not in each]
     assert refusals == []

@@ -37,7 +37,7 @@ class Looker:
         return int(self.tab.input_value("#frame"))
 
     def wait(self, condition: str) -> None:
-        wait_for(self.tab, condition, 20.0)
+        wait_for(self.tab, condition)
 
     def settled(self) -> None:
         """Wait until the pictures that are to be shown are there."""

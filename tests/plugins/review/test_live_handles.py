@@ -98,52 +98,56 @@ def test_a_handle_of_a_placed_flow_writes_what_the_flow_has_within(follower: Fol
     follower.wait_for_text(r"radius: 1\.05, strength")
 
 
-SLOW_EDITS = """() => {
+LATE_EDITS = """() => {
   const fetchNow = window.fetch;
+  const sent = new Promise((send) => { window.sendEdits = send; });
   window.fetch = async (name, ...rest) => {
-    if (name === "edit") await new Promise((done) => setTimeout(done, 600));
+    if (name === "edit") await sent;
     return fetchNow(name, ...rest);
   };
-  window.endSlowEdits = () => { window.fetch = fetchNow; };
+  window.endLateEdits = () => { window.sendEdits(); window.fetch = fetchNow; };
 }"""
-"""Has edits reach the server late, as on a machine that is busy."""
+"""Has edits reach the server when `sendEdits` is called."""
 
 
 @pytest.fixture
-def slow_edits(follower: Follower) -> Iterator[None]:
-    follower.tab.evaluate(SLOW_EDITS)
+def late_edits(follower: Follower) -> Iterator[None]:
+    follower.tab.evaluate(LATE_EDITS)
     yield
-    follower.tab.evaluate("endSlowEdits()")
+    follower.tab.evaluate("endLateEdits()")
 
 
-@pytest.mark.usefixtures("slow_edits")
+@pytest.mark.usefixtures("late_edits")
 def test_undo_waits_for_a_drag_that_is_still_being_written(follower: Follower) -> None:
     tab = follower.tab
     follower.drag('[data-handle="flows.0.placed.translate"] .spot', 0, -30)
     assert follower.shot.read_text() == SHOT and tab.is_enabled("#undo")
     tab.click("#undo")
+    tab.evaluate("sendEdits()")
     follower.wait("!page.shot.writes")
     assert follower.shot.read_text() == SHOT and tab.is_disabled("#undo") and not follower.trouble
     assert tab.evaluate("page.shot.state.can_redo"), "the drag was written, and then undone"
 
 
-@pytest.mark.usefixtures("slow_edits")
+@pytest.mark.usefixtures("late_edits")
 def test_a_drag_that_begins_while_another_is_being_written_is_written_too(follower: Follower) -> None:
     follower.drag('[data-handle="flows.0.placed.translate"] .spot', 0, -30)
     follower.drag('[data-handle="flows.1.mirrored.centre"] .spot', 0, -30)
+    follower.tab.evaluate("sendEdits()")
     follower.wait("!page.shot.writes")
     assert not follower.trouble
     assert "translate: [0.9, 0.5, 0]" not in (text := follower.shot.read_text())
     assert "normal: x, centre: [0.5, 0, 0]" not in text
 
 
-@pytest.mark.usefixtures("slow_edits")
+@pytest.mark.usefixtures("late_edits")
 def test_undo_undoes_a_turn_of_the_wheel_that_has_not_settled(follower: Follower) -> None:
     box = follower.box("#picture")
     follower.tab.mouse.move(box["x"] + 40, box["y"] + 40)
     follower.tab.mouse.wheel(0, 100)
-    follower.wait("page.orbit.wheeled")
+    follower.wait("page.orbit.wheeled || page.shot.writes")
     follower.tab.keyboard.press("Control+z")
+    follower.tab.evaluate("sendEdits()")
     follower.wait("!page.shot.writes")
     assert follower.shot.read_text() == SHOT and follower.tab.evaluate("page.shot.state.can_redo")
 
@@ -156,12 +160,12 @@ def test_a_text_that_a_person_saves_meanwhile_is_kept_shown_and_said(follower: F
     follower.tab.mouse.move(slider["x"] + 5, slider["y"] + 5)
     follower.tab.mouse.down()
     follower.tab.mouse.move(slider["x"] + 5, slider["y"] - 30)
-    follower.shot.write_text(theirs)
+    follower.save(theirs)
     follower.tab.mouse.up()
     follower.wait("document.getElementById('trouble').textContent.includes('has changed in the meantime')")
     follower.wait("page.shot.get(['subjects', 'motes', 'radius']).value === 0.07")
     assert follower.shot.read_text() == theirs
-    follower.shot.write_text(SHOT)
+    follower.save(SHOT)
     follower.wait("page.shot.get(['subjects', 'motes', 'radius']).value === 0.06")
 
 

@@ -38,10 +38,10 @@ def test_frames_are_shown_and_stepped_by_keys(follower: Follower) -> None:
 
 
 def test_a_save_is_seen_and_a_mistake_told_until_it_is_mended(follower: Follower) -> None:
-    follower.shot.write_text(SHOT.replace("elevation: 14", "elevation: fourteen"))
+    follower.save(SHOT.replace("elevation: 14", "elevation: fourteen"))
     follower.wait("!document.getElementById('trouble').hidden")
     assert ":8:" in follower.trouble
-    follower.shot.write_text(SHOT.replace("elevation: 14", "elevation: 40"))
+    follower.save(SHOT.replace("elevation: 14", "elevation: 40"))
     follower.wait(f"document.getElementById('trouble').hidden && page.film.take.take > 1 && {CURRENT}")
     follower.wait("page.shot.get(['camera', 'elevation']).value === 40")
 

@@ -70,7 +70,7 @@ def test_drawings_lie_on_the_picture_at_any_size_and_on_their_frame(
     drawn(look, (0.2, 0.6), (0.4, 0.9))
     look.press("6")
     drawn(look, (0.5, 0.65))
-    wait_for(look.tab, "document.activeElement.className === 'ink-words'", 5)
+    wait_for(look.tab, "document.activeElement.className === 'ink-words'")
     look.tab.keyboard.type(ATTACK)
     look.press("Enter")
     kinds = ["pen", "arrow", "rectangle", "text"]
@@ -121,7 +121,7 @@ def test_refused_storage_is_told_once_and_notes_stay_until_the_page_is_left(
         "Object.defineProperty(window, 'localStorage', { get() { throw new Error('no'); } });"
     )
     tab.goto(page(note()).as_uri())
-    wait_for(tab, "window.review", 10)
+    wait_for(tab, "window.review")
     look = Looker(tab, tmp_path)
     told = look.tab.inner_text("#message")
     assert "keeps no notes: download them" in told
@@ -241,9 +241,9 @@ def test_two_tabs_of_one_page_have_the_same_notes(opened: Opened, page: Callable
     look = opened(at := page(), frame=3)
     other = look.tab.context.new_page()
     other.goto(at.as_uri())
-    wait_for(other, "window.review", 10)
+    wait_for(other, "window.review")
     written(look, "softer")
-    wait_for(other, "review.notes.all.length === 1", 5)
+    wait_for(other, "review.notes.all.length === 1")
     other.evaluate("review.notes.editUndoably(review.notes.all[0].id, {status: 'change'})")
     look.wait("review.notes.all[0].status === 'change'")
     assert [each["text"] for each in notes_of(look)] == ["softer"]
