@@ -62,7 +62,10 @@ def _place(draft: Path, path: Path) -> None:
 
 
 def _exchange(one: Path, other: Path) -> bool:
-    """Have two files change places; return False where the system cannot. Raises OSError."""
+    """Have two files change places; return False where the system cannot.
+
+    Raises ChangedFileError where one is not there any more, and OSError.
+    """
     rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
     if rename is None:
         return False
@@ -71,6 +74,8 @@ def _exchange(one: Path, other: Path) -> bool:
     number = ctypes.get_errno()
     if number in _UNSUPPORTED:
         return False
+    if number == errno.ENOENT:  # somebody has just moved it away, to save another
+        raise ChangedFileError
     raise OSError(number, os.strerror(number), str(other))
 
 

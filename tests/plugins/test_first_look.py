@@ -8,7 +8,7 @@ import re
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psutil
@@ -22,6 +22,7 @@ from pipeline.production.planning.plan import Plan
 from render.base import python_process
 from render.movie.probe import probe_movie
 from tests.conftest import TINY, ProjectFolder
+from tests.processes import has_ended, wait_until
 
 NAME = "T010_tiny"
 
@@ -38,7 +39,7 @@ class Terminal:
             os.execvpe(command[0], command, environment)
         self.text = ""
 
-    def read_until(self, pattern: str, seconds: float = 120.0) -> None:
+    def read_until(self, pattern: str, seconds: float = 300.0) -> None:
         """Read until a pattern is on the screen, or the command has ended."""
         limit = time.monotonic() + seconds
         while not re.search(pattern, self.text):
@@ -65,14 +66,25 @@ def longer(project: ProjectFolder) -> ProjectFolder:
     return project
 
 
+def drawing_processes(command: int) -> list[psutil.Process]:
+    """Return the processes that draw the first pictures for a command."""
+    found = []
+    for child in psutil.Process(command).children():
+        with suppress(psutil.Error):  # it has ended already
+            if "first_pictures" in str(child.cmdline()):
+                found.append(child)
+    return found
+
+
 def test_an_animatic_comes_first_and_is_whole_when_the_run_is_interrupted(project: ProjectFolder) -> None:
     terminal = Terminal(longer(project).path, "render", NAME, "-q", "draft")
+    drawing: list[psutil.Process] = []
+    wait_until(lambda: drawing.extend(drawing_processes(terminal.process)) or drawing)
     terminal.read_until(r"Animatic: \S+\.mp4 \(24 frames")
-    drawing = [p for p in psutil.Process(terminal.process).children() if "first_pictures" in str(p.cmdline())]
     terminal.press_ctrl_c()
     assert terminal.end() == 130, terminal.text
     assert "in all" in terminal.text and "Traceback" not in terminal.text
-    assert drawing and not any(process.is_running() for process in drawing)
+    assert all(map(has_ended, drawing))
     assert probe_movie(project.path / "renders" / NAME / "preview" / f"{NAME}.mp4").frames == 24
     assert not list((project.path / "renders" / NAME / "draft").glob("frames/*.0024.exr"))
 

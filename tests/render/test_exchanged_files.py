@@ -69,3 +69,14 @@ def test_of_two_texts_saved_within_microseconds_the_last_is_kept(
     path.write_text("before")
     assert not replaced(path, "before", save(path, "first"), save(path, "second"))
     assert path.read_text() == "second"
+
+
+def test_a_file_that_is_moved_away_at_the_last_moment_has_changed(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path.write_text("before")
+    monkeypatch.setattr(Path, "exists", lambda there: True)
+    moved_away = atomic_write(path, is_same=lambda there: path.unlink() is None)
+    with pytest.raises(ChangedFileError), moved_away as draft:
+        draft.write_text("ours")
+    assert not list(path.parent.iterdir())
