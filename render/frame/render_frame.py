@@ -82,6 +82,7 @@ def render_frame(
     batches = SampleBatches(quality, schedule, aovs, seed, on_batch, checkpoint, groups)
     stopwatch.lap("preparing")
     moved: MotionSample | None = None
+    scenes: FrameScenes | None = None
 
     def sample_at(time: float) -> MotionSample:
         offset = 0.0 if shutter is None else shutter.offset(time)
@@ -89,7 +90,7 @@ def render_frame(
         return sample.with_surfaces(quality.width, attributes)
 
     for moment, its_batches in groupby(batches.remaining(), attrgetter("time")):
-        moved = sample_at(moment)
+        moved, scenes = sample_at(moment), None  # frees the earlier one, whose shapes would be in the code
         scenes = build_scene(
             scene.at(moved), quality, aovs, motion_samples, seed_of(seed, "photons", str(moment))
         )

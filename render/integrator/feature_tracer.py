@@ -92,7 +92,8 @@ class FeatureTracer:
 
 def _picture(values: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
     """Return values (pixels,) or (3, pixels) as (*shape, channels)."""
-    return np.ascontiguousarray(np.atleast_2d(np.array(values)).T).reshape(*shape, -1)
+    channels = values if dr.depth_v(values) > 1 else [values]  # as one array, each size needs its own code
+    return np.stack([np.array(channel) for channel in channels], axis=-1).reshape(*shape, -1)
 
 
 @dr.syntax

@@ -18,6 +18,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from render.base.aligned_array import aligned
 from render.integrator.cut_outs import UnseenLights
 from render.integrator.light_sampler import LightSampler
 from render.integrator.path import camera_vertex, trace
@@ -112,7 +113,8 @@ class PathTracer:
         groups = radiance.reshape(-1, radiance.shape[-1])
         groups = groups if pixels is None else groups[pixels]
         light = groups.reshape(len(groups), -1, 3).sum(axis=1)
-        luminance = np.array(mi.luminance(mi.Color3f(light.T)), dtype=np.float64)
+        colour = mi.Color3f(*(aligned(part, np.float32) for part in light.T))
+        luminance = np.array(mi.luminance(colour), dtype=np.float64)
         picture[:, :3] += light
         picture[:, 4] += luminance * (2.0 * picture[:, 3] + luminance)
         picture[:, 3] += luminance
@@ -131,7 +133,7 @@ def film_pixels(scene: Any, pixels: NDArray[np.integer[Any]] | None) -> tuple[An
     (width, height), (left, top) = film.crop_size(), film.crop_offset()
     shape = (int(height), int(width)) if pixels is None else pixels.shape
     numbers = np.arange(int(width) * int(height)) if pixels is None else pixels
-    index = mi.UInt32(numbers.astype(np.uint32))
+    index = mi.UInt32(aligned(numbers, np.uint32))
     row = index // dr.opaque(mi.UInt32, int(width))
     column = index - row * int(width)
     number = (row + int(top)) * int(film.size()[0]) + column + int(left)

@@ -63,6 +63,20 @@ def _plain_bsdf(shape: str, description: str) -> Any:
     return mi.load_dict(json.loads(description))
 
 
+_scene_kind: list[object] = []
+
+
+def forget_other_scenes(kind: object) -> None:
+    """Drop the BSDFs of earlier frames if these were of scenes of another kind.
+
+    Compiled code contains all BSDFs that exist, and their numbers: with those of other scenes it takes longer
+    to compile, and differs from code compiled before.
+    """
+    if _scene_kind != [kind]:
+        _plain_bsdf.cache_clear()
+        _scene_kind[:] = [kind]
+
+
 def _named_part(name: str, described: Any) -> Any:
     part = described
     if isinstance(described, dict):

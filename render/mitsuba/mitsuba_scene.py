@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from render.base.render_errors import BadInputError
 from render.mitsuba import emitters, materials
 from render.mitsuba.engine import is_compiled
-from render.mitsuba.loading import load_part, load_scene
+from render.mitsuba.loading import forget_other_scenes, load_part, load_scene
 from render.mitsuba.sensor import sensor
 from render.mitsuba.shapes import auxiliary_stage_shapes, gouraud_shapes, mesh, stage_shapes
 from render.mitsuba.texture_coordinates import SUBJECT, texture_coordinates
@@ -95,6 +95,7 @@ def build_scene(
     for subject in scene.subjects:
         subject.surface.check()
         require_camera_outside(subject.surface, scene.camera)
+    forget_other_scenes((scene.stage, *(subject.material for subject in scene.subjects)))
     if not scene.is_lit:
         return _drawn(scene, quality, aovs)
     return _lit(scene.converted(), quality, aovs, motion_samples, seed)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from render.base.aligned_array import aligned
 from render.mitsuba.loading import load_bsdf
 from render.mitsuba.materials import diffuse, rough_conductor, rough_plastic, two_sided, vertex_attribute
 from render.mitsuba.texture_coordinates import SUBJECT, SURROUNDINGS
@@ -49,18 +50,14 @@ def mesh(
         props=properties,
     )
     values = mi.traverse(made)
-    values["vertex_positions"] = _ravel(surface.vertices)
-    values["vertex_normals"] = _ravel(surface.normals)
-    values["vertex_texcoords"] = _ravel(np.broadcast_to(uv, (len(surface.vertices), 2)))
-    values["faces"] = np.ascontiguousarray(surface.faces, dtype=np.uint32).ravel()
+    values["vertex_positions"] = aligned(surface.vertices, np.float32)
+    values["vertex_normals"] = aligned(surface.normals, np.float32)
+    values["vertex_texcoords"] = aligned(np.broadcast_to(uv, (len(surface.vertices), 2)), np.float32)
+    values["faces"] = aligned(surface.faces, np.uint32)
     values.update()
     for attribute, array in surface.attributes.items():
-        made.add_attribute(f"vertex_{attribute}", array.shape[1], _ravel(array))
+        made.add_attribute(f"vertex_{attribute}", array.shape[1], aligned(array, np.float32))
     return made
-
-
-def _ravel(array: NDArray[Any]) -> Any:
-    return np.ascontiguousarray(array, dtype=np.float32).ravel()
 
 
 def stage_shapes(scene: Scene, size: tuple[int, int]) -> dict[str, Any]:

@@ -15,9 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import render
+from render.base.aligned_array import aligned
 from render.base.render_errors import BadInputError
 from render.frame.batch_schedule import seed_of
-from render.frame.render_frame import render_frame
+from render.frame.render_frame import ShutterInterval, render_frame
 from render.mitsuba.engine import DEFAULT_ORDER, Engine
 from render.post.denoise import denoise
 from render.scene.aovs import RenderedFrame
@@ -25,14 +26,14 @@ from render.scene.materials import LOOKS, Diffuse
 from render.scene.patterns import SPEED
 from render.scene.render_camera import Camera
 from render.scene.render_quality import QUALITIES, Quality
-from render.scene.scene import Scene
+from render.scene.scene import MotionSample, Scene
 from render.scene.scene_lights import LIGHTS, LightRig, Sky, Sun
 from render.scene.scene_stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
 
-CAMERA_ORIGIN, CAMERA_TARGET = (3.2, 2.9, 8.8), (0.0, 0.95, 0.0)
+CAMERA_ORIGIN, CAMERA_TARGET = CAMERA_VIEW = (3.2, 2.9, 8.8), (0.0, 0.95, 0.0)
 
 
 def same_bits(one: RenderedFrame, other: RenderedFrame) -> bool:
@@ -264,22 +265,39 @@ def test_render_frame_needs_nothing_but_arrays(sphere: Surface, engine: Engine) 
     assert layers.facts["variant"] == engine.variant
 
 
-def test_a_stage_that_moves_compiles_hardly_anything(rendered: Rendered, engine: Engine) -> None:
+@pytest.mark.parametrize("dtype", [np.float32, np.uint32])
+def test_arrays_for_compiled_code_are_aligned_copies(dtype: type) -> None:
+    for count in range(1, 200, 7):
+        values = np.arange(3 * count, dtype=np.float64).reshape(3, count).T
+        copy = aligned(values, dtype)
+        assert copy.ctypes.data % 64 == 0 and copy.dtype == dtype
+        assert np.array_equal(copy, values.ravel())
+
+
+def test_frames_of_a_shot_share_compiled_code(rendered: Rendered, sphere: Surface, engine: Engine) -> None:
     if engine.variant == "scalar_rgb":
         pytest.skip("nothing is ever compiled there")
     import drjit as dr
 
-    somewhere = np.random.default_rng().uniform(1.0, 2.0, (8, 5))  # never met, so in no cache on the disk
-    hits = []
-    dr.set_flag(dr.JitFlag.KernelHistory, True)
-    for x, y, z, size, turn in somewhere:
+    def code(**changes: object) -> set[str]:
+        """Return the hashes of the kernels of light and features: others are small."""
         dr.kernel_history_clear()
-        rendered(placement=StagePlacement((x, y, z), size, turn))
-        history = dr.kernel_history()
-        assert history
-        hits.append(all(kernel.get("cache_hit", True) for kernel in history))
-    dr.set_flag(dr.JitFlag.KernelHistory, False)
-    assert sum(hits) >= 4, "what differs in kind is compiled once, and there are few kinds"
+        rendered(**changes)
+        return {str(each["hash"]) for each in dr.kernel_history() if each.get("operation_count", 0) > 500}
+
+    def sliding(offset: float) -> MotionSample:
+        moved = (sphere.vertices + np.float32([offset, 0.0, 0.0])).astype(np.float32)
+        return MotionSample(replace(sphere, vertices=moved), StagePlacement(), Camera(*CAMERA_VIEW))
+
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        first = code()
+        assert len(first) == 2
+        for x, y, z, size, turn in np.random.default_rng(1).uniform(1.0, 2.0, (6, 5)):
+            assert code(placement=StagePlacement((x, y, z), size, turn)) == first
+        assert code(look=LOOKS["glaze"], stage=STAGES["plinth"]) != first
+        assert code() == first, "neither the look nor the stage before is in the code"
+        finer = Quality(48, 27, samples=64, depth=3, auxiliary_samples=4)
+        assert len(code(quality=finer, shutter=ShutterInterval(-0.2, 0.3, sliding))) == 2
 
 
 _ANOTHER_PROCESS = """
@@ -289,11 +307,11 @@ import numpy as np
 import render
 from render.scene.render_camera import Camera
 from render.mitsuba.engine import choose
-from render.frame.render_frame import render_frame
+from render.frame.render_frame import ShutterInterval, render_frame
 from render.scene.scene_lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.render_quality import Quality
-from render.scene.scene import Scene
+from render.scene.scene import MotionSample, Scene
 from render.scene.surface import Surface
 from render.scene.scene_stage import STAGES, StagePlacement
 
