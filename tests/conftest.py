@@ -19,6 +19,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from render.base import python_process
+from tests.command_server import CommandServer
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
@@ -34,6 +35,8 @@ settings.register_profile("new", deadline=None, suppress_health_check=[HealthChe
 # The same examples in every run, so that what fails was broken by a change; `make soak` looks for others.
 settings.register_profile("repeatable", settings.get_profile("new"), derandomize=True)
 settings.load_profile("repeatable")
+
+COMMANDS = CommandServer()
 
 FIXTURES = {
     "renderer": {"engine", "project", "finished", "finished_project", "published"},
@@ -147,7 +150,7 @@ class ProjectFolder:
 
     def run(self, *words: str, cores: int = 2) -> Run:
         command = python_process.command("pipeline.cli", "--no-progress", "-j", str(cores), *words)
-        done = subprocess.run(command, cwd=self.path, capture_output=True, text=True, timeout=300)
+        done = COMMANDS.run(command, self.path, timeout=300)
         assert "Traceback" not in done.stdout + done.stderr, done.stderr
         return Run(done.returncode, done.stdout, done.stderr)
 
