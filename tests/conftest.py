@@ -148,7 +148,8 @@ class ProjectFolder:
     def shot(self) -> Path:
         return self.path / "shots" / "T010_tiny.yaml"
 
-    def run(self, *words: str, cores: int = 2) -> Run:
+    def run(self, *words: str, cores: int = 1) -> Run:
+        """Run the command, by default on one core: on two, two renderers start for a few frames."""
         command = python_process.command("pipeline.cli", "--no-progress", "-j", str(cores), *words)
         done = COMMANDS.run(command, self.path, timeout=300)
         assert "Traceback" not in done.stdout + done.stderr, done.stderr
@@ -244,7 +245,7 @@ def project(tmp_path: Path) -> ProjectFolder:
 def finished_project(tmp_path_factory: pytest.TempPathFactory) -> ProjectFolder:
     """A project whose film is made at QUALITY; tests work on copies of it."""
     made = new_project(tmp_path_factory.mktemp("finished") / HOSTILE)
-    done = made.run("film", "-q", QUALITY)
+    done = made.run("film", "-q", QUALITY, cores=2)
     assert done.code == 0, done.err
     return made
 

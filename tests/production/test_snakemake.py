@@ -165,7 +165,7 @@ def test_on_a_half_done_root_just_what_is_missing_is_made(finished: Any) -> None
         forget(finished.path, "frame", path)
     forget(finished.path, "raw", finished.frames(kind="raw")[4])
     before = store_times(finished.path, "raw")
-    done = snakemake(finished.path, *CONFIG)
+    done = snakemake(finished.path, *CONFIG, cores=1)
     assert done.returncode == 0, done.stdout
     assert jobs_in(done.stdout) == {"render": 1, "finish": 1, "assemble": 1, "film": 1, "all": 1}
     assert "frames 0005-0005" in done.stdout and "frames 0002-0005" in done.stdout
@@ -177,7 +177,7 @@ def test_done_files_cannot_lie_when_the_store_has_lost_what_they_name(finished: 
     for stored in (finished.path / ".flowsculpt/store/cameras").rglob("*.json"):
         stored.unlink()
     forget(finished.path, "frame", finished.frames()[0])
-    done = snakemake(finished.path, *CONFIG)
+    done = snakemake(finished.path, *CONFIG, cores=1)
     assert done.returncode == 0 and jobs_in(done.stdout)["frame_camera"] == 1, done.stdout
 
 
@@ -185,13 +185,13 @@ def test_an_edit_is_made_and_taken_back_for_nothing(finished: Any) -> None:
     text = finished.shot.read_text()
     finished.shot.write_text(text.replace("azimuth: -30", "azimuth: 20"))
     words = ("--config", f"shot={NAME}", "frames=1-2", f"quality={QUALITY}")
-    done = snakemake(finished.path, *words)
+    done = snakemake(finished.path, *words, cores=1)
     assert done.returncode == 0, done.stdout
     jobs = jobs_in(done.stdout)
     assert "simulate" not in jobs and jobs["assemble"] == 1
     assert probe_movie(finished.path / MOVIE.replace(".mp4", ".1-2.mp4")).frames == 2
     finished.shot.write_text(text)
-    back = snakemake(finished.path, *CONFIG)
+    back = snakemake(finished.path, *CONFIG, cores=1)
     assert back.returncode == 0 and not {"simulate", "render", "finish"} & jobs_in(back.stdout).keys()
     assert finished.call("film", "-q", QUALITY).out.startswith("Nothing to be done")
 
@@ -201,7 +201,7 @@ def test_a_movie_that_fails_to_encode_leaves_the_one_before(finished: Any) -> No
     edit = finished.path / "shots/film.yaml"
     edit.write_text(edit.read_text() + "sound: {file: ../noise.wav}\n")
     (finished.path / "noise.wav").write_bytes(b"no sound at all")
-    done = snakemake(finished.path, *CONFIG)
+    done = snakemake(finished.path, *CONFIG, cores=1)
     assert done.returncode == 1
     assert (finished.path / FILM).read_bytes() == before
 
