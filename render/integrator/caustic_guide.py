@@ -18,6 +18,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from render.base.aligned_array import aligned_columns
 from render.integrator.photons import Photons
 
 LEVELS = (1, 2, 4, 8)
@@ -64,7 +65,8 @@ class CausticGuide:
 
     middle      of the grid, scene units
     rate        finest cells per scene unit
-    keys        of the cells, by slots of a hash table
+    mask        bits of a slot's number in a hash table
+    keys        of the cells, by slots
     cells       their numbers, by slots
     cumulative  probabilities of the bins of each cell, summed from the first bin on
     fractions   of the directions that are sampled by the histogram, by cells
@@ -72,6 +74,7 @@ class CausticGuide:
 
     middle: Any
     rate: Any
+    mask: Any
     keys: Any
     cells: Any
     cumulative: Any
@@ -99,22 +102,22 @@ class CausticGuide:
         guide = cls(
             mi.Point3f(photons.middle),
             mi.Float(CELLS_PER_RADIUS / photons.radius),
+            mi.UInt32(slots - 1),
             mi.UInt32(table),
             mi.UInt32(numbers),
             mi.Float(cumulative.astype(np.float32).ravel()),
             mi.Float(fractions.astype(np.float32)),
         )
-        dr.make_opaque(guide.middle, guide.rate)
+        dr.make_opaque(guide.middle, guide.rate, guide.mask)
         return guide
 
     def cell(self, place: Any, active: Any) -> tuple[Any, Any]:
         """Return the number of the cell of a place, and the fraction of directions to sample by it: 0 where
         no cell is."""
         found = mi.UInt32(_NONE)
-        count = dr.width(self.keys)
         for level in range(len(LEVELS) - 1, -1, -1):
             key = _key((place - self.middle) * self.rate, level)
-            slot = _hash(key) & mi.UInt32(count - 1)
+            slot = _hash(key) & self.mask
             here = active & (dr.gather(mi.UInt32, self.keys, slot, active) == key)
             found = dr.select(here, dr.gather(mi.UInt32, self.cells, slot, here), found)
         fraction = dr.gather(mi.Float, self.fractions, found, found != _NONE)
@@ -200,8 +203,8 @@ class GuidedBsdf:
 def _cells(photons: Photons) -> tuple[NDArray[np.uint32], NDArray[np.float64], NDArray[np.float64]]:
     """Return keys, light by direction, and irradiance of all cells, as of `CausticGuide.of`."""
     places = (photons.places - photons.middle) * (CELLS_PER_RADIUS / photons.radius)
-    across, down, _ = _to_square(mi.Vector3f(np.ascontiguousarray(photons.directions.T)))
-    place = mi.Point3f(np.ascontiguousarray(places.T, dtype=np.float32))
+    across, down, _ = _to_square(mi.Vector3f(*aligned_columns(photons.directions)))
+    place = mi.Point3f(*aligned_columns(places))
     keys_by_level = [_key(place, level) for level in range(len(LEVELS))]
     dr.eval(across, down, keys_by_level)
     columns, rows = (np.minimum(np.array(each) * SIDE, SIDE - 1).astype(np.int64) for each in (across, down))

@@ -18,6 +18,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from render.base.aligned_array import aligned_columns, components
 from render.integrator.cut_outs import UnseenLights
 from render.integrator.light_sampler import Cone, LightSource, emitter_of
 from render.integrator.photons import (
@@ -273,7 +274,7 @@ class _PhotonTracer:
         for total, channel in zip(self.sums, (channel for part in parts for channel in part), strict=True):
             values = np.broadcast_to(np.array(channel, dtype=np.float64), pixels.shape)
             total += np.bincount(pixels, values, len(total))
-        return np.array(place), np.array(luminance, dtype=np.float64)
+        return components(place), np.array(luminance, dtype=np.float64)
 
     def photons(self) -> Photons:
         """Return the photons that were kept."""
@@ -283,8 +284,9 @@ class _PhotonTracer:
         """Keep the first photons of those that land."""
         if not count:
             return
-        places, directions, weights = (np.array(each)[..., :count] for each in (place, direction, light))
-        self._landed.append((places.T, -directions.T, weights.astype(np.float64) / self.kept))
+        places, directions = (components(each)[:, :count] for each in (place, direction))
+        weights = np.array(light, dtype=np.float64)[:count]
+        self._landed.append((places.T, -directions.T, weights / self.kept))
 
     def _seen(self, si: Any, ray: Any, weight: Any, random: np.random.Generator) -> tuple[Any, Any]:
         """Return the pixels that see where photons land, and the light that reaches the lens from there.
@@ -293,7 +295,7 @@ class _PhotonTracer:
         weight  light of each
         """
         sensor = self.scene.sensors()[0]
-        on_lens = mi.Point2f(random.random((2, dr.width(weight)), dtype=np.float32))
+        on_lens = mi.Point2f(*aligned_columns(random.random((2, dr.width(weight)), dtype=np.float32).T))
         seen, importance = sensor.sample_direction(si, on_lens, si.is_valid())
         active = si.is_valid() & dr.any(importance > 0.0)
         backwards = dr.copy(si)

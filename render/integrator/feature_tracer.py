@@ -19,6 +19,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from render.base.aligned_array import components
 from render.base.serialise import Triple
 from render.integrator.cut_outs import UnseenLights
 from render.integrator.path import camera_vertex
@@ -92,8 +93,8 @@ class FeatureTracer:
 
 def _picture(values: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
     """Return values (pixels,) or (3, pixels) as (*shape, channels)."""
-    channels = values if dr.depth_v(values) > 1 else [values]  # as one array, each size needs its own code
-    return np.stack([np.array(channel) for channel in channels], axis=-1).reshape(*shape, -1)
+    channels = components(values if dr.depth_v(values) > 1 else [values])
+    return np.ascontiguousarray(channels.T).reshape(*shape, -1)
 
 
 @dr.syntax

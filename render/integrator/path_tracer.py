@@ -18,7 +18,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.aligned_array import aligned
+from render.base.aligned_array import aligned, aligned_columns
 from render.integrator.cut_outs import UnseenLights
 from render.integrator.light_sampler import LightSampler
 from render.integrator.path import camera_vertex, trace
@@ -113,8 +113,7 @@ class PathTracer:
         groups = radiance.reshape(-1, radiance.shape[-1])
         groups = groups if pixels is None else groups[pixels]
         light = groups.reshape(len(groups), -1, 3).sum(axis=1)
-        colour = mi.Color3f(*(aligned(part, np.float32) for part in light.T))
-        luminance = np.array(mi.luminance(colour), dtype=np.float64)
+        luminance = np.array(mi.luminance(mi.Color3f(*aligned_columns(light))), dtype=np.float64)
         picture[:, :3] += light
         picture[:, 4] += luminance * (2.0 * picture[:, 3] + luminance)
         picture[:, 3] += luminance

@@ -19,6 +19,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from render.base.aligned_array import components
 from render.base.serialise import Triple
 from render.integrator.light_sampler import LightSampler, LightSource
 
@@ -114,7 +115,9 @@ def trace_photons(
     parts: list[Landed] = []
     light = 0.0
     for number, source in enumerate(sources):
-        random = mi.PCG32(each, SEED + number)  # type: ignore[operator]  # Mitsuba's stubs say object
+        random = mi.PCG32(  # type: ignore[operator]  # Mitsuba's stubs say object
+            each, dr.opaque(mi.UInt64, SEED + number)
+        )
         ray, weight = _emitted(source, sun, *sphere, random)
         dr.eval(ray, weight)
         light += float(np.array(weight).sum(dtype=np.float64)) / each
@@ -228,8 +231,8 @@ def _landed(scene: Any, ray: Any, colour: Any) -> Landed:
     if not dr.width(colour):
         return _NONE
     place = scene.ray_intersect(ray).p
-    places, directions, weights = (np.array(each) for each in (place, ray.d, mi.luminance(colour)))
-    return places.T, -directions.T, weights.astype(np.float64)
+    weights = np.array(mi.luminance(colour), dtype=np.float64)
+    return components(place).T, -components(ray.d).T, weights
 
 
 WIDTH = math.radians(6.0)

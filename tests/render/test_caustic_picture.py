@@ -38,6 +38,7 @@ NOISE = {"glass": 0.04, "chrome": 0.05}
 """Greatest relative differences: the paths that find caustics have 1 to 2% of noise."""
 
 PINHOLE = Camera((3.2, 2.9, 8.8), (0.0, 0.0, 0.0))
+WIDE_OPEN = replace(PINHOLE, lens_radius=0.3, focus_distance=9.0)
 MATT, SHINY = STAGES["cyclorama"], replace(STAGES["cyclorama"], roughness=0.3)
 
 
@@ -65,10 +66,10 @@ def tracer(sphere: Surface, engine: Engine) -> Callable[..., Any]:
 @pytest.mark.parametrize(
     ("look", "lights", "stage", "lens", "crop"),
     [
-        ("glass", SUN, MATT, PINHOLE, None),
+        pytest.param("glass", SUN, MATT, PINHOLE, None, marks=pytest.mark.soak),
         ("glass", SUN, SHINY, PINHOLE, (4, 10, 40, 27)),
-        ("chrome", SUN, MATT, PINHOLE, None),
-        ("chrome", SUN, MATT, replace(PINHOLE, lens_radius=0.3, focus_distance=9.0), None),
+        pytest.param("chrome", SUN, MATT, PINHOLE, None, marks=pytest.mark.soak),
+        ("chrome", SUN, MATT, WIDE_OPEN, None),
         ("glass", BOXES, MATT, PINHOLE, None),
         ("chrome", BOXES, SHINY, PINHOLE, None),
         ("chrome", BEFORE_THE_LENS, MATT, PINHOLE, None),
@@ -86,6 +87,7 @@ def test_photons_bring_the_light_that_paths_leave_to_them(
     from render.integrator.caustic_guide import guide_of
     from render.integrator.photons import trace_photons
 
+    others = tracer(look, lights, stage=stage, lens=lens, crop=crop, seed=2).caustics.radiance @ LUMA
     ours = tracer(look, lights, stage=stage, lens=lens, crop=crop)
     photons = ours.caustics.radiance @ LUMA
     light = trace_photons(ours.scene, ours.light_sampler, ours.caustic_sun, ours.max_depth, 1 << 16)
@@ -97,7 +99,6 @@ def test_photons_bring_the_light_that_paths_leave_to_them(
     by_paths = all_light - left
     assert photons.mean() > 0.001 * all_light.mean()
     assert photons.mean() == pytest.approx(by_paths.mean(), rel=NOISE[look])
-    others = tracer(look, lights, stage=stage, lens=lens, crop=crop, seed=2).caustics.radiance @ LUMA
     bright = others > np.quantile(others, 0.9)
     assert photons[bright].mean() == pytest.approx(by_paths[bright].mean(), rel=NOISE[look])
 
@@ -131,6 +132,20 @@ def test_a_caustic_has_less_than_a_tenth_of_the_noise(tracer: Callable[..., Any]
     )
     noise[0] += float(np.var(others, axis=0, ddof=1)[floor].mean())
     assert noise[0] < 0.1 * noise[1]
+
+
+def test_photons_of_all_frames_share_compiled_code(tracer: Callable[..., Any]) -> None:
+    """Each frame has another number of photons that the lens sees."""
+    import drjit as dr
+
+    def code(seed: int) -> set[str]:
+        dr.kernel_history_clear()
+        tracer("glass", BOTH, lens=WIDE_OPEN, seed=seed)
+        return {str(each["hash"]) for each in dr.kernel_history() if "operation_count" in each}
+
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        code(1)
+        assert code(2) == code(3)
 
 
 def test_photons_are_the_same_for_any_number_of_threads(tracer: Callable[..., Any]) -> None:
