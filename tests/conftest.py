@@ -151,7 +151,7 @@ class ProjectFolder:
     def run(self, *words: str, cores: int = 1) -> Run:
         """Run the command, by default on one core: on two, two renderers start for a few frames."""
         command = python_process.command("pipeline.cli", "--no-progress", "-j", str(cores), *words)
-        done = COMMANDS.run(command, self.path, timeout=300)
+        done = COMMANDS.run(command, self.path, timeout=900)
         assert "Traceback" not in done.stdout + done.stderr, done.stderr
         return Run(done.returncode, done.stdout, done.stderr)
 

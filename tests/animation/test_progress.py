@@ -146,15 +146,17 @@ def test_maps_have_no_sub_steps(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_an_interrupt_ends_a_frame_that_would_take_minutes(tmp_path: Path) -> None:
+def test_an_interrupt_ends_a_frame_that_would_take_half_an_hour(tmp_path: Path) -> None:
     curl_noise(tmp_path, "strength: 1000, size: 5")
+    shot = tmp_path / "turbulence.yaml"
+    shot.write_text(shot.read_text().replace("max_edge_length: 0.6", "max_edge_length: 0.1"))
     code = (
         "import sys; from pipeline.shot import read_shot; from pipeline.animation import animate\n"
         "print('begins', flush=True)\n"
         "for frame in animate(read_shot(sys.argv[1])): print(frame.number, flush=True)\n"
     )
     process = subprocess.Popen(
-        [sys.executable, "-c", code, str(tmp_path / "turbulence.yaml")],
+        [sys.executable, "-c", code, str(shot)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": str(Path.cwd())},
@@ -164,7 +166,5 @@ def test_an_interrupt_ends_a_frame_that_would_take_minutes(tmp_path: Path) -> No
         assert process.poll() is None
     time.sleep(1.0)
     process.send_signal(signal.SIGINT)
-    started = time.monotonic()
-    _, complaint = process.communicate(timeout=60)
-    assert b"KeyboardInterrupt" in complaint
-    assert time.monotonic() - started < 20
+    frames, complaint = process.communicate(timeout=300)
+    assert b"KeyboardInterrupt" in complaint and not frames, "the second frame was never done"

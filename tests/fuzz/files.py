@@ -26,11 +26,11 @@ from typing import Any
 from tests.fuzz.mutations import mutated
 from tests.fuzz.samples import samples
 
-MOST_SECONDS, MOST_BYTES, MOST_WORDS = 5.0, 512 << 20, 1200
+MOST_SECONDS, MOST_BYTES, MOST_WORDS = 60.0, 512 << 20, 1200
 CRASHING, CRASHED = ("stage", "fbx"), "its reader crashed"
 """Kinds whose library may crash on a damaged file, and what the message then says."""
 
-PATIENCE = 60.0
+PATIENCE = 600.0
 """Seconds until a worker is ended; `MOST_SECONDS` are of its CPU."""
 
 

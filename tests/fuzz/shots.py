@@ -28,8 +28,8 @@ from pipeline.shot import Shot, read_shot
 
 SHOTS = Path(__file__).parents[2] / "shots"
 
-SECONDS, MEBIBYTES = 5, 512
-"""Most time and memory that one file may take."""
+SECONDS, MEBIBYTES = 60, 512
+"""Most CPU time and memory that one file may take."""
 
 LONGEST_LINE, MOST_LINES = 2000, 51
 

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux fork
 def run(script: str, folder: Path) -> str:
     """Run a script in a process that has one thread, as that of a test need not; return what it prints."""
     words = [sys.executable, "-c", f"from render.base.python_process import *\n{script}"]
-    return subprocess.run(words, cwd=folder, check=True, capture_output=True, text=True, timeout=60).stdout
+    return subprocess.run(words, cwd=folder, check=True, capture_output=True, text=True, timeout=300).stdout
 
 
 def test_a_forked_process_prints_to_its_file_in_its_folder_and_gives_its_exit_code(tmp_path: Path) -> None:
@@ -52,7 +52,7 @@ def test_only_a_process_with_one_thread_may_be_forked(tmp_path: Path) -> None:
     script = (
         "import numpy, time\n"
         "a = numpy.ones((500, 500)); a @ a\n"
-        "print(may_fork())\n"
+        "print(any(may_fork() for _ in range(1000)))\n"  # Linux lists a thread a moment after its end
         "import _thread\n"
         "_thread.start_new_thread(time.sleep, (60,))\n"
         "print(may_fork())\n"
