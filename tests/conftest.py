@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 import signal
@@ -44,6 +45,17 @@ FIXTURES = {
 }
 """Fixtures by the mark of the tests that use them: some start Mitsuba, or run the command, which does, others
 start a server or a browser, or make in seconds what a module of tests looks at."""
+
+
+def pytest_collection_finish() -> None:
+    """Keep garbage collections away from what is loaded: imageio collects after each movie, for 0.2 s."""
+    gc.collect()
+    gc.freeze()
+
+
+def pytest_unconfigure() -> None:
+    """Let the process end as any other: libraries report what is never collected."""
+    gc.unfreeze()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
