@@ -2,16 +2,41 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
-import uharfbuzz as hb
-
 from pipeline.errors import UsageError, shortened
 from pipeline.plugins.lettering.outlines import OutlineShape, PolylinePen, filled
 from render.base.input_files import read_input
+
+
+@contextmanager
+def _own_symbols_first() -> Iterator[None]:
+    """Let extension modules imported within call the functions they contain, whatever the process has loaded.
+
+    On Linux, FreeType in OpenImageIO loads the system's HarfBuzz for all later modules (RTLD_GLOBAL) when the
+    first text is set. uharfbuzz, imported after it, called functions of the system's version and of its own;
+    their structures have different sizes, so it crashed.
+    """
+    if not hasattr(os, "RTLD_DEEPBIND"):  # macOS and Windows bind names to libraries
+        yield
+        return
+    flags = sys.getdlopenflags()
+    sys.setdlopenflags(flags | os.RTLD_DEEPBIND)
+    try:
+        yield
+    finally:
+        sys.setdlopenflags(flags)
+
+
+with _own_symbols_first():
+    import uharfbuzz as hb
 
 MOST_BYTES = 1 << 28  # of a font
 _CAPITALS = 0.72

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import string
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +29,23 @@ from pipeline.shot import Shot, read_shot
 from tests.conftest import ProjectFolder
 
 FONT = Path(font_file(""))
+BESIDE_ANOTHER_HARFBUZZ = """
+import ctypes, importlib.metadata, sys
+from pathlib import Path
+from render.graphics.typesetting import lettering
+
+lettering("A", "DroidSans", 16)  # loads the system's HarfBuzz, if it has one
+for file in importlib.metadata.files("pillow"):
+    if file.name.startswith("libharfbuzz"):
+        ctypes.CDLL(str(file.locate()), ctypes.RTLD_GLOBAL)
+
+from pipeline.plugins.lettering import text_outlines
+contained = ctypes.CDLL(sys.modules["uharfbuzz._harfbuzz"].__file__).hb_version_string
+contained.restype = ctypes.c_char_p
+assert text_outlines.hb.version_string() == contained().decode()
+for letter in text_outlines.letters("Aé", text_outlines.TextSettings(Path(sys.argv[1]))):
+    print(letter.region.wkb_hex)
+"""
 SHOT = """\
 title: Word
 frames: 1-3
@@ -335,3 +354,10 @@ def test_letters_from_drops_become_models_of_themselves(tmp_path):
     refused = folder.call("letters", "A062_word", "Hi", "--from-drops")
     assert refused.code == 2 and "'i' has several" in refused.err
     assert not (tmp_path / "shots" / "A062_word.yaml").exists()
+
+
+def test_letters_are_the_same_in_a_process_that_has_loaded_another_harfbuzz():
+    command = [sys.executable, "-c", BESIDE_ANOTHER_HARFBUZZ, str(FONT)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr  # it crashed
+    assert done.stdout.split() == [shape.region.wkb_hex for shape in letters("Aé", TextSettings(FONT))]
