@@ -71,7 +71,6 @@ class FrameReader:
         self, request: RenderRequest, store: Store, failures: Failures, relit: str | None = None
     ) -> None:
         self.request, self._store = request, store
-        self._shown_as = request.shot.picture  # read before frames are encoded: see `encoding._shown`
         self._relit = None if relit is None else relit_version(request, store, relit)
         self.keys: PictureKeys | None = picture_keys(request, store)
         self.version = f"relit {relit}" if relit else _version(request, store, self.keys)
@@ -118,7 +117,7 @@ class FrameReader:
         return self._picture(number, form), self._labels(number, self._key(number))
 
     def _picture(self, number: int, form: FrameFormat) -> Frame:
-        picture = self._shown_as
+        picture = self.request.shot.picture
         place = self._relit.place(number) if self._relit else self.request.place("frame", number)
         light = self._layer("frame", place, self._key(number), "beauty")
         values = to_display(light, picture.lights.exposure, form.display, picture.view)

@@ -138,25 +138,18 @@ def _card(card: TitleCard, screen: Screen, count: int) -> Iterator[Frame]:
 def _shown(
     context: Context, request: RenderRequest, keys: PictureKeys, numbers: list[int]
 ) -> Iterator[Frame]:
-    """Return finished frames as a display shows them. One that cannot be read to its end is evicted.
-
-    The shot is read at once. Frames come in a thread beside the encoder, and HarfBuzz, which draws words of
-    shots, crashed there (uharfbuzz 0.57 with PyAV's encoder).
-    """
+    """Yield finished frames as a display shows them. One that cannot be read to its end is evicted."""
     picture = request.shot.picture
 
     def read(number: int) -> Frame:
         layers, _ = context.read_picture(request, "frame", number, keys[number].frame)
         return quantise(to_display(layers["beauty"], picture.lights.exposure, view=picture.view), bits=16)
 
-    def frames() -> Iterator[Frame]:
-        try:
-            yield from map(read, numbers)
-        except FrameError:
-            context.survey(numbers, read)
-            raise
-
-    return frames()
+    try:
+        yield from map(read, numbers)
+    except FrameError:
+        context.survey(numbers, read)
+        raise
 
 
 def _stills(form: str, context: Context) -> bool:
