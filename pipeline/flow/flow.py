@@ -144,6 +144,14 @@ class Flow(ABC):
         return False
 
     @property
+    def rest_interval(self) -> int | None:
+        """Frames after which the present surface becomes the one at rest, where the shot names none.
+
+        None leaves it to `Resampling`. A flow that stretches a surface tenfold stretches errors at rest too.
+        """
+        return None
+
+    @property
     def name(self) -> str:
         """The name in error messages."""
         return type(self).__name__.lower()
@@ -203,6 +211,10 @@ class PluginMap(Flow):
     @property
     def faces_follow_normals(self) -> bool:
         return self.flow.faces_follow_normals
+
+    @property
+    def rest_interval(self) -> int | None:
+        return self.flow.rest_interval
 
     @property
     def name(self) -> str:

@@ -315,6 +315,9 @@ def _motion(
     for entry in flows:
         flow = entry.build(clock, integrate)
         acting.append(flow if subject is None else flow.of_subject(built, place, acting))
+    if isinstance(resample, ResampleDocument) and resample.rest_interval is None and resampling is not None:
+        intervals = [flow.rest_interval for flow in acting if flow.rest_interval is not None]
+        resampling = replace(resampling, rest_interval=min([resampling.rest_interval, *intervals]))
     return Motion(
         frames=clock.frames,
         rate=clock.rate,

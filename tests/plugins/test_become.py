@@ -201,9 +201,21 @@ def test_keys_of_frames_do_not_wait_for_the_fit_and_hold_what_decides_it(quick: 
     flow, finer = (
         shot(f"become: {{solid: box, from: 3, to: 9, detail: {detail}}}") for detail in ("coarse", "fine")
     )
-    assert flow.cache_data(0.0, 1 / 24) == finer.cache_data(0.0, 1 / 24) == {"become": None, "unfolded": 1}
+    assert flow.cache_data(0.0, 1 / 24) == finer.cache_data(0.0, 1 / 24) == {"become": None, "motion": 2}
     assert flow.cache_data(0.2, 1 / 24) != finer.cache_data(0.2, 1 / 24)
     assert not list(quick.iterdir())
+
+
+def test_a_surface_that_becomes_another_is_renewed_at_rest_often_unless_its_shot_says_when() -> None:
+    def interval(resample: str, flows: str = "become: {solid: box}") -> int:
+        text = SHOT.format(flows=flows, subject="{solid: icosphere}").replace("0.3", resample)
+        resampling = read_shot("a.yaml", text).motion.resampling
+        assert resampling is not None
+        return resampling.rest_interval
+
+    assert interval("0.3") == 8
+    assert interval("0.3, rest_interval: 30") == 30
+    assert interval("0.3", "translation: {rate: [1, 0, 0]}") == 240
 
 
 def test_a_residual_that_is_too_large_is_refused_and_told(

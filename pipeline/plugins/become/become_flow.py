@@ -26,8 +26,12 @@ from pipeline.plugins.become.stored_fits import (
 from pipeline.shot.point_subjects import CloudInSolid
 from pipeline.shot.subjects import Model, Solid
 
-UNFOLDED = 1
-"""Raised when the resampler treats faces that look against their normals in another way."""
+MOTION = 2
+"""Raised when the same fit moves a surface in another way."""
+
+REST_INTERVAL = 8
+"""Frames after which the present surface becomes the one at rest: over half a fit, limbs grow from so small a
+patch that distances at rest of a thousandth of it decide which faces fold."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +70,9 @@ class Become(Flow):
     def cache_data(self, time: float, dt: float) -> Any:
         before, after = self._shares(time, dt)
         if before == after:
-            return {"become": None, "unfolded": UNFOLDED}
+            return {"become": None, "motion": MOTION}
         shapes, shares = [self._start.data(), self.target.data()], [before, after]
-        versions = {"version": VERSION, "unfolded": UNFOLDED}
+        versions = {"version": VERSION, "motion": MOTION}
         return {"become": shapes, "detail": self.detail, "shares": shares, **versions}
 
     def _shares(self, time: float, dt: float) -> tuple[float, float]:
@@ -157,6 +161,10 @@ class Become(Flow):
     @property
     def faces_follow_normals(self) -> bool:
         return True
+
+    @property
+    def rest_interval(self) -> int:
+        return REST_INTERVAL
 
     @property
     def name(self) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -19,10 +19,10 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import MeshError, UsageError
-from pipeline.flow import Streamlines
 from pipeline.flow.catalogue.external_fields import Sampled
 from pipeline.flow.parameters import Vector
 from pipeline.flow.samples import Samples
+from pipeline.flow.streamlines import StepPlan, Streamlines
 from pipeline.long_computations import report_progress
 from pipeline.mesh.face_soup import components
 from pipeline.mesh.meshes import TriangleMesh
@@ -51,6 +51,12 @@ IN_BOX = 0.15
 
 REFUSED, DOUBTFUL = 0.03, 0.01
 """Residuals over the diagonal above which a fit is refused, and from which on it is warned of."""
+
+TOLERANCE = 2.5e-6
+"""The error of a sub-step along a path, as a share of the cube's side."""
+
+KEPT_PLANS = 256
+"""Steps of a path whose tables of sub-steps are kept, about 10 kB each: more than a rest interval has."""
 
 _HOLES = ("no hole", "one hole", "two holes", "three holes")
 
@@ -107,6 +113,18 @@ class PathVelocity(Sampled):
 
 
 @dataclass(frozen=True, eq=False)
+class PathStreamlines(Streamlines):
+    """Streamlines that keep their sub-steps: new vertices follow those of all frames since rest."""
+
+    def step_plan(self, time: float, dt: float, finest: bool = False) -> StepPlan:
+        return self._kept_plans(time, dt, finest)
+
+    @cached_property
+    def _kept_plans(self) -> Callable[[float, float, bool], StepPlan]:
+        return lru_cache(KEPT_PLANS)(super().step_plan)
+
+
+@dataclass(frozen=True, eq=False)
 class Fit:
     """Paths that carry one shape onto another in the cube with the corner `low` (3,) and a side.
 
@@ -126,9 +144,10 @@ class Fit:
     remarks: tuple[str, ...]
 
     @cached_property
-    def _fields(self) -> tuple[PathVelocity, ...]:
-        """The velocities of each leg, over the times 0 to 1."""
-        return tuple(self._field(leg) for leg in self.legs)
+    def _paths(self) -> tuple[PathStreamlines, ...]:
+        """The motion of each leg, over the times 0 to 1."""
+        tolerance = TOLERANCE * self.side
+        return tuple(PathStreamlines(self._field(leg), tolerance=tolerance) for leg in self.legs)
 
     def _field(self, leg: Leg) -> PathVelocity:
         n, side = leg.space.n, leg.side * self.side
@@ -145,11 +164,11 @@ class Fit:
         """Return where points (P, 3) are carried between two shares of the way."""
         if self.is_reversed:
             before, after = 1.0 - before, 1.0 - after
-        legs = list(zip((0.0, *self.ends), self.ends, self._fields, strict=False))
-        for begin, end, field in legs if before < after else reversed(legs):
+        legs = list(zip((0.0, *self.ends), self.ends, self._paths, strict=False))
+        for begin, end, path in legs if before < after else reversed(legs):
             here, there = ((min(max(at, begin), end) - begin) / (end - begin) for at in (before, after))
             if here != there:
-                points = Streamlines(field).displace(points, here, there - here)
+                points = path.displace(points, here, there - here)
         return points
 
     def holds(self, points: Points) -> bool:
