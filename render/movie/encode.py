@@ -45,6 +45,7 @@ _LIGHT_OPTIONS = {
 nits, and the name of the light of the content."""
 
 _REORDER = 3  # the fewest frames that an encoder can reorder: I, P, B
+_CODING_BLOCK = 64  # the side of x265's largest block, in pixels
 
 
 def write_movie(
@@ -84,7 +85,7 @@ def write_movie(
     # Frames have colour at full resolution, which FFmpeg halves where the encode asks for it.
     with (
         _movie_file(path, encode, shape, projection) as file,
-        _open_movie(file, encode, shape, rate, _codec_options(encode, can_reorder, light)) as (
+        _open_movie(file, encode, shape, rate, _codec_options(encode, shape[1], can_reorder, light)) as (
             movie,
             container,
         ),
@@ -171,19 +172,26 @@ def _open_movie(
         raise
 
 
-def _codec_options(encode: Encode, can_reorder: bool, light: ContentLight | None) -> dict[str, str]:
+def _codec_options(
+    encode: Encode, width: int, can_reorder: bool, light: ContentLight | None
+) -> dict[str, str]:
     """Return the options of the codec on this machine, for a movie long enough to reorder frames or not.
 
     With AVX-512, x264's look-ahead is not deterministic: sixty encodes of eight frames of 192 × 108 gave nine
     different files. With AVX2 they give one.
     x265 4.2 subtracts a delay from decoding times that it sets when the third frame arrives. In a shorter
     movie the delay is what the memory held, and the muxer refuses the times. Without B frames there is none.
+    In frames of one column of blocks, x265 predicts from corners of the border that it never fills: the file
+    depends on what the memory held. Smaller blocks make more columns. In frames 48 pixels wide or less, its
+    CU tree writes past the end of a buffer.
     """
     options = dict(encode.options)
     if encode.codec == "libx264" and _has_avx512():
         options["x264-params"] += ":asm=AVX2"
     if encode.codec == "libx265" and not can_reorder:
         options["x265-params"] += ":bframes=0"
+    if encode.codec == "libx265" and width <= _CODING_BLOCK:
+        options["x265-params"] += ":ctu=16:cutree=0"
     if light is not None:
         name, display, content = _LIGHT_OPTIONS[encode.codec]
         options[name] += f":{display}:{content}={light.brightest},{light.average}"

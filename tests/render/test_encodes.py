@@ -143,6 +143,30 @@ def test_short_h265_movies_have_decoding_times_whatever_the_memory_held(count: i
     assert times == [(n, n) for n in range(count)]
 
 
+def test_narrow_h265_movies_are_the_same_file_whatever_the_memory_held(tmp_path: Path) -> None:
+    """x265 by itself reads memory that it never set at 64 pixels, and writes past a buffer at 48.
+
+    MALLOC_PERTURB_ makes glibc fill new memory; MALLOC_CHECK_ makes it stop a program that writes too far.
+    """
+    program = (
+        "import sys; from fractions import Fraction; from pathlib import Path; import numpy as np\n"
+        "from render.movie.codecs import ENCODES; from render.movie.encode import write_movie\n"
+        "for width, height in (64, 64), (48, 40):\n"
+        "    frames = np.random.default_rng(3).integers(0, 65536, (8, height, width, 3)).astype(np.uint16)\n"
+        "    path = Path(sys.argv[1]) / f'{width}.mp4'\n"
+        "    write_movie(path, iter(frames), Fraction(24), ENCODES['hdr10'])\n"
+    )
+    files = []
+    for fill in ("1", "90"):
+        folder = tmp_path / fill
+        folder.mkdir()
+        checks = {"LD_PRELOAD": "libc_malloc_debug.so.0", "MALLOC_CHECK_": "3", "MALLOC_PERTURB_": fill}
+        subprocess.run([sys.executable, "-c", program, str(folder)], env={**os.environ, **checks}, check=True)
+        files.append([path.read_bytes() for path in sorted(folder.iterdir())])
+    assert files[0] == files[1]
+    assert len(files[0]) == 2
+
+
 def test_a_failing_encoder_is_named_and_the_disk_is_not_blamed(tmp_path: Path) -> None:
     broken = dataclasses.replace(ENCODES["h265"], options={**ENCODES["h265"].options, "preset": "no such"})
     with pytest.raises(MachineError, match="the encoder libx265 failed") as raised:
