@@ -191,7 +191,7 @@ def _codec_options(
     if encode.codec == "libx265" and not can_reorder:
         options["x265-params"] += ":bframes=0"
     if encode.codec == "libx265" and width <= _CODING_BLOCK:
-        options["x265-params"] += ":ctu=16:cutree=0"
+        options["x265-params"] += ":ctu=16:cutree=0" if width <= 48 else ":ctu=32"
     if light is not None:
         name, display, content = _LIGHT_OPTIONS[encode.codec]
         options[name] += f":{display}:{content}={light.brightest},{light.average}"
