@@ -115,11 +115,14 @@ class MeshFrame:
     def to_arrays(self) -> dict[str, AnyArray]:
         """Return the frame as named arrays, as ``numpy.savez(file, **arrays)`` takes them.
 
-        vertices float64 (V, 3), faces int32 (F, 3), creases int32 (K, 2), `attribute:<name>` (V, …), number
-        () and report (): a string of JSON. With seams also seams int32 (S, 2). With identities also births
+        vertices float64 (V, 3), faces int32 (F, 3), creases int32 (K, 2), `attribute:<name>` (V, …) and
+        report (): a string of JSON. With seams also seams int32 (S, 2). With identities also births
         int64 (N, 3), identities () and unsorted (). With polygons also offsets int32 (P + 1,) and corners
         int32 (C,). With a control net also net int32 (4,): rows, columns, and 1 for each closed direction.
         Rigid copies are stored as one, with copies and starts, float64 (N, 3, 4): see `Placements`.
+
+        They hold no frame number: a shot whose frames are moved, and another shot with the same motion, show
+        the same surface at another number.
         """
         mesh, polygons = self.own, self.polygons
         arrays: dict[str, AnyArray] = {
@@ -137,20 +140,19 @@ class MeshFrame:
         if self.copies is not None and self.starts is not None:
             arrays |= {COPIES: self.copies.matrices, STARTS: self.starts.matrices}
         arrays |= {_ATTRIBUTE + name: values for name, values in mesh.attributes.items()}
-        report = np.array(json.dumps(self.report.as_data()))
-        return {**arrays, "number": np.array(self.number), "report": report}
+        return {**arrays, "report": np.array(json.dumps(self.report.as_data()))}
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, AnyArray]) -> MeshFrame:
-        """Return the frame of these arrays, bit for bit. Raises UsageError for a missing name."""
-        if missing := sorted({"vertices", "faces", "number", "report"} - set(arrays)):
+    def from_arrays(cls, arrays: Mapping[str, AnyArray], number: int) -> MeshFrame:
+        """Return frame `number` of these arrays, bit for bit. Raises UsageError for a missing name."""
+        if missing := sorted({"vertices", "faces", "report"} - set(arrays)):
             raise UsageError(f"the arrays have no {' and no '.join(missing)}; they are not a stored frame")
         names = [name for name in arrays if name.startswith(_ATTRIBUTE)]
         attributes = {name.removeprefix(_ATTRIBUTE): arrays[name] for name in names}
         tagged = arrays.get("creases"), arrays.get("seams")
         mesh = TriangleMesh(arrays["vertices"], arrays["faces"], attributes, *tagged)
         return cls(
-            number=int(arrays["number"]),
+            number=number,
             own=mesh,
             report=FrameReport.from_data(json.loads(str(arrays["report"]))),
             polygons=_polygons(mesh, arrays),

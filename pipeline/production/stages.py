@@ -61,8 +61,8 @@ class PipelineStage:
 
 SIMULATE = PipelineStage(
     "simulate",
-    version=9,
-    packages=("numba", "numpy", "trimesh"),
+    version=10,
+    packages=("numba", "numpy"),
     doing="simulating",
     makes="mesh",
     reads=("simulate",),  # of frames before, where another job makes them

@@ -40,7 +40,8 @@ def test_a_survivor_is_told_by_its_number_and_the_young_by_their_ancestors(motio
 def test_the_ancestors_of_a_wild_film_are_near_at_rest(motion: Motion) -> None:
     """Exact placement: survivors keep their points at rest, new ones lie by those they descend from."""
     frames = [
-        MeshFrame.from_arrays(frame.to_arrays()) for frame in animate(resampled(motion, min_roundness=0.0))
+        MeshFrame.from_arrays(frame.to_arrays(), frame.number)
+        for frame in animate(resampled(motion, min_roundness=0.0))
     ]
     found, then, now = descent(frames), frames[0].mesh.attributes["rest"], frames[-1].mesh.attributes["rest"]
     off = np.linalg.norm(found.mixed(then) - now, axis=1)

@@ -54,7 +54,7 @@ def test_vertices_know_where_they_were(resample: str) -> None:
 def test_a_run_that_goes_on_after_a_renewal_knows_the_same() -> None:
     shot = shot_of("{max_edge_length: 0.35, rest_interval: 4}")
     frames = list(animate(shot))
-    kept = MeshFrame.from_arrays(frames[6].to_arrays())
+    kept = MeshFrame.from_arrays(frames[6].to_arrays(), frames[6].number)
     again = list(animate(shot, resume=kept))[-1]
     assert np.array_equal(material_of(again.mesh), material_of(frames[-1].mesh))
 

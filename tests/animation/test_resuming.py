@@ -41,7 +41,7 @@ def test_going_on_from_any_frame_gives_the_same_bits_as_never_stopping(
     motion = resampled(motion, **settings)
     through = list(animate(motion))
     for stop in (0, 3, 6, 11, 14, 18):
-        stored = MeshFrame.from_arrays(through[stop].to_arrays())
+        stored = MeshFrame.from_arrays(through[stop].to_arrays(), through[stop].number)
         rest = list(animate(motion, resume=stored))
         assert len(rest) == len(through) - stop - 1
         assert all(same(a, b) for a, b in zip(rest, through[stop + 1 :], strict=True))
@@ -56,7 +56,7 @@ def test_going_on_between_two_sorts_of_the_vertices_gives_the_same_bits(
     sorts = [n for n, (before, now) in enumerate(pairwise(counts), 1) if now < before]
     assert counts[0] == 0 and sorts, "vertices are sorted in the first frame and once more"
     for stop in (0, sorts[0] - 1, sorts[0]):
-        stored = MeshFrame.from_arrays(through[stop].to_arrays())
+        stored = MeshFrame.from_arrays(through[stop].to_arrays(), through[stop].number)
         rest = list(animate(resampled(motion, rest_interval=6), resume=stored))
         assert all(same(a, b) for a, b in zip(rest, through[stop + 1 :], strict=True))
     moved = descent(through).mixed(through[0].mesh.vertices)
@@ -104,7 +104,7 @@ def test_a_frame_survives_a_file(motion: Motion, tmp_path: Path) -> None:
     np.savez(tmp_path / "f.npz", **tagged.to_arrays())  # type: ignore[arg-type]
     with np.load(tmp_path / "f.npz", allow_pickle=False) as arrays:
         assert arrays["vertices"].dtype == np.float64 and arrays["faces"].dtype == np.int32
-        back = MeshFrame.from_arrays(arrays)
+        back = MeshFrame.from_arrays(arrays, tagged.number)
     assert same(back, tagged)
     np.testing.assert_array_equal(back.mesh.attributes["heat"], tagged.mesh.attributes["heat"])
 
@@ -121,8 +121,8 @@ def test_many_vertices_are_moved_by_blocks_to_the_same_bits(
 
 
 def test_arrays_that_are_no_frame_are_refused() -> None:
-    with pytest.raises(UsageError, match="have no number and no report"):
-        MeshFrame.from_arrays({"vertices": np.zeros((3, 3)), "faces": np.array([[0, 1, 2]])})
+    with pytest.raises(UsageError, match="have no report"):
+        MeshFrame.from_arrays({"vertices": np.zeros((3, 3)), "faces": np.array([[0, 1, 2]])}, 1)
 
 
 def test_a_frame_without_rest_points_is_no_start_for_exact_placement(motion: Motion) -> None:

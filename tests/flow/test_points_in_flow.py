@@ -73,7 +73,7 @@ def test_going_on_from_any_frame_of_a_file_gives_the_same_bits(subject: Subject,
     for k in (0, 3):
         np.savez(tmp_path / "kept.npz", **frames[k].to_arrays())  # type: ignore[arg-type]
         with np.load(tmp_path / "kept.npz") as kept:
-            stored = MeshFrame.from_arrays({name: kept[name] for name in kept.files})
+            stored = MeshFrame.from_arrays({name: kept[name] for name in kept.files}, frames[k].number)
         assert same(stored, frames[k])
         rest = list(animate(shot, resume=stored))
         assert len(rest) == 6 - k
@@ -130,4 +130,4 @@ def test_points_cannot_be_resampled(subject: Subject) -> None:
 def test_arrays_whose_net_is_of_other_points_are_no_frame() -> None:
     arrays = next(animate(motion(NET))).to_arrays()
     with pytest.raises(UsageError, match="a net of 30 points has 48"):
-        MeshFrame.from_arrays({**arrays, "net": Lattice(5, 6).as_array()})
+        MeshFrame.from_arrays({**arrays, "net": Lattice(5, 6).as_array()}, 1)

@@ -16,10 +16,12 @@ from pipeline.mesh import box, icosphere, sheet
 from pipeline.plugins.preview import surface_stream
 from pipeline.plugins.preview.animatic import Animatic, framings_of, outline, size_for
 from pipeline.plugins.preview.sketch import Sketch, is_closed
-from pipeline.plugins.preview.surface_stream import SpillCache, SurfaceStream
+from pipeline.plugins.preview.surface_stream import MeshCache, MeshSource, SpillCache, SurfaceStream
 from pipeline.production.execution.project import Project
 from pipeline.production.request.framing import frame_all
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_source import ShotSource
+from pipeline.production.store.store import Store
 from render.post.image import read_png
 from tests.conftest import TINY, ProjectFolder
 
@@ -238,3 +240,15 @@ def test_a_full_disk_is_told_where_surfaces_wait_and_leaves_nothing() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, limit)
     assert "one" not in shelf
     shelf.close()
+
+
+def test_meshes_in_memory_have_the_numbers_of_a_shot_whose_frames_were_moved(tmp_path: Path) -> None:
+    def source(frames: str) -> MeshSource:
+        text = f"title: A\nframes: {frames}\nsubject: {{solid: box}}\nresample: off\nflows: []\n"
+        shot = ShotSource(text, tmp_path / "A.yaml")
+        request = RenderRequest(shot, "draft", "none", tuple(shot.manifest.frames))
+        return MeshSource(request, Store(tmp_path), cache, lambda progress: None)
+
+    cache = MeshCache()
+    assert source("1-3").at(3).number == 3
+    assert source("1001-1003").at(1003).number == 1003 and len(cache.frames) == 3

@@ -78,7 +78,7 @@ def results(root: Path) -> dict[str, Arrays]:
     request, home = project.request(find_shot(NAME), QUALITY), root / "renders"
     keys, numbers = picture_keys(request, project.store), sorted(request.requested)
     assert keys is not None
-    meshes = {n: readers.mesh_frame(request.mesh_key(n))(root / request.place("mesh", n)) for n in numbers}
+    meshes = {n: readers.mesh_frame(request.mesh_key(n), n)(root / request.place("mesh", n)) for n in numbers}
     gathered: dict[str, Arrays] = {
         "simulate": {
             f"{name}.{n}": array

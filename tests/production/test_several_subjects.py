@@ -166,7 +166,7 @@ def test_mattes_and_motion_vectors_of_rigid_copies_are_those_of_their_placements
     layers, _ = read_exr(tmp_path / request.place("frame", 1))
     crypto = {name: layers[name] for name in layers.arrays if name.startswith(OBJECT)}
     beads = next(part for part in request.parts if part.source.subject == "beads")
-    now, after = (MeshFrame.from_arrays(np.load(tmp_path / beads.place("mesh", n))) for n in (1, 2))
+    now, after = (MeshFrame.from_arrays(np.load(tmp_path / beads.place("mesh", n)), n) for n in (1, 2))
     framing = camera_file(request, Project(tmp_path, 2).store)[1]
     height, width = layers["matte"].shape[:2]
     assert now.copies is not None and after.copies is not None

@@ -11,6 +11,7 @@ import pytest
 
 from pipeline.errors import MissingInputError, ShotError
 from pipeline.production.request.provenance import Provenance
+from pipeline.production.stages import STAGES, forced_with
 from pipeline.shot import read_shot
 from tests.conftest import ProjectFolder, commanded
 from tests.recorded.record import HERE, SHOT
@@ -62,6 +63,10 @@ def test_a_run_goes_on_in_a_root_of_then(root: Path) -> None:
     words = (SHOT, "-q", "draft", "--scale", "10%", "--variant", "scalar_rgb")
     done = ProjectFolder(root).run("--json", "render", *words)
     assert done.code == 0, done.err
-    assert set(json.loads(done.out)["made"]) <= {"render", "finish", "assemble"}, "surfaces are found"
+    (published,) = json.loads(commanded(root, "--json", "versions")[1])
+    record = Provenance.read(root / published["provenance"])
+    newer = {name for name, number in record.stages.items() if STAGES[name].version != number}
+    by_package = {"render", "finish", "assemble"}
+    assert set(json.loads(done.out)["made"]) <= by_package | forced_with(newer), "other files are found"
     code, states = commanded(root, "--json", "status", SHOT)
     assert code == 0 and all(not row["missing"] for row in json.loads(states)), states

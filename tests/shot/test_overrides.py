@@ -235,7 +235,7 @@ RESUMED = [
 @settings(deadline=None, max_examples=30)
 def test_a_run_goes_on_from_any_frame_with_the_same_bits(resample: str, stop: int) -> None:
     through = frames_of(resample)
-    kept = MeshFrame.from_arrays(through[stop].to_arrays())
+    kept = MeshFrame.from_arrays(through[stop].to_arrays(), through[stop].number)
     assert kept.report == through[stop].report
     assert type(kept.report.resampling) is type(through[stop].report.resampling)
     assert bits(tuple(animate(motion(resample), resume=kept))) == bits(through[stop + 1 :])

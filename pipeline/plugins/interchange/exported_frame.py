@@ -300,7 +300,7 @@ def stored_frame(request: RenderRequest, store: Store, number: int) -> ExportedF
     key = request.mesh_key(number)
     if not store.holds("mesh", key):
         raise FrameError("it was not simulated, so it is not exported", number)
-    frame = store.read("mesh", key, request.place("mesh", number), readers.mesh_frame(key))
+    frame = store.read("mesh", key, request.place("mesh", number), readers.mesh_frame(key, number))
     return exported_frame(request.shot, frame)
 
 

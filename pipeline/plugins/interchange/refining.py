@@ -56,7 +56,7 @@ KIND = "refined"
 UNIFY = PipelineStage(
     "unify",
     version=1,
-    packages=("numba", "numpy", "trimesh"),
+    packages=("numba", "numpy"),
     doing="refining",
     makes=KIND,
     reads=("simulate",),
@@ -264,7 +264,7 @@ class Refiner:
                     f"after {MOST_SWEEPS} sweeps through the frames some edges are still too long in some; "
                     "choose fewer frames, or a larger max_edge_length"
                 )
-            keys = {n: key_of(sweep.keys[self.frames[-1]], n) for n in self.frames}
+            keys = {n: key_of(sweep.keys[self.frames[-1]], n - self.frames[0]) for n in self.frames}
         return Refined(
             *(self._start, np.concatenate(births), np.concatenate(born)),
             partial(self._points, sweeps),

@@ -184,11 +184,11 @@ class Unification:
 
         They are zero at creases. Each frame's are stored, float32.
         """
-        motion = self.request.shot.motion
-        keys = {n: key_of(self._refiner.key, "normals", n) for n in range(motion.frames.first, number + 1)}
+        motion, first = self.request.shot.motion, self.request.shot.motion.frames.first
+        keys = {n: key_of(self._refiner.key, "normals", n - first) for n in range(first, number + 1)}
         held = next((n for n in reversed(keys) if self.store.holds(KIND, keys[n])), None)
         if held is None:
-            held, normals = motion.frames.first, refined.normals_at_rest(motion.analytic_surface())
+            held, normals = first, refined.normals_at_rest(motion.analytic_surface())
             normals[whole.creases.ravel()] = 0.0
         else:
             normals = self._read(keys[held])["normals"].astype(np.float64)

@@ -40,7 +40,7 @@ APART = (PUBLISHED, REPEATED)
 """Folders of published versions, which nothing repairs, and of the roots that these are made again in."""
 
 READERS: dict[str, Callable[[Key], Callable[[Path], Any]]] = {
-    "mesh": readers.mesh_frame,
+    "mesh": lambda key: readers.mesh_frame(key, number=0),  # whatever frames show it
     "normals": readers.arrays,
     "refined": readers.arrays,
     "cameras": lambda key: _json,

@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from threading import Lock
@@ -101,11 +101,11 @@ class MeshSource:
     def _known(self, number: int) -> MeshFrame | None:
         key = self.request.mesh_key(number)
         if key in self.cache.frames:
-            return self.cache.frames[key]
+            return replace(self.cache.frames[key], number=number)  # frames of the shot may have moved
         if self.store.bring("mesh", key):
             with suppress(FrameError):  # a damaged file is evicted, and the frame simulated again
                 place = self.request.place("mesh", number)
-                return self.store.read("mesh", key, place, readers.mesh_frame(key))
+                return self.store.read("mesh", key, place, readers.mesh_frame(key, number))
         return None
 
     def _keep(self, frame: MeshFrame, seconds: float) -> None:

@@ -177,7 +177,7 @@ def _of_frame(
         store.discard("measures", key)
     try:
         store.digests.check(path)
-        found = measures_of(readers.mesh_frame(mesh)(path), maximum, count_crossings)
+        found = measures_of(readers.mesh_frame(mesh, number)(path), maximum, count_crossings)
     except (CorruptFileError, OSError):
         return None
     store.put("measures", key, lambda draft: draft.write_text(json.dumps(found), encoding="utf-8"))

@@ -58,8 +58,8 @@ def arrays(key: Key) -> Callable[[Path], dict[str, AnyArray]]:
     return read
 
 
-def mesh_frame(key: Key) -> Callable[[Path], MeshFrame]:
-    """Return a reader of the mesh frame of `key`."""
+def mesh_frame(key: Key, number: int) -> Callable[[Path], MeshFrame]:
+    """Return a reader of the mesh frame of `key`, which a shot shows as frame `number`."""
     from pipeline.animation import MeshFrame
     from pipeline.mesh.meshes import freeze
 
@@ -68,7 +68,7 @@ def mesh_frame(key: Key) -> Callable[[Path], MeshFrame]:
         for values in named.values():
             freeze(values)
         try:
-            return MeshFrame.from_arrays(named)
+            return MeshFrame.from_arrays(named, number)
         except (UsageError, MeshError) as error:
             raise CorruptFileError(f"{path}: {error}") from error
 

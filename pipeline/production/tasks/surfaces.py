@@ -288,4 +288,4 @@ def shading_of(context: Context, request: RenderRequest, number: int) -> Shading
 def read_mesh_frame(context: Context, request: RenderRequest, number: int) -> MeshFrame:
     """Read a mesh frame of a request from the store. Raises FrameError where it is missing or corrupt."""
     key = request.mesh_key(number)
-    return context.read("mesh", key, request.place("mesh", number), readers.mesh_frame(key))
+    return context.read("mesh", key, request.place("mesh", number), readers.mesh_frame(key, number))

@@ -142,6 +142,17 @@ def test_an_edit_of_a_late_key_keeps_the_frames_before_it(tmp_path: Path) -> Non
     assert np.array_equal(edited.refined().points_at(6), again.points_at(6))
 
 
+def test_moved_frames_have_the_points_and_normals_of_a_fresh_store(tmp_path: Path) -> None:
+    """Both are kept by key: those of frame 3 in one shot are those of frame 5 in the other."""
+    long = "vortex: {axis: y, centre: [0.5, 0, 0], radius: 1, strength: 2}"
+    for folder, frames in (("used", "1-8"), ("used", "3-10"), ("fresh", "3-10")):
+        mesh = one_mesh(request_of(tmp_path, BALL, long, frames=frames), Store(tmp_path / folder))
+        found = [(mesh.frame(n).points.tobytes(), mesh.frame(n).normals.tobytes()) for n in mesh.frames]
+        if folder == "used":
+            moved = found
+    assert moved == found
+
+
 def test_fewer_frames_take_the_first_vertices_of_more(tmp_path: Path) -> None:
     request, store = request_of(tmp_path, BALL, FLOWS["twist"]), Store(tmp_path)
     whole = Refiner(request, store).refined()

@@ -140,7 +140,7 @@ def test_every_frame_is_the_mesh_that_was_simulated(root, stage):
         assert len(mesh.GetFaceVertexCountsAttr().Get(time)) == len(faces)
         normals = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("normals")
         assert normals.GetInterpolation() == UsdGeom.Tokens.faceVarying
-        welded = MeshFrame.from_arrays(arrays).mesh
+        welded = MeshFrame.from_arrays(arrays, frame).mesh
         split = split_at_creases(welded, thresholds_at(shot.motion, frame).hard_angles(welded))
         corners = split.normals[split.faces].reshape(-1, 3).astype(np.float32)
         assert np.array_equal(np.array(normals.ComputeFlattened(time)), corners)
