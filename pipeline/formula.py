@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import operator
 import re
+import threading
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -21,6 +22,8 @@ from numpy.typing import ArrayLike
 from pipeline.arrays import Floats
 from pipeline.errors import UsageError, brief, shortened, suggestion
 from render.base.plural import plural
+
+_PARSING = threading.Lock()  # whoever ends last would put back the filters of another thread
 
 CONSTANTS = {"pi": np.pi, "e": np.e}
 
@@ -111,7 +114,7 @@ def parse(text: str, names: tuple[str, ...]) -> ast.expr:
     if not line.strip():
         raise FormulaError(text, 1, "it is empty. Write a number or a formula over " + ", ".join(names))
     try:
-        with warnings.catch_warnings():
+        with _PARSING, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the parser's advice on parts that are refused anyway
             tree = ast.parse(line.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:

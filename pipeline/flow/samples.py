@@ -288,12 +288,12 @@ def read_samples(files: tuple[Path, ...], array: str | None = None, interval: fl
     Raises MissingInputError where a file is missing, UsageError where it is invalid.
     """
     request = (files, array, interval)
-    for known, samples in _LAST.items():
+    for known, samples in list(_LAST.items()):  # another thread may replace them
         if known == request and all(map(_is_unchanged, files, samples.digests)):
             return samples
     _LAST.clear()  # before others take as much memory
-    _LAST[request] = _read(files, array, interval)
-    return _LAST[request]
+    _LAST[request] = samples = _read(files, array, interval)
+    return samples
 
 
 _LAST: dict[tuple[tuple[Path, ...], str | None, float], Samples] = {}

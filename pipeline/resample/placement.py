@@ -43,7 +43,7 @@ from pipeline.resample.kernels.split import (
 )
 from pipeline.resample.thresholds import edges_by_angle
 
-RING, SCRATCH = new_ring(), np.empty(7)  # scratch arrays of the kernels that place vertices
+_MIDPOINT_FLOATS = 7  # of scratch that the kernels of midpoints take
 
 
 class Placement:
@@ -114,7 +114,9 @@ class Curved(Placement):
 
     def place(self, mesh: HalfedgeMesh, births: Indices, limits: Limits) -> int:
         places, normals = np.empty((2, len(births), 3))
-        curved_midpoints(mesh.arrays, births, limits.hard_cosine, Midpoints(places, normals, SCRATCH))
+        curved_midpoints(
+            mesh.arrays, births, limits.hard_cosine, Midpoints(places, normals, np.empty(_MIDPOINT_FLOATS))
+        )
         moved = move_without_folds(mesh, births[:, BIRTH_HALFEDGE], places, places, limits)
         return len(births) - int(moved.sum())
 
@@ -128,7 +130,7 @@ def move_without_folds(
     goals   (N, 3) their places at rest, if they have any
     """
     moved = np.zeros(len(spokes), np.uint8)
-    place_vertices(mesh.arrays, np.ascontiguousarray(spokes), RING, places, goals, limits, moved)
+    place_vertices(mesh.arrays, np.ascontiguousarray(spokes), new_ring(), places, goals, limits, moved)
     return moved > 0
 
 
@@ -155,7 +157,7 @@ def rest_rings(mesh: HalfedgeMesh, spokes: Indices) -> RestRings:
     """Return the rings at rest of the vertices that these half-edges (N,) leave."""
     many = len(spokes)
     opposite = np.empty((many, MAX_OPPOSITE, 2), np.int32)
-    opposite_corners(mesh.arrays, spokes, RING, opposite)
+    opposite_corners(mesh.arrays, spokes, new_ring(), opposite)
     centre, normals, middle = np.empty((3, many, 3))
     rings = RestRings(spokes, centre, np.empty((many, MAX_OPPOSITE, 2, 3)), normals, middle, np.empty(many))
     measure_at_rest(mesh.arrays, column_of(mesh, REST), column_of(mesh, REST_NORMAL), opposite, rings)
@@ -268,8 +270,10 @@ class Exact(Placement):
             last = int(mesh.sizes[0])
             return rest_of(mesh)[last - len(births) :].copy(), normals, sizes
         rest = np.empty_like(mesh.arrays.points)  # only the rows of a few rings are used and take memory
-        found = Midpoints(np.empty((len(births), 3)), normals, SCRATCH)
-        rest_midpoints(mesh.arrays, births, column, column_of(mesh, REST_NORMAL), RING, rest, found, sizes)
+        found = Midpoints(np.empty((len(births), 3)), normals, np.empty(_MIDPOINT_FLOATS))
+        rest_midpoints(
+            mesh.arrays, births, column, column_of(mesh, REST_NORMAL), new_ring(), rest, found, sizes
+        )
         return found.places, normals, sizes
 
     def restore(self, mesh: HalfedgeMesh, limits: Limits) -> None:
@@ -332,13 +336,13 @@ class Exact(Placement):
     def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Limits, changes: Changes) -> int:
         """Move vertices where the surface at rest is known around them: by `project`, or as it is flat."""
         places, normals = np.empty((2, spokes[0], 3))
-        sizes, anywhere = np.empty(spokes[0]), self.project is not None
-        many = relax_goals(mesh.arrays, spokes, limits, RING, anywhere, places, normals, sizes)
+        sizes, anywhere, ring = np.empty(spokes[0]), self.project is not None, new_ring()
+        many = relax_goals(mesh.arrays, spokes, limits, ring, anywhere, places, normals, sizes)
         if not many:
             return 0
         goals, moved = self._project(places[:many]), np.zeros(many, np.uint8)
         places_now, carried = self._carry_with_normals(mesh, goals, normals[:many], sizes[:many])
-        done = int(relax_vertices(mesh.arrays, spokes, places_now, goals, limits, RING, changes, moved))
+        done = int(relax_vertices(mesh.arrays, spokes, places_now, goals, limits, ring, changes, moved))
         if mesh.column(NORMAL) is not None:
             went = moved > 0
             _write(mesh, NORMAL, mesh.arrays.vert[spokes[1 : many + 1][went]], carried[went])

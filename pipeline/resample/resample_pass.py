@@ -143,8 +143,6 @@ def require_room_for_area(points: Points, faces: Faces, longest: float, budget: 
 _MANY_FACES = 200_000  # from which on one compiled call may take over a second
 _ALL_UPRIGHT = "all upright"  # name of the mesh's mark
 _SLACK = 1.2  # times the maximum: the length an edge may have until `make_room` splits it
-_RINGS = (new_ring(), new_ring())
-_STACK: Indices = np.empty(MAX_STACK + 1, np.int32)
 
 
 class ResamplePass:
@@ -165,6 +163,7 @@ class ResamplePass:
         self.changes = changes_of(mesh)
         reset(self.changes)
         self.vertices, self.faces = (int(size) for size in mesh.sizes)  # before this pass
+        self._rings, self._stack = (new_ring(), new_ring()), np.empty(MAX_STACK + 1, np.int32)
         self._dead = work_list(0), work_list(0)  # removed faces and vertices, still in the arrays
         # 1 if no face looked inwards at rest after the last pass: then only changed ones can
         self._all_upright, self._tangled = mesh.scratch(_ALL_UPRIGHT, 1), 0
@@ -257,7 +256,13 @@ class ResamplePass:
 
     def _collapse_and_flip(self) -> None:
         collapses, flips = collapse_and_flip(
-            self.mesh.arrays, self.limits, _RINGS, self.changes, self._dead, self.obtuse_edges, _STACK
+            self.mesh.arrays,
+            self.limits,
+            self._rings,
+            self.changes,
+            self._dead,
+            self.obtuse_edges,
+            self._stack,
         )
         self.collapses += collapses
         self.flips += flips
@@ -298,7 +303,7 @@ class ResamplePass:
             return
         self.changes.edge_states[refused] = QUEUED
         slack = self.limits._replace(squared_slack=_SLACK**2)
-        self.collapses += collapse_queued(self.mesh.arrays, slack, _RINGS, self.changes, *self._dead)
+        self.collapses += collapse_queued(self.mesh.arrays, slack, self._rings, self.changes, *self._dead)
         self.long_edges = work_list(3 * int(self.changes.fresh[0]))
         list_long_edges(self.mesh.arrays, self.limits, self.changes, self.long_edges)
         self.split_long_edges()

@@ -293,11 +293,12 @@ class Model(Subject):
 
     def imported(self) -> ImportedSurface:
         """Return the surface as its file says. Raises MissingInputError or MeshError."""
-        if self._read_from not in _latest:
+        surface = _latest.get(self._read_from)
+        if surface is None:
             surface = read_surface(self.path, self.repair, self.part)
             _latest.clear()
             _latest[self._read_from] = surface
-        return _latest[self._read_from]
+        return surface
 
     @property
     def part(self) -> ScenePart | None:

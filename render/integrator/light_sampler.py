@@ -363,10 +363,12 @@ def sky_distributions(emitter: Any, daylight: Daylight | None) -> tuple[Cone | T
     """
     if daylight is None or "data" in mi.traverse(emitter):
         return _bright_and_rest(emitter)
-    if daylight not in _latest:
+    found = _latest.get(daylight)
+    if found is None:
+        found = _sun_and_sky(emitter, daylight)
         _latest.clear()
-        _latest[daylight] = _sun_and_sky(emitter, daylight)
-    return _latest[daylight]
+        _latest[daylight] = found
+    return found
 
 
 def _sun_and_sky(emitter: Any, daylight: Daylight) -> tuple[Cone, Table]:
