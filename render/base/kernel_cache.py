@@ -95,10 +95,16 @@ def use_kernel_cache() -> None:
     """Have numba compile for `cpu_level`, and keep caches of a user's own functions in our folder too.
 
     Called before numba makes its compiler. Raises MachineError where numba is kept from compiling.
+
+    The environment of another program may name a layer of threads that is not installed: the best that numba
+    can load starts threads here, or `workqueue`, which it always has.
     """
     numba.config._config_fname = ""  # see `import_numba_elsewhere`; numba looks again when it compiles
     if numba.config.DISABLE_JIT:
         raise MachineError("NUMBA_DISABLE_JIT is set, but flowsculpt needs compiled kernels; unset it")
+    if numba.config.THREADING_LAYER != "workqueue":
+        numba.config.THREADING_LAYER = "default"
+    numba.config.THREADING_LAYER_PRIORITY = ["tbb", "omp", "workqueue"]
     if cpu_level() != HOST:
         numba.config.CPU_NAME, numba.config.CPU_FEATURES = cpu_level(), ""
     numba.config.CACHE_DIR = str(_written_folder())
