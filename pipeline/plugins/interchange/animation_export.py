@@ -108,10 +108,10 @@ class AnimationExport(ABC):
         Raises what `Unification.one_mesh` raises, naming the subject, UsageError for what the format cannot
         hold, and MachineError where the disk refuses.
         """
-        if self.is_current:
-            return None
-        meshes = _meshes(self.parts, began)
-        with self.files.noting():
+        with self.files.changing():
+            if self.is_current:
+                return None
+            meshes = _meshes(self.parts, began)
             return meshes, self.write_files(meshes, began)
 
     def moving(self, meshes: list[OneMesh], began: Began) -> list[Moving]:

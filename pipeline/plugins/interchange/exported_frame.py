@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -31,10 +31,14 @@ from pipeline.production.request.shading import (
 )
 from pipeline.production.stages import EXPORT
 from pipeline.production.store import readers
-from pipeline.production.store.store import Key, Store, key_of
+from pipeline.production.store.digests import digest_of
+from pipeline.production.store.locks import of_key
+from pipeline.production.store.remote_store import LOG
+from pipeline.production.store.store import Key, Store, key_of, sweep_drafts
 from pipeline.shot import Shot
 from pipeline.shot.subjects import Model, Solid
 from render.base.serialise import Colour, to_plain
+from render.base.state_files import mapping, read_state
 from render.scene.materials import (
     BrushedMetal,
     Diffuse,
@@ -57,34 +61,34 @@ from render.scene.vertex_colours import vertex_colours
 
 @dataclass(eq=False)
 class KeyedFiles:
-    """The exported files of one folder. A file is current while it has the key and the size that are noted.
+    """The exported files of one folder. A file is current while it has the digest that is noted with its key.
 
-    name  of the JSON file, which holds key and size by file name
+    A file that was replaced or damaged after its key was noted has another digest, whoever did it.
+
+    name  of the JSON file, which holds key and digest by file name
     """
 
     folder: Path
     name: str
     store: Store
     written: list[str] = field(default_factory=list)
+    _found: dict[str, str | None] = field(default_factory=dict)
+    """Digests of the files as they are, by name; None of those that cannot be read."""
 
     @cached_property
     def _noted(self) -> dict[str, dict[str, Any]]:
         """The content of the JSON file; empty if it is missing or damaged: all is then written again."""
-        try:
-            noted = json.loads((self.folder / self.name).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            return {}
-        if not isinstance(noted, dict):
-            return {}
+        noted = read_state(self.folder / self.name, mapping) or {}
         return {name: entry for name, entry in noted.items() if isinstance(entry, dict)}
 
     def is_whole(self, name: str) -> bool:
         """Tell whether a file is there as it was written."""
-        try:
-            size = (self.folder / name).stat().st_size
-        except OSError:
-            return False
-        return size == self._noted.get(name, {}).get("bytes")
+        noted = self._noted.get(name, {}).get("digest")
+        if noted is not None and name not in self._found:
+            self._found[name] = None
+            with suppress(OSError):
+                self._found[name] = digest_of(self.folder / name)
+        return noted is not None and self._found[name] == noted
 
     def is_current(self, name: str, key: Key) -> bool:
         """Tell whether a file is there, whole, and made from what `key` says."""
@@ -92,9 +96,8 @@ class KeyedFiles:
 
     def write(self, name: str, key: Key, write: Callable[[Path], object]) -> None:
         """Write a file by `write(draft)`, whole or not at all. Raises MachineError where the disk refuses."""
-        path = self.folder / name
-        self.store.write(path, write, flush=False)
-        self._noted[name] = {"key": key, "bytes": path.stat().st_size}
+        self._found[name] = digest = self.store.write(self.folder / name, write, flush=False)
+        self._noted[name] = {"key": key, "digest": digest}
         self.written.append(name)
 
     def update(self, name: str, key: Key, write: Callable[[Path], object]) -> None:
@@ -103,16 +106,33 @@ class KeyedFiles:
             self.write(name, key, write)
 
     @contextmanager
-    def noting(self) -> Iterator[None]:
-        """Write the JSON file when the block ends, also by an error, if files were written in it."""
-        before = len(self.written)
-        try:
-            yield
-        finally:
-            if len(self.written) > before:
-                text = json.dumps(dict(sorted(self._noted.items())), indent=1) + "\n"
-                path = self.folder / self.name
-                self.store.write(path, lambda draft: draft.write_text(text, encoding="utf-8"), flush=False)
+    def changing(self) -> Iterator[None]:
+        """Keep other exports of these files waiting, and remove drafts of killed ones.
+
+        The JSON file is written when the block ends, also by an error, if files were written in it. Raises
+        MachineError where the disk refuses.
+        """
+        path, before = self.folder / self.name, len(self.written)
+        with of_key(self.store.root, key_of("export", str(path.absolute())), self._wait_and_tell()):
+            self.__dict__.pop("_noted", None)  # another export may have written them meanwhile
+            self._found.clear()
+            sweep_drafts(self.folder)
+            try:
+                yield
+            finally:
+                if len(self.written) > before:
+                    text = json.dumps(self._noted, indent=1, sort_keys=True) + "\n"
+                    self.store.write(path, lambda draft: draft.write_text(text, "utf-8"), flush=False)
+
+    def _wait_and_tell(self) -> Callable[[], None]:
+        """Return what is called while another export writes these files: it says so once."""
+        messages = [f"Waiting for another export to {self.folder}"]
+
+        def tell() -> None:
+            while messages:
+                LOG.info(messages.pop())
+
+        return tell
 
 
 @dataclass(frozen=True, eq=False)

@@ -351,7 +351,7 @@ class ModelExport:
         surface that GLB could hold.
         """
         faults = []
-        with self.files.noting():
+        with self.files.changing():
             for number in self.stale():
                 try:
                     frame = stored_frame(self.request, self.store, number)

@@ -121,11 +121,11 @@ class PointCacheExport:
         MachineError where the disk refuses.
         """
         even_step(self.unification.request.requested)
-        if self.is_current:
-            return None
-        mesh = self.unification.one_mesh(began)
         cache, surface = self._names
-        with self.files.noting():
+        with self.files.changing():
+            if self.is_current:
+                return None
+            mesh = self.unification.one_mesh(began)
             self.files.write(cache, self._key, lambda path: FORMS[self.form](path, mesh, began))
             frame = exported(mesh, mesh.frames[0])
             self.files.write(surface, self._key, lambda path: write_obj(path, frame))

@@ -538,7 +538,7 @@ class UsdExport:
         """
         faults: list[str] = []
         framings = self.framings()
-        with self.files.noting():
+        with self.files.changing():
             for number in self.stale():
                 try:
                     for sculpture in self._sculptures:

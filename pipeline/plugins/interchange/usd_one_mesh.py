@@ -153,7 +153,7 @@ class OneMeshStage(UsdExport):
         read.
         """
         framings = self.framings()
-        with self.files.noting():
+        with self.files.changing():
             for file in self._sculptures:
                 if not file.is_current():
                     self._write_mesh(file, passed)

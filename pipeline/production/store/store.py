@@ -27,6 +27,7 @@ import hashlib
 import json
 import os
 import platform
+import re
 import shutil
 import tempfile
 import time
@@ -220,17 +221,19 @@ class Store:
         upload(self, (kind, key), digest, replace)
         return final
 
-    def write(self, path: Path, write: Callable[[Path], object], flush: bool = True) -> None:
-        """Write a file that is shown and not stored by `write(draft)`, whole or not at all, with its digest.
+    def write(self, path: Path, write: Callable[[Path], object], flush: bool = True) -> str:
+        """Write a file that is shown and not stored by `write(draft)`, whole or not at all.
+
+        Return its digest. The draft is a hidden file next to it, which `sweep_drafts` finds.
 
         flush  as `atomic_write` takes it
 
         Raises MachineError where the disk refuses.
         """
-        with atomic_write(path, flush=flush) as draft:
+        with atomic_write(path, path.with_name(f".{self.draft(path.suffix).name}"), flush=flush) as draft:
             with _named(draft, path):
                 write(draft)
-            self.digests.add(path, draft)
+            return self.digests.add(path, draft)
 
     def link(self, kind: str, key: Key, target: Path, replace: bool = False) -> None:
         """Show the file of `key` at `target` under the root.
@@ -370,7 +373,7 @@ def sweep(store: Store) -> None:
     Those are drafts of dead processes of this host, and old ones of other hosts: a farm's nodes may be at
     work though nobody holds the root's lock. A checkpoint goes when its picture is done, or it is old.
     """
-    now = _disk_time(store)
+    now = _disk_time(store.scratch)
     for folder in (store.scratch, store.inner_scratch):
         with contextlib.suppress(OSError):
             for path in sorted(folder.iterdir()):
@@ -383,10 +386,24 @@ def sweep(store: Store) -> None:
                 path.unlink()
 
 
-def _disk_time(store: Store) -> float:
-    """Return the time of the clock that dates files, which may be a file server's."""
+def sweep_drafts(folder: Path, pattern: str = "") -> None:
+    """Remove drafts of `Store.write` that killed processes left in a folder; by `**/` in those below too."""
+    with contextlib.suppress(OSError):
+        drafts = [path for path in folder.glob(f"{pattern}.*+*+*") if _DRAFT.fullmatch(path.name)]
+        now = _disk_time(folder) if drafts else 0.0
+        for path in drafts:
+            if _left_behind(path, now):
+                path.unlink(missing_ok=True)
+
+
+_DRAFT = re.compile(r"\..+\+\d+\+[0-9a-f]{32}(\.\w+)?")
+"""The names of drafts of `Store.write`."""
+
+
+def _disk_time(folder: Path) -> float:
+    """Return the time of the clock that dates files in a folder, which may be a file server's."""
     try:
-        with tempfile.TemporaryFile(dir=store.scratch) as file:
+        with tempfile.TemporaryFile(dir=folder) as file:
             return os.fstat(file.fileno()).st_mtime
     except OSError:
         return time.time()
