@@ -1,4 +1,4 @@
-"""Read back JSON that we keep between runs: what was measured, planned, noted or answered.
+"""Read back what we keep between runs, mostly JSON: what was measured, planned, noted or answered.
 
 Such a file may be half-written, damaged, of another program or of a later version. Nothing in it is worth an
 error: what cannot be used counts as none, and is found or written again.
@@ -29,8 +29,13 @@ def read_state(path: Path, reader: Callable[[Any], T]) -> T | None:
     reader  takes plain data; it converts all that is used later, and raises one of UNUSABLE or a
             FlowsculptError for what it cannot use
     """
+    return usable(lambda: reader(plain_data(path.read_text(encoding="utf-8"))))
+
+
+def usable(read: Callable[[], T]) -> T | None:
+    """Return what `read` returns; None where it raises one of UNUSABLE or a FlowsculptError."""
     try:
-        return reader(plain_data(path.read_text(encoding="utf-8")))
+        return read()
     except (*UNUSABLE, FlowsculptError):
         return None
 

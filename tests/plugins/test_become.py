@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+from collections.abc import Iterator
 from pathlib import Path
 
 import numba
@@ -154,6 +156,39 @@ def test_a_fit_that_was_interrupted_goes_on_and_ends_with_the_same_bits(quick: P
     assert np.array_equal(fit_between(ball, goal, "coarse").legs[0].z, whole.legs[0].z), (
         "it is read from the cache"
     )
+
+
+def test_a_fit_that_was_cut_short_or_holds_something_else_is_computed_again(
+    quick: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class ComputedError(Exception):
+        """Raised in place of computing."""
+
+    def computed(*given: object) -> fitting.State:
+        raise ComputedError
+
+    ball, goal = (PlacedShape(Solid.of("icosphere", {}), (x, 0, 0)) for x in (0.0, 0.01))
+    fit_between(ball, goal, "coarse")
+    monkeypatch.setattr(stored_fits, "fitted", computed)
+    (file,) = quick.glob("*.npz")
+    content, arrays = file.read_bytes(), dict(np.load(file))
+    for damaged in (b"", content[:-10], content[:100], b"[]", *others_of(arrays)):
+        for place in (file, file.with_suffix(".unfinished.npz")):
+            place.write_bytes(damaged)
+        fit_between.cache_clear()
+        with pytest.raises(ComputedError):
+            fit_between(ball, goal, "coarse")
+    file.write_bytes(content)
+    fit_between(ball, goal, "coarse")
+
+
+def others_of(arrays: dict[str, Floats]) -> Iterator[bytes]:
+    """Yield archives that lack an array of a fit, or have another in its place."""
+    for name, other in (("z0", None), ("z0", arrays["z0"][1:]), ("n", np.array(8)), ("shares", np.zeros(3))):
+        changed = {key: values for key, values in arrays.items() if key != name}
+        file = io.BytesIO()
+        np.savez(file, **changed, **({} if other is None else {name: other}))  # type: ignore[arg-type]
+        yield file.getvalue()
 
 
 def test_the_flow_arrives_in_any_steps_and_goes_back_exactly(quick: Path) -> None:

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -30,12 +30,17 @@ from pipeline.mesh.validation import require
 from pipeline.plugins.become.fitting import THIN, Detail, Leg, Residual, State, fitted
 from pipeline.plugins.become.target import PATCH, FittedSurface, face_vectors, lengths
 from pipeline.plugins.become.velocity_path import KNOTS, STEPS, PathSpace
+from pipeline.production.store import readers
+from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.locks import of_key
 from pipeline.shot.motion import as_data
 from pipeline.shot.subjects import Model, PluginSurface, Solid
 from render.base.atomic_write import atomic_write
 from render.base.render_errors import MachineError
+from render.base.state_files import usable
 from render.base.user_cache import cache_path, writable_cache
+
+T = TypeVar("T")
 
 VERSION = 8
 """Raised when equal shapes give another fit."""
@@ -197,21 +202,21 @@ def fit_between(start: PlacedShape, target: PlacedShape, detail: Detail) -> Fit:
     )
     path = path_of(start, target, detail)
     with of_key(writable_cache(), path.stem, lambda: None):  # so that one of several processes computes it
-        stored = _loaded(path)
+        stored = _loaded(path, _Solution.of)
         if stored is None:
             stored = _computed(path, rest, onto, detail, f"fitting {target.name}")
         else:
             with suppress(OSError):  # the cache of another user
                 os.utime(path)  # `clean` deletes what has not been used for long
-    until = (*np.cumsum(stored["shares"])[:-1].tolist(), 1.0)
-    residual = Residual(*stored["residual"].tolist())
+    until = (*np.cumsum(stored.shares)[:-1].tolist(), 1.0)
+    residual = stored.residual
     if is_reversed:  # the residual counts at the end that is seen
         share = onto.diagonal / rest.diagonal
         mean, most, back, far, patch = (share * number for number in residual[:-1])
         residual = Residual(mean, most, back, far, patch, residual.least)
-    thin = float(stored["thin"]) if residual.patch > 0.5 * DOUBTFUL else 0.0  # else nothing is lost
+    thin = stored.thin if residual.patch > 0.5 * DOUBTFUL else 0.0  # else nothing is lost
     remarks = tuple(_remarks(start, ends[1], thin))
-    return Fit(low, side, _legs(stored), until, is_reversed, residual, remarks)
+    return Fit(low, side, stored.legs, until, is_reversed, residual, remarks)
 
 
 def path_of(start: PlacedShape, target: PlacedShape, detail: Detail) -> Path:
@@ -259,9 +264,37 @@ def _hard_share(mesh: TriangleMesh) -> float:
     return float(np.mean(np.einsum("ij,ij->i", normals[pairs[:, 0]], normals[pairs[:, 1]]) < np.cos(0.7)))
 
 
+class _Solution(NamedTuple):
+    """What is stored of a fit.
+
+    shares  of each leg in the way
+    thin    share of the target that may be lost
+    """
+
+    legs: tuple[Leg, ...]
+    shares: list[float]
+    residual: Residual
+    thin: float
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, AnyArray]) -> _Solution:
+        """Return the fit of stored arrays. Raises one of UNUSABLE where they are not of one."""
+        legs, shares = _legs(arrays), arrays["shares"].tolist()
+        if len(shares) != len(legs) or not min(shares) > 0.0:
+            raise ValueError("it has no share of each leg")
+        return cls(legs, shares, Residual(*map(float, arrays["residual"].tolist())), float(arrays["thin"]))
+
+
+def _state_of(arrays: Mapping[str, AnyArray]) -> State:
+    """Return the state of stored arrays. Raises one of UNUSABLE or MeshError where they are not of one."""
+    points, faces = arrays["points"], arrays["faces"]
+    TriangleMesh(points, faces.astype(np.int32))  # refuses what is no mesh
+    return State(int(arrays["done"]), _legs(arrays), FittedSurface(points, faces))
+
+
 def _computed(
     path: Path, rest: FittedSurface, onto: FittedSurface, detail: Detail, activity: str
-) -> dict[str, Any]:
+) -> _Solution:
     """Compute a fit, and store it as far as the cache can be written."""
     unfinished = path.with_suffix(".unfinished.npz")
 
@@ -270,10 +303,7 @@ def _computed(
         kept = {"points": state.rest.points, "faces": state.rest.faces, "done": np.array(state.done)}
         _store(unfinished, kept | _arrays(state.legs))
 
-    state = None
-    if (kept := _loaded(unfinished)) is not None:
-        state = State(int(kept["done"]), _legs(kept), FittedSurface(kept["points"], kept["faces"]))
-    state = fitted(rest, onto, detail, state, watch)
+    state = fitted(rest, onto, detail, _loaded(unfinished, _state_of), watch)
     fit = _arrays([replace(leg, z=leg.z.astype(np.float32)) for leg in state.legs])
     legs = _legs(fit)
     residual, shares = residual_of(legs, state.rest, onto)
@@ -282,7 +312,7 @@ def _computed(
     _store(path, fit)
     with suppress(OSError):
         unfinished.unlink()
-    return fit
+    return _Solution.of(fit)
 
 
 def _arrays(legs: Sequence[Leg]) -> dict[str, AnyArray]:
@@ -299,15 +329,18 @@ def _arrays(legs: Sequence[Leg]) -> dict[str, AnyArray]:
     }
 
 
-def _legs(arrays: dict[str, AnyArray]) -> tuple[Leg, ...]:
-    """Return the legs that `_arrays` made arrays of."""
+def _legs(arrays: Mapping[str, AnyArray]) -> tuple[Leg, ...]:
+    """Return the legs that `_arrays` made arrays of. Raises one of UNUSABLE for arrays of others."""
     names = ("n", "length", "is_windowed", "low", "side")
-    return tuple(
+    legs = tuple(
         Leg(PathSpace(n, length, is_windowed), arrays[f"z{number}"].astype(np.float64), tuple(low), side)
         for number, (n, length, is_windowed, low, side) in enumerate(
             zip(*(arrays[name].tolist() for name in names), strict=True)
         )
     )
+    if not legs or any(leg.z.shape != (leg.space.size,) or not np.isfinite(leg.z).all() for leg in legs):
+        raise ValueError("its numbers are not those of a path")
+    return legs
 
 
 def residual_of(
@@ -337,16 +370,16 @@ def residual_of(
     return Residual(mean, most, returning, far, patch, float(determinants.min())), shares
 
 
-def _loaded(path: Path) -> dict[str, Any] | None:
-    """Return the arrays of a file; None where there is none that can be read."""
-    with suppress(OSError, ValueError, EOFError, KeyError), np.load(path, allow_pickle=False) as arrays:
-        return dict(arrays)
+def _loaded(path: Path, reader: Callable[[Mapping[str, AnyArray]], T]) -> T | None:
+    """Return what a reader makes of the arrays of a file; None where there are none that it can use."""
+    with suppress(CorruptFileError):
+        return usable(lambda: reader(readers.read_npz(path)))
     return None
 
 
-def _store(path: Path, arrays: dict[str, Any]) -> None:
+def _store(path: Path, arrays: Mapping[str, Any]) -> None:
     """Store arrays. A folder that cannot be written only means that they are computed again."""
     with suppress(MachineError, OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_write(path, flush=False) as draft, draft.open("wb") as file:
+        with atomic_write(path) as draft, draft.open("wb") as file:
             np.savez(file, **arrays)

@@ -29,7 +29,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.errors import FlowsculptError, FrameError, UsageError
+from pipeline.errors import FlowsculptError, UsageError
 from pipeline.plugins.breed.breeding import Child, Litter, child_of
 from pipeline.plugins.breed.family_tree import PICTURES, RECORD, family_picture
 from pipeline.plugins.breed.generation_page import PageChild, page_text
@@ -46,6 +46,7 @@ from pipeline.plugins.breed.selection import (
 )
 from pipeline.plugins.breed.trials import Trial, tried
 from pipeline.production.store import readers
+from pipeline.production.store.digests import CorruptFileError
 from pipeline.production.store.paths import STATE
 from pipeline.shot import Shot
 from render.base.atomic_write import atomic_write, disk_errors
@@ -174,11 +175,9 @@ class Breeding:
     def _trial(self, name: str, shot: Shot) -> Trial | None:
         """Return a trial, from the run before if that was interrupted; None for one that explodes."""
         file = self._file(name)
-        with suppress(OSError, ValueError, KeyError, FrameError):
+        with suppress(OSError, ValueError, TypeError, KeyError, CorruptFileError):
             arrays = readers.read_npz(file)
-            if "pictures" not in arrays:
-                return None
-            return Trial.of(arrays)
+            return None if arrays.keys() == {"explodes"} else Trial.of(arrays)
         try:
             trial = tried(shot)
         except (FlowsculptError, np.linalg.LinAlgError):

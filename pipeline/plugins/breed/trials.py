@@ -90,9 +90,18 @@ class Trial:
 
     @classmethod
     def of(cls, arrays: Mapping[str, AnyArray]) -> Trial:
-        """Return the trial that `arrays` describes. Raises KeyError where one is missing."""
+        """Return the trial that `arrays` describes.
+
+        Raises KeyError where one is missing, TypeError or ValueError for one of another shape or kind.
+        """
         growth, inside = float(arrays["growth"]), float(arrays["inside"])
-        return cls(arrays["pictures"], arrays["shapes"], growth, inside, arrays["covered"], arrays["change"])
+        pictures, shapes, covered, change = (
+            arrays[name] for name in ("pictures", "shapes", "covered", "change")
+        )
+        own = pictures.dtype == np.uint8 and pictures.ndim == 4 and pictures.shape[::3] == (SHOWN, 3)
+        if not own or shapes.shape != (SHOWN, *GRID[::-1]) or {covered.shape, change.shape} != {(SHOWN,)}:
+            raise ValueError("these are not the arrays of a trial")
+        return cls(pictures, shapes, growth, inside, covered, change)
 
 
 def tried(shot: Shot) -> Trial:

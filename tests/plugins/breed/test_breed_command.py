@@ -108,6 +108,24 @@ def test_an_interrupted_run_leaves_no_folder_and_the_next_one_goes_on(
     assert len(again) == 3  # two candidates, and the parent
 
 
+def test_trials_that_were_cut_short_or_hold_something_else_are_made_again(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(generation, "CHILDREN", 0)  # nothing can be chosen, and the trials stay
+        commanded(root, "breed", NAME, "-j", "1", *FEW)
+    files = sorted((root / generation.TRIALS).glob("*/*.npz"))
+    whole = [file.read_bytes() for file in files]
+    files[0].write_bytes(whole[0][:-10])
+    files[1].write_bytes(b"[]")
+    files[2].write_bytes(b"")
+    np.savez(files[3], explodes=np.array(True), pictures=np.zeros(3))
+    again: list[object] = []
+    monkeypatch.setattr(generation, "tried", lambda shot: again.append(shot) or tried(shot))
+    bred(root, NAME, "-j", "1")
+    assert len(again) == 4
+
+
 def mistakes() -> Iterator[tuple[list[str], str]]:
     yield [], "breed needs a shot"
     yield ["film"], "film is an edit; breed takes shots"
