@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from render.base.input_files import digest_of_file, require_input
 from render.base.limited_process import ParserError, answer_about_content, serve
 from render.base.render_errors import BadInputError, reason_of
+from render.movie.announced_sizes import WithCorrectedSizes, corrected_sizes
 
 RATE = 48_000  # samples per second, as film sound has
 BLOCK = 1024  # samples per block, as an AAC encoder takes them
@@ -131,16 +132,18 @@ def opened_sound(file: Path) -> Iterator[tuple[Any, Any]]:
     """Open a sound file; yield FFmpeg's container and its first stream of sound.
 
     imageio reads no files without pictures, so FFmpeg does. Raises ValueError where there is no sound in it,
-    and errors of FFmpeg: call it in a process of its own (`render.base.limited_process`).
+    or it was cut off, and errors of FFmpeg: call it in a process of its own (`render.base.limited_process`).
     """
-    _require_whole(file)
-    with av.open(str(file), options=_CONTAINERS) as container:
-        if not container.streams.audio:
-            raise ValueError("it holds none")
-        stream = container.streams.audio[0]
-        if not _SLOWEST <= stream.rate <= _FASTEST:
-            raise ValueError(f"it has {stream.rate} samples a second")
-        yield container, stream
+    sizes = corrected_sizes(file)
+    with file.open("rb") as opened:
+        source: Any = WithCorrectedSizes(opened, sizes) if sizes else str(file)
+        with av.open(source, options=_CONTAINERS) as container:
+            if not container.streams.audio:
+                raise ValueError("it holds none")
+            stream = container.streams.audio[0]
+            if not _SLOWEST <= stream.rate <= _FASTEST:
+                raise ValueError(f"it has {stream.rate} samples a second")
+            yield container, stream
 
 
 def resampled(container: Any, stream: Any, layout: Any, rate: int) -> Iterator[NDArray[np.float32]]:
@@ -157,16 +160,6 @@ def resampled(container: Any, stream: Any, layout: Any, rate: int) -> Iterator[N
                 raise ValueError(f"its sample at {bad / rate:.4g} s is not a finite number")
             count += samples.shape[1]
             yield samples
-
-
-def _require_whole(file: Path) -> None:
-    """Raise ValueError for a WAV file that ends before its header says; FFmpeg would read it as shorter."""
-    with file.open("rb") as opened:
-        header = opened.read(8)
-    size = int.from_bytes(header[4:], "little")
-    is_streamed = size in (0, 2**32 - 1)  # the length was unknown when the header was written
-    if header[:4] == b"RIFF" and not is_streamed and size + 8 > file.stat().st_size + 1:
-        raise ValueError(f"it is cut off: it has {file.stat().st_size} bytes of {size + 8}")
 
 
 def reading_error(error: Exception) -> str:
